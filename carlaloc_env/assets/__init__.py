@@ -1,0 +1,1 @@
+"""Procedural vehicles, walkers and street furniture: geometry, material and semantic tag."""

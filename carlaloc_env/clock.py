@@ -1,0 +1,65 @@
+"""Time as integers: 200 Hz ticks and nanoseconds since the drive began."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from carlaloc_env.errors import ConfigError
+
+TICK_HZ = 200
+"""Rate of the simulation tick [Hz]; every sensor rate divides it."""
+TICK_NS = 1_000_000_000 // TICK_HZ
+"""Length of a tick [ns]."""
+TICK_S = 1.0 / TICK_HZ
+"""Length of a tick [s]."""
+STEP_TICKS = 10
+"""Ticks in one environment step (50 ms)."""
+STEP_NS = STEP_TICKS * TICK_NS
+"""Length of an environment step [ns]."""
+
+
+def stamp_ns(tick: int) -> int:
+    """Time of a tick since the drive began [ns]."""
+    return tick * TICK_NS
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """When a sensor measures, counted in ticks so that it cannot drift."""
+
+    period_ticks: int
+    """Ticks between two measurements."""
+    phase_ticks: int = 0
+    """Tick of the first measurement."""
+
+    @classmethod
+    def from_hz(cls, rate_hz: float, phase_ticks: int = 0) -> Schedule:
+        """Schedule of a rate [Hz] that divides the tick rate.
+
+        Raises:
+            ConfigError: the rate is not positive or does not divide 200 Hz.
+        """
+        period = TICK_HZ / rate_hz if rate_hz > 0 else 0.0
+        if period < 1 or period != int(period):
+            raise ConfigError(
+                f"{rate_hz:g} Hz does not divide the {TICK_HZ} Hz tick; use one of "
+                f"{', '.join(str(TICK_HZ // p) for p in (1, 2, 4, 5, 8, 10, 20, 40, 100, 200))} Hz"
+            )
+        return cls(int(period), phase_ticks)
+
+    def is_due(self, tick: int) -> bool:
+        """Whether a measurement falls on this tick."""
+        return tick >= self.phase_ticks and (tick - self.phase_ticks) % self.period_ticks == 0
+
+    def ticks_in(self, first_tick: int, end_tick: int) -> range:
+        """Ticks of all measurements in ``[first_tick, end_tick)``."""
+        begin = max(first_tick, self.phase_ticks)
+        behind = (begin - self.phase_ticks) % self.period_ticks
+        return range(
+            begin if behind == 0 else begin + self.period_ticks - behind, end_tick, self.period_ticks
+        )
+
+    def stamps_ns_in(self, first_ns: int, end_ns: int) -> list[int]:
+        """Stamps [ns] of all measurements in ``[first_ns, end_ns)``."""
+        ticks = self.ticks_in(-(-first_ns // TICK_NS), -(-end_ns // TICK_NS))
+        return [stamp_ns(tick) for tick in ticks]

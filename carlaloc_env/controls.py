@@ -1,0 +1,36 @@
+"""What a driver does: the five controls that every device gives and the physics takes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from carlaloc_env.errors import ActionError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controls:
+    """Controls of the ego at one tick."""
+
+    steer: float = 0.0
+    """Steering, −1 (full right) to +1 (full left), fraction of the full road-wheel angle."""
+    throttle: float = 0.0
+    """Throttle pedal 0–1."""
+    brake: float = 0.0
+    """Brake pedal 0–1."""
+    reverse: bool = False
+    """Whether the reverse gear is engaged."""
+    handbrake: bool = False
+    """Whether the handbrake is pulled."""
+
+    def checked(self) -> Controls:
+        """The same controls, known to be finite and in range.
+
+        Raises:
+            ActionError: a value is NaN, infinite or out of range.
+        """
+        for name, low in (("steer", -1.0), ("throttle", 0.0), ("brake", 0.0)):
+            value = getattr(self, name)
+            if not math.isfinite(value) or not low <= value <= 1.0:
+                raise ActionError(f"{name} is {value}; give a finite number from {low:g} to 1")
+        return self

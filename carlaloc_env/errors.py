@@ -1,0 +1,65 @@
+"""Named errors: one line each, saying what is wrong and what to do next."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class CarlaLocError(Exception):
+    """Base of all errors that a user can cause or cure; printed as one line by the commands."""
+
+
+class ConfigError(CarlaLocError):
+    """A configuration value, key or name is not valid."""
+
+
+class MapError(CarlaLocError):
+    """An OpenDRIVE file or town folder cannot be used."""
+
+
+class EpisodeError(CarlaLocError):
+    """An episode file cannot be read or written."""
+
+
+class RenderError(CarlaLocError):
+    """Pictures cannot be made on this machine."""
+
+
+class RaycastError(CarlaLocError):
+    """Rays cannot be cast on this machine."""
+
+
+class ActionError(CarlaLocError):
+    """An action is not finite or out of its range."""
+
+
+class DeviceError(CarlaLocError):
+    """An input device is missing or gave no usable value."""
+
+
+class WriterError(CarlaLocError):
+    """A dataset cannot be written."""
+
+
+class EvaluationError(CarlaLocError):
+    """Trajectories cannot be compared."""
+
+
+class MissingDependencyError(CarlaLocError):
+    """An optional library is not installed; the message holds the install line."""
+
+
+def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
+    """One line for an unknown name: the nearest valid one first, then all of them.
+
+    Args:
+        kind: What the name stands for, e.g. ``"town"``.
+        name: What the user typed.
+        known: All valid names.
+    """
+    names = sorted(known)
+    lowered = {n.lower(): n for n in names}
+    near = difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.5)
+    hint = f"; did you mean '{lowered[near[0]]}'?" if near else "."
+    return f"no {kind} '{name}'{hint} Known: {', '.join(names)}"

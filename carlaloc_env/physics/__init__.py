@@ -1,0 +1,1 @@
+"""The only package that imports PyBullet: the ego car and what it touches."""

@@ -1,0 +1,1 @@
+"""Pictures by OpenGL; imports neither PyBullet nor Open3D."""

@@ -1,0 +1,172 @@
+"""What sensors put out: one frozen dataclass per kind, checked for dtype and shape when made.
+
+Every sample names its `sensor` (the observation key), its `frame_id` and its `stamp_ns`, the time
+of measurement since the drive began.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def _check(sample: object, name: str, dtype: type[np.generic], shape: tuple[int | None, ...]) -> None:
+    array: NDArray[Any] = getattr(sample, name)
+    fits = array.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if array.dtype != np.dtype(dtype) or not fits:
+        raise ValueError(
+            f"{type(sample).__name__}.{name} is {array.dtype}{list(array.shape)}, "
+            f"not {np.dtype(dtype)}{[n if n is not None else 'N' for n in shape]}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sample:
+    """Common part of all samples."""
+
+    sensor: str
+    """Name of the stream, e.g. ``rgb_left``; also the observation key."""
+    frame_id: str
+    """Coordinate frame of the data, e.g. ``camera_left``."""
+    stamp_ns: int
+    """Time of measurement since the drive began [ns]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Image(Sample):
+    """A colour picture."""
+
+    rgb: NDArray[np.uint8]
+    """sRGB values 0–255, shape (H, W, 3)."""
+
+    def __post_init__(self) -> None:
+        _check(self, "rgb", np.uint8, (None, None, 3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DepthImage(Sample):
+    """Distance along the optical axis of every pixel."""
+
+    depth_m: NDArray[np.float32]
+    """Planar depth z [m], 0 = sky, shape (H, W)."""
+
+    def __post_init__(self) -> None:
+        _check(self, "depth_m", np.float32, (None, None))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SemanticImage(Sample):
+    """What every pixel shows."""
+
+    tag: NDArray[np.uint8]
+    """`Tag` of the surface, no unit, shape (H, W)."""
+    instance: NDArray[np.uint32]
+    """Instance id, 0 = none, shape (H, W)."""
+
+    def __post_init__(self) -> None:
+        _check(self, "tag", np.uint8, (None, None))
+        _check(self, "instance", np.uint32, (None, None))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PointCloud(Sample):
+    """One LiDAR revolution in the sensor frame (FLU), each point where the sensor was at its time.
+
+    `stamp_ns` is the start of the sweep. Rays without a return are left out.
+    """
+
+    points_xyz_m: NDArray[np.float32]
+    """Hit points [m] in the instantaneous sensor frame, shape (N, 3)."""
+    intensity: NDArray[np.float32]
+    """Return strength 0–255, shape (N,)."""
+    ring: NDArray[np.uint16]
+    """Beam index, 0 = lowest, shape (N,)."""
+    offset_ns: NDArray[np.uint32]
+    """Time after `stamp_ns` [ns], non-decreasing, shape (N,)."""
+    sweep_ns: int
+    """Length of the sweep [ns]."""
+    tag: NDArray[np.uint8] | None = None
+    """Semantic `Tag`, shape (N,); only in the semantic cloud."""
+    instance: NDArray[np.uint32] | None = None
+    """Instance id, shape (N,); only in the semantic cloud."""
+    cos_incidence: NDArray[np.float32] | None = None
+    """Cosine between ray and surface normal, shape (N,); only in the semantic cloud."""
+
+    def __post_init__(self) -> None:
+        count = len(self.points_xyz_m)
+        _check(self, "points_xyz_m", np.float32, (count, 3))
+        _check(self, "intensity", np.float32, (count,))
+        _check(self, "ring", np.uint16, (count,))
+        _check(self, "offset_ns", np.uint32, (count,))
+        if self.tag is not None:
+            _check(self, "tag", np.uint8, (count,))
+        if self.instance is not None:
+            _check(self, "instance", np.uint32, (count,))
+        if self.cos_incidence is not None:
+            _check(self, "cos_incidence", np.float32, (count,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Imu(Sample):
+    """One inertial measurement in the IMU frame; at rest the up axis reads +9.81 m/s²."""
+
+    specific_force_mps2: NDArray[np.float64]
+    """Specific force [m/s²], frame `frame_id`, shape (3,)."""
+    angular_rate_radps: NDArray[np.float64]
+    """Body rate [rad/s], frame `frame_id`, shape (3,)."""
+
+    def __post_init__(self) -> None:
+        _check(self, "specific_force_mps2", np.float64, (3,))
+        _check(self, "angular_rate_radps", np.float64, (3,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GnssFix(Sample):
+    """One satellite fix on WGS84."""
+
+    latitude_deg: float
+    """Latitude [deg]."""
+    longitude_deg: float
+    """Longitude [deg]."""
+    altitude_m: float
+    """Height above the ellipsoid [m]."""
+    covariance_enu_m2: NDArray[np.float64]
+    """Covariance of the position, east, north, up [m²], shape (3, 3)."""
+    has_fix: bool = True
+    """Whether enough satellites were seen."""
+
+    def __post_init__(self) -> None:
+        _check(self, "covariance_enu_m2", np.float64, (3, 3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Speed(Sample):
+    """The speedometer."""
+
+    speed_mps: float
+    """Forward speed of base_link [m/s], negative backwards."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Odometry(Sample):
+    """True motion of a frame; `frame_id` is the frame whose motion this is."""
+
+    position_m: NDArray[np.float64]
+    """Position in the world [m], shape (3,)."""
+    quat_xyzw: NDArray[np.float64]
+    """Attitude: maps `frame_id` to world, unit quaternion xyzw, shape (4,)."""
+    velocity_world_mps: NDArray[np.float64]
+    """Velocity in world axes [m/s], shape (3,)."""
+    angular_rate_radps: NDArray[np.float64]
+    """Body rate in `frame_id` [rad/s], shape (3,)."""
+
+    def __post_init__(self) -> None:
+        _check(self, "position_m", np.float64, (3,))
+        _check(self, "quat_xyzw", np.float64, (4,))
+        _check(self, "velocity_world_mps", np.float64, (3,))
+        _check(self, "angular_rate_radps", np.float64, (3,))

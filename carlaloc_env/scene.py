@@ -1,0 +1,198 @@
+"""What can be seen: triangle meshes, a library of movable models, and where each stands now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+
+F32 = NDArray[np.float32]
+
+EGO_INSTANCE = 1 << 23
+"""Instance id of the ego's own body; static things lie below, other actors above."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mesh:
+    """Triangles with all that a camera and a LiDAR need; attributes never change inside a triangle."""
+
+    vertices_m: F32
+    """Corner positions [m], shape (V, 3)."""
+    triangles: NDArray[np.uint32]
+    """Corner indices, counter-clockwise seen from outside, shape (T, 3)."""
+    normals: F32
+    """Unit shading normals, shape (V, 3)."""
+    uv_m: F32
+    """Texture coordinates [m along the surface], shape (V, 2); the material's `tile_m` scales them."""
+    colour: NDArray[np.uint8]
+    """Linear-light tint 0–255 that multiplies the texture (255 = unchanged), shape (V, 3)."""
+    material: NDArray[np.uint8]
+    """`Material` of each vertex, shape (V,)."""
+    tag: NDArray[np.uint8]
+    """Semantic `Tag` of each vertex, shape (V,)."""
+    instance: NDArray[np.uint32]
+    """Instance id of each vertex, 0 = none, shape (V,); below 2**23 for static things."""
+
+    def __post_init__(self) -> None:
+        count = len(self.vertices_m)
+        for name in ("normals", "uv_m", "colour", "material", "tag", "instance"):
+            if len(getattr(self, name)) != count:
+                raise ValueError(f"Mesh.{name} has {len(getattr(self, name))} rows, vertices_m has {count}")
+
+    def transformed(self, T: ArrayLike) -> Mesh:
+        """The same mesh moved by a rigid transform (4, 4)."""
+        m = np.asarray(T, dtype=np.float64)
+        return Mesh(
+            vertices_m=(self.vertices_m @ m[:3, :3].T + m[:3, 3]).astype(np.float32),
+            triangles=self.triangles,
+            normals=(self.normals @ m[:3, :3].T).astype(np.float32),
+            uv_m=self.uv_m,
+            colour=self.colour,
+            material=self.material,
+            tag=self.tag,
+            instance=self.instance,
+        )
+
+    def with_instance(self, instance: int) -> Mesh:
+        """The same mesh with one instance id."""
+        return Mesh(
+            vertices_m=self.vertices_m,
+            triangles=self.triangles,
+            normals=self.normals,
+            uv_m=self.uv_m,
+            colour=self.colour,
+            material=self.material,
+            tag=self.tag,
+            instance=np.full(len(self.vertices_m), instance, dtype=np.uint32),
+        )
+
+    @property
+    def bounds_m(self) -> F32:
+        """Lowest and highest corner of the axis-aligned box [m], shape (2, 3)."""
+        return np.stack([self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)])
+
+
+def make_mesh(
+    vertices_m: ArrayLike,
+    triangles: ArrayLike,
+    *,
+    material: Material,
+    tag: Tag,
+    uv_m: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+    colour: ArrayLike = (255, 255, 255),
+    instance: int = 0,
+) -> Mesh:
+    """Mesh of one material and tag.
+
+    Args:
+        vertices_m: Corner positions [m], shape (V, 3).
+        triangles: Corner indices, shape (T, 3).
+        material: Material of all triangles.
+        tag: Semantic tag of all triangles.
+        uv_m: Texture coordinates [m], shape (V, 2); x, y of the corners when left out.
+        normals: Unit normals, shape (V, 3); area-weighted means of the triangles' when left out.
+        colour: Linear tint 0–255, shape (3,) or (V, 3).
+        instance: Instance id.
+    """
+    v = np.ascontiguousarray(vertices_m, dtype=np.float32).reshape(-1, 3)
+    t = np.ascontiguousarray(triangles, dtype=np.uint32).reshape(-1, 3)
+    count = len(v)
+    return Mesh(
+        vertices_m=v,
+        triangles=t,
+        normals=vertex_normals(v, t) if normals is None else np.asarray(normals, dtype=np.float32),
+        uv_m=v[:, :2].copy() if uv_m is None else np.asarray(uv_m, dtype=np.float32),
+        colour=np.broadcast_to(np.asarray(colour, dtype=np.uint8), (count, 3)).copy(),
+        material=np.full(count, material, dtype=np.uint8),
+        tag=np.full(count, tag, dtype=np.uint8),
+        instance=np.full(count, instance, dtype=np.uint32),
+    )
+
+
+def vertex_normals(vertices_m: F32, triangles: NDArray[np.uint32]) -> F32:
+    """Area-weighted unit normals, shape (V, 3)."""
+    a, b, c = (vertices_m[triangles[:, i]].astype(np.float64) for i in range(3))
+    face = np.cross(b - a, c - a)
+    total = np.stack(
+        [
+            np.bincount(triangles.ravel(), np.repeat(face[:, axis], 3), minlength=len(vertices_m))
+            for axis in range(3)
+        ],
+        axis=-1,
+    )
+    length = np.linalg.norm(total, axis=-1, keepdims=True)
+    return (total / np.where(length > 0, length, 1.0)).astype(np.float32)
+
+
+def merge(meshes: Iterable[Mesh]) -> Mesh:
+    """One mesh out of several, in their order; an empty mesh out of none."""
+    parts = [mesh for mesh in meshes if len(mesh.vertices_m)]
+    if not parts:
+        return make_mesh(np.zeros((0, 3)), np.zeros((0, 3)), material=Material.PLAIN, tag=Tag.UNLABELED)
+    offsets = np.cumsum([0] + [len(mesh.vertices_m) for mesh in parts[:-1]])
+    return Mesh(
+        vertices_m=np.concatenate([mesh.vertices_m for mesh in parts]),
+        triangles=np.concatenate(
+            [mesh.triangles + np.uint32(offset) for mesh, offset in zip(parts, offsets, strict=True)]
+        ),
+        normals=np.concatenate([mesh.normals for mesh in parts]),
+        uv_m=np.concatenate([mesh.uv_m for mesh in parts]),
+        colour=np.concatenate([mesh.colour for mesh in parts]),
+        material=np.concatenate([mesh.material for mesh in parts]),
+        tag=np.concatenate([mesh.tag for mesh in parts]),
+        instance=np.concatenate([mesh.instance for mesh in parts]),
+    )
+
+
+class ModelLibrary:
+    """Movable models by index: vehicles, walkers in each phase of their gait, lit lenses.
+
+    Camera and LiDAR draw from the same library, so that both see the same shape.
+    """
+
+    def __init__(self, models: Mapping[str, Mesh]) -> None:
+        self.names: tuple[str, ...] = tuple(models)
+        self.meshes: tuple[Mesh, ...] = tuple(models.values())
+        self._index = {name: index for index, name in enumerate(self.names)}
+
+    def index(self, name: str) -> int:
+        """Index of a model's name."""
+        return self._index[name]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Instances:
+    """Models standing in the world at one instant, parallel arrays."""
+
+    model: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Index in the `ModelLibrary`, shape (N,)."""
+    T_world_model: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    """Pose of each model, shape (N, 4, 4)."""
+    instance: NDArray[np.uint32] = field(default_factory=lambda: np.zeros(0, np.uint32))
+    """Instance id to write in pictures and clouds, shape (N,)."""
+    tint: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
+    """Linear colour 0–255 of the model's CAR_PAINT and CLOTH surfaces, shape (N, 3)."""
+
+    def __len__(self) -> int:
+        return len(self.model)
+
+
+def concatenate_instances(parts: Sequence[Instances]) -> Instances:
+    """All instances of several groups, in their order."""
+    if not parts:
+        return Instances()
+    return Instances(
+        model=np.concatenate([part.model for part in parts]),
+        T_world_model=np.concatenate([part.T_world_model for part in parts]),
+        instance=np.concatenate([part.instance for part in parts]),
+        tint=np.concatenate([part.tint for part in parts]),
+    )

@@ -1,0 +1,1 @@
+"""One module per sensor: its Config and its Sensor."""

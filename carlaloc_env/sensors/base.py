@@ -1,0 +1,128 @@
+"""What every sensor has: a mount, a rate, and `measure` over a Timeline."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.clock import STEP_NS, Schedule
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.samples import Sample
+from carlaloc_env.timeline import Timeline
+
+if TYPE_CHECKING:
+    from gymnasium import spaces
+
+    from carlaloc_env.raycast import RayScene
+    from carlaloc_env.render.renderer import SceneRenderer
+    from carlaloc_env.weather import WeatherParameters
+
+
+class World(Protocol):
+    """What a sensor may ask for beyond the Timeline; nothing in it moves by itself."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of all noise."""
+
+    @property
+    def geo(self) -> GeoReference:
+        """Where the world's origin lies on the Earth."""
+
+    def renderer(self) -> SceneRenderer:
+        """The renderer of this town, made when first asked for."""
+
+    def rays(self) -> RayScene:
+        """The ray caster of this town, made when first asked for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mount:
+    """Pose of a sensor on the car, in `base_link` (FLU, on the ground below the rear axle)."""
+
+    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Forward, left, up [m]."""
+    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Roll, pitch (nose down positive), yaw (left positive) of the axes before `axes` [deg]."""
+    axes: str = "flu"
+    """Axis convention of the sensor frame: ``flu``, ``optical`` or ``paper_imu`` (up, right, forward)."""
+
+    def __post_init__(self) -> None:
+        if self.axes not in _AXES:
+            raise ConfigError(f"mount axes '{self.axes}'; use one of {', '.join(_AXES)}")
+
+    @property
+    def T_base_sensor(self) -> NDArray[np.float64]:
+        """Maps sensor coordinates to `base_link`, shape (4, 4)."""
+        turn = geometry.quat_to_matrix(geometry.rpy_to_quat(*np.radians(self.rpy_deg)))
+        return geometry.from_rotation(turn @ _AXES[self.axes], self.position_m)
+
+
+_AXES = {
+    "flu": np.eye(3),
+    "optical": geometry.R_FLU_OPTICAL,
+    "paper_imu": geometry.R_FLU_PAPER_IMU,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorConfig(ABC):
+    """Common part of all sensor configurations."""
+
+    kind: ClassVar[str] = ""
+    """Name of the sensor type in YAML files."""
+
+    name: str
+    """Name of the sensor in the rig; its noise streams are keyed by it."""
+    mount: Mount = field(default_factory=Mount)
+    """Where it sits on the car."""
+    rate_hz: float = 20.0
+    """Measurements per second [Hz]; divides 200."""
+
+    def __post_init__(self) -> None:
+        Schedule.from_hz(self.rate_hz)
+
+    @abstractmethod
+    def build(self, world: World) -> Sensor:
+        """The sensor in a world."""
+
+
+class Sensor(ABC):
+    """Turns a Timeline into samples; has no memory, so any stamp may be asked for in any order."""
+
+    def __init__(self, config: SensorConfig) -> None:
+        self.config = config
+        self.schedule = Schedule.from_hz(config.rate_hz)
+
+    latency_ns: int = 0
+    """How long after its stamp a sample is complete [ns]; one sweep for a LiDAR."""
+
+    @property
+    def samples_per_step(self) -> int:
+        """Most samples of one stream in one 50 ms step."""
+        return max(1, STEP_NS // (self.schedule.period_ticks * 5_000_000))
+
+    @abstractmethod
+    def streams(self) -> dict[str, spaces.Space[Any]]:
+        """Observation space of one sample per stream, keyed by the stream's name."""
+
+    @abstractmethod
+    def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
+        """Samples of all streams at the given stamps [ns], in stamp order."""
+
+
+class Camera(Sensor):
+    """A sensor whose pictures depend on the weather."""
+
+    @abstractmethod
+    def measure_conditions(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
+    ) -> list[list[Sample]]:
+        """Samples of one instant under several weathers, one list per weather; geometry drawn once."""

@@ -1,0 +1,208 @@
+"""Where the ego, every actor and every traffic light were at any time: all that sensors may ask.
+
+A live environment fills a short Timeline while it drives, a replay loads a whole one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.clock import STEP_NS, STEP_TICKS
+from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.trajectory import EgoTrack, Motion
+
+F32 = NDArray[np.float32]
+
+LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, LIGHT_LOW_BEAM, LIGHT_REVERSE = 1, 2, 4, 8, 16
+"""Bits of `ActorFrame.lights`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ActorCatalog:
+    """Who takes part: fixed for a whole drive, parallel arrays of N actors."""
+
+    id: NDArray[np.uint32]
+    """Instance id of each actor, unique, ≥ 2**23, shape (N,)."""
+    model: tuple[str, ...]
+    """Name of each actor's model family in `assets`, e.g. ``saloon`` or ``walker_man``, length N."""
+    tag: NDArray[np.uint8]
+    """Semantic `Tag` of each actor, shape (N,)."""
+    size_m: F32
+    """Length, width, height of each actor's box [m], shape (N, 3)."""
+    tint: NDArray[np.uint8]
+    """Linear colour 0–255, shape (N, 3)."""
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    def take(self, index: NDArray[np.intp]) -> ActorCatalog:
+        """Catalogue of some of the actors."""
+        return ActorCatalog(
+            id=self.id[index],
+            model=tuple(self.model[i] for i in index),
+            tag=self.tag[index],
+            size_m=self.size_m[index],
+            tint=self.tint[index],
+        )
+
+
+def empty_catalog() -> ActorCatalog:
+    """Catalogue without actors."""
+    return ActorCatalog(
+        id=np.zeros(0, np.uint32),
+        model=(),
+        tag=np.zeros(0, np.uint8),
+        size_m=np.zeros((0, 3), np.float32),
+        tint=np.zeros((0, 3), np.uint8),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ActorFrame:
+    """State of all N actors at one instant, float32 so that live and recorded values are equal."""
+
+    position_m: F32
+    """Centre of each actor's box on the ground [m], world, shape (N, 3)."""
+    heading_rad: F32
+    """Direction the actor faces, anticlockwise from east [rad], shape (N,)."""
+    pitch_rad: F32
+    """Slope of the ground along the heading, nose up positive [rad], shape (N,)."""
+    speed_mps: F32
+    """Forward speed [m/s], shape (N,)."""
+    travelled_m: F32
+    """Distance covered since the drive began [m]; drives wheels and gait, shape (N,)."""
+    steer_rad: F32
+    """Angle of the front wheels, left positive [rad], shape (N,)."""
+    lights: NDArray[np.uint8]
+    """Bits of lit vehicle lights (`LIGHT_BRAKE` …), shape (N,)."""
+
+    def __len__(self) -> int:
+        return len(self.heading_rad)
+
+    def take(self, index: NDArray[np.intp]) -> ActorFrame:
+        """State of some of the actors."""
+        return ActorFrame(**{name: getattr(self, name)[index] for name in self.__slots__})
+
+
+def empty_frame() -> ActorFrame:
+    """State without actors."""
+    zero = np.zeros(0, np.float32)
+    return ActorFrame(
+        position_m=np.zeros((0, 3), np.float32),
+        heading_rad=zero,
+        pitch_rad=zero,
+        speed_mps=zero,
+        travelled_m=zero,
+        steer_rad=zero,
+        lights=np.zeros(0, np.uint8),
+    )
+
+
+class Timeline:
+    """Ego, actors and signals over time.
+
+    Actor frames and signal states lie on the 50 ms step grid (stamp = step · 50 ms); actors move
+    linearly in between, signals hold their state until the next frame.
+    """
+
+    def __init__(self, catalog: ActorCatalog, *, ego: EgoTrack | None = None) -> None:
+        self.catalog = catalog
+        self.ego = ego if ego is not None else EgoTrack()
+        self._frames: list[ActorFrame] = []
+        self._signals: list[NDArray[np.uint8]] = []
+        self._first_step = 0
+
+    @property
+    def end_ns(self) -> int:
+        """Latest time at which ego and actors are known [ns]."""
+        return min(self.ego.end_ns, (self._first_step + len(self._frames) - 1) * STEP_NS)
+
+    @property
+    def start_ns(self) -> int:
+        """Earliest time at which ego and actors are known [ns]."""
+        return max(self.ego.start_ns, self._first_step * STEP_NS)
+
+    def append_step(self, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
+        """Add the actors' and signals' state of the next 50 ms step."""
+        if len(frame) != len(self.catalog):
+            raise ValueError(f"frame of {len(frame)} actors, catalogue of {len(self.catalog)}")
+        self._frames.append(frame)
+        self._signals.append(signals)
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Drop what lies more than two steps before a time [ns]."""
+        step = stamp_ns // STEP_NS - 2
+        drop = min(max(step - self._first_step, 0), len(self._frames))
+        del self._frames[:drop], self._signals[:drop]
+        self._first_step += drop
+        self.ego.forget_before(self._first_step * STEP_TICKS)
+
+    def ego_motion(self, stamps_ns: ArrayLike) -> Motion:
+        """Motion of the ego's `base_link` at M times [ns]."""
+        return self.ego.motion(stamps_ns)
+
+    def actors_at(self, stamp_ns: int) -> ActorFrame:
+        """State of all actors at one time [ns]."""
+        a, b, fraction = self._bracket(stamp_ns)
+        if fraction == 0.0:
+            return a
+        f = np.float32(fraction)
+        position = a.position_m + f * (b.position_m - a.position_m)
+        return ActorFrame(
+            position_m=position,
+            heading_rad=_turn(a.heading_rad, b.heading_rad, f),
+            pitch_rad=a.pitch_rad + f * (b.pitch_rad - a.pitch_rad),
+            speed_mps=a.speed_mps + f * (b.speed_mps - a.speed_mps),
+            travelled_m=a.travelled_m + f * (b.travelled_m - a.travelled_m),
+            steer_rad=a.steer_rad + f * (b.steer_rad - a.steer_rad),
+            lights=a.lights,
+        )
+
+    def actor_poses(
+        self, index: int, stamps_ns: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Position [m] (M, 3), heading [rad] (M,), pitch [rad] (M,) of one actor at M times [ns]."""
+        step = stamps_ns // STEP_NS - self._first_step
+        first, last = int(step.min()), int(step.max()) + 1
+        frames = [self._frames[min(k, len(self._frames) - 1)] for k in range(first, last + 1)]
+        position = np.array([frame.position_m[index] for frame in frames], dtype=np.float64)
+        heading = np.unwrap(np.array([frame.heading_rad[index] for frame in frames], dtype=np.float64))
+        pitch = np.array([frame.pitch_rad[index] for frame in frames], dtype=np.float64)
+        k = step - first
+        f = (stamps_ns % STEP_NS) / STEP_NS
+        return (
+            position[k] + f[:, None] * (position[k + 1] - position[k]),
+            heading[k] + f * (heading[k + 1] - heading[k]),
+            pitch[k] + f * (pitch[k + 1] - pitch[k]),
+        )
+
+    def signals_at(self, stamp_ns: int) -> NDArray[np.uint8]:
+        """State of every signal head of the town (`SignalState`), shape (S,)."""
+        step = stamp_ns // STEP_NS - self._first_step
+        return self._signals[min(max(step, 0), len(self._signals) - 1)]
+
+    def select_actors(self, index: NDArray[np.intp]) -> Timeline:
+        """The same drive with some of the actors only; the ego's track is shared."""
+        view = Timeline(self.catalog.take(index), ego=self.ego)
+        view._frames = [frame.take(index) for frame in self._frames]
+        view._signals = self._signals
+        view._first_step = self._first_step
+        return view
+
+    def _bracket(self, stamp_ns: int) -> tuple[ActorFrame, ActorFrame, float]:
+        step = stamp_ns // STEP_NS - self._first_step
+        if not 0 <= step < len(self._frames):
+            raise ValueError(
+                f"time {stamp_ns} ns lies outside the known steps "
+                f"{self._first_step * STEP_NS}…{(self._first_step + len(self._frames) - 1) * STEP_NS} ns"
+            )
+        following = self._frames[min(step + 1, len(self._frames) - 1)]
+        return self._frames[step], following, (stamp_ns % STEP_NS) / STEP_NS
+
+
+def _turn(a_rad: F32, b_rad: F32, fraction: np.float32) -> F32:
+    delta = wrap_angle(b_rad.astype(np.float64) - a_rad)
+    return (a_rad + fraction * delta).astype(np.float32)

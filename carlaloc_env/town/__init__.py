@@ -1,0 +1,1 @@
+"""From an OpenDRIVE file to a town: lanes, meshes, scenery."""

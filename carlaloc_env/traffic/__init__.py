@@ -1,0 +1,1 @@
+"""Other road users: car following, signals, walkers."""

@@ -1,0 +1,1 @@
+"""The towns: one folder each with town.xodr and town.toml."""

@@ -1,0 +1,1 @@
+"""Everything after the environment: record, replay, write datasets, evaluate."""

@@ -1,0 +1,1 @@
+"""The `carlaloc` command: parse, call one function, map errors to exit codes."""

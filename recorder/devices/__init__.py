@@ -1,0 +1,1 @@
+"""Input devices: each turns what a driver does into Controls."""

@@ -1,0 +1,1 @@
+"""Trajectory errors: association, alignment, APE, RPE."""

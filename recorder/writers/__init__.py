@@ -1,0 +1,1 @@
+"""Dataset formats: bags, EuRoC, TUM, calibration files."""
