@@ -1,0 +1,441 @@
+"""Vehicles on lanes: plans, reservations, car following, and the poses that come of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env import rng
+from carlaloc_env.clock import STEP_NS
+from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2, SpeedTables, idm_plus
+from carlaloc_env.traffic.junctions import JunctionTable, Request, Reservations
+from carlaloc_env.traffic.leaders import Occupancy, find_leaders
+from carlaloc_env.traffic.signal_plan import SignalState
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+STEP_S = STEP_NS / 1e9
+_PLAN = 7
+_EGO = -1
+_YELLOW_BRAKING_MPS2 = 3.0
+_STANDING_MPS = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EgoView:
+    """What other road users see of the ego."""
+
+    position_m: tuple[float, float, float]
+    """Centre of the ego's box on the ground [m], world."""
+    heading_rad: float
+    """Heading [rad]."""
+    speed_mps: float
+    """Forward speed [m/s]."""
+    length_m: float = 4.7
+    """Length of the ego [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drivers:
+    """Fixed properties of N vehicles and their drivers."""
+
+    length_m: Array
+    """Vehicle length [m], shape (N,)."""
+    wheelbase_m: Array
+    """Wheelbase [m], shape (N,)."""
+    speed_factor: Array
+    """Desired speed over the limit, 0.8–1.2, shape (N,)."""
+    headway_s: Array
+    """Time headway [s], shape (N,)."""
+    standstill_m: Array
+    """Gap kept when standing [m], shape (N,)."""
+    acceleration_mps2: Array
+    """Greatest acceleration [m/s²], shape (N,)."""
+    braking_mps2: Array
+    """Comfortable braking [m/s²], shape (N,)."""
+
+
+class Vehicles:
+    """All vehicles of the traffic, advanced together by steps of 50 ms."""
+
+    def __init__(self, network: LaneNetwork, drivers: Drivers, seed: int) -> None:
+        self._network = network
+        self.drivers = drivers
+        self._seed = seed
+        self._length = np.array([lane.length_m for lane in network.lanes])
+        self._tables = SpeedTables(network)
+        self.junctions = JunctionTable(network)
+        self.reservations = Reservations(self.junctions)
+        self._onward = _lanes_that_go_on(network)
+        self._heads: list[list[int]] = [[] for _ in network.lanes]
+        self._stop_m = self._length - 1.0
+        for index, head in enumerate(network.signals):
+            for lane, stop in zip(head.lanes, head.stop_station_m, strict=True):
+                self._heads[lane].append(index)
+                self._stop_m[lane] = min(self._stop_m[lane], stop)
+
+    def place(self, lane: Index, station_m: Array) -> None:
+        """Stand the vehicles at stations [m] of lanes, shape (N,), at rest."""
+        count = len(lane)
+        self.lane_before = np.full(count, -1, np.int64)
+        self.station_m = station_m.astype(np.float64)
+        self.speed_mps = np.zeros(count)
+        self.acceleration_mps2 = np.zeros(count)
+        self.travelled_m = np.zeros(count)
+        self._waited_s = np.zeros(count)
+        self._turns = np.zeros(count, np.int64)
+        self.plan = np.full((count, _PLAN), -1, np.int64)
+        self.plan[:, 0] = lane
+        self._held: list[list[int]] = [[] for _ in range(count)]
+        self.reservations.clear()
+        for vehicle in range(count):
+            self._extend(vehicle)
+            if self.junctions.is_junction[lane[vehicle]]:
+                self._hold(vehicle, int(lane[vehicle]))
+
+    @property
+    def usable_lanes(self) -> Index:
+        """Driving lanes outside junctions on which traffic never runs into a dead end."""
+        keep = [
+            lane.index
+            for lane in self._network.lanes
+            if lane.type == "driving" and lane.junction_id is None and self._onward[lane.index]
+        ]
+        return np.array(keep, np.int64)
+
+    def step(self, ego: EgoView, signals: NDArray[np.uint8]) -> None:
+        """Advance by 50 ms."""
+        d = self.drivers
+        occupancy = self._occupancy(ego)
+        self._reserve_for_ego(ego)
+        gap, leader = find_leaders(occupancy, len(d.length_m), self.plan, self._length)
+        stop_gap = self._stop_gaps(occupancy, signals)
+        desired = self._desired_speed()
+        law = {
+            "headway_s": d.headway_s,
+            "acceleration_mps2": d.acceleration_mps2,
+            "braking_mps2": d.braking_mps2,
+        }
+        follow = idm_plus(self.speed_mps, desired, gap, leader, standstill_m=d.standstill_m, **law)
+        line = idm_plus(
+            self.speed_mps, desired, stop_gap, np.zeros_like(gap), standstill_m=np.full_like(gap, 0.5), **law
+        )
+        self._integrate(np.minimum(follow, line))
+        self._advance_lanes()
+
+    def poses(self) -> tuple[Array, Array, Array]:
+        """Box centre on the ground [m] (N, 3), heading [rad] (N,), pitch [rad] (N,).
+
+        Both axles lie on the lane's centre line, which gives natural yaw and off-tracking.
+        """
+        half = 0.5 * self.drivers.wheelbase_m
+        front = self._point(half)
+        rear = self._point(-half)
+        delta = front - rear
+        flat = np.hypot(delta[:, 0], delta[:, 1])
+        heading = np.array([math.atan2(y, x) for x, y in zip(delta[:, 0], delta[:, 1], strict=True)])
+        pitch = np.array([math.atan2(z, f) for z, f in zip(delta[:, 2], flat, strict=True)])
+        return 0.5 * (front + rear), heading, pitch
+
+    def turn_ahead(self) -> Array:
+        """Heading change of the next junction lane within 35 m [rad], 0 if there is none, shape (N,)."""
+        result = np.zeros(len(self.station_m))
+        for hop in (0, 1):
+            lane = self.plan[:, hop]
+            near = (
+                self.junctions.is_junction[lane]
+                & (lane >= 0)
+                & ((hop == 0) | (self._length[self.plan[:, 0]] - self.station_m < 35.0))
+            )
+            if near.any():
+                which = lane[near]
+                begin = self._network.pose(which, np.zeros(len(which))).heading_rad
+                end = self._network.pose(which, self._length[which]).heading_rad
+                result[near] = np.mod(end - begin + np.pi, 2 * np.pi) - np.pi
+        return result
+
+    def _occupancy(self, ego: EgoView) -> Occupancy:
+        half = 0.5 * self.drivers.length_m
+        tail = (self.lane_before >= 0) & (self.station_m < half + 1.0)
+        ego_lane, ego_station, ego_speed = self._ego_on_lanes(ego)
+        before = self.lane_before[tail]
+        return Occupancy(
+            lane=np.concatenate([self.plan[:, 0], before, ego_lane]),
+            station_m=np.concatenate(
+                [self.station_m, self._length[before] + self.station_m[tail], ego_station]
+            ),
+            half_m=np.concatenate([half, half[tail], np.full(len(ego_lane), 0.5 * ego.length_m)]),
+            speed_mps=np.concatenate([self.speed_mps, self.speed_mps[tail], ego_speed]),
+        )
+
+    def _ego_on_lanes(self, ego: EgoView) -> tuple[Index, Array, Array]:
+        """Lanes the ego's box touches: those nearest to its centre line, shifted by half its width."""
+        c, s = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+        along = np.repeat([-0.4 * ego.length_m, 0.0, 0.4 * ego.length_m], 3)
+        side = np.tile([-0.7, 0.0, 0.7], 3)
+        points = np.array(ego.position_m) + np.stack(
+            [along * c - side * s, along * s + side * c, np.zeros(9)], axis=-1
+        )
+        lane, station, _, distance = self._network.nearest(points)
+        near = distance < 2.0
+        found, first = np.unique(lane[near], return_index=True)
+        where = station[near][first] - along[near][first]
+        heading = self._network.pose(found, np.clip(where, 0.0, self._length[found])).heading_rad
+        forward = np.cos(heading - ego.heading_rad)
+        return found.astype(np.int64), where, np.maximum(0.0, ego.speed_mps * forward)
+
+    def _reserve_for_ego(self, ego: EgoView) -> None:
+        for holders in self.reservations.held.values():
+            holders.pop(_EGO, None)
+        reach = np.arange(0.0, max(2.0 * ego.speed_mps, 0.5), 1.0)
+        c, s = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
+        points = np.array(ego.position_m) + np.stack([reach * c, reach * s, 0 * reach], axis=-1)
+        lane, station, _, distance = self._network.nearest(points)
+        for index, where in zip(lane[distance < 1.5], station[distance < 1.5], strict=True):
+            if self.junctions.is_junction[index]:
+                tail = float(where) - 0.5 * ego.length_m
+                held = self.reservations.held[int(index)]
+                held[_EGO] = min(held.get(_EGO, math.inf), tail)
+
+    def _desired_speed(self) -> Array:
+        d = self.drivers
+        limit = self._tables.at(self.plan[:, 0], self.station_m)
+        ahead = self._length[self.plan[:, 0]] - self.station_m
+        for hop in range(1, _PLAN):
+            lane = self.plan[:, hop]
+            entry = self._tables.entry_mps[lane]
+            reach = np.sqrt(entry * entry + 2.0 * COMFORT_BRAKING_MPS2 * np.maximum(ahead, 0.0))
+            limit = np.where(lane >= 0, np.minimum(limit, reach), limit)
+            ahead = ahead + np.where(lane >= 0, self._length[lane], 0.0)
+        return limit * d.speed_factor
+
+    def _stop_gaps(self, occupancy: Occupancy, signals: NDArray[np.uint8]) -> Array:
+        """Distance to the line at which each vehicle has to stop [m], inf if it may drive on."""
+        requests, gaps = self._requests(occupancy, signals)
+        self.reservations.admit(requests)
+        result = np.full(len(self.station_m), np.inf)
+        for request, gap in zip(requests, gaps, strict=True):
+            if self.reservations.holds(request.vehicle, request.lane):
+                self._held[request.vehicle].append(request.lane)
+            else:
+                result[request.vehicle] = gap
+        for vehicle in np.flatnonzero((self.plan[:, 1] < 0)):
+            result[vehicle] = self._length[self.plan[vehicle, 0]] - self._front(int(vehicle)) - 1.0
+        return result
+
+    def _requests(
+        self, occupancy: Occupancy, signals: NDArray[np.uint8]
+    ) -> tuple[list[Request], list[float]]:
+        rear, rear_speed = occupancy.rearmost(len(self._length))
+        bound = self._bound_for()
+        reach = np.maximum(30.0, self.speed_mps * self.speed_mps / (2 * COMFORT_BRAKING_MPS2) + 12.0)
+        near = self._length[self.plan[:, 0]] - self.station_m < reach
+        requests: list[Request] = []
+        gaps: list[float] = []
+        for vehicle in np.flatnonzero(near):
+            v = int(vehicle)
+            hop, distance = self._next_junction(v)
+            if hop < 0 or distance > reach[v]:
+                continue
+            lane, approach = int(self.plan[v, hop]), int(self.plan[v, hop - 1])
+            to_line = distance - (self._length[approach] - self._stop_m[approach])
+            permitted = self._permitted(v, approach, to_line, signals)
+            if self.reservations.holds(v, lane):
+                if permitted or to_line < 0.5:
+                    continue
+                self.reservations.release(v, lane)
+                self._held[v].remove(lane)
+            requests.append(
+                Request(
+                    vehicle=v,
+                    lane=lane,
+                    distance_m=distance,
+                    speed_mps=float(self.speed_mps[v]),
+                    waited_s=float(self._waited_s[v]),
+                    permitted=permitted,
+                    has_room=self._has_room(v, hop, rear, rear_speed, bound),
+                )
+            )
+            gaps.append(to_line if to_line > -1.0 else max(distance - 0.3, 0.0))
+        return requests, gaps
+
+    def _next_junction(self, v: int) -> tuple[int, float]:
+        """Hop of the next junction lane ahead that is not entered yet, and the distance to it [m]."""
+        distance = self._length[self.plan[v, 0]] - self._front(v)
+        for hop in range(1, _PLAN):
+            lane = self.plan[v, hop]
+            if lane < 0:
+                break
+            if self.junctions.is_junction[lane]:
+                return hop, float(distance)
+            distance += self._length[lane]
+        return -1, 0.0
+
+    def _permitted(self, v: int, approach: int, to_line_m: float, signals: NDArray[np.uint8]) -> bool:
+        heads = self._heads[approach]
+        if not heads or to_line_m < -1.0:
+            return True
+        states = signals[heads]
+        if (states == SignalState.GREEN).any() or (states == SignalState.OFF).all():
+            return True
+        must_brake = self.speed_mps[v] ** 2 / (2 * max(to_line_m, 0.1))
+        return bool((states == SignalState.YELLOW).any() and must_brake > _YELLOW_BRAKING_MPS2)
+
+    def _bound_for(self) -> dict[int, float]:
+        """Length claimed on the lane behind each held junction lane [m]."""
+        claimed: dict[int, float] = {}
+        for vehicle, lanes in enumerate(self._held):
+            for lane in lanes:
+                row = np.flatnonzero(self.plan[vehicle, :-1] == lane)
+                if len(row):
+                    target = int(self.plan[vehicle, row[0] + 1])
+                    claimed[target] = claimed.get(target, 0.0) + float(self.drivers.length_m[vehicle]) + 2.0
+        return claimed
+
+    def _has_room(self, v: int, hop: int, rear: Array, rear_speed: Array, bound: dict[int, float]) -> bool:
+        need = float(self.drivers.length_m[v]) + 2.0
+        free = 0.0
+        for lane in self.plan[v, hop + 1 :]:
+            if lane < 0:
+                return True
+            free -= bound.get(int(lane), 0.0)
+            if np.isfinite(rear[lane]):
+                return bool(free + rear[lane] >= need or rear_speed[lane] > 4.0)
+            free += float(self._length[lane])
+            if free >= need:
+                return True
+        return True
+
+    def _integrate(self, wanted_mps2: Array) -> None:
+        a = self.acceleration_mps2
+        rise = np.where(wanted_mps2 < -3.0, 60.0, 8.0)
+        a = np.clip(wanted_mps2, a - rise * STEP_S, a + 2.5 * STEP_S)
+        v = self.speed_mps + a * STEP_S
+        halt = v < 0.0
+        safe = np.where(a < -1e-6, a, -1.0)
+        path = np.where(
+            halt,
+            self.speed_mps * self.speed_mps / (-2.0 * safe),
+            self.speed_mps * STEP_S + 0.5 * a * STEP_S * STEP_S,
+        )
+        self.acceleration_mps2 = np.where(halt, 0.0, a)
+        self.speed_mps = np.where(halt, 0.0, v)
+        self.station_m = self.station_m + path
+        self.travelled_m = self.travelled_m + path
+        self._waited_s = np.where(self.speed_mps < _STANDING_MPS, self._waited_s + STEP_S, 0.0)
+
+    def _advance_lanes(self) -> None:
+        for vehicle in np.flatnonzero(self.station_m >= self._length[self.plan[:, 0]]):
+            v = int(vehicle)
+            if self.plan[v, 1] < 0:
+                self.station_m[v] = self._length[self.plan[v, 0]]
+                continue
+            self.lane_before[v] = self.plan[v, 0]
+            self.station_m[v] -= self._length[self.plan[v, 0]]
+            self.plan[v, :-1] = self.plan[v, 1:]
+            self.plan[v, -1] = -1
+            self._extend(v)
+        for v, lanes in enumerate(self._held):
+            for lane in tuple(lanes):
+                tail = self._tail_on(v, lane)
+                if tail > self._length[lane]:
+                    self.reservations.release(v, lane)
+                    lanes.remove(lane)
+                else:
+                    self.reservations.held[lane][v] = tail
+
+    def _tail_on(self, v: int, lane: int) -> float:
+        """Station of the vehicle's tail on a lane it holds [m]."""
+        tail = float(self.station_m[v] - 0.5 * self.drivers.length_m[v])
+        if self.plan[v, 0] == lane:
+            return tail
+        if lane in self.plan[v, 1:]:
+            return -1.0
+        if self.lane_before[v] == lane:
+            return float(self._length[lane]) + tail
+        return math.inf if self.station_m[v] > 0.5 * self.drivers.length_m[v] else float(self._length[lane])
+
+    def _hold(self, v: int, lane: int) -> None:
+        self.reservations.held[lane][v] = self._tail_on(v, lane)
+        self._held[v].append(lane)
+
+    def _front(self, v: int) -> float:
+        return float(self.station_m[v] + 0.5 * self.drivers.length_m[v])
+
+    def _extend(self, v: int) -> None:
+        """Fill the plan with turns drawn by (seed, vehicle, number of the turn)."""
+        for hop in range(1, _PLAN):
+            if self.plan[v, hop] >= 0:
+                continue
+            options = [
+                lane
+                for lane in self._network.lanes[self.plan[v, hop - 1]].successors
+                if self._onward[lane] and self._network.lanes[lane].type == "driving"
+            ]
+            if not options:
+                return
+            draw = rng.stream(self._seed, "traffic/turn", int(self._turns[v]), v).integers(len(options))
+            self.plan[v, hop] = options[int(draw)]
+            self._turns[v] += 1
+
+    def _point(self, ahead_m: Array) -> Array:
+        """Points on the path that far ahead of the vehicles' centres [m], shape (N, 3)."""
+        lane = self.plan[:, 0].copy()
+        station = self.station_m + ahead_m
+        behind = (station < 0) & (self.lane_before >= 0)
+        lane = np.where(behind, self.lane_before, lane)
+        station = np.where(behind, station + self._length[lane], station)
+        for hop in range(1, 4):
+            beyond = (station > self._length[lane]) & (self.plan[:, hop] >= 0) & ~behind
+            station = np.where(beyond, station - self._length[lane], station)
+            lane = np.where(beyond, self.plan[:, hop], lane)
+        pose = self._network.pose(lane, np.clip(station, 0.0, self._length[lane]))
+        overshoot = station - np.clip(station, 0.0, self._length[lane])
+        along = np.stack([np.cos(pose.heading_rad), np.sin(pose.heading_rad), 0 * station], axis=-1)
+        return pose.position_m + overshoot[:, None] * along
+
+
+def _lanes_that_go_on(network: LaneNetwork) -> NDArray[np.bool_]:
+    """Lanes from which one can drive for ever: dead ends are peeled off until nothing changes."""
+    alive = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
+    changed = True
+    while changed:
+        changed = False
+        for lane in network.lanes:
+            if alive[lane.index] and not any(alive[nxt] for nxt in lane.successors):
+                alive[lane.index] = False
+                changed = True
+    return alive
+
+
+def spread_over_lanes(
+    vehicles: Vehicles, lane_length_m: ArrayLike, seed: int, keep_clear_m: Array, spacing_m: float = 14.0
+) -> tuple[Index, Array]:
+    """Starting lanes and stations [m] for all vehicles, at least `spacing_m` apart in a lane.
+
+    Args:
+        vehicles: The vehicles to place.
+        lane_length_m: Length of every lane [m].
+        seed: Seed of the traffic.
+        keep_clear_m: Points [m] (K, 3) around which 20 m stay empty: the ego's start.
+        spacing_m: Least distance of two vehicles [m].
+    """
+    length = np.asarray(lane_length_m)
+    slots: list[tuple[int, float]] = []
+    for lane in vehicles.usable_lanes:
+        room = length[lane] - 12.0
+        for k in range(int(room // spacing_m) + 1 if room > 0 else 0):
+            slots.append((int(lane), 6.0 + k * spacing_m))
+    order = rng.stream(seed, "traffic/place").permutation(len(slots))
+    lanes = np.array([slots[k][0] for k in order], np.int64)
+    stations = np.array([slots[k][1] for k in order])
+    if len(keep_clear_m) and len(lanes):
+        where = vehicles._network.pose(lanes, stations).position_m
+        far = np.min(np.linalg.norm(where[:, None] - keep_clear_m[None], axis=-1), axis=1) > 20.0
+        lanes, stations = lanes[far], stations[far]
+    return lanes, stations
