@@ -1,0 +1,247 @@
+"""The messages of an episode: ROS 2 definitions and the byte layout that numpy reads in one go."""
+
+from __future__ import annotations
+
+import functools
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.clock import stamp_ns
+from carlaloc_env.controls import Controls
+from carlaloc_env.timeline import ActorFrame
+
+EGO_TOPIC, ACTORS_TOPIC, EVENTS_TOPIC = "/ego/state", "/actors", "/events"
+EGO_TYPE, ACTORS_TYPE, EVENT_TYPE = (
+    "carlaloc_msgs/msg/EgoState",
+    "carlaloc_msgs/msg/ActorFrame",
+    "carlaloc_msgs/msg/Event",
+)
+
+EGO_DEFINITION = """\
+# State of the ego's base_link after one 200 Hz tick; world is ENU, body is FLU.
+int64 tick
+float64[3] position_m
+float64[4] quat_xyzw
+float64[3] velocity_world_mps
+float64[3] omega_body_radps
+# Controls that the physics took in this tick.
+float64 steer
+float64 throttle
+float64 brake
+# The device's axes before shaping.
+float64 raw_steer
+float64 raw_throttle
+float64 raw_brake
+float64 road_wheel_rad
+float64 speed_mps
+bool reverse
+bool handbrake
+bool raw_reverse
+bool raw_handbrake
+"""
+ACTORS_DEFINITION = """\
+# State of all actors of the catalogue and of all signal heads at one 50 ms step.
+int64 step
+# x, y, z of each actor in turn
+float32[] position_m
+float32[] heading_rad
+float32[] pitch_rad
+float32[] speed_mps
+float32[] travelled_m
+float32[] steer_rad
+uint8[] lights
+uint8[] signals
+"""
+EVENT_DEFINITION = """\
+int64 tick
+string kind
+string json
+"""
+
+_CDR_LITTLE_ENDIAN = 0x0000_0100
+_ACTOR_FLOATS = ("heading_rad", "pitch_rad", "speed_mps", "travelled_m", "steer_rad")
+
+EGO_DTYPE = np.dtype(
+    [
+        ("encapsulation", "<u4"),
+        ("tick", "<i8"),
+        ("position_m", "<f8", (3,)),
+        ("quat_xyzw", "<f8", (4,)),
+        ("velocity_world_mps", "<f8", (3,)),
+        ("omega_body_radps", "<f8", (3,)),
+        ("steer", "<f8"),
+        ("throttle", "<f8"),
+        ("brake", "<f8"),
+        ("raw_steer", "<f8"),
+        ("raw_throttle", "<f8"),
+        ("raw_brake", "<f8"),
+        ("road_wheel_rad", "<f8"),
+        ("speed_mps", "<f8"),
+        ("reverse", "?"),
+        ("handbrake", "?"),
+        ("raw_reverse", "?"),
+        ("raw_handbrake", "?"),
+    ]
+)
+"""One `EgoState` message in CDR."""
+_EGO = struct.Struct("<Iq21d4?")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EgoRow:
+    """State of the ego after one tick, and what its driver did."""
+
+    position_m: ArrayLike
+    """Position of `base_link` in the world [m], shape (3,)."""
+    quat_xyzw: ArrayLike
+    """Attitude, maps body to world, shape (4,)."""
+    velocity_world_mps: ArrayLike = (0.0, 0.0, 0.0)
+    """Velocity in world axes [m/s], shape (3,)."""
+    omega_body_radps: ArrayLike = (0.0, 0.0, 0.0)
+    """Body rate [rad/s], shape (3,)."""
+    controls: Controls = field(default_factory=Controls)
+    """Controls that the physics took."""
+    raw: Controls | None = None
+    """The device's axes before shaping; None: the same as `controls`."""
+    road_wheel_rad: float = 0.0
+    """Angle of the front wheels, left positive [rad]."""
+    speed_mps: float = 0.0
+    """Forward speed of `base_link` [m/s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Event:
+    """Something that happened during the drive."""
+
+    tick: int
+    """Tick at which it happened."""
+    kind: str
+    """What happened, e.g. ``collision``."""
+    data: dict[str, object]
+    """Details, JSON values."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time of the event since the drive began [ns]."""
+        return stamp_ns(self.tick)
+
+
+def pack_ego(tick: int, row: EgoRow) -> bytes:
+    """CDR bytes of an `EgoState` message."""
+    done, raw = row.controls, row.raw if row.raw is not None else row.controls
+    return _EGO.pack(
+        _CDR_LITTLE_ENDIAN,
+        tick,
+        *_floats(row.position_m),
+        *_floats(row.quat_xyzw),
+        *_floats(row.velocity_world_mps),
+        *_floats(row.omega_body_radps),
+        done.steer,
+        done.throttle,
+        done.brake,
+        raw.steer,
+        raw.throttle,
+        raw.brake,
+        row.road_wheel_rad,
+        row.speed_mps,
+        done.reverse,
+        done.handbrake,
+        raw.reverse,
+        raw.handbrake,
+    )
+
+
+def _floats(values: ArrayLike) -> list[float]:
+    result: list[float] = np.asarray(values, dtype=np.float64).tolist()
+    return result
+
+
+@functools.lru_cache(maxsize=8)
+def actors_dtype(actors: int, signals: int) -> np.dtype[np.void]:
+    """Layout of an `ActorFrame` message of so many actors and signal heads in CDR."""
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
+        ("encapsulation", "<u4"),
+        ("step", "<i8"),
+        ("position_m_count", "<u4"),
+        ("position_m", "<f4", (actors, 3)),
+    ]
+    for name in _ACTOR_FLOATS:
+        fields += [(f"{name}_count", "<u4"), (name, "<f4", (actors,))]
+    fields += [
+        ("lights_count", "<u4"),
+        ("lights", "u1", (actors,)),
+        ("padding", "u1", (-actors % 4,)),
+        ("signals_count", "<u4"),
+        ("signals", "u1", (signals,)),
+    ]
+    return np.dtype(fields)
+
+
+def pack_actors(step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> bytes:
+    """CDR bytes of an `ActorFrame` message."""
+    row = np.zeros((), dtype=actors_dtype(len(frame), len(signals)))
+    row["encapsulation"] = _CDR_LITTLE_ENDIAN
+    row["step"] = step
+    row["position_m_count"] = 3 * len(frame)
+    row["position_m"] = frame.position_m
+    for name in (*_ACTOR_FLOATS, "lights"):
+        row[f"{name}_count"] = len(frame)
+        row[name] = getattr(frame, name)
+    row["signals_count"] = len(signals)
+    row["signals"] = signals
+    return row.tobytes()
+
+
+def pack_event(tick: int, kind: str, json_text: str) -> bytes:
+    """CDR bytes of an `Event` message."""
+    out = struct.pack("<Iq", _CDR_LITTLE_ENDIAN, tick)
+    for text in (kind, json_text):
+        data = text.encode() + b"\0"
+        out += bytes(-(len(out) - 4) % 4) + struct.pack("<I", len(data)) + data
+    return out
+
+
+def unpack_ego(payloads: Sequence[bytes]) -> NDArray[np.void]:
+    """Rows of `EGO_DTYPE`.
+
+    Raises:
+        ValueError: a message has another size.
+    """
+    return _rows(payloads, EGO_DTYPE)
+
+
+def unpack_actors(payloads: Sequence[bytes], actors: int) -> NDArray[np.void]:
+    """Rows of `actors_dtype`; the number of signal heads is that of the first message.
+
+    Raises:
+        ValueError: a message has another size or number of actors.
+    """
+    signals = len(payloads[0]) - actors_dtype(actors, 0).itemsize if payloads else 0
+    if signals < 0:
+        raise ValueError(f"actor frame shorter than {actors} actors need")
+    rows = _rows(payloads, actors_dtype(actors, signals))
+    if np.any(rows["position_m_count"] != 3 * actors) or np.any(rows["signals_count"] != signals):
+        raise ValueError(f"actor frame not of {actors} actors and {signals} signal heads")
+    return rows
+
+
+def unpack_event(payload: bytes) -> tuple[int, str, str]:
+    """Tick, kind and JSON text of an `Event` message."""
+    (tick,) = struct.unpack_from("<q", payload, 4)
+    at, texts = 12, []
+    for _ in range(2):
+        at += -(at - 4) % 4
+        (length,) = struct.unpack_from("<I", payload, at)
+        texts.append(payload[at + 4 : at + 3 + length].decode())
+        at += 4 + length
+    return tick, texts[0], texts[1]
+
+
+def _rows(payloads: Sequence[bytes], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    if any(len(payload) != dtype.itemsize for payload in payloads):
+        raise ValueError(f"message not of {dtype.itemsize} bytes")
+    return np.frombuffer(b"".join(payloads), dtype=dtype)
