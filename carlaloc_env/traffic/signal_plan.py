@@ -84,7 +84,7 @@ class SignalPlan:
 
 
 def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:
-    """Phase number of each head of one junction, 0, 1, 2 …"""
+    """Phase number of each head of one junction, counted from 0."""
     junction = network.xodr.junctions.get(junction_id)
     sequence = {c.id: c.sequence for c in junction.controllers} if junction is not None else {}
     keys: list[tuple[int, float | str]] = []

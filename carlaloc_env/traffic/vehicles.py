@@ -60,18 +60,27 @@ class Drivers:
     """Comfortable braking [m/s²], shape (N,)."""
 
 
+class TrafficTables:
+    """What traffic needs to know of a town, computed once and shared by all drives in it."""
+
+    def __init__(self, network: LaneNetwork) -> None:
+        self.speeds = SpeedTables(network)
+        self.junctions = JunctionTable(network)
+        self.onward = _lanes_that_go_on(network)
+
+
 class Vehicles:
     """All vehicles of the traffic, advanced together by steps of 50 ms."""
 
-    def __init__(self, network: LaneNetwork, drivers: Drivers, seed: int) -> None:
+    def __init__(self, network: LaneNetwork, tables: TrafficTables, drivers: Drivers, seed: int) -> None:
         self._network = network
         self.drivers = drivers
         self._seed = seed
         self._length = np.array([lane.length_m for lane in network.lanes])
-        self._tables = SpeedTables(network)
-        self.junctions = JunctionTable(network)
+        self._speeds = tables.speeds
+        self.junctions = tables.junctions
         self.reservations = Reservations(self.junctions)
-        self._onward = _lanes_that_go_on(network)
+        self._onward = tables.onward
         self._heads: list[list[int]] = [[] for _ in network.lanes]
         self._stop_m = self._length - 1.0
         for index, head in enumerate(network.signals):
@@ -204,11 +213,11 @@ class Vehicles:
 
     def _desired_speed(self) -> Array:
         d = self.drivers
-        limit = self._tables.at(self.plan[:, 0], self.station_m)
+        limit = self._speeds.at(self.plan[:, 0], self.station_m)
         ahead = self._length[self.plan[:, 0]] - self.station_m
         for hop in range(1, _PLAN):
             lane = self.plan[:, hop]
-            entry = self._tables.entry_mps[lane]
+            entry = self._speeds.entry_mps[lane]
             reach = np.sqrt(entry * entry + 2.0 * COMFORT_BRAKING_MPS2 * np.maximum(ahead, 0.0))
             limit = np.where(lane >= 0, np.minimum(limit, reach), limit)
             ahead = ahead + np.where(lane >= 0, self._length[lane], 0.0)
@@ -224,7 +233,7 @@ class Vehicles:
                 self._held[request.vehicle].append(request.lane)
             else:
                 result[request.vehicle] = gap
-        for vehicle in np.flatnonzero((self.plan[:, 1] < 0)):
+        for vehicle in np.flatnonzero(self.plan[:, 1] < 0):
             result[vehicle] = self._length[self.plan[vehicle, 0]] - self._front(int(vehicle)) - 1.0
         return result
 

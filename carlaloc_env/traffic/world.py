@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env import rng
-from carlaloc_env.assets.catalog import VEHICLES, WALKERS
+from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
 from carlaloc_env.clock import STEP_NS
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.scene import EGO_INSTANCE
 from carlaloc_env.semantics import Tag
 from carlaloc_env.timeline import (
@@ -21,8 +22,9 @@ from carlaloc_env.timeline import (
     ActorFrame,
 )
 from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signal_plan import SignalPlan, SignalTiming
-from carlaloc_env.traffic.vehicles import Drivers, EgoView, Vehicles, spread_over_lanes
+from carlaloc_env.traffic.vehicles import Drivers, EgoView, TrafficTables, Vehicles, spread_over_lanes
 from carlaloc_env.traffic.walkers import Walkers
 
 Array = NDArray[np.float64]
@@ -48,18 +50,54 @@ class TrafficConfig:
             raise ConfigError("traffic: vehicles, walkers and warm_up_s must not be negative")
 
 
+def traffic_of_town(town: Town, share: str | float, seed: int) -> TrafficConfig:
+    """Configuration of a share of a town's traffic.
+
+    Args:
+        town: The town; its town.toml counts vehicles and walkers.
+        share: ``dynamic`` (all of it), ``static`` (none) or a fraction, e.g. ``0.5``.
+        seed: Seed of the traffic.
+
+    Raises:
+        ConfigError: neither a known word nor a number ≥ 0.
+    """
+    words = {"dynamic": 1.0, "static": 0.0}
+    try:
+        fraction = words[share] if share in words else float(share)
+    except (TypeError, ValueError):
+        fraction = -1.0
+    if not 0.0 <= fraction <= 10.0:
+        known = [*words, "a fraction such as 0.5"]
+        raise ConfigError(unknown_name("traffic level", str(share), known))
+    counts = town.config.traffic
+    return TrafficConfig(
+        vehicles=round(fraction * counts.vehicles),
+        walkers=round(fraction * counts.walkers),
+        seed=seed,
+        timing=SignalTiming(
+            green_s=town.config.signals.green_s,
+            yellow_s=town.config.signals.yellow_s,
+            all_red_s=town.config.signals.all_red_s,
+        ),
+    )
+
+
 class TrafficWorld:
     """Vehicles, walkers and signals of one town.
 
     `reset` puts everybody in place; each `step` moves them by 50 ms and returns their state.
     """
 
-    def __init__(self, network: LaneNetwork, config: TrafficConfig) -> None:
+    def __init__(
+        self, network: LaneNetwork, config: TrafficConfig, tables: TrafficTables | None = None
+    ) -> None:
         self._network = network
         self._config = config
         self.signal_plan = SignalPlan.from_network(network, config.timing)
         names, tints = _draw_fleet(config)
-        self._vehicles = Vehicles(network, _draw_drivers(names, config.seed), config.seed)
+        self._vehicles = Vehicles(
+            network, tables or TrafficTables(network), _draw_drivers(names, config.seed), config.seed
+        )
         self.catalog = _catalog(names, tints, config)
 
     def reset(self, ego: EgoView | None = None) -> ActorFrame:
@@ -126,11 +164,19 @@ class TrafficWorld:
 
 def _draw_fleet(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
     draw = rng.stream(config.seed, "traffic/fleet")
-    names = list(VEHICLES)
-    weight = np.array([VEHICLES[name].weight for name in names])
-    chosen = [names[k] for k in draw.choice(len(names), size=config.vehicles, p=weight / weight.sum())]
-    tints = [VEHICLES[name].tints[int(draw.integers(len(VEHICLES[name].tints)))] for name in chosen]
-    return chosen, np.array(tints, np.uint8).reshape(-1, 3)
+    names = _draw_names(draw, {name: model.weight for name, model in VEHICLES.items()}, config.vehicles)
+    return names, np.array([_draw_tint(draw, VEHICLES[name].tints) for name in names], np.uint8)
+
+
+def _draw_names(draw: np.random.Generator, weights: Mapping[str, float], count: int) -> list[str]:
+    share = np.array(list(weights.values()))
+    names = list(weights)
+    return [names[k] for k in draw.choice(len(names), size=count, p=share / share.sum())]
+
+
+def _draw_tint(draw: np.random.Generator, tints: Tints) -> tuple[int, int, int]:
+    share = np.array([weight for _, weight in tints])
+    return tints[int(draw.choice(len(tints), p=share / share.sum()))][0]
 
 
 def _draw_drivers(names: list[str], seed: int) -> Drivers:
@@ -152,17 +198,14 @@ def _draw_drivers(names: list[str], seed: int) -> Drivers:
 
 def _catalog(names: list[str], tints: NDArray[np.uint8], config: TrafficConfig) -> ActorCatalog:
     draw = rng.stream(config.seed, "traffic/people")
-    people = list(WALKERS)
-    who = [people[int(k)] for k in draw.integers(len(people), size=config.walkers)]
-    clothes = draw.integers(20, 200, size=(config.walkers, 3)).astype(np.uint8)
-    size = [(VEHICLES[n].length_m, VEHICLES[n].width_m, VEHICLES[n].height_m) for n in names]
-    size += [(WALKERS[n].length_m, WALKERS[n].width_m, WALKERS[n].height_m) for n in who]
-    tags = [int(VEHICLES[n].tag) for n in names] + [int(Tag.PEDESTRIAN)] * len(who)
-    count = len(names) + len(who)
+    who = _draw_names(draw, {name: model.weight for name, model in WALKERS.items()}, config.walkers)
+    clothes = np.array([_draw_tint(draw, WALKERS[name].tints) for name in who], np.uint8)
+    size = [VEHICLES[name].size_m for name in names] + [WALKERS[name].size_m for name in who]
+    tags = [int(VEHICLES[name].tag) for name in names] + [int(Tag.PEDESTRIAN)] * len(who)
     return ActorCatalog(
-        id=np.arange(EGO_INSTANCE + 1, EGO_INSTANCE + 1 + count, dtype=np.uint32),
+        id=np.arange(EGO_INSTANCE + 1, EGO_INSTANCE + 1 + len(tags), dtype=np.uint32),
         model=tuple(names + who),
         tag=np.array(tags, np.uint8),
         size_m=np.array(size, np.float32).reshape(-1, 3),
-        tint=np.concatenate([tints, clothes]).reshape(-1, 3),
+        tint=np.concatenate([tints.reshape(-1, 3), clothes.reshape(-1, 3)]).astype(np.uint8),
     )

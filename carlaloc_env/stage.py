@@ -1,0 +1,89 @@
+"""The stage on which sensors look at a Timeline: a town, a weather, a seed; no simulator."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from carlaloc_env.assets.library import build_library
+from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.scene import ModelLibrary
+from carlaloc_env.town.town import SignalLenses, Town
+from carlaloc_env.weather import WeatherParameters
+
+if TYPE_CHECKING:
+    from carlaloc_env.raycast import RayScene
+    from carlaloc_env.render.renderer import SceneRenderer
+
+
+class SensorStage:
+    """All that sensors need beyond the Timeline; satisfies `sensors.base.World`.
+
+    The renderer and the ray caster are made when first asked for, so that a rig without cameras
+    needs no OpenGL and one without LiDAR no Open3D.
+    """
+
+    def __init__(self, town: Town, *, seed: int, weather: WeatherParameters, quality: str = "medium") -> None:
+        self._town = town
+        self._seed = seed
+        self.weather = weather
+        self._quality = quality
+        self._renderer: SceneRenderer | None = None
+        self._rays: RayScene | None = None
+
+    @property
+    def seed(self) -> int:
+        """Seed of all noise."""
+        return self._seed
+
+    @seed.setter
+    def seed(self, value: int) -> None:
+        self._seed = value
+
+    @property
+    def geo(self) -> GeoReference:
+        """Where the world's origin lies on the Earth."""
+        return self._town.geo
+
+    @cached_property
+    def library(self) -> ModelLibrary:
+        """Movable models."""
+        return build_library()
+
+    @property
+    def lenses(self) -> SignalLenses:
+        """Lens discs of the traffic lights."""
+        return self._town.lenses
+
+    def renderer(self) -> SceneRenderer:
+        """The renderer of this town.
+
+        Raises:
+            RenderError: OpenGL is missing on this machine.
+        """
+        if self._renderer is None:
+            from carlaloc_env.render.renderer import SceneRenderer
+
+            self._renderer = SceneRenderer(
+                self._town.chunks, self.library, lamps_m=self._town.lamps_m, quality=self._quality
+            )
+        return self._renderer
+
+    def rays(self) -> RayScene:
+        """The ray caster of this town.
+
+        Raises:
+            RaycastError: Open3D is missing on this machine.
+        """
+        if self._rays is None:
+            from carlaloc_env.raycast import RayScene
+
+            self._rays = RayScene(self._town.chunks, self.library)
+        return self._rays
+
+    def close(self) -> None:
+        """Give GPU memory back."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+        self._rays = None

@@ -1,0 +1,88 @@
+"""The `carlaloc` command: sub-commands, one-line errors, exit codes, `--json`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env import __version__
+from carlaloc_env.errors import CarlaLocError
+
+COMMANDS = ("doctor", "maps", "record", "info", "replay", "evaluate")
+"""Sub-commands; each is a module of this package with `add_arguments` and `run`."""
+
+EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2
+
+Run = Callable[[argparse.Namespace], dict[str, Any]]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Returns:
+        0 when done, 1 after a named error (one line on stderr), 2 after a usage error.
+    """
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    logging.basicConfig(
+        level=logging.DEBUG if arguments.verbose else logging.WARNING,
+        format="%(levelname)s %(name)s: %(message)s",
+    )
+    command = import_module(f"recorder.cli.{arguments.command}")
+    try:
+        result = command.run(arguments)
+    except CarlaLocError as error:
+        return _fail(arguments, str(error))
+    except KeyboardInterrupt:
+        return _fail(arguments, "interrupted; nothing unfinished was left under a final name")
+    if arguments.json:
+        print(json.dumps(result, indent=2, default=str))
+    else:
+        command.show(result)
+    return EXIT_ERROR if result.get("failed") else EXIT_DONE
+
+
+def _fail(arguments: argparse.Namespace, message: str) -> int:
+    line = " ".join(message.split())
+    if arguments.json:
+        print(json.dumps({"error": line}))
+    print(f"carlaloc {arguments.command}: {line}", file=sys.stderr)
+    return EXIT_ERROR
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="carlaloc",
+        description="Drive once; replay the drive under any weather and traffic; write bags; score SLAM.",
+    )
+    parser.add_argument("--version", action="version", version=f"carlaloc {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    shared = argparse.ArgumentParser(add_help=False)
+    shared.add_argument("--json", action="store_true", help="print a machine-readable result")
+    shared.add_argument("--verbose", action="store_true", help="log what happens")
+    for name in COMMANDS:
+        module = import_module(f"recorder.cli.{name}")
+        summary = (module.__doc__ or "").strip().splitlines()[0]
+        sub = commands.add_parser(
+            name, parents=[shared], help=summary, description=module.__doc__,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
+        module.add_arguments(sub)
+    return parser
+
+
+def out_path(text: str) -> Path:
+    """Path typed by the user, `~` expanded."""
+    return Path(text).expanduser()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
