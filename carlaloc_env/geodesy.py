@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env import geometry
+
 Array = NDArray[np.float64]
 
 WGS84_A_M = 6378137.0
@@ -29,21 +31,20 @@ class GeoReference:
 
     def enu_to_geodetic(self, position_m: ArrayLike) -> Array:
         """Latitude [deg], longitude [deg], height [m] (..., 3) of world points [m] (..., 3)."""
-        p = np.asarray(position_m, dtype=np.float64)
-        origin, R_ecef_enu = self._frame()
-        return ecef_to_geodetic(origin + p @ R_ecef_enu.T)
+        return ecef_to_geodetic(geometry.apply(self._T_ecef_enu(), position_m))
 
     def geodetic_to_enu(self, geodetic: ArrayLike) -> Array:
         """World points [m] (..., 3) of latitude [deg], longitude [deg], height [m] (..., 3)."""
-        origin, R_ecef_enu = self._frame()
-        result: Array = (geodetic_to_ecef(geodetic) - origin) @ R_ecef_enu
-        return result
+        T = self._T_ecef_enu()
+        turn = geometry.from_rotation(T[:3, :3].T)
+        return geometry.apply(turn, geodetic_to_ecef(geodetic) - T[:3, 3])
 
-    def _frame(self) -> tuple[Array, Array]:
+    def _T_ecef_enu(self) -> Array:
         lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
         sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
         axes = np.array([[-so, -sl * co, cl * co], [co, -sl * so, cl * so], [0.0, cl, sl]])
-        return geodetic_to_ecef([self.latitude_deg, self.longitude_deg, self.height_m]), axes
+        origin = geodetic_to_ecef([self.latitude_deg, self.longitude_deg, self.height_m])
+        return geometry.from_rotation(axes, origin)
 
 
 def geodetic_to_ecef(geodetic: ArrayLike) -> Array:

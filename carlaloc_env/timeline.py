@@ -162,21 +162,27 @@ class Timeline:
         )
 
     def actor_poses(
-        self, index: int, stamps_ns: NDArray[np.int64]
+        self, index: int | NDArray[np.intp], stamps_ns: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Position [m] (M, 3), heading [rad] (M,), pitch [rad] (M,) of one actor at M times [ns]."""
+        """Position [m] (M, 3), heading [rad] (M,), pitch [rad] (M,) of actors at M times [ns].
+
+        Args:
+            index: One actor for all times, or an actor for each time, shape (M,).
+            stamps_ns: Times since the drive began [ns], shape (M,).
+        """
         step = stamps_ns // STEP_NS - self._first_step
         first, last = int(step.min()), int(step.max()) + 1
         frames = [self._frames[min(k, len(self._frames) - 1)] for k in range(first, last + 1)]
-        position = np.array([frame.position_m[index] for frame in frames], dtype=np.float64)
-        heading = np.unwrap(np.array([frame.heading_rad[index] for frame in frames], dtype=np.float64))
-        pitch = np.array([frame.pitch_rad[index] for frame in frames], dtype=np.float64)
+        position = np.array([frame.position_m for frame in frames], dtype=np.float64)
+        heading = np.array([frame.heading_rad for frame in frames], dtype=np.float64)
+        pitch = np.array([frame.pitch_rad for frame in frames], dtype=np.float64)
         k = step - first
         f = (stamps_ns % STEP_NS) / STEP_NS
+        p, h, n = position[k, index], heading[k, index], pitch[k, index]
         return (
-            position[k] + f[:, None] * (position[k + 1] - position[k]),
-            heading[k] + f * (heading[k + 1] - heading[k]),
-            pitch[k] + f * (pitch[k + 1] - pitch[k]),
+            p + f[:, None] * (position[k + 1, index] - p),
+            h + f * wrap_angle(heading[k + 1, index] - h),
+            n + f * (pitch[k + 1, index] - n),
         )
 
     def signals_at(self, stamp_ns: int) -> NDArray[np.uint8]:

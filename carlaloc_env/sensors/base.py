@@ -89,6 +89,11 @@ class SensorConfig(ABC):
     def __post_init__(self) -> None:
         Schedule.from_hz(self.rate_hz)
 
+    @property
+    def frame_id(self) -> str:
+        """Name of the sensor's coordinate frame."""
+        return self.name
+
     @abstractmethod
     def build(self, world: World) -> Sensor:
         """The sensor in a world."""
@@ -103,6 +108,8 @@ class Sensor(ABC):
 
     latency_ns: int = 0
     """How long after its stamp a sample is complete [ns]; one sweep for a LiDAR."""
+    padded_streams: tuple[str, ...] = ()
+    """Streams whose samples vary in length; observations pad them and give a count."""
 
     @property
     def samples_per_step(self) -> int:

@@ -1,0 +1,127 @@
+"""Samples to a Gymnasium observation: fixed shapes, the newest values, zeros for what is yet to come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from carlaloc_env.rig import Rig
+from carlaloc_env.samples import (
+    DepthImage,
+    GnssFix,
+    Image,
+    Imu,
+    PointCloud,
+    Sample,
+    SemanticImage,
+    Speed,
+)
+
+Observation = dict[str, NDArray[Any]]
+"""Arrays by observation key."""
+
+
+class Observer:
+    """Keeps the newest samples of a rig as one observation.
+
+    A stream that measures several times in a step (IMU) is batched, the newest row last. Point
+    clouds are padded by zero rows, and ``<stream>_count`` tells how many rows are real.
+    """
+
+    def __init__(self, rig: Rig) -> None:
+        self._batched: dict[str, int] = {}
+        self._padded: set[str] = set()
+        found: dict[str, spaces.Space[Any]] = {}
+        for sensor in rig.sensors:
+            for stream, space in sensor.streams().items():
+                if not isinstance(space, spaces.Box):
+                    raise TypeError(f"stream '{stream}' has a {type(space).__name__} space, not a Box")
+                batch = sensor.samples_per_step
+                if batch > 1:
+                    self._batched[stream] = batch
+                    space = _batch(space, batch)
+                found[stream] = space
+                if stream in sensor.padded_streams:
+                    self._padded.add(stream)
+                    found[f"{stream}_count"] = spaces.Box(
+                        0, space.shape[-2], (*space.shape[:-2], 1), np.int32
+                    )
+        self.space = spaces.Dict(found)
+        self._newest: Observation = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples; every key is zero."""
+        self._newest = {
+            key: np.zeros(space.shape or (), space.dtype) for key, space in self.space.spaces.items()
+        }
+
+    def observe(self, samples: Iterable[Sample]) -> Observation:
+        """The observation after these samples, given in stamp order.
+
+        The arrays are the caller's own. Streams that the rig does not know are left out.
+        """
+        for sample in samples:
+            key = sample.sensor
+            if key not in self._newest:
+                continue
+            values = values_of(sample)
+            if key in self._padded:
+                self._put_cloud(key, values)
+            elif key in self._batched:
+                held = self._newest[key]
+                self._newest[key] = np.concatenate([held[1:], values[None].astype(held.dtype)])
+            else:
+                held = self._newest[key]
+                self._newest[key] = values.reshape(held.shape).astype(held.dtype)
+        return {key: array.copy() for key, array in self._newest.items()}
+
+    def _put_cloud(self, key: str, rows: NDArray[Any]) -> None:
+        held = self._newest[key]
+        fresh, count = np.zeros_like(held), np.zeros_like(self._newest[f"{key}_count"])
+        if key in self._batched:
+            fresh[:-1], count[:-1] = held[1:], self._newest[f"{key}_count"][1:]
+        one = fresh[-1] if key in self._batched else fresh
+        one[: len(rows)] = rows[: len(one)]
+        count[-1] = min(len(rows), len(one))
+        self._newest[key], self._newest[f"{key}_count"] = fresh, count
+
+
+def values_of(sample: Sample) -> NDArray[Any]:
+    """The observed numbers of one sample, in the layout of its sensor's `streams`.
+
+    Raises:
+        TypeError: the kind of sample has no place in observations.
+    """
+    if isinstance(sample, Image):
+        return sample.rgb
+    if isinstance(sample, DepthImage):
+        return sample.depth_m
+    if isinstance(sample, SemanticImage):
+        return sample.tag
+    if isinstance(sample, PointCloud):
+        return cloud_rows(sample)
+    if isinstance(sample, Imu):
+        return np.concatenate([sample.specific_force_mps2, sample.angular_rate_radps])
+    if isinstance(sample, GnssFix):
+        return np.array([sample.latitude_deg, sample.longitude_deg, sample.altitude_m, float(sample.has_fix)])
+    if isinstance(sample, Speed):
+        return np.array([sample.speed_mps])
+    raise TypeError(f"{type(sample).__name__} has no place in observations")
+
+
+def cloud_rows(cloud: PointCloud) -> NDArray[np.float32]:
+    """x, y, z [m], intensity, shape (N, 4); or x, y, z [m], cos incidence, instance, tag, shape (N, 6)."""
+    if cloud.tag is None or cloud.instance is None or cloud.cos_incidence is None:
+        return np.concatenate([cloud.points_xyz_m, cloud.intensity[:, None]], axis=1)
+    labels = [cloud.cos_incidence, cloud.instance.astype(np.float32), cloud.tag.astype(np.float32)]
+    return np.concatenate([cloud.points_xyz_m, np.stack(labels, axis=1)], axis=1)
+
+
+def _batch(space: spaces.Box, count: int) -> spaces.Box:
+    shape = (count,) + (1,) * len(space.shape)
+    return spaces.Box(np.tile(space.low, shape), np.tile(space.high, shape), dtype=space.dtype.type)

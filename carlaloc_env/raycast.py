@@ -1,0 +1,337 @@
+"""Rays against the town and everything that moves in it: the only module that imports open3d.
+
+The static town is one Embree scene. A moving actor is hit in its own frame: the rays that may
+meet it are carried there with the actor's pose at each ray's own time, so one model serves all
+actors that look like it, nothing is rebuilt between sweeps, and a passing car is sheared as a
+rolling sensor sees it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.assets.placing import place_actors
+from carlaloc_env.errors import RaycastError
+from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, merge
+from carlaloc_env.timeline import ActorFrame, Timeline
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+
+_SECTORS = 2048
+"""Azimuth sectors into which rays are sorted, so that an actor looks at few of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hits:
+    """The first surface along each of N rays."""
+
+    range_m: F32
+    """Distance along the ray [m], inf where nothing was hit, shape (N,)."""
+    tag: NDArray[np.uint8]
+    """Semantic `Tag` of the surface, shape (N,)."""
+    instance: NDArray[np.uint32]
+    """Instance id of the surface, 0 = none, shape (N,)."""
+    material: NDArray[np.uint8]
+    """`Material` of the surface, shape (N,)."""
+    cos_incidence: F32
+    """Cosine between the ray and the surface normal, 0 (grazing) to 1, shape (N,)."""
+
+    def __len__(self) -> int:
+        return len(self.range_m)
+
+    @classmethod
+    def none(cls, count: int) -> Hits:
+        """Rays that met nothing."""
+        return cls(
+            range_m=np.full(count, np.inf, np.float32),
+            tag=np.zeros(count, np.uint8),
+            instance=np.zeros(count, np.uint32),
+            material=np.zeros(count, np.uint8),
+            cos_incidence=np.zeros(count, np.float32),
+        )
+
+    def put(self, rows: NDArray[np.intp], other: Hits) -> None:
+        """Overwrite some rows, shape (M,), by the hits of M other rays."""
+        for name in self.__slots__:
+            getattr(self, name)[rows] = getattr(other, name)
+
+    def take(self, rows: NDArray[Any]) -> Hits:
+        """Hits of some of the rays, by index or mask."""
+        return Hits(**{name: getattr(self, name)[rows] for name in self.__slots__})
+
+
+class RayScene:
+    """A town and the models that move in it, ready for rays."""
+
+    def __init__(self, static: Sequence[Mesh], library: ModelLibrary) -> None:
+        """Build the ray tracer's trees.
+
+        Args:
+            static: Scenery that never moves, world coordinates.
+            library: Models of actors by name; ``ego`` is the ego's own body.
+
+        Raises:
+            RaycastError: open3d cannot be imported on this machine.
+        """
+        self._o3d = _import_open3d()
+        self._library = library
+        self._static = _Surface(self._o3d, merge(static))
+        self._models: dict[int, _Surface] = {}
+
+    def cast(
+        self,
+        origins_m: Array,
+        directions: Array,
+        stamps_ns: NDArray[np.int64],
+        timeline: Timeline,
+        range_max_m: float,
+        *,
+        ego: bool = True,
+    ) -> Hits:
+        """First hits of N rays, each cast at its own time.
+
+        Args:
+            origins_m: Where rays start [m], world, shape (N, 3).
+            directions: Unit directions, world, shape (N, 3).
+            stamps_ns: When each ray is cast [ns], shape (N,).
+            timeline: Where everything is.
+            range_max_m: Hits beyond this distance are dropped [m].
+            ego: Whether the ego's own body can be hit.
+        """
+        if len(origins_m) == 0:
+            return Hits.none(0)
+        hits = self._static.cast(origins_m, directions, range_max_m)
+        if len(timeline.catalog):
+            self._cast_actors(hits, origins_m, directions, stamps_ns, timeline, range_max_m)
+        if ego and "ego" in self._library.names:
+            self._cast_ego(hits, origins_m, directions, stamps_ns, timeline, range_max_m)
+        return hits
+
+    def cast_model(self, name: str, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
+        """First hits of N rays given in a model's own frame on that model alone.
+
+        A model that the library lacks is never hit.
+        """
+        if name not in self._library.names:
+            return Hits.none(len(origins_m))
+        return self._model(self._library.index(name)).cast(origins_m, directions, range_max_m)
+
+    def _model(self, index: int) -> _Surface:
+        if index not in self._models:
+            self._models[index] = _Surface(self._o3d, self._library.meshes[index])
+        return self._models[index]
+
+    def _cast_ego(
+        self,
+        hits: Hits,
+        origins_m: Array,
+        directions: Array,
+        stamps_ns: NDArray[np.int64],
+        timeline: Timeline,
+        range_max_m: float,
+    ) -> None:
+        times, back = np.unique(stamps_ns, return_inverse=True)
+        motion = timeline.ego_motion(times)
+        turn = geometry.quat_conjugate(motion.quat_xyzw)[back]
+        found = self._model(self._library.index("ego")).cast(
+            geometry.quat_rotate(turn, origins_m - motion.position_m[back]),
+            geometry.quat_rotate(turn, directions),
+            range_max_m,
+        )
+        found.instance[:] = EGO_INSTANCE
+        rows = np.flatnonzero(found.range_m < hits.range_m)
+        hits.put(rows, found.take(rows))
+
+    def _cast_actors(
+        self,
+        hits: Hits,
+        origins_m: Array,
+        directions: Array,
+        stamps_ns: NDArray[np.int64],
+        timeline: Timeline,
+        range_max_m: float,
+    ) -> None:
+        first, last = int(stamps_ns.min()), int(stamps_ns.max())
+        middle = (first + last) // 2
+        frame = timeline.actors_at(middle)
+        # Gait phases are held over a sweep: at 50 ms a leg moves less than the beams are apart.
+        models = place_actors(timeline.catalog, frame, self._library).model
+        centre, radius = self._spheres(models, frame, 0.5e-9 * (last - first))
+        rays, actors = candidates(origins_m, directions, centre, radius, range_max_m)
+        if len(rays) == 0:
+            return
+        position, heading, pitch = timeline.actor_poses(actors, stamps_ns[rays])
+        local_origin, local_direction = into_actor_frame(
+            origins_m[rays] - position, directions[rays], heading, pitch
+        )
+        found = Hits.none(len(rays))
+        order = np.argsort(models[actors].astype(np.uint16), kind="stable")
+        kinds, starts = np.unique(models[actors][order], return_index=True)
+        for kind, rows in zip(kinds, np.split(order, starts[1:]), strict=True):
+            part = self._model(int(kind)).cast(local_origin[rows], local_direction[rows], range_max_m)
+            found.put(rows, part)
+        found.instance[:] = timeline.catalog.id[actors]
+        nearer = np.flatnonzero(found.range_m < hits.range_m[rays])
+        # Where several actors lie behind each other, the nearest is written last.
+        nearer = nearer[np.argsort(-found.range_m[nearer], kind="stable")]
+        hits.put(rays[nearer], found.take(nearer))
+
+    def _spheres(
+        self, models: NDArray[np.int32], frame: ActorFrame, half_span_s: float
+    ) -> tuple[Array, Array]:
+        """Centre [m] (A, 3) and radius [m] (A,) around all that each actor covers during the rays."""
+        kinds, back = np.unique(models, return_inverse=True)
+        bounds = np.array([self._library.meshes[kind].bounds_m for kind in kinds], dtype=np.float64)
+        height = 0.5 * (bounds[:, 0, 2] + bounds[:, 1, 2])[back]
+        reach = np.maximum(np.abs(bounds[:, 0]), np.abs(bounds[:, 1]))
+        half_height = 0.5 * (bounds[:, 1, 2] - bounds[:, 0, 2])
+        radius = np.sqrt(reach[:, 0] ** 2 + reach[:, 1] ** 2 + half_height**2)[back]
+        centre = frame.position_m.astype(np.float64)
+        lean = np.abs(height * np.sin(frame.pitch_rad))
+        centre[:, 2] += height
+        # Turning and changes of speed within half a sweep stay within the tenth of a metre.
+        return centre, radius + lean + np.abs(frame.speed_mps) * half_span_s * 1.5 + 0.1
+
+
+class _Surface:
+    """Triangles in one frame: an Embree tree, and material, tag and instance of every triangle."""
+
+    def __init__(self, o3d: ModuleType, mesh: Mesh) -> None:
+        self._tensor = o3d.core.Tensor.from_numpy
+        self._scene: Any = o3d.t.geometry.RaycastingScene() if len(mesh.triangles) else None
+        corner = mesh.triangles[:, 0]
+        self._material, self._tag = mesh.material[corner], mesh.tag[corner]
+        self._instance = mesh.instance[corner]
+        if self._scene is None:
+            return
+        # Embree computes in float32: metres counted from the middle keep the town's far corners exact.
+        self._middle = np.round(mesh.bounds_m.astype(np.float64).mean(axis=0))
+        vertices = (mesh.vertices_m - self._middle).astype(np.float32)
+        self._scene.add_triangles(self._tensor(vertices), self._tensor(np.ascontiguousarray(mesh.triangles)))
+
+    def cast(self, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
+        """First hits of N rays given in the frame of the triangles."""
+        if self._scene is None or len(origins_m) == 0:
+            return Hits.none(len(origins_m))
+        rays = np.empty((len(origins_m), 6), dtype=np.float32)
+        rays[:, :3] = origins_m - self._middle
+        rays[:, 3:] = directions
+        answer = self._scene.cast_rays(self._tensor(rays))
+        reached = answer["t_hit"].numpy()
+        hits = Hits.none(len(rays))
+        rows = np.flatnonzero(reached <= np.float32(range_max_m))
+        triangle = answer["primitive_ids"].numpy()[rows]
+        normal = answer["primitive_normals"].numpy()[rows]
+        d = rays[rows, 3:]
+        cosine = np.abs(normal[:, 0] * d[:, 0] + normal[:, 1] * d[:, 1] + normal[:, 2] * d[:, 2])
+        hits.range_m[rows] = reached[rows]
+        hits.material[rows] = self._material[triangle]
+        hits.tag[rows] = self._tag[triangle]
+        hits.instance[rows] = self._instance[triangle]
+        hits.cos_incidence[rows] = np.minimum(cosine, np.float32(1.0))
+        return hits
+
+
+def candidates(
+    origins_m: Array, directions: Array, centre_m: Array, radius_m: Array, range_max_m: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """All (ray, actor) pairs where the ray may meet the actor's sphere.
+
+    Rays are sorted into azimuth sectors once; each actor then tests only the rays of the sectors
+    that its sphere covers, seen from where the rays start.
+
+    Args:
+        origins_m: Starts [m], shape (N, 3).
+        directions: Unit directions, shape (N, 3).
+        centre_m: Middles of spheres [m], shape (A, 3).
+        radius_m: Radii of spheres [m], shape (A,).
+        range_max_m: Longest ray [m].
+
+    Returns:
+        Ray indices (M,) and actor indices (M,), grouped by actor.
+    """
+    low, high = origins_m.min(axis=0), origins_m.max(axis=0)
+    eye = 0.5 * (low + high)
+    spread = 0.5 * float(np.sqrt(np.sum((high - low) ** 2)))
+    away = centre_m - eye
+    reach = radius_m + spread
+    distance = np.sqrt(np.sum(away * away, axis=-1))
+    near = np.flatnonzero(distance - reach < range_max_m)
+    order, first = _sectors(directions)
+    rows, actor = _rows_in_sectors(away[near], reach[near], first)
+    rays, actor = order[rows], near[actor]
+    # Distance of the sphere's middle from the ray, and whether it lies ahead.
+    to = (away.astype(np.float32))[actor]
+    d = directions.astype(np.float32)[rays]
+    along = to[:, 0] * d[:, 0] + to[:, 1] * d[:, 1] + to[:, 2] * d[:, 2]
+    square = (distance**2).astype(np.float32)[actor] - along * along
+    reach32 = reach.astype(np.float32)[actor] + np.float32(0.01)
+    meets = (square < reach32 * reach32) & (along > -reach32)
+    return rays[meets], actor[meets]
+
+
+def _sectors(directions: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Ray indices sorted by azimuth sector (N,), and where each sector begins (sectors + 1,)."""
+    azimuth = np.arctan2(directions[:, 1].astype(np.float32), directions[:, 0].astype(np.float32))
+    sector = ((azimuth + np.float32(np.pi)) * np.float32(_SECTORS / (2 * np.pi))).astype(np.int32)
+    sector = np.clip(sector, 0, _SECTORS - 1).astype(np.uint16)
+    order = np.argsort(sector, kind="stable")
+    first = np.concatenate([[0], np.cumsum(np.bincount(sector, minlength=_SECTORS))])
+    return order, first.astype(np.intp)
+
+
+def _rows_in_sectors(
+    away_m: Array, reach_m: Array, first: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows of the sorted rays that each sphere's sectors hold, and the sphere of each row."""
+    flat = np.hypot(away_m[:, 0], away_m[:, 1])
+    half = np.where(flat > reach_m, np.arcsin(np.minimum(reach_m / np.maximum(flat, 1e-9), 1.0)), np.pi)
+    middle = (np.arctan2(away_m[:, 1], away_m[:, 0]) + np.pi) * (_SECTORS / (2 * np.pi))
+    width = half * (_SECTORS / (2 * np.pi)) + 1.0
+    low = np.floor(middle - width).astype(np.intp)
+    count = np.minimum(np.ceil(middle + width).astype(np.intp) - low + 1, _SECTORS)
+    # The circle laid out three times, so that a range of sectors never wraps.
+    rays = first[-1]
+    around = np.concatenate([first[:-1], first[:-1] + rays, first[:-1] + 2 * rays, [3 * rays]])
+    begin, end = around[low + _SECTORS], around[low + _SECTORS + count]
+    length = end - begin
+    actor = np.repeat(np.arange(len(length)), length)
+    offset = np.arange(len(actor)) - np.repeat(np.cumsum(length) - length, length)
+    return (begin[actor] + offset) % max(rays, 1), actor
+
+
+def into_actor_frame(
+    offset_m: Array, directions: Array, heading_rad: Array, pitch_rad: Array
+) -> tuple[Array, Array]:
+    """Points relative to an actor and directions, both (M, 3) in the world, in the actor's axes.
+
+    The axes are those of Rz(heading)·Ry(−pitch): x forward, y left, z up, nose up positive.
+    """
+    ch, sh, cp, sp = np.cos(heading_rad), np.sin(heading_rad), np.cos(pitch_rad), np.sin(pitch_rad)
+
+    def turn(v: Array) -> Array:
+        ahead = ch * v[:, 0] + sh * v[:, 1]
+        left = ch * v[:, 1] - sh * v[:, 0]
+        return np.stack([cp * ahead + sp * v[:, 2], left, cp * v[:, 2] - sp * ahead], axis=-1)
+
+    return turn(offset_m), turn(directions)
+
+
+def _import_open3d() -> ModuleType:
+    try:
+        import open3d
+    except (ImportError, OSError) as error:
+        raise RaycastError(
+            f"LiDAR needs open3d, which does not load ({error}); run: pip install open3d, "
+            "and on Debian or Ubuntu: apt-get install libgomp1 libusb-1.0-0"
+        ) from error
+    module: ModuleType = open3d
+    return module

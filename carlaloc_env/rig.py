@@ -1,0 +1,156 @@
+"""A sensor rig: configurations in a YAML file, and the built sensors that measure a Timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.samples import Sample
+from carlaloc_env.sensors.base import Sensor, SensorConfig, World
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.timeline import Timeline
+from carlaloc_env.yaml_config import from_mapping, to_mapping
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorRig:
+    """Which sensors a car carries; plain data, equal when all values are equal."""
+
+    name: str = "rig"
+    """Name of the rig."""
+    sensors: tuple[SensorConfig, ...] = ()
+    """Configurations in the order in which samples of the same stamp are given."""
+
+    def __post_init__(self) -> None:
+        names = [(sensor.kind, sensor.name) for sensor in self.sensors]
+        for kind, name in names:
+            if names.count((kind, name)) > 1:
+                raise ConfigError(f"rig '{self.name}' has two {kind} sensors named '{name}'; rename one")
+
+    def of_kind(self, kind: str) -> tuple[SensorConfig, ...]:
+        """Configurations of one kind, e.g. ``"camera"``."""
+        return tuple(sensor for sensor in self.sensors if sensor.kind == kind)
+
+    @property
+    def frames(self) -> dict[str, NDArray[np.float64]]:
+        """Maps each sensor frame's coordinates to `base_link`: (4, 4) by frame_id."""
+        return {sensor.frame_id: sensor.mount.T_base_sensor for sensor in self.sensors}
+
+    def build(self, world: World) -> Rig:
+        """The sensors in a world.
+
+        Raises:
+            ConfigError: two sensors give streams of the same name.
+        """
+        return Rig(self, world)
+
+    def to_yaml(self) -> str:
+        """The rig as a YAML document."""
+        entries = [{"kind": sensor.kind, **to_mapping(sensor)} for sensor in self.sensors]
+        text: str = yaml.safe_dump(
+            {"name": self.name, "sensors": entries},
+            sort_keys=False,
+            default_flow_style=None,
+            width=110,
+            allow_unicode=True,
+        )
+        return text
+
+    @classmethod
+    def from_yaml(cls, text: str, where: str = "rig") -> SensorRig:
+        """Rig of a YAML document.
+
+        Args:
+            text: The document.
+            where: File name for messages.
+
+        Raises:
+            ConfigError: the document is not YAML, or a key, kind or value is not valid.
+        """
+        try:
+            document = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ConfigError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
+        if not isinstance(document, Mapping):
+            raise ConfigError(f"{where}: expected the keys 'name' and 'sensors'")
+        for key in document:
+            if key not in ("name", "sensors"):
+                raise ConfigError(f"{where}: {unknown_name('key', str(key), ('name', 'sensors'))}")
+        entries = document.get("sensors") or []
+        if not isinstance(entries, list):
+            raise ConfigError(f"{where}: 'sensors' must be a list")
+        sensors = tuple(_sensor(entry, f"{where}: sensors[{i}]") for i, entry in enumerate(entries))
+        return cls(name=str(document.get("name", "rig")), sensors=sensors)
+
+    @classmethod
+    def load(cls, path: Path) -> SensorRig:
+        """Rig of a YAML file.
+
+        Raises:
+            ConfigError: the file cannot be read or is not a valid rig.
+        """
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"cannot read the rig {path}: {error}") from error
+        return cls.from_yaml(text, where=path.name)
+
+
+class Rig:
+    """Built sensors. `measure` has no memory: any span may be asked for, in any order."""
+
+    def __init__(self, config: SensorRig, world: World) -> None:
+        self.config = config
+        self.sensors: tuple[Sensor, ...] = tuple(sensor.build(world) for sensor in config.sensors)
+        self.streams: dict[str, spaces.Space[Any]] = {}
+        for sensor in self.sensors:
+            for stream, space in sensor.streams().items():
+                if stream in self.streams:
+                    raise ConfigError(
+                        f"rig '{config.name}' has two streams named '{stream}'; rename one sensor"
+                    )
+                self.streams[stream] = space
+
+    def measure(self, timeline: Timeline, first_ns: int, end_ns: int) -> list[Sample]:
+        """All samples that become complete after `first_ns` and not later than `end_ns`.
+
+        A sample is complete at its stamp plus its sensor's latency, so spans that follow each other
+        give every sample once. A drive from its very beginning is ``measure(timeline, -1, end)``.
+
+        Args:
+            timeline: Where everything was; must reach `end_ns`.
+            first_ns: End of the span before [ns].
+            end_ns: End of this span [ns].
+
+        Returns:
+            Samples by stamp, those of one stamp in the order of the rig.
+        """
+        found: list[tuple[int, int, Sample]] = []
+        for place, sensor in enumerate(self.sensors):
+            stamps = self.stamps_ns(sensor, first_ns, end_ns)
+            found += [(sample.stamp_ns, place, sample) for sample in sensor.measure(timeline, stamps)]
+        return [sample for _, _, sample in sorted(found, key=lambda item: item[:2])]
+
+    @staticmethod
+    def stamps_ns(sensor: Sensor, first_ns: int, end_ns: int) -> list[int]:
+        """Stamps [ns] of a sensor's samples that become complete in (first_ns, end_ns]."""
+        begin = max(first_ns - sensor.latency_ns + 1, 0)
+        return sensor.schedule.stamps_ns_in(begin, end_ns - sensor.latency_ns + 1)
+
+
+def _sensor(entry: Any, where: str) -> SensorConfig:
+    if not isinstance(entry, Mapping) or "kind" not in entry:
+        raise ConfigError(f"{where}: the key 'kind' is missing; use one of {', '.join(SENSOR_KINDS)}")
+    kind = str(entry["kind"])
+    if kind not in SENSOR_KINDS:
+        raise ConfigError(f"{where}: {unknown_name('kind of sensor', kind, SENSOR_KINDS)}")
+    values = {key: value for key, value in entry.items() if key != "kind"}
+    return from_mapping(SENSOR_KINDS[kind], values, f"{where} ({kind})")

@@ -1,0 +1,17 @@
+"""All kinds of sensors by the name they have in YAML files; a new sensor is one line here."""
+
+from __future__ import annotations
+
+from carlaloc_env.sensors.base import SensorConfig
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.sensors.speed import SpeedConfig
+
+SENSOR_KINDS: dict[str, type[SensorConfig]] = {
+    "lidar": LidarConfig,
+    "imu": ImuConfig,
+    "gnss": GnssConfig,
+    "speed": SpeedConfig,
+}
+"""Configuration class of each kind of sensor."""
