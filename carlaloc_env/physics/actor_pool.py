@@ -1,0 +1,138 @@
+"""Nearby actors as kinematic boxes, lent from a pool: a body per actor would cost every tick."""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from carlaloc_env.clock import STEP_NS, TICK_S
+from carlaloc_env.timeline import ActorCatalog, ActorFrame
+
+MAX_BOXES = 32
+"""Actors that exist in the collision world at once."""
+_NEAR_M = 30.0
+_TOUCH_M = 14.0
+_MAX_BODIES = 64
+_PARKED_M = -1000.0
+
+_Size = tuple[float, float, float]
+
+
+class ActorPool:
+    """Boxes of actors near the ego, moved every tick when they could touch it.
+
+    Args:
+        client: PyBullet's id of the world.
+        group: Collision group of the boxes.
+        mask: Groups that the boxes touch.
+    """
+
+    def __init__(self, client: int, group: int, mask: int) -> None:
+        self._client = client
+        self._group, self._mask = group, mask
+        self._free: dict[_Size, list[int]] = {}
+        self._lent: dict[int, tuple[int, _Size]] = {}
+        self._actor: dict[int, int] = {}
+        self._moving: list[tuple[int, list[float], list[float], list[float]]] = []
+        self._ticks = 0
+
+    def place(
+        self,
+        frame: ActorFrame,
+        catalog: ActorCatalog,
+        near_m: NDArray[np.float64],
+        following: ActorFrame | None,
+    ) -> None:
+        """Give boxes to the nearest actors; they move on with `advance`."""
+        offset = frame.position_m - near_m
+        distance = np.abs(offset).max(axis=1) if len(frame) else np.zeros(0)
+        near = np.flatnonzero(distance < _NEAR_M)
+        if len(near) > MAX_BOXES:
+            near = near[np.argsort(distance[near], kind="stable")[:MAX_BOXES]]
+        wanted = {int(catalog.id[i]): int(i) for i in near}
+        for actor in [a for a in self._lent if a not in wanted]:
+            self._give_back(actor)
+        self._moving.clear()
+        self._ticks = 0
+        for actor, i in wanted.items():
+            body = self._body_of(actor, catalog.size_m[i])
+            centre, quat = _box_pose(frame, i, float(catalog.size_m[i, 2]))
+            pybullet.resetBasePositionAndOrientation(body, centre, quat, physicsClientId=self._client)
+            if distance[i] < _TOUCH_M:
+                self._moving.append((body, centre, _velocity(frame, i, following), quat))
+
+    def advance(self) -> None:
+        """Move the boxes that could touch the ego by one tick."""
+        if not self._moving:
+            return
+        self._ticks += 1
+        t = self._ticks * TICK_S
+        for body, centre, velocity, quat in self._moving:
+            position = [centre[k] + velocity[k] * t for k in range(3)]
+            pybullet.resetBasePositionAndOrientation(body, position, quat, physicsClientId=self._client)
+
+    def clear(self) -> None:
+        """Remove every box from the world."""
+        for body in [lent[0] for lent in self._lent.values()] + [
+            b for free in self._free.values() for b in free
+        ]:
+            pybullet.removeBody(body, physicsClientId=self._client)
+        self._free.clear()
+        self._lent.clear()
+        self._actor.clear()
+        self._moving.clear()
+
+    def actor_of(self, body: int) -> int | None:
+        """Instance id of the actor that a body stands for, None if it is no box of the pool."""
+        return self._actor.get(body)
+
+    def _body_of(self, actor: int, size_m: NDArray[np.float32]) -> int:
+        lent = self._lent.get(actor)
+        if lent is not None:
+            return lent[0]
+        size = (round(float(size_m[0]), 2), round(float(size_m[1]), 2), round(float(size_m[2]), 2))
+        free = self._free.setdefault(size, [])
+        body = free.pop() if free else self._create(size)
+        self._lent[actor] = (body, size)
+        self._actor[body] = actor
+        return body
+
+    def _give_back(self, actor: int) -> None:
+        body, size = self._lent.pop(actor)
+        del self._actor[body]
+        if len(self._lent) + sum(map(len, self._free.values())) >= _MAX_BODIES:
+            pybullet.removeBody(body, physicsClientId=self._client)
+            return
+        self._free[size].append(body)
+        parked = [4.0 * body, 0.0, _PARKED_M]
+        pybullet.resetBasePositionAndOrientation(body, parked, [0, 0, 0, 1], physicsClientId=self._client)
+
+    def _create(self, size: _Size) -> int:
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=[0.5 * s for s in size], physicsClientId=self._client
+        )
+        body = int(pybullet.createMultiBody(0.0, shape, physicsClientId=self._client))
+        pybullet.changeDynamics(body, -1, lateralFriction=0.4, restitution=0.0, physicsClientId=self._client)
+        pybullet.setCollisionFilterGroupMask(body, -1, self._group, self._mask, physicsClientId=self._client)
+        return body
+
+
+def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], list[float]]:
+    x, y, z = frame.position_m[i].tolist()
+    heading, pitch = float(frame.heading_rad[i]), float(frame.pitch_rad[i])
+    up, tilt = 0.5 * height_m * cos(pitch), 0.5 * height_m * sin(pitch)
+    centre = [x - tilt * cos(heading), y - tilt * sin(heading), z + up]
+    ch, sh = cos(0.5 * heading), sin(0.5 * heading)
+    cp, sp = cos(-0.5 * pitch), sin(-0.5 * pitch)
+    return centre, [-sh * sp, ch * sp, sh * cp, ch * cp]
+
+
+def _velocity(frame: ActorFrame, i: int, following: ActorFrame | None) -> list[float]:
+    if following is not None:
+        step_s = STEP_NS * 1e-9
+        return [float(d) / step_s for d in following.position_m[i] - frame.position_m[i]]
+    speed, heading, pitch = (float(a[i]) for a in (frame.speed_mps, frame.heading_rad, frame.pitch_rad))
+    return [speed * cos(pitch) * cos(heading), speed * cos(pitch) * sin(heading), speed * sin(pitch)]

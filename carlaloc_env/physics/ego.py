@@ -1,0 +1,335 @@
+"""The ego car: a PyBullet rigid body on four ray wheels, driven by `Controls` at 200 Hz."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan, cos, sin, sqrt, tan
+
+import numpy as np
+import pybullet
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.clock import TICK_S
+from carlaloc_env.controls import Controls
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.params import VehicleParams
+from carlaloc_env.physics.powertrain import Powertrain
+from carlaloc_env.physics.wheel import BodyMotion, Wheel, wet_at_speed
+from carlaloc_env.physics.world import GROUP_ACTOR, GROUP_EGO, GROUP_STATIC, PhysicsWorld, Point
+
+Array = NDArray[np.float64]
+
+_SETTLE_TICKS = 400
+_BRAKE_LIGHT_MPS2 = 1.3
+_PARKED = Controls(handbrake=True, brake=1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EgoState:
+    """State of the ego after a tick; `base_link` is fixed to the body."""
+
+    position_m: Array
+    """Position of `base_link` in the world [m], shape (3,)."""
+    quat_xyzw: Array
+    """Attitude, maps body to world, shape (4,)."""
+    velocity_world_mps: Array
+    """Velocity of `base_link` in world axes [m/s], shape (3,)."""
+    omega_body_radps: Array
+    """Body rate [rad/s], shape (3,)."""
+    speed_mps: float
+    """Forward speed of `base_link` [m/s], negative backwards."""
+    heading_rad: float
+    """Direction of the body's x axis, anticlockwise from east [rad]."""
+    road_wheel_rad: float
+    """Mean angle of the front wheels, left positive [rad]."""
+    wheel_spin_radps: tuple[float, float, float, float]
+    """Spin of the wheels [rad/s]: front left, front right, rear left, rear right."""
+    wheel_travel_m: tuple[float, float, float, float]
+    """Compression of the suspension from rest [m], same order."""
+    wheel_load_n: tuple[float, float, float, float]
+    """Normal forces of the tyres [N], same order."""
+    is_braking: bool
+    """Whether the brake lights are lit."""
+
+
+class EgoCar:
+    """The ego's body, suspension, tyres and motor in a `PhysicsWorld`; one car per world.
+
+    Call `reset` first. The same calls in the same order give the same bytes.
+
+    Args:
+        world: Where it drives.
+        params: Its numbers.
+    """
+
+    def __init__(self, world: PhysicsWorld, params: VehicleParams | None = None) -> None:
+        self._world = world
+        self._params = p = params if params is not None else VehicleParams()
+        self._offset = (-p.cog_x_m, 0.0, -p.cog_z_m)
+        self._powertrain = Powertrain(p)
+        self._wheels = tuple(
+            Wheel(p, is_front=front, is_left=left) for front in (True, False) for left in (True, False)
+        )
+        self._body = -1
+        self._steer_rad = 0.0
+        self._is_braking = False
+        self._motion: BodyMotion = (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) + (0.0,) * 6
+        self._quat: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
+        self._touched: dict[int | None, tuple[float, float, Point]] = {}
+
+    @property
+    def params(self) -> VehicleParams:
+        """Numbers of the car."""
+        return self._params
+
+    def reset(self, position_m: ArrayLike, heading_rad: float) -> EgoState:
+        """Put the car on the road and let it settle on its springs, handbrake on.
+
+        Args:
+            position_m: Where `base_link` shall be [m], world, shape (3,); the road is sought from
+                2 m above it to 4 m below it.
+            heading_rad: Direction to face, anticlockwise from east [rad].
+
+        Raises:
+            ConfigError: there is no road under one of the wheels.
+        """
+        wanted = np.asarray(position_m, dtype=np.float64)
+        base, quat = self._place_on_road(wanted, float(heading_rad))
+        com = base + geometry.quat_rotate(quat, [-o for o in self._offset])
+        self._world.clear_actors()
+        self._renew_body(com, quat)
+        self._powertrain.release()
+        self._steer_rad = 0.0
+        for wheel in self._wheels:
+            wheel.settle(0.0)
+        self._read()
+        for _ in range(_SETTLE_TICKS):
+            self.tick(_PARKED)
+        self._touched.clear()
+        return self.state()
+
+    def tick(self, controls: Controls) -> None:
+        """Advance the car and its world by 5 ms.
+
+        Raises:
+            ActionError: a control is not finite or out of range; nothing has moved then.
+        """
+        controls.checked()
+        p = self._params
+        m = self._motion
+        wheels = self._wheels
+        self._turn_wheels(controls.steer)
+        self._powertrain.update(controls, m[12])
+        slowing_n = -self._powertrain.motor_n if m[12] > 0.0 else self._powertrain.motor_n
+        self._is_braking = controls.brake > 0.0 or slowing_n > _BRAKE_LIGHT_MPS2 * p.mass_kg
+        starts: list[Point] = []
+        ends: list[Point] = []
+        for wheel in wheels:
+            wheel.add_rays(m, starts, ends)
+        hits = self._world.cast_down(starts, ends)
+        self._update_wheels(hits)
+        self._push()
+        self._world.step()
+        self._read()
+        self._note_contacts()
+
+    def state(self) -> EgoState:
+        """State after the last tick."""
+        px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, wx, wy, wz = self._motion
+        ox, oy, oz = self._offset
+        bx, by, bz = vx + wy * oz - wz * oy, vy + wz * ox - wx * oz, vz + wx * oy - wy * ox
+        fl, fr, rl, rr = self._wheels
+        return EgoState(
+            position_m=np.array(
+                (
+                    px + r11 * ox + r12 * oy + r13 * oz,
+                    py + r21 * ox + r22 * oy + r23 * oz,
+                    pz + r31 * ox + r32 * oy + r33 * oz,
+                )
+            ),
+            quat_xyzw=np.array(self._quat),
+            velocity_world_mps=np.array(
+                (
+                    r11 * bx + r12 * by + r13 * bz,
+                    r21 * bx + r22 * by + r23 * bz,
+                    r31 * bx + r32 * by + r33 * bz,
+                )
+            ),
+            omega_body_radps=np.array((wx, wy, wz)),
+            speed_mps=bx,
+            heading_rad=float(np.arctan2(r21, r11)),
+            road_wheel_rad=self._steer_rad,
+            wheel_spin_radps=(fl.spin_radps, fr.spin_radps, rl.spin_radps, rr.spin_radps),
+            wheel_travel_m=(fl.travel_m, fr.travel_m, rl.travel_m, rr.travel_m),
+            wheel_load_n=(fl.load_n, fr.load_n, rl.load_n, rr.load_n),
+            is_braking=self._is_braking,
+        )
+
+    def contacts(self) -> list[Contact]:
+        """What the body touched since the last call, hardest first."""
+        found = [
+            Contact(actor_id=actor, impulse_ns=total, position_m=where)
+            for actor, (total, _, where) in self._touched.items()
+        ]
+        self._touched.clear()
+        return sorted(found, key=lambda contact: -contact.impulse_ns)
+
+    def _turn_wheels(self, steer: float) -> None:
+        p = self._params
+        most = p.wheel_rate_radps / p.steering_ratio * TICK_S
+        change = steer * p.steer_max_rad - self._steer_rad
+        self._steer_rad += max(-most, min(most, change))
+
+    def _update_wheels(self, hits: tuple[tuple[object, ...], ...]) -> None:
+        p, m, drive = self._params, self._motion, self._powertrain
+        fl, fr, rl, rr = self._wheels
+        mu = wet_at_speed(self._world.friction, m[12])
+        radius = p.wheel_radius_m - 0.02
+        # Ackermann: all wheels turn about one point on the rear axle's line.
+        slope = tan(self._steer_rad)
+        half = 0.5 * p.track_m * slope / p.wheelbase_m
+        left, right = atan(slope / (1.0 - half)), atan(slope / (1.0 + half))
+        front = 0.5 * p.brake_front * drive.brake_n * radius
+        rear = 0.5 * (1.0 - p.brake_front) * drive.brake_n * radius
+        motor = 0.5 * drive.motor_n * radius
+        if motor * m[12] < 0.0 and abs(m[12]) > 0.5:
+            # A motor that slows the car can stop a wheel, not turn it back.
+            rear, motor = rear + abs(motor), 0.0
+        bar_front = p.anti_roll_npm[0] * (fl.travel_m - fr.travel_m)
+        bar_rear = p.anti_roll_npm[1] * (rl.travel_m - rr.travel_m)
+        park = drive.handbrake_nm
+        for k, (wheel, steer, drive_nm, brake_nm, park_nm, bar) in enumerate(
+            (
+                (fl, left, 0.0, front, 0.0, bar_front),
+                (fr, right, 0.0, front, 0.0, -bar_front),
+                (rl, 0.0, motor, rear, park, bar_rear),
+                (rr, 0.0, motor, rear, park, -bar_rear),
+            )
+        ):
+            wheel.update(
+                m,
+                hits[3 * k : 3 * k + 3],
+                steer_rad=steer,
+                drive_nm=drive_nm,
+                brake_nm=brake_nm,
+                park_nm=park_nm,
+                anti_roll_n=bar,
+                mu=mu,
+            )
+
+    def _push(self) -> None:
+        p = self._params
+        px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, *_ = self._motion
+        drag = 0.5 * p.air_kgpm3 * p.drag_area_m2 * sqrt(vx * vx + vy * vy + vz * vz)
+        fx, fy, fz = -drag * vx, -drag * vy, 0.0
+        tx = ty = tz = 0.0
+        for w in self._wheels:
+            x, y, z = w.x, w.y, w.contact_z
+            wfx, wfy, wfz = w.force_x, w.force_y, w.force_spring
+            fx, fy, fz = fx + wfx, fy + wfy, fz + wfz
+            tx += y * wfz - z * wfy
+            ty += z * wfx - x * wfz
+            tz += x * wfy - y * wfx
+        # PyBullet's body has the whole mass; the springs carry the sprung part of it.
+        fz *= p.mass_kg / p.sprung_kg
+        force = (
+            r11 * fx + r12 * fy + r13 * fz,
+            r21 * fx + r22 * fy + r23 * fz,
+            r31 * fx + r32 * fy + r33 * fz,
+        )
+        torque = (
+            r11 * tx + r12 * ty + r13 * tz,
+            r21 * tx + r22 * ty + r23 * tz,
+            r31 * tx + r32 * ty + r33 * tz,
+        )
+        client = self._world.client
+        pybullet.applyExternalForce(
+            self._body, -1, force, (px, py, pz), pybullet.WORLD_FRAME, physicsClientId=client
+        )
+        pybullet.applyExternalTorque(self._body, -1, torque, pybullet.WORLD_FRAME, physicsClientId=client)
+
+    def _read(self) -> None:
+        client = self._world.client
+        (px, py, pz), quat = pybullet.getBasePositionAndOrientation(self._body, physicsClientId=client)
+        (vx, vy, vz), (wx, wy, wz) = pybullet.getBaseVelocity(self._body, physicsClientId=client)
+        x, y, z, w = quat
+        r11, r12, r13 = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+        r21, r22, r23 = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+        r31, r32, r33 = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+        self._quat = quat
+        self._motion = (
+            px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33,
+            r11 * vx + r21 * vy + r31 * vz, r12 * vx + r22 * vy + r32 * vz, r13 * vx + r23 * vy + r33 * vz,
+            r11 * wx + r21 * wy + r31 * wz, r12 * wx + r22 * wy + r32 * wz, r13 * wx + r23 * wy + r33 * wz,
+        )  # fmt: skip
+
+    def _note_contacts(self) -> None:
+        points = pybullet.getContactPoints(self._body, physicsClientId=self._world.client)
+        for point in points:
+            impulse = point[9] * TICK_S
+            if impulse <= 0.0:
+                continue
+            actor = self._world.actor_of(point[2])
+            total, hardest, where = self._touched.get(actor, (0.0, 0.0, point[5]))
+            if impulse > hardest:
+                hardest, where = impulse, point[5]
+            self._touched[actor] = (total + impulse, hardest, where)
+
+    def _renew_body(self, com_m: Array, quat_xyzw: Array) -> None:
+        """A fresh body each time: a kept one would remember its old contacts."""
+        p, client = self._params, self._world.client
+        if self._body >= 0:
+            pybullet.removeBody(self._body, physicsClientId=client)
+        low, high = np.array(p.body_min_m), np.array(p.body_max_m)
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX,
+            halfExtents=(0.5 * (high - low)).tolist(),
+            collisionFramePosition=(0.5 * (high + low) + np.array(self._offset)).tolist(),
+            physicsClientId=client,
+        )
+        self._body = pybullet.createMultiBody(
+            p.mass_kg,
+            shape,
+            basePosition=com_m.tolist(),
+            baseOrientation=quat_xyzw.tolist(),
+            physicsClientId=client,
+        )
+        pybullet.changeDynamics(
+            self._body,
+            -1,
+            localInertiaDiagonal=p.inertia_kgm2,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            lateralFriction=0.4,
+            restitution=0.0,
+            physicsClientId=client,
+        )
+        pybullet.setCollisionFilterGroupMask(
+            self._body, -1, GROUP_EGO, GROUP_STATIC | GROUP_ACTOR, physicsClientId=client
+        )
+
+    def _place_on_road(self, wanted_m: Array, heading_rad: float) -> tuple[Array, Array]:
+        """Pose of `base_link` whose four wheels touch the road."""
+        p = self._params
+        c, s = cos(heading_rad), sin(heading_rad)
+        feet = [(w.x + p.cog_x_m, w.y) for w in self._wheels]
+        ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in feet]
+        hits = self._world.cast_down(
+            [(x, y, wanted_m[2] + 2.0) for x, y in ground], [(x, y, wanted_m[2] - 4.0) for x, y in ground]
+        )
+        if any(hit[0] < 0 for hit in hits):
+            raise ConfigError(
+                f"no road under the ego at ({wanted_m[0]:.1f}, {wanted_m[1]:.1f}, {wanted_m[2]:.1f}) m; "
+                "start it on a driving lane"
+            )
+        fl, fr, rl, rr = (hit[3][2] for hit in hits)
+        forward = np.array([c * p.wheelbase_m, s * p.wheelbase_m, 0.5 * (fl + fr - rl - rr)])
+        left = np.array([-s * p.track_m, c * p.track_m, 0.5 * (fl + rl - fr - rr)])
+        x_axis = forward / np.sqrt(np.sum(forward * forward))
+        up = geometry.cross(x_axis, left)
+        up = up / np.sqrt(np.sum(up * up))
+        R = np.stack([x_axis, geometry.cross(up, x_axis), up], axis=-1)
+        base = np.array([wanted_m[0], wanted_m[1], 0.5 * (rl + rr)])
+        return base, geometry.matrix_to_quat(R)

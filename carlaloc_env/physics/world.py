@@ -1,0 +1,172 @@
+"""The collision world: the town as a concave mesh and a pool of boxes for nearby actors."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import pybullet
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.clock import TICK_S
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.physics.actor_pool import ActorPool
+from carlaloc_env.physics.params import GRAVITY_MPS2
+from carlaloc_env.timeline import ActorCatalog, ActorFrame
+
+GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4
+"""Collision groups; actors touch nothing but the ego, wheel rays see nothing but the town."""
+_MESH_TRIANGLES = 100_000
+_CONTACT_ERP = 0.05
+
+Point = tuple[float, float, float]
+
+
+class PhysicsWorld:
+    """One PyBullet server of its own, in this process, stepped at 200 Hz.
+
+    Args:
+        collision_vertices_m: Corners of the drivable surface, kerbs and obstacles [m], world, (V, 3).
+        collision_triangles: Corner indices, shape (T, 3).
+        friction: Factor on the tyre friction, 1 = dry asphalt.
+
+    Raises:
+        ConfigError: the mesh is empty, not finite or has wrong indices.
+    """
+
+    def __init__(
+        self, collision_vertices_m: ArrayLike, collision_triangles: ArrayLike, *, friction: float = 1.0
+    ) -> None:
+        vertices = np.asarray(collision_vertices_m, dtype=np.float64)
+        triangles = np.asarray(collision_triangles, dtype=np.int64)
+        _check_mesh(vertices, triangles)
+        self.set_friction(friction)
+        self._client: int = pybullet.connect(pybullet.DIRECT)
+        self._is_open = True
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=TICK_S,
+            numSubSteps=1,
+            numSolverIterations=50,
+            contactERP=_CONTACT_ERP,
+            deterministicOverlappingPairs=1,
+            physicsClientId=self._client,
+        )
+        pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self._client)
+        for part in _mesh_parts(vertices, triangles):
+            self._add_static(vertices, part)
+        self._actors = ActorPool(self._client, GROUP_ACTOR, GROUP_EGO)
+
+    @property
+    def client(self) -> int:
+        """PyBullet's id of this world."""
+        return self._client
+
+    @property
+    def friction(self) -> float:
+        """Factor on the tyre friction, 1 = dry asphalt."""
+        return self._friction
+
+    def set_friction(self, mu_factor: float) -> None:
+        """Make the road slippery: 1 dry, 0.75 wet, 0.4 standing water, 0.3 snow, 0.1 ice.
+
+        Raises:
+            ConfigError: the factor is not in (0, 1.5].
+        """
+        if not 0.0 < mu_factor <= 1.5:
+            raise ConfigError(f"friction factor is {mu_factor}; give a number above 0, at most 1.5 (1 = dry)")
+        self._friction = float(mu_factor)
+
+    def set_actors(
+        self,
+        frame: ActorFrame,
+        catalog: ActorCatalog,
+        near_m: ArrayLike,
+        following: ActorFrame | None = None,
+    ) -> None:
+        """Place boxes for the actors around a point; call it once per 50 ms step.
+
+        Args:
+            frame: State of all actors now.
+            catalog: Who they are.
+            near_m: Point [m], world, usually the ego's position, shape (3,).
+            following: State one step later; without it actors keep their speed until the next call.
+        """
+        self._actors.place(frame, catalog, np.asarray(near_m, dtype=np.float64), following)
+
+    def clear_actors(self) -> None:
+        """Take all actors away."""
+        self._actors.clear()
+
+    def actor_of(self, body: int) -> int | None:
+        """Instance id of the actor that a PyBullet body stands for, None for the town."""
+        return self._actors.actor_of(body)
+
+    def cast_down(self, starts_m: list[Point], ends_m: list[Point]) -> Any:
+        """Rays against the town alone: PyBullet's tuples (body, link, fraction, position, normal)."""
+        return pybullet.rayTestBatch(
+            starts_m, ends_m, collisionFilterMask=GROUP_STATIC, physicsClientId=self._client
+        )
+
+    def step(self) -> None:
+        """Advance by one tick."""
+        self._actors.advance()
+        pybullet.stepSimulation(physicsClientId=self._client)
+
+    def close(self) -> None:
+        """Free the PyBullet server; may be called twice."""
+        if self._is_open:
+            self._is_open = False
+            pybullet.disconnect(physicsClientId=self._client)
+
+    def __enter__(self) -> PhysicsWorld:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _add_static(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
+        used, index = np.unique(triangles, return_inverse=True)
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_MESH,
+            vertices=vertices[used].tolist(),
+            indices=index.ravel().tolist(),
+            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH | pybullet.GEOM_CONCAVE_INTERNAL_EDGE,
+            physicsClientId=self._client,
+        )
+        body = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
+        pybullet.changeDynamics(body, -1, lateralFriction=0.4, restitution=0.0, physicsClientId=self._client)
+        # PyBullet's rays belong to group 1 and must be in the mask of what they shall hit.
+        pybullet.setCollisionFilterGroupMask(
+            body, -1, GROUP_STATIC, GROUP_STATIC | GROUP_EGO, physicsClientId=self._client
+        )
+
+
+def _check_mesh(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
+    shaped = vertices.ndim == 2 and vertices.shape[1:] == (3,) and triangles.shape[1:] == (3,)
+    if not shaped or len(triangles) == 0:
+        raise ConfigError(
+            f"collision mesh has vertices {vertices.shape} and triangles {triangles.shape}; "
+            "give (V, 3) and (T, 3)"
+        )
+    if not np.isfinite(vertices).all():
+        raise ConfigError("collision mesh has vertices that are not finite; rebuild the town")
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise ConfigError("collision mesh has triangle indices outside its vertices; rebuild the town")
+
+
+def _mesh_parts(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Compact parts that PyBullet's message buffer can carry; one part for a usual town."""
+    if len(triangles) <= _MESH_TRIANGLES:
+        return [triangles]
+    centre = vertices[triangles].mean(axis=1)
+    axis = int(np.argmax(np.ptp(centre[:, :2], axis=0)))
+    order = np.argsort(centre[:, axis], kind="stable")
+    half = len(order) // 2
+    return [
+        part
+        for side in (order[:half], order[half:])
+        for part in _mesh_parts(vertices, triangles[np.sort(side)])
+    ]
