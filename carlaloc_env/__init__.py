@@ -1,3 +1,23 @@
-"""CarlaLoc: a driving world, a SLAM sensor suite and a dataset factory."""
+"""CarlaLoc: a driving world, a SLAM sensor suite and a dataset factory.
+
+Importing the package registers its Gymnasium environments and starts nothing.
+"""
+
+from gymnasium.envs.registration import register
 
 __version__ = "0.1.0"
+
+TOWNS = ("Town03",)
+"""Towns that come with the package, each as `CarlaLoc-<town>-v0`."""
+
+_ENTRY_POINT = "carlaloc_env.env:CarlaLocEnv"
+_STEPS = 12_000
+
+register(id="CarlaLoc-v0", entry_point=_ENTRY_POINT, max_episode_steps=_STEPS)
+for _town in TOWNS:
+    register(
+        id=f"CarlaLoc-{_town}-v0",
+        entry_point=_ENTRY_POINT,
+        max_episode_steps=_STEPS,
+        kwargs={"map": _town},
+    )

@@ -17,8 +17,8 @@ from carlaloc_env.clock import STEP_NS, STEP_TICKS, stamp_ns
 from carlaloc_env.controls import Controls
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.errors import ConfigError
-from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road_ahead import RoadAhead
 from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
@@ -122,7 +122,7 @@ class DrivingWorld:
         self.state = self._ego.state()
         self.timeline.ego.append(self.state.position_m, self.state.quat_xyzw)
         self._tell_tick(controls)
-        contacts = self._physics.contacts()
+        contacts = self._ego.contacts()
         if self._listener is not None:
             for contact in contacts:
                 self._listener.on_contact(self._tick, contact)

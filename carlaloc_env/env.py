@@ -1,0 +1,209 @@
+"""The Gymnasium environment: a town to drive in, a sensor rig to see it with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.assets.placing import place_actors, place_signals
+from carlaloc_env.clock import STEP_TICKS
+from carlaloc_env.controls import Controls
+from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.errors import ActionError, ConfigError, unknown_name
+from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
+from carlaloc_env.observation import Observation, Observer
+from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.presets import rig_by_name
+from carlaloc_env.rig import SensorRig
+from carlaloc_env.samples import Sample
+from carlaloc_env.scene import concatenate_instances
+from carlaloc_env.sensors.truth import truth_at
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.traffic.world import traffic_of_town
+from carlaloc_env.weather import WeatherParameters, weather_by_name
+
+KEEP_NS = 2_000_000_000
+"""How much of the past a live run keeps [ns]."""
+CRASH_IMPULSE_NS = 1500.0
+"""Impulse of a touch that ends the episode [N s]: 0.8 m/s of the ego's 1850 kg."""
+LOST_OFFSET_M = 12.0
+"""Distance from the route at which the episode ends [m]."""
+
+
+class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+    """Drive a car through a town among traffic, seen by a SLAM sensor suite.
+
+    ## Description
+    One step is 50 ms, ten ticks of 5 ms. The car begins at rest at the start of the town's route.
+
+    ## Action Space
+    `Box(5,)`, float32:
+
+    | index | meaning | range |
+    |---|---|---|
+    | 0 | steering, full right −1 to full left +1 | −1…1 |
+    | 1 | throttle pedal | 0…1 |
+    | 2 | brake pedal | 0…1 |
+    | 3 | reverse gear if above 0.5 | 0…1 |
+    | 4 | handbrake if above 0.5 | 0…1 |
+
+    ## Observation Space
+    `Dict` of the rig's streams (`rgb_left`, `depth_left`, `semantic_left`, … `lidar`, `lidar_semantic`,
+    `imu` (10, 6), `gnss`, `speed`), the newest sample of each; zeros until the first one. Point
+    clouds are padded; `<stream>_count` tells how many rows are real. Units and frames: docs/conventions.md.
+
+    ## Rewards
+    Metres gained along the route, less 0.05 per metre of distance from it, less 50 for a crash.
+
+    ## Starting State
+    At rest, at the start of the route, traffic run in for 10 s. The reset's seed decides the traffic
+    and all noise.
+
+    ## Episode End
+    Terminated by a crash (impulse above 1500 N s), by leaving the route by more than 12 m, or at the
+    end of the route. `gym.make` truncates after 12 000 steps (10 min).
+
+    ## Arguments
+    | name | meaning | default |
+    |---|---|---|
+    | `map` | town, or path of an OpenDRIVE file | `"Town03"` |
+    | `rig` | `"paper"`, `"flu"`, `"minimal"`, `"lidar"`, `"state"`, a YAML file or a `SensorRig` | `"paper"` |
+    | `weather` | name of a preset or `WeatherParameters` | `"ClearNoon"` |
+    | `traffic` | `"dynamic"`, `"static"` or a fraction of the town's traffic | `"dynamic"` |
+    | `quality` | `"low"`, `"medium"`, `"high"`: effort per picture | `"medium"` |
+    | `render_mode` | `"rgb_array"`: a 640×360 picture from the driver's seat | `None` |
+
+    ## Version History
+    * v0: first version.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}  # type: ignore[misc]
+
+    def __init__(
+        self,
+        map: str | Path = "Town03",
+        rig: str | Path | SensorRig = "paper",
+        weather: str | WeatherParameters = "ClearNoon",
+        traffic: str | float = "dynamic",
+        quality: str = "medium",
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ConfigError(unknown_name("render mode", str(render_mode), self.metadata["render_modes"]))
+        self.render_mode = render_mode
+        self.rig_config = rig if isinstance(rig, SensorRig) else rig_by_name(rig)
+        self.weather = weather if isinstance(weather, WeatherParameters) else weather_by_name(weather)
+        self.town = load_town(map)
+        self.world = DrivingWorld(self.town, traffic_of_town(self.town, traffic, 0))
+        self.stage = SensorStage(self.town, seed=0, weather=self.weather, quality=quality)
+        self._rig = self.rig_config.build(self.stage)
+        self._observer = Observer(self._rig)
+        self.observation_space = self._observer.space
+        self.action_space = spaces.Box(
+            np.array([-1, 0, 0, 0, 0], np.float32), np.ones(5, np.float32), dtype=np.float32
+        )
+        self._began = False
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin a new drive; the same seed gives the same drive.
+
+        Args:
+            seed: Seed of traffic and noise; a fresh one is drawn from the last when left out.
+            options: None are known.
+        """
+        super().reset(seed=seed)
+        drive_seed = int(self.np_random.integers(2**31))
+        self.stage.seed = drive_seed
+        self._rig = self.rig_config.build(self.stage)
+        self._observer.reset()
+        self.world.reset(drive_seed)
+        self._began = True
+        samples = self._rig.measure(self.world.timeline, -1, 0)
+        return self._observer.observe(samples), self._info(samples, [])
+
+    def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for 50 ms.
+
+        Raises:
+            ActionError: the action is not finite, out of range or of the wrong shape; nothing has moved.
+        """
+        if not self._began:
+            raise ActionError("step before reset; call reset() first")
+        controls = controls_of(action)
+        before_ns, before_m = self.world.now_ns, self.world.route_s_m
+        contacts = [contact for _ in range(STEP_TICKS) for contact in self.world.tick(controls)]
+        samples = self._rig.measure(self.world.timeline, before_ns, self.world.now_ns)
+        self.world.forget_before(self.world.now_ns - KEEP_NS)
+        crashed = any(contact.impulse_ns > CRASH_IMPULSE_NS for contact in contacts)
+        offset_m = abs(self.world.route_offset_m)
+        arrived = self.world.route_s_m >= self.world.route.length_m - 0.5
+        reward = self.world.route_s_m - before_m - 0.05 * offset_m - 50.0 * crashed
+        terminated = crashed or offset_m > LOST_OFFSET_M or arrived
+        return self._observer.observe(samples), reward, terminated, False, self._info(samples, contacts)
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """A 640×360 picture from the driver's seat, sRGB (360, 640, 3), in `render_mode` rgb_array."""
+        if self.render_mode != "rgb_array":
+            return None
+        timeline, now = self.world.timeline, self.world.now_ns
+        library = self.stage.library
+        renderer = self.stage.renderer()
+        instances = concatenate_instances(
+            [
+                place_actors(timeline.catalog, timeline.actors_at(now), library),
+                place_signals(self.stage.lenses, timeline.signals_at(now), library),
+            ]
+        )
+        T_world_base = timeline.ego_motion([now]).T_world_frame[0]
+        picture = renderer.draw(Pinhole.from_fov(640, 360, 90.0), T_world_base @ _T_BASE_SEAT, instances)
+        return renderer.shade(picture, self.weather, stamp_ns=now, seed=self.stage.seed)
+
+    def close(self) -> None:
+        """Give physics and GPU memory back."""
+        self.world.close()
+        self.stage.close()
+
+    def _info(self, samples: list[Sample], contacts: list[Contact]) -> dict[str, Any]:
+        timeline, now = self.world.timeline, self.world.now_ns
+        return {
+            "samples": samples,
+            "truth": truth_at(timeline, [now], np.eye(4))[0],
+            "stamp_ns": now,
+            "route_s_m": self.world.route_s_m,
+            "route_offset_m": self.world.route_offset_m,
+            "contacts": contacts,
+        }
+
+
+_T_BASE_SEAT = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.03, 0.0)) @ R_FLU_OPTICAL, (1.8, 0.0, 1.65))
+
+
+def controls_of(action: ArrayLike) -> Controls:
+    """Controls of an action vector (5,): steer, throttle, brake, reverse, handbrake.
+
+    Raises:
+        ActionError: not five finite numbers in range.
+    """
+    try:
+        values = np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ActionError(f"action {action!r} is not numeric; give 5 numbers") from error
+    if values.shape != (5,):
+        raise ActionError(
+            f"action of shape {values.shape}; give 5 numbers: steer, throttle, brake, reverse, handbrake"
+        )
+    for name, value in zip(("reverse", "handbrake"), values[3:], strict=True):
+        if not 0.0 <= value <= 1.0:
+            raise ActionError(f"{name} is {value}; give a finite number from 0 to 1")
+    controls = Controls(steer=float(values[0]), throttle=float(values[1]), brake=float(values[2]))
+    return replace(controls, reverse=bool(values[3] > 0.5), handbrake=bool(values[4] > 0.5)).checked()

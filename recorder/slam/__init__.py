@@ -1,0 +1,1 @@
+"""SLAM systems, run over sequences."""
