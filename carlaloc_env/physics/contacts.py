@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
+
+from carlaloc_env.clock import TICK_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,3 +24,31 @@ class Contact:
     def is_static(self) -> bool:
         """Whether the static town was touched."""
         return self.actor_id is None
+
+
+class ContactLog:
+    """Adds up PyBullet's contact points per thing touched until somebody asks."""
+
+    def __init__(self) -> None:
+        self._touched: dict[int | None, tuple[float, float, tuple[float, float, float]]] = {}
+
+    def add(self, points: Iterable[Any], actor_of: Callable[[int], int | None]) -> None:
+        """Take in the contact points of one tick; `actor_of` names the actor of a body."""
+        for point in points:
+            impulse = point[9] * TICK_S
+            if impulse <= 0.0:
+                continue
+            actor = actor_of(point[2])
+            total, hardest, where = self._touched.get(actor, (0.0, 0.0, point[5]))
+            if impulse > hardest:
+                hardest, where = impulse, point[5]
+            self._touched[actor] = (total + impulse, hardest, where)
+
+    def take(self) -> list[Contact]:
+        """All contacts since the last call, hardest first."""
+        found = [
+            Contact(actor_id=actor, impulse_ns=total, position_m=where)
+            for actor, (total, _, where) in self._touched.items()
+        ]
+        self._touched.clear()
+        return sorted(found, key=lambda contact: -contact.impulse_ns)

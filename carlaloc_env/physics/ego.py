@@ -13,11 +13,10 @@ from carlaloc_env import geometry
 from carlaloc_env.clock import TICK_S
 from carlaloc_env.controls import Controls
 from carlaloc_env.errors import ConfigError
-from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain
 from carlaloc_env.physics.wheel import BodyMotion, Wheel, wet_at_speed
-from carlaloc_env.physics.world import GROUP_ACTOR, GROUP_EGO, GROUP_STATIC, PhysicsWorld, Point
+from carlaloc_env.physics.world import PhysicsWorld, Point
 
 Array = NDArray[np.float64]
 
@@ -40,6 +39,8 @@ class EgoState:
     """Body rate [rad/s], shape (3,)."""
     speed_mps: float
     """Forward speed of `base_link` [m/s], negative backwards."""
+    acceleration_mps2: float
+    """Rate of `speed_mps` over the last tick [m/s²]."""
     heading_rad: float
     """Direction of the body's x axis, anticlockwise from east [rad]."""
     road_wheel_rad: float
@@ -77,7 +78,7 @@ class EgoCar:
         self._is_braking = False
         self._motion: BodyMotion = (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) + (0.0,) * 6
         self._quat: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
-        self._touched: dict[int | None, tuple[float, float, Point]] = {}
+        self._speed_before_mps = 0.0
 
     @property
     def params(self) -> VehicleParams:
@@ -98,7 +99,6 @@ class EgoCar:
         wanted = np.asarray(position_m, dtype=np.float64)
         base, quat = self._place_on_road(wanted, float(heading_rad))
         com = base + geometry.quat_rotate(quat, [-o for o in self._offset])
-        self._world.clear_actors()
         self._renew_body(com, quat)
         self._powertrain.release()
         self._steer_rad = 0.0
@@ -107,7 +107,7 @@ class EgoCar:
         self._read()
         for _ in range(_SETTLE_TICKS):
             self.tick(_PARKED)
-        self._touched.clear()
+        self._world.contacts()
         return self.state()
 
     def tick(self, controls: Controls) -> None:
@@ -131,9 +131,9 @@ class EgoCar:
         hits = self._world.cast_down(starts, ends)
         self._update_wheels(hits)
         self._push()
+        self._speed_before_mps = m[12] + m[16] * self._offset[2]
         self._world.step()
         self._read()
-        self._note_contacts()
 
     def state(self) -> EgoState:
         """State after the last tick."""
@@ -159,6 +159,7 @@ class EgoCar:
             ),
             omega_body_radps=np.array((wx, wy, wz)),
             speed_mps=bx,
+            acceleration_mps2=(bx - self._speed_before_mps) / TICK_S,
             heading_rad=float(np.arctan2(r21, r11)),
             road_wheel_rad=self._steer_rad,
             wheel_spin_radps=(fl.spin_radps, fr.spin_radps, rl.spin_radps, rr.spin_radps),
@@ -166,15 +167,6 @@ class EgoCar:
             wheel_load_n=(fl.load_n, fr.load_n, rl.load_n, rr.load_n),
             is_braking=self._is_braking,
         )
-
-    def contacts(self) -> list[Contact]:
-        """What the body touched since the last call, hardest first."""
-        found = [
-            Contact(actor_id=actor, impulse_ns=total, position_m=where)
-            for actor, (total, _, where) in self._touched.items()
-        ]
-        self._touched.clear()
-        return sorted(found, key=lambda contact: -contact.impulse_ns)
 
     def _turn_wheels(self, steer: float) -> None:
         p = self._params
@@ -265,49 +257,16 @@ class EgoCar:
             r11 * wx + r21 * wy + r31 * wz, r12 * wx + r22 * wy + r32 * wz, r13 * wx + r23 * wy + r33 * wz,
         )  # fmt: skip
 
-    def _note_contacts(self) -> None:
-        points = pybullet.getContactPoints(self._body, physicsClientId=self._world.client)
-        for point in points:
-            impulse = point[9] * TICK_S
-            if impulse <= 0.0:
-                continue
-            actor = self._world.actor_of(point[2])
-            total, hardest, where = self._touched.get(actor, (0.0, 0.0, point[5]))
-            if impulse > hardest:
-                hardest, where = impulse, point[5]
-            self._touched[actor] = (total + impulse, hardest, where)
-
     def _renew_body(self, com_m: Array, quat_xyzw: Array) -> None:
-        """A fresh body each time: a kept one would remember its old contacts."""
-        p, client = self._params, self._world.client
-        if self._body >= 0:
-            pybullet.removeBody(self._body, physicsClientId=client)
+        p = self._params
         low, high = np.array(p.body_min_m), np.array(p.body_max_m)
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX,
-            halfExtents=(0.5 * (high - low)).tolist(),
-            collisionFramePosition=(0.5 * (high + low) + np.array(self._offset)).tolist(),
-            physicsClientId=client,
-        )
-        self._body = pybullet.createMultiBody(
-            p.mass_kg,
-            shape,
-            basePosition=com_m.tolist(),
-            baseOrientation=quat_xyzw.tolist(),
-            physicsClientId=client,
-        )
-        pybullet.changeDynamics(
-            self._body,
-            -1,
-            localInertiaDiagonal=p.inertia_kgm2,
-            linearDamping=0.0,
-            angularDamping=0.0,
-            lateralFriction=0.4,
-            restitution=0.0,
-            physicsClientId=client,
-        )
-        pybullet.setCollisionFilterGroupMask(
-            self._body, -1, GROUP_EGO, GROUP_STATIC | GROUP_ACTOR, physicsClientId=client
+        self._body = self._world.renew_ego(
+            mass_kg=p.mass_kg,
+            inertia_kgm2=p.inertia_kgm2,
+            half_extents_m=(0.5 * (high - low)).tolist(),
+            box_centre_m=(0.5 * (high + low) + np.array(self._offset)).tolist(),
+            position_m=com_m.tolist(),
+            quat_xyzw=quat_xyzw.tolist(),
         )
 
     def _place_on_road(self, wanted_m: Array, heading_rad: float) -> tuple[Array, Array]:

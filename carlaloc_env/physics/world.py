@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.clock import TICK_S
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.physics.actor_pool import ActorPool
+from carlaloc_env.physics.contacts import Contact, ContactLog
 from carlaloc_env.physics.params import GRAVITY_MPS2
 from carlaloc_env.timeline import ActorCatalog, ActorFrame
 
@@ -19,6 +20,7 @@ GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4
 """Collision groups; actors touch nothing but the ego, wheel rays see nothing but the town."""
 _MESH_TRIANGLES = 100_000
 _CONTACT_ERP = 0.05
+_BODY_FRICTION = 0.4
 
 Point = tuple[float, float, float]
 
@@ -56,6 +58,8 @@ class PhysicsWorld:
         for part in _mesh_parts(vertices, triangles):
             self._add_static(vertices, part)
         self._actors = ActorPool(self._client, GROUP_ACTOR, GROUP_EGO)
+        self._contacts = ContactLog()
+        self._ego_body = -1
 
     @property
     def client(self) -> int:
@@ -78,29 +82,80 @@ class PhysicsWorld:
         self._friction = float(mu_factor)
 
     def set_actors(
-        self,
-        frame: ActorFrame,
-        catalog: ActorCatalog,
-        near_m: ArrayLike,
-        following: ActorFrame | None = None,
+        self, frame: ActorFrame, catalog: ActorCatalog, following: ActorFrame | None = None
     ) -> None:
-        """Place boxes for the actors around a point; call it once per 50 ms step.
+        """Place boxes for the actors around the ego, which then move on by themselves.
 
         Args:
             frame: State of all actors now.
             catalog: Who they are.
-            near_m: Point [m], world, usually the ego's position, shape (3,).
-            following: State one step later; without it actors keep their speed until the next call.
+            following: State one 50 ms step later; without it actors keep their speed until the next call.
         """
-        self._actors.place(frame, catalog, np.asarray(near_m, dtype=np.float64), following)
+        if self._ego_body < 0 or len(frame) == 0:
+            return
+        ego, _ = pybullet.getBasePositionAndOrientation(self._ego_body, physicsClientId=self._client)
+        self._actors.place(frame, catalog, np.array(ego), following)
 
     def clear_actors(self) -> None:
         """Take all actors away."""
         self._actors.clear()
 
-    def actor_of(self, body: int) -> int | None:
-        """Instance id of the actor that a PyBullet body stands for, None for the town."""
-        return self._actors.actor_of(body)
+    def contacts(self) -> list[Contact]:
+        """What the ego's body touched since the last call, hardest first."""
+        return self._contacts.take()
+
+    def renew_ego(
+        self,
+        *,
+        mass_kg: float,
+        inertia_kgm2: Point,
+        half_extents_m: list[float],
+        box_centre_m: list[float],
+        position_m: list[float],
+        quat_xyzw: list[float],
+    ) -> int:
+        """Make the ego's body afresh, because a kept one would remember old contacts.
+
+        Args:
+            mass_kg: Mass.
+            inertia_kgm2: Moments about the centre of mass, which is the body's origin.
+            half_extents_m: Half the size of its collision box, shape (3,).
+            box_centre_m: Centre of that box from the centre of mass, body axes, shape (3,).
+            position_m: Centre of mass in the world, shape (3,).
+            quat_xyzw: Attitude, maps body to world, shape (4,).
+
+        Returns:
+            PyBullet's id of the body.
+        """
+        client = self._client
+        self._actors.clear()
+        if self._ego_body >= 0:
+            pybullet.removeBody(self._ego_body, physicsClientId=client)
+        shape = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX,
+            halfExtents=half_extents_m,
+            collisionFramePosition=box_centre_m,
+            physicsClientId=client,
+        )
+        body: int = pybullet.createMultiBody(
+            mass_kg, shape, basePosition=position_m, baseOrientation=quat_xyzw, physicsClientId=client
+        )
+        pybullet.changeDynamics(
+            body,
+            -1,
+            localInertiaDiagonal=inertia_kgm2,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            lateralFriction=_BODY_FRICTION,
+            restitution=0.0,
+            physicsClientId=client,
+        )
+        pybullet.setCollisionFilterGroupMask(
+            body, -1, GROUP_EGO, GROUP_STATIC | GROUP_ACTOR, physicsClientId=client
+        )
+        self._ego_body = body
+        self._contacts.take()
+        return body
 
     def cast_down(self, starts_m: list[Point], ends_m: list[Point]) -> Any:
         """Rays against the town alone: PyBullet's tuples (body, link, fraction, position, normal)."""
@@ -112,6 +167,9 @@ class PhysicsWorld:
         """Advance by one tick."""
         self._actors.advance()
         pybullet.stepSimulation(physicsClientId=self._client)
+        points = pybullet.getContactPoints(self._ego_body, physicsClientId=self._client)
+        if points:
+            self._contacts.add(points, self._actors.actor_of)
 
     def close(self) -> None:
         """Free the PyBullet server; may be called twice."""
@@ -137,7 +195,9 @@ class PhysicsWorld:
             physicsClientId=self._client,
         )
         body = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
-        pybullet.changeDynamics(body, -1, lateralFriction=0.4, restitution=0.0, physicsClientId=self._client)
+        pybullet.changeDynamics(
+            body, -1, lateralFriction=_BODY_FRICTION, restitution=0.0, physicsClientId=self._client
+        )
         # PyBullet's rays belong to group 1 and must be in the mask of what they shall hit.
         pybullet.setCollisionFilterGroupMask(
             body, -1, GROUP_STATIC, GROUP_STATIC | GROUP_EGO, physicsClientId=self._client
