@@ -1,0 +1,74 @@
+"""Samples refuse wrong types and shapes, and every field says its unit or shape."""
+
+import ast
+import dataclasses
+import inspect
+
+import numpy as np
+import pytest
+
+from carlaloc_env import samples
+
+
+def cloud(**changes: object) -> samples.PointCloud:
+    values: dict[str, object] = {
+        "sensor": "lidar",
+        "frame_id": "lidar",
+        "stamp_ns": 0,
+        "points_xyz_m": np.zeros((4, 3), np.float32),
+        "intensity": np.zeros(4, np.float32),
+        "ring": np.zeros(4, np.uint16),
+        "offset_ns": np.zeros(4, np.uint32),
+        "sweep_ns": 50_000_000,
+    }
+    return samples.PointCloud(**{**values, **changes})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"points_xyz_m": np.zeros((4, 3))},
+        {"points_xyz_m": np.zeros((4, 2), np.float32)},
+        {"ring": np.zeros(3, np.uint16)},
+        {"ring": np.zeros(4, np.int64)},
+        {"tag": np.zeros(5, np.uint8)},
+        {"instance": np.zeros(4, np.uint8)},
+        {"cos_incidence": np.zeros(4)},
+    ],
+)
+def test_wrong_dtype_or_shape_is_refused(wrong: dict[str, object]) -> None:
+    cloud()
+    with pytest.raises(ValueError, match=f"PointCloud.{next(iter(wrong))}"):
+        cloud(**wrong)
+
+
+def test_wrong_pictures_and_vectors_are_refused() -> None:
+    head = {"sensor": "s", "frame_id": "f", "stamp_ns": 0}
+    with pytest.raises(ValueError, match=r"Image\.rgb"):
+        samples.Image(**head, rgb=np.zeros((4, 4), np.uint8))
+    with pytest.raises(ValueError, match=r"DepthImage\.depth_m"):
+        samples.DepthImage(**head, depth_m=np.zeros((4, 4)))
+    with pytest.raises(ValueError, match=r"Imu\.angular_rate_radps"):
+        samples.Imu(**head, specific_force_mps2=np.zeros(3), angular_rate_radps=np.zeros(4))
+
+
+def test_samples_are_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        cloud().stamp_ns = 1  # type: ignore[misc]
+
+
+def test_every_field_names_its_unit_or_shape() -> None:
+    """A number without a unit, or an array without a shape, is a doc bug."""
+    missing = []
+    for node in ast.parse(inspect.getsource(samples)).body:
+        if not isinstance(node, ast.ClassDef):
+            continue
+        for field, doc in zip(node.body, node.body[1:], strict=False):
+            if not isinstance(field, ast.AnnAssign):
+                continue
+            name, kind = ast.unparse(field.target), ast.unparse(field.annotation)
+            text = ast.unparse(doc) if isinstance(doc, ast.Expr) else ""
+            needed = bool(text) if kind.split(" ")[0] in ("str", "bool") else "[" in text or "shape" in text
+            if not needed or ("NDArray" in kind and "shape" not in text):
+                missing.append(f"{node.name}.{name}")
+    assert missing == []
