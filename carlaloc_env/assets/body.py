@@ -1,0 +1,277 @@
+"""Car bodies lofted through cross-sections: bonnet, greenhouse, wheel arches, nose and tail."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.assets.shapes import Look, crease, grid_triangles, mirrored, project
+from carlaloc_env.materials import Material
+from carlaloc_env.scene import Mesh, make_mesh, merge
+from carlaloc_env.semantics import Tag
+
+Array = NDArray[np.float64]
+Points = tuple[tuple[float, float], ...]
+
+DARK = (9, 9, 10)
+"""Linear tint of black trim."""
+_ROWS = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyShape:
+    """Lines of a body; `d` is the distance from the nose [m], z the height over ground [m]."""
+
+    length_m: float
+    width_m: float
+    top: Points
+    """Upper outline in the middle of the car, (d, z)."""
+    belt: Points
+    """Lower edge of the side windows, (d, z)."""
+    cowl_d: float
+    """Foot of the windscreen."""
+    roof_front_d: float
+    """Head of the windscreen."""
+    roof_rear_d: float
+    """Head of the rear window."""
+    deck_d: float
+    """Foot of the rear window; equal to `roof_rear_d` without one."""
+    windows: tuple[tuple[float, float], ...]
+    """Side windows, (from d, to d)."""
+    axles_d: tuple[float, ...]
+    tyre_m: float
+    """Diameter of the tyres."""
+    clearance_m: float = 0.16
+    tumblehome: float = 0.36
+    """Tangent of the side windows' lean."""
+    nose_bow_m: float = 0.22
+    tail_bow_m: float = 0.10
+    screen_bow_m: float = 0.14
+    plan: Points = ((0.0, 0.84), (0.12, 0.91), (0.45, 0.97), (1.1, 1.0))
+    """Half width near the nose as a share of the greatest, (d, share)."""
+    plan_rear: Points = ((0.0, 0.88), (0.10, 0.94), (0.5, 0.98), (1.0, 1.0))
+    """The same near the tail, (distance from the tail, share)."""
+    nose_low: float = 0.10
+    """How much the bumper's lower edge rises at nose and tail [m]."""
+    arch_m: float = 0.07
+    """Gap between tyre and arch."""
+    cladding: bool = False
+    """Whether sills and arches are unpainted plastic."""
+    bed: tuple[float, float, float] | None = None
+    """Open load bed (from d, to d, floor height) of a pick-up."""
+
+
+def loft_body(shape: BodyShape, tag: Tag, paint: Look | None = None) -> Mesh:
+    """Painted shell with windows; nose at +x, centred on its box, closed."""
+    paint = paint or Look(Material.CAR_PAINT, tag)
+    d = _stations(shape)
+    grid = _sections(shape, d)
+    left = _skin(shape, d, grid, paint, tag)
+    caps = [_cap(grid[0], shape.nose_bow_m, 1.0, paint), _cap(grid[-1], shape.tail_bow_m, -1.0, paint)]
+    return crease(merge([left, mirrored(left), *caps]), 38.0)
+
+
+def _stations(shape: BodyShape) -> Array:
+    length = shape.length_m
+    key = [0.0, 0.05, 0.14, 0.32, length - 0.05, length - 0.14, length - 0.32, length]
+    key += [shape.cowl_d, shape.roof_front_d, shape.roof_rear_d, shape.deck_d]
+    key += [p[0] for p in shape.top]
+    key += [edge for window in shape.windows for edge in window]
+    if shape.bed is not None:
+        key += [shape.bed[0], shape.bed[0] + 0.01, shape.bed[1] - 0.01, shape.bed[1]]
+    radius = 0.5 * shape.tyre_m + shape.arch_m
+    arch = radius * np.array([-1.01, -1.0, -0.94, -0.8, -0.58, -0.3, 0.0, 0.3, 0.58, 0.8, 0.94, 1.0, 1.01])
+    fixed = np.unique(np.round(np.concatenate([key, *(axle + arch for axle in shape.axles_d)]), 4))
+    fixed = fixed[(fixed >= 0.0) & (fixed <= length)]
+    gaps = [
+        np.linspace(a, b, int(np.ceil((b - a) / 0.5)) + 1)[:-1]
+        for a, b in zip(fixed[:-1], fixed[1:], strict=True)
+    ]
+    return np.concatenate([*gaps, fixed[-1:]])
+
+
+def _sections(shape: BodyShape, d: Array) -> Array:
+    """Left half of every cross-section from the bottom centre to the top centre, shape (K, 10, 3)."""
+    tail = shape.length_m - d
+    top = _line(shape.top, d)
+    belt = np.minimum(_line(shape.belt, d), top - 0.045)
+    half = 0.5 * shape.width_m * np.minimum(_line(shape.plan, d), _line(shape.plan_rear, tail))
+    lift = shape.nose_low * (np.clip(1 - d / 0.4, 0, 1) ** 2 + np.clip(1 - tail / 0.4, 0, 1) ** 2)
+    bottom = shape.clearance_m + lift
+    upper = top - belt
+    shoulder = belt - np.minimum(0.07, 0.2 * (belt - bottom))
+    sill = bottom + 0.3 * (shoulder - bottom)
+    waist = bottom + 0.68 * (shoulder - bottom)
+    y_belt = 0.955 * half
+    y_glass = y_belt - np.maximum(shape.tumblehome * 0.84 * upper, 0.05)
+    y_rail = y_glass - np.maximum(0.05, 0.10 * np.minimum(upper, 0.5))
+    zero = np.zeros_like(d)
+    y = np.stack([zero, 0.86 * half, 0.975 * half, half, 0.99 * half, y_belt, y_glass, y_rail, 0.55 * y_rail, zero], -1)
+    z = np.stack(
+        [
+            bottom, bottom, sill, waist, shoulder, belt,
+            belt + 0.84 * upper, belt + 0.945 * upper, belt + 0.985 * upper, top,
+        ],
+        axis=-1,
+    )  # fmt: skip
+    if shape.bed is not None:
+        inside = (d > shape.bed[0]) & (d < shape.bed[1])
+        z[inside, 6] = belt[inside]
+        z[inside, 7:] = shape.bed[2]
+        y[inside, 6] = y_belt[inside] - 0.07
+        y[inside, 7] = y[inside, 6] - 0.01
+    radius = 0.5 * shape.tyre_m + shape.arch_m
+    for axle in shape.axles_d:
+        inside = np.abs(d - axle) <= radius + 1e-6
+        height = 0.5 * shape.tyre_m + np.sqrt(np.maximum(radius**2 - (d - axle) ** 2, 0.0))
+        z[inside, :5] = np.maximum(z[inside, :5], height[inside, None])
+    z[:, :5] = np.minimum(z[:, :5], (belt - 0.01)[:, None])
+    x = 0.5 * shape.length_m - d[:, None] - _bow(shape, d, y, half)
+    return np.stack([x, y, z], axis=-1)
+
+
+def _bow(shape: BodyShape, d: Array, y: Array, half: Array) -> Array:
+    """How far the sides lie behind the middle: rounded nose, screens and tail in plan."""
+    share = (y / half[:, None]) ** 2
+    nose = shape.nose_bow_m * np.clip(1 - d / 0.9, 0, 1)
+    tail = shape.tail_bow_m * np.clip(1 - (shape.length_m - d) / 0.9, 0, 1)
+    screen = np.interp(
+        d,
+        [shape.cowl_d - 0.35, shape.cowl_d, shape.roof_front_d, shape.roof_front_d + 0.35],
+        [0.0, shape.screen_bow_m, 0.6 * shape.screen_bow_m, 0.0],
+    )
+    upper = np.arange(_ROWS) >= 7
+    return (nose - tail)[:, None] * share + np.where(upper, screen[:, None] * (share - 1) * 0.7, 0.0)
+
+
+def _skin(shape: BodyShape, d: Array, grid: Array, paint: Look, tag: Tag) -> Mesh:
+    """Left half of the shell, each cell with the material of its place."""
+    middle = 0.5 * (d[:-1] + d[1:])
+    glazed = np.zeros(len(middle), dtype=bool)
+    for first, last in shape.windows:
+        glazed |= (middle > first) & (middle < last)
+    cabin = bool(shape.windows)
+    span = (middle > shape.windows[0][0]) & (middle < shape.windows[-1][1]) if cabin else glazed
+    screen = (middle > shape.cowl_d) & (middle < shape.roof_front_d)
+    rear = (middle > shape.roof_rear_d) & (middle < shape.deck_d)
+    part = np.zeros((len(middle), _ROWS - 1), dtype=np.int64)
+    part[:, 0] = 1
+    if shape.cladding:
+        part[:, 1] = 1
+    part[:, 5] = np.where(glazed, 2, np.where(span, 1, 0))
+    part[:, 7:] = np.where(screen | rear, 2, 0)[:, None]
+    if shape.bed is not None:
+        bed = (middle > shape.bed[0]) & (middle < shape.bed[1])
+        part[:, 6:] = np.where(bed[:, None], 1, part[:, 6:])
+    # From nose to tail, and from the bottom up along the left side: anticlockwise from outside when reversed.
+    cells = grid_triangles(len(d), _ROWS)[:, ::-1]
+    owner = np.tile(part.ravel(), 2)
+    looks = (paint, Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag))
+    flat = grid.reshape(-1, 3)
+    return merge(
+        [
+            make_mesh(
+                flat, cells[owner == k], material=look.material, tag=tag, uv_m=flat[:, [0, 2]], colour=look.colour
+            )
+            for k, look in enumerate(looks)
+        ]
+    )
+
+
+def _cap(section: Array, bow_m: float, facing: float, paint: Look) -> Mesh:
+    """Front or rear wall between the left and right half of the last section."""
+    share = np.array([1.0, 0.66, 0.33, 0.0, -0.33, -0.66, -1.0])
+    rows = section[1:]
+    half = max(float(np.abs(rows[:, 1]).max()), 1e-6)
+    points = np.repeat(rows[:, None], len(share), axis=1)
+    points[..., 1] = rows[:, 1:2] * share
+    change = (points[..., 1] / half) ** 2 - (rows[:, 1:2] / half) ** 2
+    points[..., 0] -= facing * bow_m * change
+    order = grid_triangles(len(rows), len(share))
+    flat = points.reshape(-1, 3)
+    return make_mesh(
+        flat,
+        order[:, ::-1] if facing > 0 else order,
+        material=paint.material,
+        tag=paint.tag,
+        uv_m=flat[:, 1:],
+        colour=paint.colour,
+    )
+
+
+def _line(points: Points, d: Array) -> Array:
+    xs, zs = np.array(points, dtype=np.float64).T
+    return np.interp(d, xs, zs)
+
+
+class Decals:
+    """Thin parts laid onto a body: lamps, plates, seams, handles."""
+
+    def __init__(self, body: Mesh, lift_m: float = 0.008) -> None:
+        self._body = body
+        self._lift_m = lift_m
+        self.meshes: list[Mesh] = []
+
+    def front(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
+        """Patch on the nose; corners (y, z) from low y, low z on, anticlockwise, shape (4, 2)."""
+        self._add(look, np.asarray(corners_yz, dtype=np.float64), cells, (20.0, 1, 2), (-1.0, 0.0, 0.0))
+
+    def rear(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
+        """Patch on the tail; corners (y, z) from high y, low z on, shape (4, 2)."""
+        self._add(look, np.asarray(corners_yz, dtype=np.float64), cells, (-20.0, 1, 2), (1.0, 0.0, 0.0))
+
+    def sides(self, look: Look, corners_xz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
+        """Patch on both sides; corners (x, z) from high x, low z on, as seen from the left."""
+        self._add(look, np.asarray(corners_xz, dtype=np.float64), cells, (20.0, 0, 2), (0.0, -1.0, 0.0))
+        self.meshes.append(mirrored(self.meshes[-1]))
+
+    def pair_front(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
+        """Patch on the left of the nose and its mirror image."""
+        self.front(look, corners_yz, cells)
+        self.meshes.append(mirrored(self.meshes[-1]))
+
+    def pair_rear(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
+        """Patch on the left of the tail and its mirror image."""
+        self.rear(look, corners_yz, cells)
+        self.meshes.append(mirrored(self.meshes[-1]))
+
+    def seam(self, look: Look, line_xz: ArrayLike, width_m: float = 0.012) -> None:
+        """Thin line on both sides through points (x, z), e.g. a door gap."""
+        line = np.asarray(line_xz, dtype=np.float64)
+        for a, b in zip(line[:-1], line[1:], strict=True):
+            along = (b - a) / max(float(np.sqrt(np.sum((b - a) ** 2))), 1e-6)
+            across = 0.5 * width_m * np.array([-along[1], along[0]])
+            corners = np.stack([a - across, b - across, b + across, a + across])
+            area = np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - np.roll(corners[:, 0], -1) * corners[:, 1])
+            self.sides(look, corners if area < 0 else corners[::-1], (max(int(np.ceil(np.abs(b - a).max() / 0.2)), 1), 1))
+
+    def _add(
+        self,
+        look: Look,
+        corners: Array,
+        cells: tuple[int, int],
+        plane: tuple[float, int, int],
+        direction: tuple[float, float, float],
+    ) -> None:
+        s = np.linspace(0, 1, cells[0] + 1)[None, :, None]
+        t = np.linspace(0, 1, cells[1] + 1)[:, None, None]
+        low, high = corners[0] + s * (corners[1] - corners[0]), corners[3] + s * (corners[2] - corners[3])
+        flat = (low + t * (high - low)).reshape(-1, 2)
+        origin = np.zeros((len(flat), 3))
+        origin[:, 3 - plane[1] - plane[2]] = plane[0]
+        origin[:, plane[1]], origin[:, plane[2]] = flat.T
+        points = project(self._body, origin, direction, self._lift_m)
+        width, height = (float(np.sqrt(np.sum((corners[i] - corners[0]) ** 2))) for i in (1, 3))
+        grid = np.broadcast_to(np.concatenate([s * width + 0 * t, t * height + 0 * s], axis=-1), (*t.shape[:1], s.shape[1], 2))
+        self.meshes.append(
+            make_mesh(
+                points,
+                grid_triangles(cells[1] + 1, cells[0] + 1),
+                material=look.material,
+                tag=look.tag,
+                uv_m=grid.reshape(-1, 2),
+                colour=look.colour,
+            )
+        )

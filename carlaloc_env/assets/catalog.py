@@ -1,0 +1,146 @@
+"""Which vehicles and walkers exist: names, sizes, colours, and how often each is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from carlaloc_env.assets.shapes import Colour
+from carlaloc_env.semantics import Tag
+
+Tints = tuple[tuple[Colour, float], ...]
+
+FLEET_TINTS: Tints = (
+    ((232, 232, 226), 0.30),
+    ((9, 9, 10), 0.20),
+    ((46, 48, 51), 0.18),
+    ((142, 144, 146), 0.12),
+    ((8, 24, 88), 0.09),
+    ((104, 6, 8), 0.06),
+    ((12, 52, 26), 0.02),
+    ((138, 118, 84), 0.02),
+    ((190, 60, 6), 0.01),
+)
+"""Linear paint colours with their share of the fleet: white, black, grey, silver, blue, red, other."""
+
+CARGO_TINTS: Tints = (((232, 232, 226), 0.7), ((142, 144, 146), 0.15), ((8, 24, 88), 0.1), ((190, 130, 6), 0.05))
+BUS_TINTS: Tints = (((150, 8, 10), 0.4), ((10, 50, 120), 0.3), ((225, 225, 220), 0.3))
+CYCLE_TINTS: Tints = (((9, 9, 10), 0.4), ((104, 6, 8), 0.2), ((8, 24, 88), 0.2), ((190, 190, 190), 0.2))
+CLOTH_TINTS: Tints = (
+    ((14, 16, 26), 0.22),
+    ((40, 42, 46), 0.16),
+    ((190, 188, 180), 0.14),
+    ((20, 42, 96), 0.14),
+    ((120, 16, 18), 0.10),
+    ((30, 60, 34), 0.08),
+    ((140, 112, 70), 0.08),
+    ((200, 150, 24), 0.04),
+    ((92, 40, 96), 0.04),
+)
+"""Linear colours of a walker's upper clothes with their shares."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VehicleModel:
+    """A vehicle that can take part in traffic; its mesh stands centred on its box, nose along +x."""
+
+    name: str
+    tag: Tag
+    length_m: float
+    width_m: float
+    height_m: float
+    wheelbase_m: float
+    weight: float
+    """Share of the fleet; all weights add up to 1."""
+    tints: Tints = FLEET_TINTS
+    """Linear colours 0–255 with their shares."""
+
+    @property
+    def size_m(self) -> tuple[float, float, float]:
+        """Length, width, height [m]."""
+        return self.length_m, self.width_m, self.height_m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WalkerModel:
+    """A person on foot."""
+
+    name: str
+    stature_m: float
+    stride_m: float
+    """Distance of one whole gait cycle (two steps) [m]; drives the phase, so that feet do not slide."""
+    speed_mps: float
+    """Usual walking speed [m/s]."""
+    width_m: float
+    depth_m: float
+    weight: float
+    """Share of the walkers; all weights add up to 1."""
+    tints: Tints = CLOTH_TINTS
+    """Linear colours 0–255 of the upper clothes with their shares."""
+
+    @property
+    def size_m(self) -> tuple[float, float, float]:
+        """Length (along the walk), width, height [m]."""
+        return self.depth_m, self.width_m, self.stature_m
+
+
+def _vehicle(
+    name: str, tag: Tag, size_m: tuple[float, float, float], wheelbase_m: float, weight: float, tints: Tints
+) -> tuple[str, VehicleModel]:
+    return name, VehicleModel(
+        name=name,
+        tag=tag,
+        length_m=size_m[0],
+        width_m=size_m[1],
+        height_m=size_m[2],
+        wheelbase_m=wheelbase_m,
+        weight=weight,
+        tints=tints,
+    )
+
+
+VEHICLES: dict[str, VehicleModel] = dict(
+    (
+        _vehicle("city_car", Tag.CAR, (3.60, 1.65, 1.50), 2.40, 0.07, FLEET_TINTS),
+        _vehicle("hatchback", Tag.CAR, (4.28, 1.79, 1.46), 2.63, 0.20, FLEET_TINTS),
+        _vehicle("saloon", Tag.CAR, (4.70, 1.85, 1.45), 2.82, 0.19, FLEET_TINTS),
+        _vehicle("estate", Tag.CAR, (4.75, 1.85, 1.48), 2.82, 0.08, FLEET_TINTS),
+        _vehicle("coupe", Tag.CAR, (4.50, 1.88, 1.32), 2.50, 0.03, FLEET_TINTS),
+        _vehicle("suv", Tag.CAR, (4.45, 1.85, 1.65), 2.66, 0.15, FLEET_TINTS),
+        _vehicle("large_suv", Tag.CAR, (4.95, 1.98, 1.78), 2.95, 0.06, FLEET_TINTS),
+        _vehicle("minibus", Tag.CAR, (5.00, 1.95, 1.95), 3.10, 0.03, FLEET_TINTS),
+        _vehicle("pickup", Tag.TRUCK, (5.60, 2.00, 1.90), 3.45, 0.05, FLEET_TINTS),
+        _vehicle("van", Tag.TRUCK, (5.95, 2.05, 2.55), 3.60, 0.05, CARGO_TINTS),
+        _vehicle("lorry", Tag.TRUCK, (8.00, 2.50, 3.40), 4.50, 0.03, CARGO_TINTS),
+        _vehicle("bus", Tag.BUS, (12.00, 2.55, 3.10), 5.90, 0.02, BUS_TINTS),
+        _vehicle("motorcycle", Tag.MOTORCYCLE, (2.15, 0.80, 1.65), 1.45, 0.02, CYCLE_TINTS),
+        _vehicle("bicycle", Tag.BICYCLE, (1.75, 0.60, 1.75), 1.05, 0.02, CYCLE_TINTS),
+    )
+)
+"""All vehicles by name."""
+
+WALKERS: dict[str, WalkerModel] = {
+    "walker_man": WalkerModel(
+        name="walker_man", stature_m=1.76, stride_m=1.46, speed_mps=1.38, width_m=0.56, depth_m=0.70, weight=0.40
+    ),
+    "walker_woman": WalkerModel(
+        name="walker_woman", stature_m=1.63, stride_m=1.34, speed_mps=1.33, width_m=0.50, depth_m=0.64, weight=0.38
+    ),
+    "walker_elderly": WalkerModel(
+        name="walker_elderly", stature_m=1.68, stride_m=1.08, speed_mps=1.00, width_m=0.54, depth_m=0.58, weight=0.12
+    ),
+    "walker_child": WalkerModel(
+        name="walker_child", stature_m=1.28, stride_m=1.06, speed_mps=1.20, width_m=0.42, depth_m=0.52, weight=0.10
+    ),
+}
+"""All walkers by name."""
+
+GAIT_PHASES = 16
+"""Number of postures in which a stride is stored."""
+EGO_SIZE_M = (4.70, 1.85, 1.45)
+"""Length, width, height of the ego's body [m]."""
+EGO_REAR_M = -0.95
+"""Where the ego's body begins along x of `base_link` [m]."""
+EGO_WHEELBASE_M = 2.875
+"""Distance between the ego's axles [m]."""
+EGO_TINT: Colour = (22, 24, 27)
+"""Linear tint of the ego's dark grey paint."""

@@ -1,0 +1,146 @@
+"""Motorcycle and bicycle, each with its rider."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from carlaloc_env.assets.body import DARK
+from carlaloc_env.assets.figure import Build, Joints, figure
+from carlaloc_env.assets.shapes import Look, box, ellipsoid, mirrored, placed, rings, tube
+from carlaloc_env.assets.wheels import wheel
+from carlaloc_env.materials import Material
+from carlaloc_env.scene import Mesh, merge
+from carlaloc_env.semantics import Tag
+
+
+def motorcycle() -> Mesh:
+    """Motorcycle with a rider in a helmet, 2.15 m long."""
+    tag = Tag.MOTORCYCLE
+    paint, dark = Look(Material.CAR_PAINT, tag), Look(Material.PLASTIC, tag, DARK)
+    metal = Look(Material.METAL_GALVANISED, tag, (200, 200, 200))
+    front, rear = (0.75, 0.0), (-0.70, 0.0)
+    tyre = wheel(0.63, 0.15, tag, sides=20, spokes=5, rim=0.70)
+    parts = [
+        _centred(tyre, front[0]), _centred(tyre, rear[0]),
+        ellipsoid(paint, (0.16, 0, 0.86), (0.30, 0.15, 0.13), 6, 10),
+        ellipsoid(dark, (-0.36, 0, 0.80), (0.34, 0.14, 0.07), 5, 10),
+        ellipsoid(paint, (-0.72, 0, 0.83), (0.24, 0.10, 0.07), 5, 8),
+        box(Look(Material.METAL_GALVANISED, tag, (90, 90, 92)), (0.42, 0.30, 0.34), (0.05, 0, 0.50)),
+        tube(dark, [(0.40, 0, 0.86), (0.10, 0, 0.42), (-0.45, 0, 0.40)], 0.035, 6),
+        ellipsoid(paint, (0.76, 0, 0.60), (0.30, 0.085, 0.08), 5, 8),
+        ellipsoid(dark, (0.56, 0, 0.92), (0.10, 0.13, 0.14), 5, 8),
+        ellipsoid(Look(Material.LAMP_WHITE, tag), (0.62, 0, 0.92), (0.06, 0.09, 0.09), 4, 8),
+        box(Look(Material.LAMP_RED, tag, (110, 110, 110)), (0.03, 0.14, 0.06), (-0.96, 0, 0.82)),
+        box(Look(Material.SIGN, tag, (200, 200, 200)), (0.01, 0.18, 0.18), (-0.99, 0, 0.64)),
+        tube(dark, [(-0.85, 0, 0.80), (-0.99, 0, 0.62)], 0.025, 5),
+        tube(dark, [(0.42, -0.36, 1.02), (0.50, -0.18, 1.00), (0.50, 0.18, 1.00), (0.42, 0.36, 1.02)], 0.018, 5),
+    ]  # fmt: skip
+    for side in (1.0, -1.0):
+        parts += [
+            tube(metal, [(0.48, 0.10 * side, 0.98), (0.75, 0.10 * side, 0.315)], 0.024, 6),
+            tube(metal, [(-0.20, 0.11 * side, 0.36), (-0.70, 0.11 * side, 0.315)], 0.022, 5),
+            tube(metal, [(0.10, 0.16 * side, 0.34), (-0.30, 0.18 * side, 0.30), (-0.95, 0.18 * side, 0.42)], [0.03, 0.04, 0.05], 7),
+            tube(dark, [(0.40, 0.30 * side, 1.02), (0.38, 0.36 * side, 1.14)], 0.008, 4),
+            ellipsoid(dark, (0.38, 0.345 * side, 1.16), (0.02, 0.055, 0.035), 4, 6),
+        ]
+    rider = _rider(
+        pelvis=(-0.34, 0, 0.90), neck=(-0.06, 0, 1.34), head=(0.0, 0, 1.494), hands=(0.43, 0.33, 1.02),
+        knees=(0.16, 0.20, 0.80), ankles=(-0.18, 0.20, 0.40), spread=0.16,
+    )  # fmt: skip
+    build = Build(girth=1.0, upper=(20, 20, 24), lower=(14, 16, 24), helmet=(150, 16, 14), skin=(40, 26, 20))
+    return merge([*parts, figure(rider, build, Tag.RIDER)])
+
+
+def bicycle() -> Mesh:
+    """Town bicycle with a rider, 1.75 m long."""
+    tag = Tag.BICYCLE
+    paint, dark = Look(Material.CAR_PAINT, tag), Look(Material.PLASTIC, tag, DARK)
+    metal = Look(Material.METAL_GALVANISED, tag, (210, 210, 210))
+    rear, front, crank = (-0.535, 0, 0.34), (0.535, 0, 0.34), (-0.10, 0, 0.30)
+    head, seat = (0.36, 0, 0.80), (-0.24, 0, 0.82)
+    parts = [_bicycle_wheel(rear[0], tag), _bicycle_wheel(front[0], tag)]
+    for a, b in ((crank, head), (crank, seat), (seat, head), (crank, rear), (seat, rear), (head, front)):
+        parts.append(tube(paint, [a, b], 0.019, 6))
+    parts += [
+        tube(metal, [head, (0.31, 0, 1.0)], 0.014, 5),
+        tube(metal, [(0.20, -0.28, 1.01), (0.31, -0.10, 1.01), (0.31, 0.10, 1.01), (0.20, 0.28, 1.01)], 0.013, 5),
+        tube(metal, [seat, (-0.26, 0, 0.94)], 0.014, 5),
+        ellipsoid(dark, (-0.29, 0, 0.96), (0.14, 0.075, 0.03), 4, 8),
+        tube(metal, [(-0.10, 0.10, 0.30), (-0.10, 0.10, 0.13)], 0.012, 4),
+        tube(metal, [(-0.10, -0.10, 0.30), (-0.10, -0.10, 0.47)], 0.012, 4),
+        box(dark, (0.09, 0.10, 0.025), (-0.08, 0.15, 0.13)), box(dark, (0.09, 0.10, 0.025), (-0.08, -0.15, 0.47)),
+        box(Look(Material.METAL_PAINTED, tag, (30, 30, 30)), (0.40, 0.14, 0.02), (-0.56, 0, 0.73)),
+        box(Look(Material.LAMP_RED, tag, (110, 110, 110)), (0.03, 0.05, 0.04), (-0.77, 0, 0.73)),
+        box(Look(Material.LAMP_WHITE, tag), (0.05, 0.06, 0.06), (0.40, 0, 0.88)),
+        _disc_plate(metal, crank, 0.09),
+    ]  # fmt: skip
+    rider = _rider(
+        pelvis=(-0.28, 0, 1.02), neck=(-0.06, 0, 1.47), head=(-0.01, 0, 1.594), hands=(0.20, 0.27, 1.03),
+        knees=(0.08, 0.12, 0.80), ankles=(-0.14, 0.13, 0.24), spread=0.12,
+    )  # fmt: skip
+    rider["knee_r"], rider["ankle_r"] = np.array([0.14, -0.12, 0.94]), np.array([-0.12, -0.13, 0.56])
+    rider["toe_r"] = rider["ankle_r"] + (0.17, -0.01, -0.07)
+    build = Build(girth=0.95, lower=(30, 34, 40), helmet=(200, 200, 196))
+    return merge([*parts, figure(rider, build, Tag.RIDER)])
+
+
+def _rider(
+    *,
+    pelvis: ArrayLike,
+    neck: ArrayLike,
+    head: ArrayLike,
+    hands: tuple[float, float, float],
+    knees: tuple[float, float, float],
+    ankles: tuple[float, float, float],
+    spread: float,
+) -> Joints:
+    """Joints of somebody who sits; hands, knees and ankles of the left side are mirrored."""
+    low, high = np.asarray(pelvis, dtype=np.float64), np.asarray(neck, dtype=np.float64)
+    joints: Joints = {"pelvis": low, "neck": high, "chest": 0.42 * low + 0.58 * high + (-0.03, 0, 0)}
+    joints["head"] = np.asarray(head, dtype=np.float64)
+    for side, sign in (("_l", 1.0), ("_r", -1.0)):
+        flip = np.array([1.0, sign, 1.0])
+        joints["hip" + side] = low + (0.02, 0.09 * sign, -0.03)
+        joints["knee" + side] = np.array(knees) * flip
+        joints["ankle" + side] = np.array(ankles) * flip
+        joints["toe" + side] = joints["ankle" + side] + (0.18, 0.01 * sign, -0.07)
+        joints["shoulder" + side] = high + (0.0, 0.20 * sign, -0.05)
+        joints["hand" + side] = np.array(hands) * flip
+        middle = 0.5 * (joints["shoulder" + side] + joints["hand" + side])
+        joints["elbow" + side] = middle + (-0.04, (spread - 0.06) * sign, -0.07)
+    return joints
+
+
+def _centred(mesh: Mesh, x_m: float) -> Mesh:
+    """A wheel seen alike from both sides."""
+    return placed(merge([mesh, mirrored(mesh)]), (x_m, 0.0, 0.0))
+
+
+def _bicycle_wheel(x_m: float, tag: Tag) -> Mesh:
+    """Thin tyre of 0.68 m and ten spokes."""
+    radius, sides = 0.34, 20
+    angle = 2 * np.pi * np.arange(sides + 1) / sides
+    small = 2 * np.pi * np.arange(5) / 5 + np.pi
+    r = (radius - 0.018) - 0.018 * np.cos(small)[None, :]
+    grid = np.stack(
+        [
+            r * np.sin(angle)[:, None],
+            np.broadcast_to(0.018 * np.sin(small), (sides + 1, 5)),
+            -r * np.cos(angle)[:, None],
+        ],
+        axis=-1,
+    )
+    rim = rings(Look(Material.RUBBER, tag, (190, 190, 190)), grid[::-1], caps=False, crease_deg=80.0)
+    spoke = Look(Material.METAL_GALVANISED, tag, (210, 210, 210))
+    spokes = [
+        tube(spoke, [(0, 0, 0), (0.31 * np.sin(a), 0, 0.31 * np.cos(a))], 0.003, 3, caps=False)
+        for a in 2 * np.pi * (np.arange(10) + 0.5) / 10
+    ]
+    hub = tube(spoke, [(0, -0.06, 0), (0, 0.06, 0)], 0.02, 6)
+    return placed(merge([rim, hub, *spokes]), (x_m, 0.0, radius))
+
+
+def _disc_plate(look: Look, centre: tuple[float, float, float], radius_m: float) -> Mesh:
+    x, y, z = centre
+    return tube(look, [(x, y - 0.05, z), (x, y - 0.04, z)], radius_m, 12)

@@ -1,0 +1,163 @@
+"""The lines of every car, van and pick-up in the catalogue."""
+
+from __future__ import annotations
+
+from carlaloc_env.assets.body import BodyShape
+from carlaloc_env.assets.cars import CarSpec
+from carlaloc_env.semantics import Tag
+
+SALOON = CarSpec(
+    shape=BodyShape(
+        length_m=4.70, width_m=1.85,
+        top=((0.0, 0.66), (0.10, 0.71), (0.5, 0.79), (1.20, 0.90), (1.42, 0.93), (2.24, 1.37), (2.75, 1.45),
+             (3.15, 1.435), (3.45, 1.385), (4.20, 1.06), (4.60, 1.02), (4.70, 0.97)),
+        belt=((0.0, 0.80), (1.2, 0.89), (4.0, 0.97), (4.7, 0.97)),
+        cowl_d=1.42, roof_front_d=2.24, roof_rear_d=3.45, deck_d=4.20,
+        windows=((1.56, 2.52), (2.60, 3.44), (3.49, 3.78)),
+        axles_d=(0.88, 3.70), tyre_m=0.66,
+    ),
+    doors=(1.50, 2.56, 3.46), plate_z=(0.40, 0.78),
+)  # fmt: skip
+
+HATCHBACK = CarSpec(
+    shape=BodyShape(
+        length_m=4.28, width_m=1.79,
+        top=((0.0, 0.68), (0.10, 0.74), (0.5, 0.82), (1.08, 0.92), (1.25, 0.95), (2.04, 1.39), (2.5, 1.46),
+             (3.1, 1.445), (3.82, 1.37), (4.18, 0.98), (4.28, 0.93)),
+        belt=((0.0, 0.80), (1.1, 0.90), (3.6, 0.98), (4.28, 0.98)),
+        cowl_d=1.25, roof_front_d=2.04, roof_rear_d=3.82, deck_d=4.18,
+        windows=((1.40, 2.34), (2.42, 3.22), (3.28, 3.62)),
+        axles_d=(0.83, 3.46), tyre_m=0.63, tail_bow_m=0.12,
+    ),
+    lamp_z=(0.58, 0.74), tail_z=(0.72, 0.94), tail_share=0.66, plate_z=(0.42, 0.70), doors=(1.34, 2.38, 3.24),
+)  # fmt: skip
+
+CITY_CAR = CarSpec(
+    shape=BodyShape(
+        length_m=3.60, width_m=1.65,
+        top=((0.0, 0.70), (0.08, 0.78), (0.35, 0.86), (0.78, 0.95), (0.92, 0.98), (1.62, 1.42), (2.1, 1.50),
+             (2.7, 1.485), (3.28, 1.41), (3.52, 1.00), (3.60, 0.94)),
+        belt=((0.0, 0.80), (0.9, 0.93), (3.2, 1.0), (3.6, 1.0)),
+        cowl_d=0.92, roof_front_d=1.62, roof_rear_d=3.28, deck_d=3.52,
+        windows=((1.06, 2.08), (2.16, 2.86)),
+        axles_d=(0.63, 3.03), tyre_m=0.57, tail_bow_m=0.14, nose_bow_m=0.26,
+    ),
+    tyre_width_m=0.18, nose_z=(0.28, 0.58), lamp_z=(0.60, 0.80), tail_z=(0.72, 0.98), tail_share=0.74,
+    plate_z=(0.40, 0.66), doors=(1.0, 2.12, 2.90),
+)  # fmt: skip
+
+ESTATE = CarSpec(
+    shape=BodyShape(
+        length_m=4.75, width_m=1.85,
+        top=((0.0, 0.66), (0.10, 0.71), (0.5, 0.79), (1.20, 0.90), (1.42, 0.93), (2.24, 1.38), (2.75, 1.465),
+             (3.4, 1.48), (4.30, 1.42), (4.58, 1.00), (4.70, 0.97), (4.75, 0.92)),
+        belt=((0.0, 0.80), (1.2, 0.89), (4.0, 0.97), (4.75, 0.97)),
+        cowl_d=1.42, roof_front_d=2.24, roof_rear_d=4.30, deck_d=4.58,
+        windows=((1.56, 2.52), (2.60, 3.44), (3.52, 4.22)),
+        axles_d=(0.88, 3.70), tyre_m=0.66, tail_bow_m=0.10,
+    ),
+    tail_z=(0.72, 0.94), tail_share=0.66, plate_z=(0.40, 0.76), doors=(1.50, 2.56, 3.48),
+)  # fmt: skip
+
+COUPE = CarSpec(
+    shape=BodyShape(
+        length_m=4.50, width_m=1.88,
+        top=((0.0, 0.58), (0.10, 0.64), (0.6, 0.74), (1.30, 0.84), (1.52, 0.87), (2.36, 1.26), (2.7, 1.32),
+             (2.95, 1.30), (3.10, 1.27), (4.05, 0.94), (4.42, 0.92), (4.50, 0.87)),
+        belt=((0.0, 0.72), (1.3, 0.83), (4.0, 0.92), (4.5, 0.92)),
+        cowl_d=1.52, roof_front_d=2.36, roof_rear_d=3.10, deck_d=4.05,
+        windows=((1.68, 2.90), (2.98, 3.40)),
+        axles_d=(0.95, 3.45), tyre_m=0.68, clearance_m=0.12,
+    ),
+    tyre_width_m=0.25, nose_z=(0.22, 0.52), lamp_z=(0.52, 0.64), tail_z=(0.66, 0.80), tail_share=0.45,
+    plate_z=(0.34, 0.50), doors=(1.60, 2.96),
+)  # fmt: skip
+
+SUV = CarSpec(
+    shape=BodyShape(
+        length_m=4.45, width_m=1.85,
+        top=((0.0, 0.80), (0.08, 0.90), (0.4, 0.98), (1.05, 1.06), (1.20, 1.08), (1.96, 1.56), (2.4, 1.65),
+             (3.2, 1.64), (4.02, 1.57), (4.32, 1.10), (4.45, 1.02)),
+        belt=((0.0, 0.90), (1.1, 1.03), (3.6, 1.12), (4.45, 1.12)),
+        cowl_d=1.20, roof_front_d=1.96, roof_rear_d=4.02, deck_d=4.32,
+        windows=((1.36, 2.34), (2.42, 3.28), (3.36, 3.84)),
+        axles_d=(0.87, 3.53), tyre_m=0.70, clearance_m=0.20, cladding=True, tumblehome=0.30, nose_bow_m=0.18,
+    ),
+    tyre_width_m=0.23, nose_z=(0.36, 0.78), lamp_z=(0.74, 0.90), tail_z=(0.86, 1.08), tail_share=0.64,
+    plate_z=(0.48, 0.80), doors=(1.30, 2.38, 3.32),
+)  # fmt: skip
+
+LARGE_SUV = CarSpec(
+    shape=BodyShape(
+        length_m=4.95, width_m=1.98,
+        top=((0.0, 0.92), (0.06, 1.02), (0.4, 1.09), (1.20, 1.14), (1.36, 1.16), (2.08, 1.68), (2.5, 1.78),
+             (3.8, 1.775), (4.66, 1.71), (4.86, 1.18), (4.95, 1.10)),
+        belt=((0.0, 1.0), (1.2, 1.11), (4.0, 1.17), (4.95, 1.17)),
+        cowl_d=1.36, roof_front_d=2.08, roof_rear_d=4.66, deck_d=4.86,
+        windows=((1.52, 2.52), (2.61, 3.54), (3.64, 4.52)),
+        axles_d=(0.92, 3.87), tyre_m=0.77, clearance_m=0.21, tumblehome=0.22, cladding=True, nose_bow_m=0.14,
+        tail_bow_m=0.06,
+    ),
+    tyre_width_m=0.26, nose_z=(0.42, 0.92), lamp_z=(0.82, 1.00), tail_z=(0.88, 1.16), tail_share=0.78,
+    plate_z=(0.52, 0.84), doors=(1.46, 2.57, 3.59),
+)  # fmt: skip
+
+MINIBUS = CarSpec(
+    shape=BodyShape(
+        length_m=5.00, width_m=1.95,
+        top=((0.0, 0.82), (0.08, 0.94), (0.45, 1.06), (0.80, 1.13), (1.62, 1.82), (2.0, 1.93), (3.0, 1.95),
+             (4.78, 1.88), (4.96, 1.12), (5.0, 1.02)),
+        belt=((0.0, 0.95), (0.8, 1.08), (5.0, 1.14)),
+        cowl_d=0.80, roof_front_d=1.62, roof_rear_d=4.78, deck_d=4.96,
+        windows=((1.05, 2.02), (2.12, 3.26), (3.36, 4.62)),
+        axles_d=(0.92, 4.02), tyre_m=0.68, clearance_m=0.18, tumblehome=0.18, tail_bow_m=0.06,
+    ),
+    nose_z=(0.34, 0.74), lamp_z=(0.72, 0.92), tail_z=(0.80, 1.25), tail_share=0.82, plate_z=(0.44, 0.86),
+    doors=(1.0, 2.07, 3.31),
+)  # fmt: skip
+
+PICKUP = CarSpec(
+    tag=Tag.TRUCK,
+    shape=BodyShape(
+        length_m=5.60, width_m=2.00,
+        top=((0.0, 0.95), (0.06, 1.06), (0.4, 1.14), (1.25, 1.19), (1.40, 1.21), (2.05, 1.79), (2.4, 1.90),
+             (3.2, 1.89), (3.62, 1.84), (3.78, 1.22), (3.85, 1.20), (5.60, 1.20)),
+        belt=((0.0, 1.02), (1.2, 1.15), (5.6, 1.19)),
+        cowl_d=1.40, roof_front_d=2.05, roof_rear_d=3.62, deck_d=3.78,
+        windows=((1.58, 2.56), (2.64, 3.48)),
+        axles_d=(0.92, 4.37), tyre_m=0.80, clearance_m=0.25, tumblehome=0.20, cladding=True, nose_bow_m=0.12,
+        tail_bow_m=0.02, nose_low=0.14, bed=(3.98, 5.52, 0.94),
+    ),
+    tyre_width_m=0.27, nose_z=(0.50, 0.98), lamp_z=(0.86, 1.04), tail_z=(0.82, 1.14), tail_share=0.86,
+    plate_z=(0.58, 0.60), doors=(1.52, 2.60, 3.52),
+)  # fmt: skip
+
+VAN = CarSpec(
+    tag=Tag.TRUCK,
+    shape=BodyShape(
+        length_m=5.95, width_m=2.05,
+        top=((0.0, 0.92), (0.06, 1.06), (0.4, 1.18), (0.72, 1.27), (1.68, 2.28), (2.2, 2.52), (3.0, 2.55),
+             (5.88, 2.53), (5.95, 2.50)),
+        belt=((0.0, 1.05), (0.75, 1.20), (5.95, 1.22)),
+        cowl_d=0.72, roof_front_d=1.68, roof_rear_d=5.95, deck_d=5.95,
+        windows=((0.98, 1.98),),
+        axles_d=(0.98, 4.58), tyre_m=0.68, clearance_m=0.19, tumblehome=0.10, tail_bow_m=0.03, nose_bow_m=0.20,
+        cladding=True, plan_rear=((0.0, 0.96), (0.05, 0.99), (0.3, 1.0)), nose_low=0.06,
+    ),
+    nose_z=(0.36, 0.86), lamp_z=(0.82, 1.08), tail_z=(0.80, 1.30), tail_share=0.88, plate_z=(0.48, 0.90),
+    doors=(0.92, 2.08, 3.38), rear_window=(1.45, 2.05),
+)  # fmt: skip
+
+CARS: dict[str, CarSpec] = {
+    "city_car": CITY_CAR,
+    "hatchback": HATCHBACK,
+    "saloon": SALOON,
+    "estate": ESTATE,
+    "coupe": COUPE,
+    "suv": SUV,
+    "large_suv": LARGE_SUV,
+    "minibus": MINIBUS,
+    "pickup": PICKUP,
+    "van": VAN,
+}
+"""All models made by `cars.car`."""
