@@ -8,7 +8,6 @@ import logging
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 from carlaloc_env import __version__
@@ -77,11 +76,6 @@ def _parser() -> argparse.ArgumentParser:
         )  # fmt: skip
         module.add_arguments(sub)
     return parser
-
-
-def out_path(text: str) -> Path:
-    """Path typed by the user, `~` expanded."""
-    return Path(text).expanduser()
 
 
 if __name__ == "__main__":

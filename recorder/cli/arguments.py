@@ -1,0 +1,51 @@
+"""Kinds of command-line values that several commands take."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+
+def path_argument(text: str) -> Path:
+    """Path typed by the user, `~` expanded."""
+    return Path(text).expanduser()
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names separated by commas."""
+    found = tuple(part.strip() for part in text.split(",") if part.strip())
+    if not found:
+        raise argparse.ArgumentTypeError("give at least one name")
+    return found
+
+
+def seconds(text: str) -> float:
+    """A time that is not negative [s]."""
+    value = _number(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative")
+    return value
+
+
+def positive_seconds(text: str) -> float:
+    """A time above zero [s]."""
+    value = _number(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return value
+
+
+def positive_int(text: str) -> int:
+    """A whole number above zero."""
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not above zero")
+    return value
+
+
+def _number(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not finite")
+    return value

@@ -1,0 +1,194 @@
+"""What works on this machine, how fast, and what to install for what does not."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from carlaloc_env.clock import TICK_S
+from carlaloc_env.controls import Controls
+from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.semantics import Tag
+from carlaloc_env.weather import weather_by_name
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing that was looked at."""
+
+    name: str
+    """What was looked at."""
+    works: bool
+    """Whether it works."""
+    needed: bool
+    """Whether something stops working without it."""
+    detail: str
+    """Version, speed, or what is wrong."""
+    remedy: str = ""
+    """What to do if it does not work."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DoctorReport:
+    """All findings, and what follows from them."""
+
+    findings: tuple[Finding, ...]
+    quality: str
+    """Quality tier of pictures that suits this machine."""
+
+    @property
+    def healthy(self) -> bool:
+        """Whether everything that is needed works."""
+        return all(finding.works for finding in self.findings if finding.needed)
+
+
+def examine(out: Path | None = None) -> DoctorReport:
+    """Look at Python, OpenGL, Embree, PyBullet, devices, disk and optional parts.
+
+    Args:
+        out: Folder whose disk is looked at; the present one when left out.
+    """
+    graphics, quality = _guarded_graphics()
+    findings = (
+        _python(),
+        graphics,
+        _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0"),
+        _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
+        _guarded("joystick", _joystick, needed=False, remedy="plug in a wheel or gamepad"),
+        _disk(out or Path.cwd()),
+        _optional("kiss_icp", "LiDAR odometry in `make demo`", "slam"),
+        _optional("matplotlib", "trajectory plots", "report"),
+    )
+    return DoctorReport(findings=findings, quality=quality)
+
+
+def _guarded(name: str, check: Callable[[], tuple[bool, str]], *, needed: bool, remedy: str) -> Finding:
+    try:
+        works, detail = check()
+    except (CarlaLocError, ImportError, OSError, RuntimeError) as error:
+        works, detail = False, " ".join(str(error).split()) or type(error).__name__
+    return Finding(name=name, works=works, needed=needed, detail=detail, remedy="" if works else remedy)
+
+
+def _python() -> Finding:
+    good = sys.version_info >= (3, 10)
+    system = f"{platform.system()} {platform.machine()}"
+    return Finding(
+        name="Python",
+        works=good,
+        needed=True,
+        detail=f"{platform.python_version()} on {system}, {os.cpu_count()} cores",
+        remedy="" if good else "install Python 3.10 or newer",
+    )
+
+
+def _guarded_graphics() -> tuple[Finding, str]:
+    quality = "medium"
+
+    def check() -> tuple[bool, str]:
+        nonlocal quality
+        from carlaloc_env.render.renderer import SceneRenderer
+
+        with SceneRenderer([_ground()], ModelLibrary({})) as renderer:
+            camera, pose = Pinhole(), np.eye(4)
+            pose[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+            pose[:3, 3] = (0.0, 0.0, 1.6)
+            weather = weather_by_name("ClearNoon")
+            best_s = np.inf
+            for _ in range(3):
+                begin = time.perf_counter()
+                picture = renderer.draw(camera, pose, Instances())
+                renderer.shade(picture, weather, stamp_ns=0, seed=0)
+                picture.depth_m()
+                best_s = min(best_s, time.perf_counter() - begin)
+            software = any(word in renderer.driver.lower() for word in ("llvmpipe", "softpipe", "swrast"))
+            quality = "medium" if software else "high"
+            return True, f"{renderer.driver}; {best_s * 1e3:.0f} ms per 1280×720 picture of an empty scene"
+
+    finding = _guarded("OpenGL", check, needed=True, remedy="apt-get install libegl1 libgl1 libgl1-mesa-dri")
+    return finding, quality
+
+
+def _rays() -> tuple[bool, str]:
+    from carlaloc_env.raycast import RayScene
+    from carlaloc_env.timeline import Timeline, empty_catalog
+
+    scene = RayScene([_ground()], ModelLibrary({}))
+    count = 66_496
+    azimuth = np.linspace(0.0, 2 * np.pi, count)
+    directions = np.stack([np.cos(azimuth), np.sin(azimuth), np.full(count, -0.1)], axis=-1)
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    origins = np.broadcast_to([0.0, 0.0, 1.9], (count, 3))
+    timeline = Timeline(empty_catalog())
+    begin = time.perf_counter()
+    scene.cast(origins, directions, np.zeros(count, np.int64), timeline, 120.0)
+    return True, f"Embree, {count / (time.perf_counter() - begin) / 1e6:.1f} M rays/s"
+
+
+def _physics() -> tuple[bool, str]:
+    from carlaloc_env.physics.ego import EgoCar
+    from carlaloc_env.physics.world import PhysicsWorld
+
+    ground = _ground()
+    world = PhysicsWorld(ground.vertices_m, ground.triangles)
+    car = EgoCar(world)
+    car.reset((0.0, 0.0, 0.0), 0.0)
+    begin = time.perf_counter()
+    for _ in range(400):
+        car.tick(Controls(throttle=0.3))
+    per_tick_s = (time.perf_counter() - begin) / 400
+    world.close()
+    return True, f"PyBullet, {TICK_S / per_tick_s:.0f}× real time on an empty road"
+
+
+def _joystick() -> tuple[bool, str]:
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    import pygame
+
+    pygame.joystick.init()
+    names = [pygame.joystick.Joystick(k).get_name() for k in range(pygame.joystick.get_count())]
+    pygame.joystick.quit()
+    return bool(names), ", ".join(names) or "none plugged in; the scripted driver needs none"
+
+
+def _disk(folder: Path) -> Finding:
+    while not folder.exists():
+        folder = folder.parent
+    free_gb = shutil.disk_usage(folder).free / 1e9
+    works = free_gb > 5.0
+    return Finding(
+        name="disk",
+        works=works,
+        needed=False,
+        detail=f"{free_gb:.1f} GB free in {folder}; one minute of the paper's rig takes about 4 GB",
+        remedy="" if works else "choose another folder with --out or free some space",
+    )
+
+
+def _optional(module: str, purpose: str, extra: str) -> Finding:
+    works = find_spec(module) is not None
+    return Finding(
+        name=module,
+        works=works,
+        needed=False,
+        detail=f"for {purpose}",
+        remedy="" if works else f'pip install "carlaloc-env[{extra}]"',
+    )
+
+
+def _ground() -> Mesh:
+    corners = [(-500, -500, 0), (500, -500, 0), (500, 500, 0), (-500, 500, 0)]
+    return make_mesh(corners, [(0, 1, 2), (0, 2, 3)], material=Material.ASPHALT, tag=Tag.ROAD)

@@ -1,0 +1,322 @@
+"""Replay an episode through a sensor rig, under any weather and traffic, and write datasets.
+
+The drive is gone over once per traffic level: rays are cast and G-buffers drawn once, every
+weather is shaded from them, and each condition has its own writers. Traffic levels run in
+processes of their own. Nothing here simulates: sensors look at the recorded Timeline.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.managers import ListProxy
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+
+from carlaloc_env.clock import STEP_NS, TICK_NS
+from carlaloc_env.errors import ConfigError, EpisodeError, WriterError
+from carlaloc_env.presets import rig_by_name
+from carlaloc_env.rig import Rig, SensorRig
+from carlaloc_env.samples import Sample
+from carlaloc_env.sensors.base import Camera
+from carlaloc_env.sensors.truth import truth_at
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.timeline import Timeline
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.town import Town
+from carlaloc_env.weather import WeatherParameters
+from recorder.conditions import TrafficLevel, conditions_of
+from recorder.episode import Episode
+from recorder.sequence import Sequence, check_formats, sequence_writers, write_shared, write_summary
+
+Progress = Callable[[float, float], None]
+"""Called with seconds of sensor data done and seconds in all, over all traffic levels."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayConfig:
+    """What to replay, under which conditions, and in which formats."""
+
+    episode: Path
+    """Episode to replay."""
+    out: Path
+    """Folder of the dataset; must not hold this town's sequences yet."""
+    weathers: tuple[str, ...] = ("ClearNoon",)
+    """Names of weathers."""
+    traffic: tuple[str, ...] = ("dynamic",)
+    """Traffic levels: ``static``, ``dynamic``, fractions."""
+    rig: str = "paper"
+    """Name of a rig, or a YAML file."""
+    formats: tuple[str, ...] = ("rosbag1", "euroc")
+    """Dataset formats."""
+    topics: str = "standard"
+    """Topic profile of bags."""
+    start_s: float = 0.0
+    """Beginning of the stretch [s]."""
+    duration_s: float | None = None
+    """Length of the stretch [s]; None: to the end of the drive."""
+    camera_start_s: float | None = None
+    """Beginning of the pictures [s]; None: that of the stretch."""
+    camera_duration_s: float | None = None
+    """Length of the pictures [s]; None: the whole stretch."""
+    seed: int | None = None
+    """Seed of sensor noise; None: the episode's."""
+    quality: str = "medium"
+    """Quality of pictures: ``low``, ``medium``, ``high``."""
+    workers: int | None = None
+    """Processes; None: one per core."""
+    preview: bool = True
+    """Whether a film of each sequence is made."""
+
+    def __post_init__(self) -> None:
+        check_formats(self.formats)
+        if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
+            raise ConfigError("start must not be negative and duration must be above zero")
+        if self.workers is not None and self.workers < 1:
+            raise ConfigError(f"{self.workers} workers; give at least 1")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayResult:
+    """What was written."""
+
+    out: Path
+    """Folder of the dataset."""
+    sequences: tuple[Path, ...]
+    """Folder of each sequence."""
+    ground_truth: Path
+    """Folder of the true trajectories."""
+    samples: dict[str, int]
+    """Number of samples of each stream, over all sequences."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Job:
+    """One traffic level of a replay, as a worker gets it."""
+
+    config: ReplayConfig
+    level: TrafficLevel
+    sequences: tuple[Sequence, ...]
+    span_ns: tuple[int, int]
+    camera_ns: tuple[int, int]
+    seed: int
+
+
+def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResult:
+    """Replay an episode and write all its sequences.
+
+    Args:
+        config: What to replay.
+        progress: Told about every second how far all levels are.
+
+    Raises:
+        ConfigError: an unknown rig, weather, format or level, or a stretch outside the drive.
+        EpisodeError: the episode cannot be read, or its map has changed since.
+        WriterError: a sequence exists already or cannot be written.
+    """
+    conditions = conditions_of(config.weathers, config.traffic)
+    rig = rig_by_name(config.rig)
+    episode = Episode.load(config.episode)
+    town = load_town(episode.header.map_name)
+    _check_map(episode, town)
+    span, cameras = _spans(config, rig, episode.timeline())
+    seed = episode.header.seed if config.seed is None else config.seed
+    town_dir = config.out / town.name
+    jobs = [
+        _Job(
+            config=config,
+            level=level,
+            sequences=tuple(
+                Sequence(condition=c, folder=town_dir / c.name) for c in conditions if c.traffic == level
+            ),
+            span_ns=span,
+            camera_ns=cameras,
+            seed=seed,
+        )
+        for level in dict.fromkeys(condition.traffic for condition in conditions)
+    ]
+    for job in jobs:
+        for sequence in job.sequences:
+            if sequence.folder.exists():
+                raise WriterError(f"{sequence.folder} exists; choose another --out or delete it first")
+    write_shared(town_dir, rig, episode.timeline(), span)
+    counts = _run(jobs, config.workers, progress)
+    sequences = tuple(sequence.folder for job in jobs for sequence in job.sequences)
+    write_summary(config.out, town, episode, rig, sequences, seed=seed, span_ns=span)
+    return ReplayResult(
+        out=config.out,
+        sequences=sequences,
+        ground_truth=town_dir / "ground_truth",
+        samples=dict(sorted(counts.items())),
+    )
+
+
+def _check_map(episode: Episode, town: Town) -> None:
+    if episode.header.map_hash and episode.header.map_hash != town.content_hash:
+        raise EpisodeError(
+            f"{episode.path} was driven in another version of {town.name}; record it again, or install the "
+            f"version of CarlaLoc it was made with ({episode.header.versions.get('carlaloc-env', 'unknown')})"
+        )
+
+
+def _spans(
+    config: ReplayConfig, rig: SensorRig, timeline: Timeline
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Stretch of all sensors and of the cameras [ns], whole steps."""
+    last = timeline.end_ns // STEP_NS * STEP_NS
+    first = round(config.start_s * 1e9) // STEP_NS * STEP_NS
+    end = last if config.duration_s is None else first + round(config.duration_s * 1e9) // STEP_NS * STEP_NS
+    if first >= last:
+        raise ConfigError(
+            f"the stretch begins at {config.start_s:g} s, but the drive ends at {last / 1e9:g} s; "
+            "give a smaller --start"
+        )
+    end = min(end, last)
+    begin = first if config.camera_start_s is None else round(config.camera_start_s * 1e9)
+    length = end if config.camera_duration_s is None else begin + round(config.camera_duration_s * 1e9)
+    return (first, end), (max(begin, first), min(length, end))
+
+
+def _run(jobs: list[_Job], workers: int | None, progress: Progress | None) -> dict[str, int]:
+    count = min(workers or os.cpu_count() or 1, len(jobs))
+    total_s = sum((job.span_ns[1] - job.span_ns[0]) / 1e9 for job in jobs)
+    if count == 1:
+        results = []
+        for number, job in enumerate(jobs):
+            before_s = number * total_s / len(jobs)
+
+            def tell(done_s: float, before_s: float = before_s) -> None:
+                if progress is not None:
+                    progress(before_s + done_s, total_s)
+
+            results.append(_replay_level(job, tell))
+    else:
+        results = _run_parallel(jobs, count, total_s, progress)
+    return {name: sum(r.get(name, 0) for r in results) for result in results for name in result}
+
+
+def _run_parallel(
+    jobs: list[_Job], count: int, total_s: float, progress: Progress | None
+) -> list[dict[str, int]]:
+    context = get_context("spawn")
+    # One process per core: threads inside a software renderer would only compete.
+    environment = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1"}
+    before = {name: os.environ.get(name) for name in environment}
+    os.environ.update(environment)
+    try:
+        with context.Manager() as manager, ProcessPoolExecutor(count, mp_context=context) as pool:
+            done = manager.list([0.0] * len(jobs))
+            futures = [pool.submit(_replay_level_in_worker, job, done, k) for k, job in enumerate(jobs)]
+            watcher = Thread(target=_watch, args=(futures, done, total_s, progress), daemon=True)
+            watcher.start()
+            results = [future.result() for future in futures]
+            watcher.join()
+            return results
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _watch(futures: list, done: ListProxy, total_s: float, progress: Progress | None) -> None:  # type: ignore[type-arg]
+    from concurrent.futures import wait
+
+    while True:
+        pending = wait(futures, timeout=1.0).not_done
+        if progress is not None:
+            progress(sum(done), total_s)
+        if not pending:
+            return
+
+
+def _replay_level_in_worker(job: _Job, done: ListProxy[float], place: int) -> dict[str, int]:
+    def tell(done_s: float) -> None:
+        done[place] = done_s
+
+    return _replay_level(job, tell)
+
+
+def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
+    episode = Episode.load(job.config.episode)
+    town = load_town(episode.header.map_name)
+    timeline = job.level.select(episode.timeline())
+    config = rig_by_name(job.config.rig)
+    stage = SensorStage(
+        town, seed=job.seed, weather=job.sequences[0].condition.weather, quality=job.config.quality
+    )
+    rig = config.build(stage)
+    writers = [
+        sequence_writers(
+            sequence, config, tuple(rig.streams), job.config.formats, job.config.topics, job.config.preview
+        )
+        for sequence in job.sequences
+    ]
+    counts: dict[str, int] = {}
+    try:
+        for group in writers:
+            group.open()
+        weathers = [sequence.condition.weather for sequence in job.sequences]
+        first, end = job.span_ns
+        for begin in range(first, end, STEP_NS):
+            window = (begin, min(begin + STEP_NS, end))
+            for group, samples in zip(
+                writers, measure_window(rig, timeline, window, job.camera_ns, weathers), strict=True
+            ):
+                for sample in samples:
+                    group.write(sample)
+                    counts[sample.sensor] = counts.get(sample.sensor, 0) + 1
+            tell((window[1] - first) / 1e9)
+        for group in writers:
+            group.close()
+    except BaseException:
+        for group in writers:
+            group.abort()
+        raise
+    finally:
+        stage.close()
+    return counts
+
+
+def measure_window(
+    rig: Rig,
+    timeline: Timeline,
+    window_ns: tuple[int, int],
+    camera_ns: tuple[int, int],
+    weathers: list[WeatherParameters],
+) -> list[list[Sample]]:
+    """Samples with stamps in a window [ns], ordered by stamp, one list per weather.
+
+    Args:
+        rig: The sensors.
+        timeline: The drive.
+        window_ns: Beginning and end (not included).
+        camera_ns: Stretch in which cameras take pictures.
+        weathers: Weathers of the pictures; all other samples are shared.
+    """
+    first, end = window_ns
+    shared: list[tuple[int, int, Sample]] = []
+    pictures: list[list[tuple[int, int, Sample]]] = [[] for _ in weathers]
+    for place, sensor in enumerate(rig.sensors):
+        stamps = [
+            stamp
+            for stamp in sensor.schedule.stamps_ns_in(first, end)
+            if stamp + sensor.latency_ns <= timeline.end_ns
+        ]
+        if isinstance(sensor, Camera):
+            for stamp in stamps:
+                if camera_ns[0] <= stamp < camera_ns[1]:
+                    shots = sensor.measure_conditions(timeline, stamp, weathers)
+                    for row, samples in zip(pictures, shots, strict=True):
+                        row += [(stamp, place, sample) for sample in samples]
+        else:
+            shared += [(sample.stamp_ns, place, sample) for sample in sensor.measure(timeline, stamps)]
+    ticks = np.arange(first, end, TICK_NS)
+    shared += [(truth.stamp_ns, -1, truth) for truth in truth_at(timeline, ticks.tolist(), np.eye(4))]
+    return [[sample for _, _, sample in sorted(shared + row, key=lambda item: item[:2])] for row in pictures]
