@@ -1,0 +1,35 @@
+"""Write a town's OpenDRIVE file: `python -m maps.authoring.build Town03` from the repository root."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import pathlib
+import sys
+
+if __package__ in (None, ""):
+    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
+    __package__ = "maps.authoring"
+MAPS = pathlib.Path(__file__).resolve().parents[1]
+
+
+def town_text(name: str) -> str:
+    """OpenDRIVE text of a town that has a plan here."""
+    module = importlib.import_module(f"maps.authoring.{name.lower()}")
+    text: str = module.plan().build()
+    return text
+
+
+def main() -> int:
+    """Write maps/<town>/town.xodr for every town named."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("town", nargs="+", help="folder below maps/ whose plan is maps/authoring/<town>.py")
+    for name in parser.parse_args().town:
+        folder = MAPS / name
+        folder.mkdir(exist_ok=True)
+        (folder / "town.xodr").write_text(town_text(name), encoding="utf-8", newline="\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,26 @@
+"""Identifiers of a map: disjoint ranges per kind, never 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+ROAD, JUNCTION, SIGNAL, CONTROLLER, OBJECT = "road", "junction", "signal", "controller", "object"
+_FIRST = {ROAD: 1, JUNCTION: 100_001, SIGNAL: 200_001, CONTROLLER: 300_001, OBJECT: 400_001}
+
+
+@dataclass(slots=True)
+class Numbers:
+    """Counts identifiers up; connecting roads of junction j are 1000·j + 1, 1000·j + 2 …"""
+
+    used: dict[str, int] = field(default_factory=dict)
+
+    def next(self, kind: str) -> int:
+        """Next free identifier of a kind."""
+        self.used[kind] = self.used.get(kind, _FIRST[kind] - 1) + 1
+        return self.used[kind]
+
+    def connecting_road(self, junction_id: int) -> int:
+        """Next connecting road of a junction."""
+        key = f"junction {junction_id}"
+        self.used[key] = self.used.get(key, 0) + 1
+        return 1000 * (junction_id - 100_000) + self.used[key]

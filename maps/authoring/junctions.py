@@ -1,0 +1,159 @@
+"""Junctions of any number of legs: movements, connecting roads and the pavements of their corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .curves import Path, curve_between, wrap
+from .idents import Numbers
+from .parts import Border, ConnectionPart, JunctionPart, Leg, Link, RoadPart
+from .profiles import level
+from .sections import NONE, LanePlan, Mark, SectionPlan, blend, border_mark
+
+_STRAIGHT_RAD = math.radians(40)
+
+
+@dataclass(frozen=True, slots=True)
+class Movement:
+    """Traffic from some lanes of one leg to as many lanes of another."""
+
+    source: int
+    target: int
+    lanes: tuple[tuple[int, int], ...]
+    """Pairs of indices into the source's incoming and the target's outgoing lanes, from the left."""
+    turn: str
+
+
+def turn_angle(source: Leg, target: Leg) -> float:
+    """Heading change of a movement [rad], left positive, a U-turn being +π."""
+    return wrap(target.out_axis.h - source.pose.h)
+
+
+def movements(legs: Sequence[Leg]) -> list[Movement]:
+    """Every legal movement: pockets and left lanes turn left, right lanes turn right, the rest go straight."""
+    found: list[Movement] = []
+    for i, leg in enumerate(legs):
+        turns: dict[str, list[int]] = {"left": [], "straight": [], "right": []}
+        for j, other in enumerate(legs):
+            if j != i and other.outgoing and leg.incoming:
+                angle = turn_angle(leg, other)
+                key = "straight" if abs(angle) <= _STRAIGHT_RAD else "left" if angle > 0 else "right"
+                turns[key].append(j)
+        for turn, targets in turns.items():
+            for j in targets:
+                pairs = _pairs(leg, legs[j], turn, turns)
+                if pairs:
+                    found.append(Movement(i, j, tuple(pairs), turn))
+    return found
+
+
+def _pairs(leg: Leg, other: Leg, turn: str, turns: dict[str, list[int]]) -> list[tuple[int, int]]:
+    count, room = len(leg.incoming), len(other.outgoing)
+    first = 1 if leg.pocket else 0
+    if turn == "left":
+        return [(0, 0)]
+    if turn == "right":
+        lanes = [count - 1] if turns["straight"] or not turns["left"] else list(range(first, count))
+        if not turns["straight"] and turns["left"] and not leg.pocket and count > 1:
+            lanes = lanes[1:]
+        lanes = lanes[-room:]
+        return [(lane, room - len(lanes) + k) for k, lane in enumerate(lanes)]
+    lanes = list(range(first, count))
+    if len(lanes) > room:
+        lanes = lanes[:room] if turns["right"] else lanes[-room:]
+    return [(lane, k) for k, lane in enumerate(lanes)]
+
+
+def build_junction(
+    part: JunctionPart, legs: Sequence[Leg], numbers: Numbers, z: float, *, pavement: bool = True
+) -> tuple[list[RoadPart], list[Movement]]:
+    """Fill a junction: one connecting road per movement.
+
+    The outermost movement from every leg (its right turn, or straight on along the far side of a T)
+    carries gutter and sidewalk lanes round the corner, as CARLA's own maps do.
+    """
+    roads: list[RoadPart] = []
+    found = movements(legs)
+    for movement in found:
+        source, target = legs[movement.source], legs[movement.target]
+        angles = {j: turn_angle(source, other) for j, other in enumerate(legs) if j != movement.source}
+        outermost = min(angles, key=lambda j: angles[j]) == movement.target
+        road = connect(part, source, target, movement.lanes, numbers, z, outer=outermost and pavement)
+        road.name = f"{part.name} {movement.turn} from {source.road.name}"
+        roads.append(road)
+    return roads, found
+
+
+def connect(
+    part: JunctionPart,
+    source: Leg,
+    target: Leg,
+    pairs: Sequence[tuple[int, int]],
+    numbers: Numbers,
+    z: float,
+    *,
+    outer: bool,
+    path: Path | None = None,
+) -> RoadPart:
+    """One connecting road; its reference line is the left border of its leftmost lane."""
+    ins = [source.incoming[a] for a, _ in pairs]
+    outs = [target.outgoing[b] for _, b in pairs]
+    if path is None:
+        start = source.pose.ahead(0.0, -ins[0].right_m)
+        path = curve_between(start, target.out_axis.ahead(0.0, -outs[0].right_m))
+    lanes = [_lane(a, b, path.length) for a, b in zip(ins, outs, strict=True)]
+    complete = pairs[-1][0] == len(source.incoming) - 1 and pairs[-1][1] == len(target.outgoing) - 1
+    if outer and complete:
+        lanes += _outer_lanes(source, target, path.length)
+    for lane, beyond in zip(lanes, [*lanes[1:], None], strict=True):
+        lane.marks = [border_mark(lane, beyond, True)]
+        if lane.kind == "driving":
+            lane.marks = [Mark(0.0, "none", "standard", 0.0)]
+    section = SectionPlan(0.0, path.length, NONE, [], lanes, Mark(0.0, "none", "standard", 0.0))
+    road = RoadPart(
+        id=numbers.connecting_road(part.id),
+        name=part.name,
+        path=path,
+        elevation=level(z),
+        sections=[section],
+        speed_kmh=min(source.road.speed_kmh, target.road.speed_kmh),
+        junction=part.id,
+        predecessor=Link("road", source.road.id, source.end),
+        successor=Link("road", target.road.id, target.end),
+    )
+    links = [(border.lane_id, -k - 1) for k, border in enumerate(ins)]
+    part.connections.append(ConnectionPart(source.road.id, road.id, links))
+    return road
+
+
+def _lane(source: Border, target: Border, length: float) -> LanePlan:
+    return LanePlan(
+        source.lane.key,
+        source.lane.kind,
+        blend(source.width_m, target.width_m, length),
+        height_m=source.lane.height_m,
+        predecessor=source.lane_id,
+        successor=target.lane_id,
+    )
+
+
+def _outer_lanes(source: Leg, target: Leg, length: float) -> list[LanePlan]:
+    """Gutter and sidewalk along the right-hand side, where both legs have them."""
+    after = {border.lane.kind: border for border in target.outgoing_outer}
+    return [_lane(b, after[b.lane.kind], length) for b in source.incoming_outer if b.lane.kind in after]
+
+
+def setbacks(headings: Sequence[float], kerbs: Sequence[float], corner_m: float, least_m: float) -> list[float]:
+    """How far from the node each leg must end so that kerbs of radius about `corner_m` fit between legs [m]."""
+    result = []
+    for i, (heading, kerb) in enumerate(zip(headings, kerbs, strict=True)):
+        need = least_m
+        for j, (other, other_kerb) in enumerate(zip(headings, kerbs, strict=True)):
+            angle = abs(wrap(other - heading))
+            if i != j and angle < math.pi - _STRAIGHT_RAD:
+                crossing = (other_kerb + kerb * math.cos(angle)) / math.sin(angle)
+                need = max(need, crossing + corner_m / math.tan(angle / 2))
+        result.append(need)
+    return result

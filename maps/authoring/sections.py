@@ -1,0 +1,238 @@
+"""Cross-sections: templates of roads, and the lane sections they need near junctions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+Cubic = tuple[float, float, float, float]
+NONE: Cubic = (0.0, 0.0, 0.0, 0.0)
+SIDEWALK_HEIGHT_M = 0.15
+SOLID_BEFORE_JUNCTION_M = 25.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CrossSection:
+    """What a road looks like across, the same on both sides of its axis."""
+
+    lanes: int
+    """Driving lanes per direction."""
+    lane_m: float = 3.5
+    median_m: float = 0.0
+    gutter_m: float = 0.3
+    sidewalk_m: float = 2.5
+    pocket_m: float = 3.0
+    """Width of a left-turn pocket, taken from the median as far as it reaches."""
+
+    @property
+    def kerb_m(self) -> float:
+        """From the axis to the kerb where the road is plain [m]."""
+        return 0.5 * self.median_m + self.lanes * self.lane_m + self.gutter_m
+
+    def kerb_at(self, layout: str) -> float:
+        """From the axis to the kerb at an end with this layout [m]."""
+        half = 0.5 * self.median_m
+        return self.kerb_m + (0.0 if layout == "plain" else max(half, 0.5 * self.pocket_m) - half)
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A road mark on the outer border of a lane; `s` runs from the start of its section."""
+
+    s: float
+    kind: str
+    color: str = "white"
+    width: float = 0.12
+    change: str = "none"
+    dash: tuple[float, float] | None = None
+    """Length and gap of a broken line [m]."""
+
+
+@dataclass(slots=True)
+class LanePlan:
+    """One lane of one section, named by `key` so that sections can be linked."""
+
+    key: str
+    kind: str
+    width: Cubic
+    marks: list[Mark] = field(default_factory=list)
+    height_m: float = 0.0
+    predecessor: int | None = None
+    successor: int | None = None
+
+    def width_at(self, ds: float) -> float:
+        """Width [m] at `ds` from the start of the section."""
+        a, b, c, d = self.width
+        return a + ds * (b + ds * (c + ds * d))
+
+
+@dataclass(slots=True)
+class SectionPlan:
+    """A lane section: lanes of each side from the centre outwards, and the shift of lane 0."""
+
+    s: float
+    length: float
+    offset: Cubic
+    left: list[LanePlan]
+    right: list[LanePlan]
+    centre: Mark
+
+    def lanes(self) -> list[tuple[int, LanePlan]]:
+        """(lane id, lane) of both sides, from left to right, without lane 0."""
+        left = [(i + 1, lane) for i, lane in enumerate(self.left)]
+        return left[::-1] + [(-i - 1, lane) for i, lane in enumerate(self.right)]
+
+    def inner_border(self, lane_id: int, ds: float) -> float:
+        """t of the border of a lane that faces lane 0 [m], at `ds` from the section's start."""
+        a, b, c, d = self.offset
+        sign = 1.0 if lane_id > 0 else -1.0
+        side = self.left if lane_id > 0 else self.right
+        inner = sum(lane.width_at(ds) for lane in side[: abs(lane_id) - 1])
+        return a + ds * (b + ds * (c + ds * d)) + sign * inner
+
+
+def blend(first: float, last: float, length: float) -> Cubic:
+    """Cubic from `first` to `last` with level ends."""
+    rise = last - first
+    if abs(rise) < 1e-12:
+        return (first, 0.0, 0.0, 0.0)
+    return (first, 0.0, 3 * rise / length**2, -2 * rise / length**3)
+
+
+def road_sections(
+    cross: CrossSection, length: float, ends: tuple[str, str], taper_m: float, stores_m: tuple[float, float]
+) -> list[SectionPlan]:
+    """Lane sections of a two-way road.
+
+    Args:
+        cross: The template.
+        length: Length of the road [m].
+        ends: Layout at the start and at the end: `plain`, `pocket` (a left-turn lane for the
+            traffic that leaves the road there) or `median` (spread as wide as a pocket).
+        taper_m: Length of the transition between plain and another layout [m].
+        stores_m: Length of the pocket or median at the start and at the end [m].
+    """
+    sections: list[SectionPlan] = []
+    s0, s1 = 0.0, length
+    if ends[0] != "plain":
+        sections.append(_section(cross, 0.0, stores_m[0], ends[0], "start", (1.0, 1.0)))
+        sections.append(_section(cross, stores_m[0], taper_m, ends[0], "start", (1.0, 0.0)))
+        s0 = stores_m[0] + taper_m
+    if ends[1] != "plain":
+        s1 = length - stores_m[1] - taper_m
+    if s1 < s0 + 1.0:
+        raise ValueError(f"a road of {length:.1f} m has no room for its pockets (plain part {s1 - s0:.1f} m)")
+    sections.append(_section(cross, s0, s1 - s0, "plain", "end", (0.0, 0.0)))
+    if ends[1] != "plain":
+        sections.append(_section(cross, s1, taper_m, ends[1], "end", (0.0, 1.0)))
+        sections.append(_section(cross, s1 + taper_m, stores_m[1], ends[1], "end", (1.0, 1.0)))
+    for before, after in zip(sections, sections[1:], strict=False):
+        link_sections(before, after)
+    _solid_before_junction(sections, length)
+    return sections
+
+
+def _section(
+    cross: CrossSection, s: float, length: float, layout: str, end: str, share: tuple[float, float]
+) -> SectionPlan:
+    """One section in which the layout grows from `share[0]` to `share[1]` (0 plain, 1 whole)."""
+    half, pocket = 0.5 * cross.median_m, cross.pocket_m
+
+    def grow(plain: float, whole: float) -> Cubic:
+        values = [plain + (whole - plain) * f for f in share]
+        return blend(values[0], values[1], length)
+
+    median = grow(half, 0.0 if layout == "pocket" else max(half, 0.5 * pocket))
+    sides: dict[str, list[LanePlan]] = {}
+    for side in ("L", "R"):
+        lanes: list[LanePlan] = []
+        if any(abs(v) > 1e-9 for v in median):
+            lanes.append(LanePlan(f"{side}:median", "median", median, height_m=SIDEWALK_HEIGHT_M))
+            if cross.median_m == 0.0:
+                lanes[-1].height_m = 0.0
+        if layout == "pocket" and (side == "R") == (end == "end"):
+            lanes.append(LanePlan(f"{side}:pocket", "driving", grow(0.0, pocket)))
+        lanes += _side_lanes(cross, side)
+        sides[side] = lanes
+    _mark_borders(cross, sides, layout)
+    sign = 1.0 if end == "end" else -1.0
+    offset = grow(0.0, sign * 0.5 * pocket) if layout == "pocket" else NONE
+    return SectionPlan(s, length, offset, sides["L"], sides["R"], _centre_mark(cross, sides))
+
+
+def _side_lanes(cross: CrossSection, side: str) -> list[LanePlan]:
+    lanes = [
+        LanePlan(f"{side}:{i}", "driving", (cross.lane_m, 0.0, 0.0, 0.0)) for i in range(cross.lanes)
+    ]
+    if cross.gutter_m > 0:
+        lanes.append(LanePlan(f"{side}:gutter", "shoulder", (cross.gutter_m, 0.0, 0.0, 0.0)))
+    if cross.sidewalk_m > 0:
+        width = (cross.sidewalk_m, 0.0, 0.0, 0.0)
+        lanes.append(LanePlan(f"{side}:walk", "sidewalk", width, height_m=SIDEWALK_HEIGHT_M))
+    return lanes
+
+
+def _mark_borders(cross: CrossSection, sides: dict[str, list[LanePlan]], layout: str) -> None:
+    raised = cross.median_m > 0
+    for lanes in sides.values():
+        for lane, outer in zip(lanes, [*lanes[1:], None], strict=True):
+            lane.marks = [border_mark(lane, outer, raised)]
+            if lane.key.endswith(":pocket") and layout == "pocket":
+                lane.marks = [Mark(0.0, "solid")]
+
+
+def border_mark(lane: LanePlan, outer: LanePlan | None, raised_median: bool) -> Mark:
+    """Mark between a lane and its outer neighbour."""
+    if outer is None:
+        return Mark(0.0, "none", "standard", 0.0)
+    if outer.kind == "sidewalk":
+        return Mark(0.0, "curb", "standard", 0.15)
+    if lane.kind == "median":
+        return Mark(0.0, "curb", "standard", 0.15) if raised_median else Mark(0.0, "solid", "yellow")
+    if lane.kind == "driving" and outer.kind == "driving":
+        return Mark(0.0, "broken", change="both", dash=(3.0, 6.0))
+    if lane.kind == "driving":
+        return Mark(0.0, "solid")
+    return Mark(0.0, "none", "standard", 0.0)
+
+
+def _centre_mark(cross: CrossSection, sides: dict[str, list[LanePlan]]) -> Mark:
+    if all(lanes[0].kind == "median" for lanes in sides.values()):
+        return Mark(0.0, "none", "standard", 0.0)
+    if cross.lanes == 1 and cross.lane_m <= 3.3:
+        return Mark(0.0, "broken", "yellow", change="none", dash=(3.0, 6.0))
+    return Mark(0.0, "solid solid", "yellow", 0.12)
+
+
+def _solid_before_junction(sections: list[SectionPlan], length: float) -> None:
+    """Draw lane lines solid where traffic nears a junction and must not change lanes any more."""
+    for section in sections:
+        end = section.s + section.length
+        for lane in section.right:
+            first = max(section.s, length - SOLID_BEFORE_JUNCTION_M)
+            if lane.marks[0].kind == "broken" and first < end:
+                _replace_from(lane, first - section.s, Mark(0.0, "solid"), keep_before=True)
+        for lane in section.left:
+            last = min(end, SOLID_BEFORE_JUNCTION_M)
+            if lane.marks[0].kind == "broken" and section.s < last:
+                _replace_from(lane, last - section.s, Mark(0.0, "solid"), keep_before=False)
+                if last == end:
+                    lane.marks.pop()
+
+
+def _replace_from(lane: LanePlan, s: float, solid: Mark, *, keep_before: bool) -> None:
+    broken = lane.marks[0]
+    dashed = Mark(s if not keep_before else 0.0, broken.kind, broken.color, broken.width, broken.change, broken.dash)
+    if keep_before:
+        lane.marks = [dashed, Mark(s, "solid")] if s > 1e-9 else [solid]
+    else:
+        lane.marks = [solid, dashed]
+
+
+def link_sections(before: SectionPlan, after: SectionPlan) -> None:
+    """Link lanes of the same key whose width at the joint is not zero."""
+    following = {lane.key: (lane_id, lane) for lane_id, lane in after.lanes()}
+    for lane_id, lane in before.lanes():
+        found = following.get(lane.key)
+        if found and lane.width_at(before.length) > 1e-6 and found[1].width_at(0.0) > 1e-6:
+            lane.successor = found[0]
+            found[1].predecessor = lane_id
