@@ -1,0 +1,1 @@
+"""OpenDRIVE: the file's records, the reader, and the evaluation of roads as curves and surfaces."""

@@ -1,0 +1,372 @@
+"""What an OpenDRIVE file says, as frozen records (ASAM OpenDRIVE 1.4 to 1.7).
+
+Lengths are metres, angles radians, speeds m/s. ``line`` is the line of the element in its file.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from carlaloc_env.geodesy import GeoReference
+
+GeometryKind = Literal["line", "arc", "spiral", "poly3", "paramPoly3"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Note:
+    """Something odd but usable that was met while reading."""
+
+    severity: Literal["error", "warning"]
+    element: str
+    id: str
+    line: int
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class Cubic:
+    """One record ``a + b·ds + c·ds² + d·ds³``, valid from `s_m` to the next record."""
+
+    s_m: float
+    a: float
+    b: float
+    c: float
+    d: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Geometry:
+    """One piece of a road's reference line."""
+
+    s_m: float
+    x_m: float
+    y_m: float
+    heading_rad: float
+    length_m: float
+    kind: GeometryKind
+    curvature_start_radpm: float = 0.0
+    """Curvature at the start [1/m] of an arc or spiral."""
+    curvature_end_radpm: float = 0.0
+    """Curvature at the end [1/m]; equal to the start for an arc."""
+    u_poly: tuple[float, float, float, float] = (0.0, 1.0, 0.0, 0.0)
+    """Coefficients of u(p) [m] of poly3 (u = p) and paramPoly3."""
+    v_poly: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    """Coefficients of v(p) [m] of poly3 and paramPoly3."""
+    p_max: float = 1.0
+    """Parameter at the end of the piece; poly3: an upper bound of it."""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeRecord:
+    """Lateral road shape at `s_m`: height [m] as a cubic of t − `t_m`, valid from `t_m` on."""
+
+    s_m: float
+    t_m: float
+    a: float
+    b: float
+    c: float
+    d: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarkLine:
+    """One painted line of a road mark's ``<type>``."""
+
+    length_m: float
+    space_m: float
+    t_offset_m: float
+    s_offset_m: float
+    width_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadMark:
+    """Marking on the outer border of a lane (on the line itself for lane 0)."""
+
+    s_offset_m: float
+    type: str
+    weight: str
+    colour: str
+    width_m: float | None
+    lane_change: str
+    lines: tuple[MarkLine, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedRecord:
+    """Speed limit [m/s] from `s_m` on; infinite where the file says "no limit"."""
+
+    s_m: float
+    limit_mps: float
+
+
+@dataclass(frozen=True, slots=True)
+class LaneHeight:
+    """Lane surface above the road surface at its inner and outer edge [m], from `s_m` on."""
+
+    s_m: float
+    inner_m: float
+    outer_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lane:
+    """One lane of a lane section; positive ids lie left of the lane-offset line."""
+
+    id: int
+    type: str
+    level: bool = False
+    predecessors: tuple[int, ...] = ()
+    successors: tuple[int, ...] = ()
+    widths: tuple[Cubic, ...] = ()
+    borders: tuple[Cubic, ...] = ()
+    road_marks: tuple[RoadMark, ...] = ()
+    speeds: tuple[SpeedRecord, ...] = ()
+    heights: tuple[LaneHeight, ...] = ()
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaneSection:
+    """Cross-section of a road from `s_m` to `end_m`; lanes from left to right, lane 0 included."""
+
+    s_m: float
+    end_m: float
+    lanes: tuple[Lane, ...]
+    line: int = 0
+
+    def lane(self, lane_id: int) -> Lane | None:
+        """The lane of that id, or None."""
+        return next((lane for lane in self.lanes if lane.id == lane_id), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadLink:
+    """What a road's start or end is joined to."""
+
+    element_type: Literal["road", "junction"]
+    element_id: str
+    contact: Literal["start", "end"] | None
+    """Which end of the other road; None for junctions and where the file is silent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Validity:
+    """Inclusive range of lane ids that a signal or object speaks to."""
+
+    from_lane: int
+    to_lane: int
+
+    def holds(self, lane_id: int) -> bool:
+        """True if the lane id lies in the range (whatever the order of its ends)."""
+        low, high = sorted((self.from_lane, self.to_lane))
+        return lane_id != 0 and low <= lane_id <= high
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signal:
+    """A traffic light or sign on its pole."""
+
+    id: str
+    name: str
+    s_m: float
+    t_m: float
+    z_offset_m: float
+    h_offset_rad: float
+    orientation: str
+    dynamic: bool
+    country: str
+    type: str
+    subtype: str
+    value: float | None
+    unit: str
+    text: str
+    width_m: float
+    height_m: float
+    validity: tuple[Validity, ...]
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalReference:
+    """Where a signal that stands elsewhere takes effect."""
+
+    id: str
+    s_m: float
+    t_m: float
+    orientation: str
+    validity: tuple[Validity, ...]
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CornerRoad:
+    """Outline corner in road coordinates, `dz_m` above the road surface."""
+
+    s_m: float
+    t_m: float
+    dz_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class CornerLocal:
+    """Outline corner in the object's own frame."""
+
+    u_m: float
+    v_m: float
+    z_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outline:
+    """One outline of an object."""
+
+    corners: tuple[CornerRoad | CornerLocal, ...]
+    closed: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeat:
+    """A row of copies of an object along the road; distance 0 = one continuous body."""
+
+    s_m: float
+    length_m: float
+    distance_m: float
+    t_start_m: float
+    t_end_m: float
+    z_offset_start_m: float
+    z_offset_end_m: float
+    height_start_m: float | None
+    height_end_m: float | None
+    width_start_m: float | None
+    width_end_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoadObject:
+    """Something beside or on the road: a crosswalk, stop line, pole or building."""
+
+    id: str
+    name: str
+    type: str
+    subtype: str
+    s_m: float
+    t_m: float
+    z_offset_m: float
+    heading_rad: float
+    pitch_rad: float
+    roll_rad: float
+    orientation: str
+    length_m: float
+    width_m: float
+    radius_m: float
+    height_m: float
+    outlines: tuple[Outline, ...] = ()
+    repeats: tuple[Repeat, ...] = ()
+    validity: tuple[Validity, ...] = ()
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Road:
+    """One road: reference line, profiles, cross-sections and furniture."""
+
+    id: str
+    name: str
+    length_m: float
+    junction_id: str | None
+    left_hand_traffic: bool
+    predecessor: RoadLink | None
+    successor: RoadLink | None
+    type: str
+    speeds: tuple[SpeedRecord, ...]
+    geometry: tuple[Geometry, ...]
+    elevation: tuple[Cubic, ...]
+    superelevation: tuple[Cubic, ...]
+    shape: tuple[ShapeRecord, ...]
+    lane_offset: tuple[Cubic, ...]
+    sections: tuple[LaneSection, ...]
+    objects: tuple[RoadObject, ...] = ()
+    signals: tuple[Signal, ...] = ()
+    signal_references: tuple[SignalReference, ...] = ()
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Connection:
+    """A way into a junction: lanes of the incoming road onto lanes of the connecting road."""
+
+    id: str
+    incoming_road: str
+    connecting_road: str
+    """The linked road in a direct junction."""
+    contact: Literal["start", "end"] | None
+    lane_links: tuple[tuple[int, int], ...]
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JunctionController:
+    """A signal group that works in a junction; equal sequences are green together."""
+
+    id: str
+    sequence: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Junction:
+    """A crossing: its connections and signal groups."""
+
+    id: str
+    name: str
+    type: str
+    connections: tuple[Connection, ...]
+    controllers: tuple[JunctionController, ...] = ()
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controller:
+    """A signal group: signals that always show the same."""
+
+    id: str
+    name: str
+    sequence: int
+    signal_ids: tuple[str, ...]
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenDrive:
+    """A whole OpenDRIVE file."""
+
+    source: str
+    revision: tuple[int, int]
+    name: str
+    vendor: str
+    geo_reference: str | None
+    offset: tuple[float, float, float, float]
+    """Shift x, y, z [m] and turn [rad] between the file and its projection (since 1.6)."""
+    roads: tuple[Road, ...]
+    junctions: tuple[Junction, ...]
+    controllers: tuple[Controller, ...]
+    notes: tuple[Note, ...] = ()
+
+    def geodetic_origin(self) -> GeoReference | None:
+        """Origin of a transverse-Mercator geoReference; None if there is none in the file."""
+        if self.geo_reference is None:
+            return None
+        found = dict(re.findall(r"\+(lat_0|lon_0)=([-+0-9.eE]+)", self.geo_reference))
+        try:
+            lat, lon = float(found["lat_0"]), float(found["lon_0"])
+        except (KeyError, ValueError):
+            return None
+        if not (math.isfinite(lat) and math.isfinite(lon) and abs(lat) <= 90.0 and abs(lon) <= 360.0):
+            return None
+        return GeoReference(latitude_deg=lat, longitude_deg=lon)

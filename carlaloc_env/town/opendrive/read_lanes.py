@@ -1,0 +1,117 @@
+"""Reads lane sections: lanes with widths, borders, heights, marks and speeds."""
+
+from __future__ import annotations
+
+import math
+
+from carlaloc_env.town.opendrive.document import Document, Element
+from carlaloc_env.town.opendrive.model import (
+    Lane,
+    LaneHeight,
+    LaneSection,
+    MarkLine,
+    RoadMark,
+    SpeedRecord,
+)
+from carlaloc_env.town.opendrive.read_geometry import read_cubics
+
+LANES_PER_SECTION_LIMIT = 256
+MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
+
+
+def read_sections(document: Document, road: Element, length_m: float) -> tuple[LaneSection, ...]:
+    """All lane sections of a road in ascending s."""
+    elements = road.findall("lanes/laneSection")
+    if not elements:
+        document.fail(road, "has no <laneSection>", "add its lanes")
+    starts = sorted(((document.number(e, "s"), k) for k, e in enumerate(elements)))
+    sections = []
+    for n, (s, k) in enumerate(starts):
+        end = starts[n + 1][0] if n + 1 < len(starts) else max(length_m, s)
+        sections.append(_section(document, elements[k], s, end))
+    return tuple(sections)
+
+
+def read_speed(document: Document, element: Element) -> float:
+    """Limit [m/s] of a ``<speed>``; infinite for "no limit" and "undefined"."""
+    raw = document.text(element, "max").strip()
+    if raw in ("no limit", "undefined"):
+        return math.inf
+    unit = element.get("unit", "m/s") or "m/s"
+    if unit not in MPS_PER_UNIT:
+        document.fail(element, f"has unit='{unit[:40]}'", "write m/s, km/h or mph")
+    value = document.number(element, "max", limit=10_000.0)
+    # Some writers mean "no limit" by a number that no car may drive.
+    return value * MPS_PER_UNIT[unit] if value > 0.0 else math.inf
+
+
+def _section(document: Document, element: Element, s: float, end: float) -> LaneSection:
+    found = [
+        lane for side in element if side.tag in ("left", "center", "right") for lane in side.findall("lane")
+    ]
+    if len(found) > LANES_PER_SECTION_LIMIT:
+        document.fail(element, f"has {len(found)} lanes", f"keep to {LANES_PER_SECTION_LIMIT}")
+    lanes = [_lane(document, lane, s) for lane in found]
+    seen: set[int] = set()
+    for lane, source in zip(lanes, found, strict=True):
+        if lane.id in seen:
+            document.fail(source, "repeats a lane id of its section", "give it another id")
+        seen.add(lane.id)
+    lanes.sort(key=lambda lane: -lane.id)
+    return LaneSection(s_m=s, end_m=end, lanes=tuple(lanes), line=element.sourceline)
+
+
+def _lane(document: Document, element: Element, start_m: float) -> Lane:
+    speeds = [
+        SpeedRecord(document.number(e, "sOffset", 0.0) + start_m, read_speed(document, e))
+        for e in element.findall("speed")
+    ]
+    heights = [
+        LaneHeight(
+            document.number(e, "sOffset", 0.0) + start_m,
+            document.number(e, "inner", 0.0),
+            document.number(e, "outer", 0.0),
+        )
+        for e in element.findall("height")
+    ]
+    return Lane(
+        id=document.integer(element, "id", limit=10_000),
+        type=element.get("type", "none") or "none",
+        level=element.get("level") in ("true", "1"),
+        predecessors=_links(document, element, "predecessor"),
+        successors=_links(document, element, "successor"),
+        widths=read_cubics(document, element.findall("width"), "sOffset", start_m=start_m),
+        borders=read_cubics(document, element.findall("border"), "sOffset", start_m=start_m),
+        road_marks=tuple(
+            sorted((_mark(document, e) for e in element.findall("roadMark")), key=lambda m: m.s_offset_m)
+        ),
+        speeds=tuple(sorted(speeds, key=lambda r: r.s_m)),
+        heights=tuple(sorted(heights, key=lambda r: r.s_m)),
+        line=element.sourceline,
+    )
+
+
+def _links(document: Document, element: Element, name: str) -> tuple[int, ...]:
+    return tuple(document.integer(e, "id", limit=10_000) for e in element.findall(f"link/{name}"))
+
+
+def _mark(document: Document, element: Element) -> RoadMark:
+    lines = tuple(
+        MarkLine(
+            length_m=document.length(e, "length", 0.0),
+            space_m=document.length(e, "space", 0.0),
+            t_offset_m=document.number(e, "tOffset", 0.0),
+            s_offset_m=document.number(e, "sOffset", 0.0),
+            width_m=document.number(e, "width") if e.get("width") else None,
+        )
+        for e in element.findall("type/line")
+    )
+    return RoadMark(
+        s_offset_m=document.number(element, "sOffset", 0.0),
+        type=" ".join(element.get("type", "none").split()),
+        weight=element.get("weight", "standard"),
+        colour=element.get("color", "standard"),
+        width_m=document.number(element, "width") if element.get("width") else None,
+        lane_change=element.get("laneChange", "both"),
+        lines=lines,
+    )
