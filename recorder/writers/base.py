@@ -1,0 +1,129 @@
+"""What every dataset writer has: it takes samples in time order and ends with a whole file or with none."""
+
+from __future__ import annotations
+
+import shutil
+from abc import ABC, abstractmethod
+from pathlib import Path
+from types import TracebackType
+
+from carlaloc_env.errors import WriterError
+from carlaloc_env.samples import Sample
+
+DEFAULT_EPOCH_NS = 1_672_531_200_000_000_000
+"""Unix time given to the beginning of a drive [ns]: 2023-01-01T00:00:00Z.
+
+It is fixed so that the same drive always gives the same bytes, and far from 0, which ROS reads as
+"no time".
+"""
+
+
+class Writer(ABC):
+    """Writes under a temporary name and takes the final one when closed.
+
+    As a context manager it closes at the end of the block; an exception inside removes what was
+    written.
+    """
+
+    def __init__(self, target: str | Path, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+        self.target = Path(target)
+        self.epoch_ns = epoch_ns
+        self._part = self.target.with_name(f".{self.target.name}.part")
+        self._is_open = False
+        self._last_ns: int | None = None
+
+    def __enter__(self) -> Writer:
+        self.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abort()
+
+    def open(self) -> None:
+        """Start writing.
+
+        Raises:
+            WriterError: the target exists or cannot be created.
+        """
+        if self.target.exists():
+            raise WriterError(f"{self.target} exists; choose another folder or delete it first")
+        try:
+            self.target.parent.mkdir(parents=True, exist_ok=True)
+            _remove(self._part)
+            self._begin(self._part)
+        except OSError as error:
+            raise WriterError(f"cannot write {self.target}: {error.strerror}") from error
+        self._is_open = True
+
+    def write(self, sample: Sample) -> None:
+        """Add a sample; stamps never go back.
+
+        Raises:
+            WriterError: the writer is closed, the stamp is older than the one before, or the disk is full.
+        """
+        if not self._is_open:
+            raise WriterError(f"{self.target} is not open; call open() before write()")
+        if self._last_ns is not None and sample.stamp_ns < self._last_ns:
+            raise WriterError(
+                f"{self.target}: {sample.sensor} at {sample.stamp_ns} ns comes after {self._last_ns} ns; "
+                "write samples in the order of their stamps"
+            )
+        self._last_ns = sample.stamp_ns
+        try:
+            self._put(sample)
+        except OSError as error:
+            raise WriterError(f"cannot write {self.target}: {error.strerror}") from error
+
+    def close(self) -> None:
+        """Complete the target and give it its final name; a second call does nothing.
+
+        Raises:
+            WriterError: the disk is full.
+        """
+        if not self._is_open:
+            return
+        self._is_open = False
+        try:
+            self._finish()
+            self._part.rename(self.target)
+        except OSError as error:
+            raise WriterError(f"cannot complete {self.target}: {error.strerror}") from error
+
+    def abort(self) -> None:
+        """Stop and remove what was written."""
+        if self._is_open:
+            self._is_open = False
+            self._drop()
+            _remove(self._part)
+
+    def unix_ns(self, stamp_ns: int) -> int:
+        """Time of a stamp in the written files [ns since 1970]."""
+        return self.epoch_ns + stamp_ns
+
+    @abstractmethod
+    def _begin(self, part: Path) -> None:
+        """Create the file or folder `part`."""
+
+    @abstractmethod
+    def _put(self, sample: Sample) -> None:
+        """Write one sample, or pass over a kind that the format does not hold."""
+
+    @abstractmethod
+    def _finish(self) -> None:
+        """Write what belongs at the end and close all files."""
+
+    def _drop(self) -> None:
+        """Close all files without completing them."""
+        self._finish()
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -1,0 +1,328 @@
+"""ROS messages of samples: one function per kind, for ROS 1 and ROS 2 alike."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any, cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import WriterError
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.samples import (
+    DepthImage,
+    GnssFix,
+    Image,
+    Imu,
+    Odometry,
+    PointCloud,
+    Sample,
+    SemanticImage,
+    Speed,
+)
+
+Message = Any
+"""An object of one of the typestore's classes, which exist at run time only."""
+_FLOAT32, _UINT32, _UINT16, _UINT8 = 7, 6, 4, 2
+_POINT_DTYPE = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")]
+)
+"""velodyne_pointcloud's XYZIRT: offsets 0, 4, 8, 12, 16, 18; time [s] after the header's stamp."""
+_LABELLED_DTYPE = np.dtype([*_POINT_DTYPE.descr, ("label", "u1"), ("id", "<u4")])
+_DATATYPES = {"<f4": _FLOAT32, "<u4": _UINT32, "<u2": _UINT16, "|u1": _UINT8}
+
+
+def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
+    """Type store with `tf2_msgs/TFMessage`, which ROS 1's lacks."""
+    typestore = get_typestore(store)
+    if "tf2_msgs/msg/TFMessage" not in typestore.types:
+        text = "geometry_msgs/TransformStamped[] transforms\n"
+        typestore.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+    return typestore
+
+
+class MessageMaker:
+    """Makes messages of one type store.
+
+    A header's `seq`, which ROS 1 has and ROS 2 has not, counts per maker and topic.
+    """
+
+    def __init__(self, typestore: Typestore, *, epoch_ns: int, pinholes: Mapping[str, Pinhole]) -> None:
+        """Make a maker.
+
+        Args:
+            typestore: From `make_typestore`.
+            epoch_ns: Added to every stamp [ns].
+            pinholes: Intrinsics by name of the colour stream.
+        """
+        self.typestore = typestore
+        self._epoch_ns = epoch_ns
+        self._pinholes = pinholes
+        self._has_seq = "seq" in self.fields_of("std_msgs/Header")
+        self._seq: dict[str, int] = {}
+
+    def make(self, encoder: str, sample: Sample, topic: str, frame_id: str | None = None) -> Message:
+        """Message of a sample by one of `ENCODERS`."""
+        header = self.header(sample.stamp_ns, frame_id or sample.frame_id, topic)
+        return ENCODERS[encoder][1](self, header, sample)
+
+    def new(self, type_name: str, **values: Any) -> Message:
+        """Message of a type, e.g. ``sensor_msgs/Imu``."""
+        return self.typestore.types[type_name.replace("/", "/msg/")](**values)
+
+    def fields_of(self, type_name: str) -> tuple[str, ...]:
+        """Names of a message type's fields, which differ between ROS 1 and ROS 2."""
+        kind: Any = self.typestore.types[type_name.replace("/", "/msg/")]
+        return tuple(field.name for field in dataclasses.fields(kind))
+
+    def time(self, stamp_ns: int) -> Message:
+        """Time message of a stamp since the drive began [ns]."""
+        total = self._epoch_ns + stamp_ns
+        return self.new("builtin_interfaces/Time", sec=total // 10**9, nanosec=total % 10**9)
+
+    def header(self, stamp_ns: int, frame_id: str, topic: str = "") -> Message:
+        """Header of a stamp [ns] and frame."""
+        values: dict[str, Any] = {"stamp": self.time(stamp_ns), "frame_id": frame_id}
+        if self._has_seq:
+            values["seq"] = self._seq.get(topic, 0)
+            self._seq[topic] = values["seq"] + 1
+        return self.new("std_msgs/Header", **values)
+
+    def image(self, header: Message, pixels: NDArray[Any], encoding: str) -> Message:
+        """Image of rows of pixels (H, W) or (H, W, C)."""
+        data = np.ascontiguousarray(pixels)
+        return self.new(
+            "sensor_msgs/Image",
+            header=header,
+            height=data.shape[0],
+            width=data.shape[1],
+            encoding=encoding,
+            is_bigendian=0,
+            step=data.strides[0],
+            data=data.reshape(-1).view(np.uint8),
+        )
+
+    def vector(self, xyz: NDArray[np.float64]) -> Message:
+        """Vector3 of three numbers."""
+        x, y, z = (float(v) for v in xyz)
+        return self.new("geometry_msgs/Vector3", x=x, y=y, z=z)
+
+    def quaternion(self, quat_xyzw: NDArray[np.float64]) -> Message:
+        """Quaternion of x, y, z, w."""
+        x, y, z, w = (float(v) for v in quat_xyzw)
+        return self.new("geometry_msgs/Quaternion", x=x, y=y, z=z, w=w)
+
+    def pose(self, position_m: NDArray[np.float64], quat_xyzw: NDArray[np.float64]) -> Message:
+        """Pose of a position [m] and an attitude."""
+        x, y, z = (float(v) for v in position_m)
+        point = self.new("geometry_msgs/Point", x=x, y=y, z=z)
+        return self.new("geometry_msgs/Pose", position=point, orientation=self.quaternion(quat_xyzw))
+
+    def pose_stamped(self, sample: Odometry, topic: str = "") -> Message:
+        """Pose of the sample's frame in the world."""
+        header = self.header(sample.stamp_ns, "world", topic)
+        pose = self.pose(sample.position_m, sample.quat_xyzw)
+        return self.new("geometry_msgs/PoseStamped", header=header, pose=pose)
+
+    def clock(self, stamp_ns: int) -> Message:
+        """Clock at a stamp [ns]."""
+        return self.new("rosgraph_msgs/Clock", clock=self.time(stamp_ns))
+
+    def tf_static(self, parent: str, frames: Mapping[str, NDArray[np.float64]], stamp_ns: int) -> Message:
+        """Transforms from frames, each by its T_parent_frame (4, 4), to their parent."""
+        transforms = [
+            self.new(
+                "geometry_msgs/TransformStamped",
+                header=self.header(stamp_ns, parent, "/tf_static"),
+                child_frame_id=frame,
+                transform=self.new(
+                    "geometry_msgs/Transform",
+                    translation=self.vector(T[:3, 3]),
+                    rotation=self.quaternion(geometry.matrix_to_quat(T[:3, :3])),
+                ),
+            )
+            for frame, T in frames.items()
+        ]
+        return self.new("tf2_msgs/TFMessage", transforms=transforms)
+
+    def pinhole(self, stream: str) -> Pinhole:
+        """Intrinsics of a colour stream.
+
+        Raises:
+            WriterError: the calibration has no such camera.
+        """
+        if stream not in self._pinholes:
+            raise WriterError(f"no calibration of camera stream '{stream}'; give the rig to the writer")
+        return self._pinholes[stream]
+
+
+def _image_rgb8(maker: MessageMaker, header: Message, sample: Image) -> Message:
+    return maker.image(header, sample.rgb, "rgb8")
+
+
+def _image_mono8(maker: MessageMaker, header: Message, sample: Image) -> Message:
+    return maker.image(header, grey(sample), "mono8")
+
+
+def grey(sample: Image) -> NDArray[np.uint8]:
+    """Brightness 0–255 of a picture (ITU-R BT.601), shape (H, W)."""
+    return cast(NDArray[np.uint8], cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2GRAY))
+
+
+def _image_32fc1(maker: MessageMaker, header: Message, sample: DepthImage) -> Message:
+    return maker.image(header, sample.depth_m, "32FC1")
+
+
+def _image_tags(maker: MessageMaker, header: Message, sample: SemanticImage) -> Message:
+    return maker.image(header, sample.tag, "mono8")
+
+
+def _camera_info(maker: MessageMaker, header: Message, sample: Image) -> Message:
+    pinhole = maker.pinhole(sample.sensor)
+    K = pinhole.K
+    roi = maker.new(
+        "sensor_msgs/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+    )
+    upper = "D" in maker.fields_of("sensor_msgs/CameraInfo")
+    matrices = {
+        "d": np.zeros(5),
+        "k": K.reshape(-1),
+        "r": np.eye(3).reshape(-1),
+        "p": np.hstack([K, np.zeros((3, 1))]).reshape(-1),
+    }
+    return maker.new(
+        "sensor_msgs/CameraInfo",
+        header=header,
+        height=pinhole.height_px,
+        width=pinhole.width_px,
+        distortion_model="plumb_bob",
+        binning_x=0,
+        binning_y=0,
+        roi=roi,
+        **{name.upper() if upper else name: value for name, value in matrices.items()},
+    )
+
+
+def _points(maker: MessageMaker, header: Message, sample: PointCloud) -> Message:
+    return _cloud(maker, header, sample, _POINT_DTYPE)
+
+
+def _points_labelled(maker: MessageMaker, header: Message, sample: PointCloud) -> Message:
+    return _cloud(maker, header, sample, _LABELLED_DTYPE)
+
+
+def _cloud(maker: MessageMaker, header: Message, sample: PointCloud, dtype: np.dtype[np.void]) -> Message:
+    count = len(sample.points_xyz_m)
+    rows = np.zeros(count, dtype=dtype)
+    for axis, name in enumerate("xyz"):
+        rows[name] = sample.points_xyz_m[:, axis]
+    rows["intensity"] = sample.intensity
+    rows["ring"] = sample.ring
+    rows["time"] = sample.offset_ns * 1e-9
+    if "label" in (dtype.names or ()):
+        rows["label"] = sample.tag if sample.tag is not None else 0
+        rows["id"] = sample.instance if sample.instance is not None else 0
+    offsets = {name: place[1] for name, place in (dtype.fields or {}).items()}
+    fields = [
+        maker.new(
+            "sensor_msgs/PointField",
+            name=name,
+            offset=offsets[name],
+            datatype=_DATATYPES[dtype[name].str],
+            count=1,
+        )
+        for name in dtype.names or ()
+    ]
+    return maker.new(
+        "sensor_msgs/PointCloud2",
+        header=header,
+        height=1,
+        width=count,
+        fields=fields,
+        is_bigendian=False,
+        point_step=dtype.itemsize,
+        row_step=dtype.itemsize * count,
+        data=rows.view(np.uint8),
+        is_dense=True,
+    )
+
+
+def _imu(maker: MessageMaker, header: Message, sample: Imu) -> Message:
+    no_orientation = np.zeros(9)
+    no_orientation[0] = -1.0  # sensor_msgs/Imu: "no orientation estimate"
+    return maker.new(
+        "sensor_msgs/Imu",
+        header=header,
+        orientation=maker.quaternion(np.array([0.0, 0.0, 0.0, 1.0])),
+        orientation_covariance=no_orientation,
+        angular_velocity=maker.vector(sample.angular_rate_radps),
+        angular_velocity_covariance=np.zeros(9),
+        linear_acceleration=maker.vector(sample.specific_force_mps2),
+        linear_acceleration_covariance=np.zeros(9),
+    )
+
+
+def _nav_sat_fix(maker: MessageMaker, header: Message, sample: GnssFix) -> Message:
+    status = maker.new("sensor_msgs/NavSatStatus", status=0 if sample.has_fix else -1, service=1)
+    covariance = sample.covariance_enu_m2
+    diagonal = not np.any(covariance - np.diag(np.diag(covariance)))
+    return maker.new(
+        "sensor_msgs/NavSatFix",
+        header=header,
+        status=status,
+        latitude=sample.latitude_deg,
+        longitude=sample.longitude_deg,
+        altitude=sample.altitude_m,
+        position_covariance=np.ascontiguousarray(covariance).reshape(-1),
+        position_covariance_type=2 if diagonal else 3,
+    )
+
+
+def _twist(maker: MessageMaker, header: Message, sample: Speed) -> Message:
+    linear = maker.vector(np.array([sample.speed_mps, 0.0, 0.0]))
+    twist = maker.new("geometry_msgs/Twist", linear=linear, angular=maker.vector(np.zeros(3)))
+    return maker.new("geometry_msgs/TwistStamped", header=header, twist=twist)
+
+
+def _odometry(maker: MessageMaker, header: Message, sample: Odometry) -> Message:
+    """The pose is in the header's frame, the twist in the child's (nav_msgs/Odometry)."""
+    velocity = geometry.quat_rotate(geometry.quat_conjugate(sample.quat_xyzw), sample.velocity_world_mps)
+    twist = maker.new(
+        "geometry_msgs/Twist",
+        linear=maker.vector(velocity),
+        angular=maker.vector(sample.angular_rate_radps),
+    )
+    header.frame_id = "world"
+    return maker.new(
+        "nav_msgs/Odometry",
+        header=header,
+        child_frame_id=sample.frame_id,
+        pose=maker.new(
+            "geometry_msgs/PoseWithCovariance",
+            pose=maker.pose(sample.position_m, sample.quat_xyzw),
+            covariance=np.zeros(36),
+        ),
+        twist=maker.new("geometry_msgs/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+    )
+
+
+ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]] = {
+    "image_rgb8": ("sensor_msgs/msg/Image", _image_rgb8),
+    "image_mono8": ("sensor_msgs/msg/Image", _image_mono8),
+    "image_32fc1": ("sensor_msgs/msg/Image", _image_32fc1),
+    "image_tags": ("sensor_msgs/msg/Image", _image_tags),
+    "camera_info": ("sensor_msgs/msg/CameraInfo", _camera_info),
+    "points": ("sensor_msgs/msg/PointCloud2", _points),
+    "points_labelled": ("sensor_msgs/msg/PointCloud2", _points_labelled),
+    "imu": ("sensor_msgs/msg/Imu", _imu),
+    "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", _nav_sat_fix),
+    "twist": ("geometry_msgs/msg/TwistStamped", _twist),
+    "odometry": ("nav_msgs/msg/Odometry", _odometry),
+}
+"""Message type and function of every way to write a sample."""

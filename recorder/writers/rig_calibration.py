@@ -1,0 +1,193 @@
+"""What calibration files say about a rig: where the sensors sit and the numbers they are used with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import WriterError
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.sensors.base import SensorConfig
+
+Array = NDArray[np.float64]
+
+BASE_FRAME = "base_link"
+"""Frame of the car: FLU, on the ground below the rear axle."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CameraCalibration:
+    """A camera without distortion."""
+
+    name: str
+    """Name of the camera; its colour stream is ``rgb_`` + name."""
+    T_base_camera: Array
+    """Maps the optical frame to `base_link`, shape (4, 4)."""
+    pinhole: Pinhole
+    """Intrinsics."""
+    rate_hz: float = 20.0
+    """Pictures per second [Hz]."""
+    frame_id: str = ""
+    """Name of the optical frame; empty: ``camera_`` + name."""
+
+    @property
+    def frame(self) -> str:
+        """Name of the optical frame."""
+        return self.frame_id or f"camera_{self.name}"
+
+    @property
+    def stream(self) -> str:
+        """Name of the colour stream."""
+        return f"rgb_{self.name}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImuCalibration:
+    """An IMU with continuous-time noise in Kalibr's convention."""
+
+    name: str = "imu"
+    """Name of the sensor, its stream and its frame."""
+    T_base_imu: Array = field(default_factory=lambda: np.eye(4))
+    """Maps the IMU frame to `base_link`, shape (4, 4)."""
+    rate_hz: float = 200.0
+    """Measurements per second [Hz]."""
+    accelerometer_noise_density: float = 2e-3
+    """White noise of the specific force [m/s²/√Hz]."""
+    accelerometer_random_walk: float = 3e-3
+    """Diffusion of the accelerometer's bias [m/s³/√Hz]."""
+    gyroscope_noise_density: float = 2e-4
+    """White noise of the body rate [rad/s/√Hz]."""
+    gyroscope_random_walk: float = 2e-5
+    """Diffusion of the gyroscope's bias [rad/s²/√Hz]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LidarCalibration:
+    """A spinning LiDAR."""
+
+    name: str = "lidar"
+    """Name of the sensor, its plain stream and its frame."""
+    T_base_lidar: Array = field(default_factory=lambda: np.eye(4))
+    """Maps the LiDAR frame to `base_link`, shape (4, 4)."""
+    rate_hz: float = 20.0
+    """Revolutions per second [Hz]."""
+    elevations_deg: tuple[float, ...] = (-30.0, 10.0)
+    """Elevation of each beam, lowest first [deg]."""
+    columns: int = 2078
+    """Firings of all beams in one revolution."""
+    range_min_m: float = 1.0
+    """Nearest return [m]."""
+    range_max_m: float = 120.0
+    """Farthest return [m]."""
+
+    @property
+    def rings(self) -> int:
+        """Number of beams."""
+        return len(self.elevations_deg)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigCalibration:
+    """All sensors of a car."""
+
+    cameras: tuple[CameraCalibration, ...] = ()
+    """Cameras; of a stereo pair the left one comes first."""
+    imu: ImuCalibration | None = None
+    """The IMU, body of visual-inertial systems."""
+    lidar: LidarCalibration | None = None
+    """The LiDAR."""
+    frames: Mapping[str, Array] = field(default_factory=dict)
+    """For every sensor frame, the map to `base_link`, shape (4, 4)."""
+
+    def T(self, to_frame: str, from_frame: str) -> Array:
+        """Maps coordinates of one frame to another, shape (4, 4).
+
+        Raises:
+            WriterError: a frame is unknown.
+        """
+        return geometry.invert(self._T_base(to_frame)) @ self._T_base(from_frame)
+
+    def _T_base(self, frame: str) -> Array:
+        if frame == BASE_FRAME:
+            return np.eye(4)
+        if frame not in self.frames:
+            raise WriterError(
+                f"no frame '{frame}' in the rig; it has {', '.join([BASE_FRAME, *self.frames])}"
+            )
+        return self.frames[frame]
+
+    @classmethod
+    def of(
+        cls,
+        *,
+        cameras: Iterable[CameraCalibration] = (),
+        imu: ImuCalibration | None = None,
+        lidar: LidarCalibration | None = None,
+        others: Mapping[str, Array] | None = None,
+    ) -> RigCalibration:
+        """Rig whose frames are those of the sensors given, and some others."""
+        cameras = tuple(cameras)
+        frames = {camera.frame: camera.T_base_camera for camera in cameras}
+        if imu is not None:
+            frames[imu.name] = imu.T_base_imu
+        if lidar is not None:
+            frames[lidar.name] = lidar.T_base_lidar
+        return cls(cameras=cameras, imu=imu, lidar=lidar, frames={**frames, **(others or {})})
+
+    @classmethod
+    def from_configs(cls, configs: Iterable[SensorConfig]) -> RigCalibration:
+        """Calibration of a rig's sensor configurations; the first IMU and LiDAR count."""
+        cameras: list[CameraCalibration] = []
+        imu: ImuCalibration | None = None
+        lidar: LidarCalibration | None = None
+        others: dict[str, Array] = {}
+        for config in configs:
+            T_base_sensor = config.mount.T_base_sensor
+            if config.kind == "camera":
+                cameras.append(_camera(config, T_base_sensor))
+            elif config.kind == "imu" and imu is None:
+                imu = _imu(config, T_base_sensor)
+            elif config.kind == "lidar" and lidar is None:
+                lidar = _lidar(config, T_base_sensor)
+            else:
+                others[config.frame_id] = T_base_sensor
+        return cls.of(cameras=cameras, imu=imu, lidar=lidar, others=others)
+
+
+def _camera(config: Any, T_base_camera: Array) -> CameraCalibration:
+    return CameraCalibration(
+        name=config.name,
+        T_base_camera=T_base_camera,
+        pinhole=config.pinhole,
+        rate_hz=config.rate_hz,
+        frame_id=config.frame_id,
+    )
+
+
+def _imu(config: Any, T_base_imu: Array) -> ImuCalibration:
+    return ImuCalibration(
+        name=config.name,
+        T_base_imu=T_base_imu,
+        rate_hz=config.rate_hz,
+        accelerometer_noise_density=config.accel_noise_density,
+        accelerometer_random_walk=config.accel_random_walk,
+        gyroscope_noise_density=config.gyro_noise_density,
+        gyroscope_random_walk=config.gyro_random_walk,
+    )
+
+
+def _lidar(config: Any, T_base_lidar: Array) -> LidarCalibration:
+    return LidarCalibration(
+        name=config.name,
+        T_base_lidar=T_base_lidar,
+        rate_hz=config.rate_hz,
+        elevations_deg=tuple(e + config.elevation_offset_deg for e in config.elevations_deg),
+        columns=config.columns,
+        range_min_m=config.range_min_m,
+        range_max_m=config.range_max_m,
+    )

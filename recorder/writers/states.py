@@ -1,0 +1,103 @@
+"""Ground truth as EuRoC's table of states, and the text forms of stamps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.errors import WriterError
+from carlaloc_env.trajectory import Motion
+from recorder.writers.base import DEFAULT_EPOCH_NS
+
+STATE_HEADER = (
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], "
+    "v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], "
+    "b_w_RS_S_x [rad s^-1], b_w_RS_S_y [rad s^-1], b_w_RS_S_z [rad s^-1], "
+    "b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]"
+)
+"""First line of EuRoC's state_groundtruth_estimate0/data.csv."""
+
+
+def seconds(unix_ns: int) -> str:
+    """Seconds with nine decimals; a float64 of Unix time would keep only the microseconds."""
+    return f"{unix_ns // 10**9}.{unix_ns % 10**9:09d}"
+
+
+def state_line(
+    unix_ns: int,
+    position_m: ArrayLike,
+    quat_xyzw: ArrayLike,
+    velocity_world_mps: ArrayLike,
+    gyro_bias_radps: ArrayLike = (0.0, 0.0, 0.0),
+    accel_bias_mps2: ArrayLike = (0.0, 0.0, 0.0),
+) -> str:
+    """One line of 17 columns; numbers are written so that they read back exactly."""
+    x, y, z, w = np.asarray(quat_xyzw, dtype=np.float64).tolist()
+    vectors = [
+        np.asarray(v, dtype=np.float64).tolist()
+        for v in (velocity_world_mps, gyro_bias_radps, accel_bias_mps2)
+    ]
+    columns = [
+        *np.asarray(position_m, dtype=np.float64).tolist(),
+        w,
+        x,
+        y,
+        z,
+        *(v for vs in vectors for v in vs),
+    ]
+    return f"{unix_ns}," + ",".join(repr(float(value)) for value in columns)
+
+
+def write_state_csv(
+    path: str | Path,
+    motion: Motion,
+    *,
+    biases: NDArray[np.float64] | None = None,
+    epoch_ns: int = DEFAULT_EPOCH_NS,
+) -> None:
+    """Write EuRoC's table of true states of the IMU frame.
+
+    Args:
+        path: New file.
+        motion: Motion of the IMU frame.
+        biases: True biases, accelerometer [m/s²] then gyroscope [rad/s], shape (M, 6); None: zero.
+        epoch_ns: Unix time of the drive's beginning [ns].
+
+    Raises:
+        WriterError: the file exists or cannot be written.
+    """
+    rows = np.zeros((len(motion.stamp_ns), 6)) if biases is None else biases
+    lines = [STATE_HEADER]
+    for k, stamp in enumerate(motion.stamp_ns.tolist()):
+        lines.append(
+            state_line(
+                epoch_ns + stamp,
+                motion.position_m[k],
+                motion.quat_xyzw[k],
+                motion.velocity_world_mps[k],
+                rows[k, 3:],
+                rows[k, :3],
+            )
+        )
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Write a small new file, first under a temporary name.
+
+    Raises:
+        WriterError: the file exists or cannot be written.
+    """
+    path = Path(path)
+    if path.exists():
+        raise WriterError(f"{path} exists; choose another folder or delete it first")
+    part = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8")
+        part.rename(path)
+    except OSError as error:
+        raise WriterError(f"cannot write {path}: {error.strerror}") from error
+    return path

@@ -1,0 +1,155 @@
+"""Which stream goes to which topic as which message: profiles as data."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from carlaloc_env.errors import WriterError, unknown_name
+from carlaloc_env.samples import (
+    DepthImage,
+    GnssFix,
+    Image,
+    Imu,
+    Odometry,
+    PointCloud,
+    Sample,
+    SemanticImage,
+    Speed,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicRule:
+    """Where the samples of some streams go."""
+
+    sample: type[Sample]
+    """Kind of sample."""
+    stream: str
+    """Name of the stream; a ``*`` stands for any text."""
+    topic: str
+    """Topic; ``{}`` stands for what the ``*`` matched."""
+    message: str
+    """Name of the function in `messages.ENCODERS`."""
+    frame_id: str | None = None
+    """Frame in the message's header, if not the sample's own."""
+    unless: str | None = None
+    """Not written when the rig has this stream (with ``{}`` as above), which says the same and more."""
+
+    def match(self, stream: str) -> str | None:
+        """What the ``*`` stands for, or None if the rule is for other streams."""
+        if "*" not in self.stream:
+            return "" if stream == self.stream else None
+        head, tail = self.stream.split("*", 1)
+        fits = len(stream) >= len(head) + len(tail) and stream.startswith(head) and stream.endswith(tail)
+        return stream[len(head) : len(stream) - len(tail)] if fits else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Route:
+    """Topic, message and frame of one stream."""
+
+    topic: str
+    """Topic."""
+    message: str
+    """Name of the function in `messages.ENCODERS`."""
+    frame_id: str | None
+    """Frame in the header, if not the sample's own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TopicProfile:
+    """A set of rules and of topics that belong to no sensor."""
+
+    name: str
+    """Name of the profile."""
+    rules: tuple[TopicRule, ...]
+    """Rules; for each stream those of the first stream pattern that fits count."""
+    tf_static: bool = True
+    """Whether `/tf_static` is written."""
+    clock: bool = True
+    """Whether `/clock` is written."""
+
+    def routes(
+        self, kind: type[Sample], stream: str, streams: Collection[str] | None = None
+    ) -> tuple[Route, ...]:
+        """Where the samples of a stream go; nowhere if the profile does not hold it.
+
+        Args:
+            kind: Kind of sample.
+            stream: Name of the stream.
+            streams: All streams of the rig; None: unknown, nothing is left out.
+        """
+        found: list[Route] = []
+        pattern: str | None = None
+        for rule in self.rules:
+            part = rule.match(stream) if rule.sample is kind and pattern in (None, rule.stream) else None
+            if part is None:
+                continue
+            pattern = rule.stream
+            if rule.unless is None or rule.unless.format(part) not in (streams or ()):
+                found.append(
+                    Route(topic=rule.topic.format(part), message=rule.message, frame_id=rule.frame_id)
+                )
+        return tuple(found)
+
+    def topic(self, kind: type[Sample], stream: str) -> str:
+        """First topic of a stream, or ``/`` + its name if the profile does not hold it."""
+        routes = self.routes(kind, stream)
+        return routes[0].topic if routes else f"/{stream}"
+
+    def frame(self, kind: type[Sample], stream: str, frame_id: str) -> str:
+        """Frame in the headers of a stream whose own frame is `frame_id`."""
+        routes = self.routes(kind, stream)
+        return routes[0].frame_id or frame_id if routes else frame_id
+
+
+STANDARD = TopicProfile(
+    name="standard",
+    rules=(
+        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/image_raw", message="image_rgb8"),
+        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/camera_info", message="camera_info"),
+        TopicRule(sample=DepthImage, stream="depth_*", topic="/camera/{}/depth", message="image_32fc1"),
+        TopicRule(
+            sample=SemanticImage, stream="semantic_*", topic="/camera/{}/semantic", message="image_tags"
+        ),
+        TopicRule(sample=PointCloud, stream="*_semantic", topic="/{}/points", message="points_labelled"),
+        TopicRule(sample=PointCloud, stream="*", topic="/{}/points", message="points", unless="{}_semantic"),
+        TopicRule(sample=Imu, stream="*", topic="/{}/data", message="imu"),
+        TopicRule(sample=GnssFix, stream="*", topic="/{}/fix", message="nav_sat_fix"),
+        TopicRule(sample=Speed, stream="*", topic="/{}", message="twist"),
+        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
+    ),
+)
+"""Every sensor, with transforms and clock."""
+
+PAPER = TopicProfile(
+    name="paper",
+    rules=(
+        TopicRule(
+            sample=Image, stream="rgb_left", topic="/cam0_raw", message="image_mono8", frame_id="cam_left"
+        ),
+        TopicRule(
+            sample=Image, stream="rgb_right", topic="/cam1_raw", message="image_mono8", frame_id="cam_right"
+        ),
+        TopicRule(sample=PointCloud, stream="lidar", topic="/velodyne", message="points", frame_id="laser"),
+        TopicRule(sample=Imu, stream="imu", topic="/imu", message="imu", frame_id="imu"),
+    ),
+    tf_static=False,
+    clock=False,
+)
+"""Topics and frames of the CARLA-Loc release; the cloud has ring and time beside its four fields."""
+
+PROFILES = {profile.name: profile for profile in (STANDARD, PAPER)}
+"""All profiles by name."""
+
+
+def profile_by_name(name: str) -> TopicProfile:
+    """The profile of a name.
+
+    Raises:
+        WriterError: there is none; the message names the nearest.
+    """
+    if name not in PROFILES:
+        raise WriterError(unknown_name("topic profile", name, PROFILES))
+    return PROFILES[name]

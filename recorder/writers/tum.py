@@ -1,0 +1,60 @@
+"""Trajectories in the TUM format: one line "time tx ty tz qx qy qz qw" per pose."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from carlaloc_env.timeline import Timeline
+from carlaloc_env.trajectory import Motion
+from recorder.writers.base import DEFAULT_EPOCH_NS
+from recorder.writers.states import seconds, write_text
+
+
+def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> Path:
+    """Write the poses of a frame in the world.
+
+    Args:
+        path: New file.
+        motion: Motion of the frame.
+        epoch_ns: Unix time of the drive's beginning [ns].
+
+    Raises:
+        WriterError: the file exists or cannot be written.
+    """
+    lines = ["# timestamp tx ty tz qx qy qz qw"]
+    stamps = motion.stamp_ns.tolist()
+    for stamp, position, quat in zip(
+        stamps, motion.position_m.tolist(), motion.quat_xyzw.tolist(), strict=True
+    ):
+        lines.append(f"{seconds(epoch_ns + stamp)} " + " ".join(repr(v) for v in (*position, *quat)))
+    return write_text(path, "\n".join(lines) + "\n")
+
+
+def write_truth(
+    folder: str | Path,
+    timeline: Timeline,
+    stamps_ns: ArrayLike,
+    frames: Mapping[str, ArrayLike],
+    *,
+    epoch_ns: int = DEFAULT_EPOCH_NS,
+) -> list[Path]:
+    """Write ``<frame>.tum`` for every frame on the car.
+
+    Args:
+        folder: Where the files go.
+        timeline: The drive.
+        stamps_ns: Times [ns], shape (M,).
+        frames: Maps each frame's coordinates to `base_link`, shape (4, 4), by the frame's name.
+        epoch_ns: Unix time of the drive's beginning [ns].
+
+    Raises:
+        WriterError: a file exists or cannot be written.
+    """
+    motion = timeline.ego_motion(stamps_ns)
+    return [
+        write_tum(Path(folder) / f"{name}.tum", motion.at_mount(T_base_frame), epoch_ns=epoch_ns)
+        for name, T_base_frame in frames.items()
+    ]
