@@ -24,7 +24,7 @@ class RoundaboutShape:
     lane_m: float = 4.6
     gutter_m: float = 0.3
     sidewalk_m: float = 3.0
-    arm_m: float = 44.0
+    arm_m: float = 37.0
     """From the centre to the ends of the arms [m]."""
     half_angle_rad: float = math.radians(35.0)
     """Where entries and exits meet the ring, on both sides of an arm's axis."""

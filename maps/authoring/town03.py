@@ -24,10 +24,11 @@ STREET = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=2.5)
 LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=2.0)
 
 EDGE = 200.0
-X, Y = -95.0, 10.0  # the roundabout
-BRIDGE_X = 60.0
-HILL_X = 125.0
-STATION_Y, GARDEN_Y = 112.0, -100.0
+X, Y = -84.0, 15.0  # the roundabout
+BRIDGE_X = 66.0
+HILL_X = 128.0
+PARK_X, LOW_Y = -12.0, -152.0
+STATION_Y, GARDEN_Y = 115.0, -100.0
 BEND = (40.0, 24.0)  # radius and clothoids of the ring's corners
 
 
@@ -56,10 +57,12 @@ def _nodes(town: TownPlan) -> None:
     town.node("CW", -EDGE, GARDEN_Y, control="stop")
     town.node("BC", BRIDGE_X, GARDEN_Y, 1.0, control="stop", minor=("Bridge St 2", "Bridge St 3"), corner_m=7.5)
     town.node("BS", BRIDGE_X, -EDGE, control="stop")
-    town.node("EC", 130.0, GARDEN_Y, 2.0, control="yield", corner_m=7.5, minor=("Close", "Elm Lane"))
+    town.node("EC", 130.0, GARDEN_Y, 2.0, control="yield", corner_m=7.5, minor=("Elm Close", "Elm Lane"))
     town.node("CE", EDGE, GARDEN_Y, control="stop")
-    town.node("GB", BRIDGE_X, -152.0, 0.5, control="stop", corner_m=7.5)
+    town.node("GB", BRIDGE_X, LOW_Y, 0.5, control="stop", corner_m=7.5, minor=("Elm Lane", "Park Lane"))
+    town.node("PG", PARK_X, GARDEN_Y, 0.5, control="stop", corner_m=7.5, minor=("Ash Close", "Park Lane"))
     town.node("K", 130.0, -42.0, 2.0, control="bulb")
+    town.node("L", PARK_X, -40.0, 0.5, control="bulb")
 
 
 def _boulevards(town: TownPlan) -> None:
@@ -104,10 +107,13 @@ def _streets(town: TownPlan) -> None:
 
 def _residential(town: TownPlan) -> None:
     town.road("Garden St 1", "CW", "F", STREET, 40)
-    town.road("Garden St 2", "F", "BC", LANE, 30)
-    town.road("Garden St 3", "BC", "EC", LANE, 30)
-    town.road("Garden St 4", "EC", "CE", LANE, 30)
+    town.road("Garden St 2", "F", "PG", LANE, 30)
+    town.road("Garden St 3", "PG", "BC", LANE, 30)
+    town.road("Garden St 4", "BC", "EC", LANE, 30)
+    town.road("Garden St 5", "EC", "CE", LANE, 30)
     town.road("Bridge St 2", "BC", "GB", LANE, 30)
     town.road("Bridge St 3", "GB", "BS", LANE, 30)
-    town.road("Elm Lane", "EC", "GB", LANE, 30, bends=((130.0, -152.0, 18.0, 8.0),))
-    town.road("Close", "EC", "K", LANE, 30)
+    town.road("Elm Lane", "EC", "GB", LANE, 30, bends=((130.0, LOW_Y, 18.0, 8.0),))
+    town.road("Elm Close", "EC", "K", LANE, 30)
+    town.road("Ash Close", "PG", "L", LANE, 30)
+    town.road("Park Lane", "PG", "GB", LANE, 30, bends=((PARK_X, LOW_Y, 18.0, 8.0),))
