@@ -1,0 +1,180 @@
+"""The collision world: actors, walls, repeatability, bad input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from carlaloc_env.clock import TICK_S
+from carlaloc_env.controls import Controls
+from carlaloc_env.errors import ActionError, ConfigError
+from carlaloc_env.physics.ego import EgoCar
+from carlaloc_env.physics.world import PhysicsWorld
+from carlaloc_env.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
+
+Array = NDArray[np.float64]
+
+SQUARE = (
+    np.array([[-100.0, -100, 0], [300, -100, 0], [300, 100, 0], [-100, 100, 0]]),
+    np.array([[0, 1, 2], [0, 2, 3]]),
+)
+
+
+def with_wall(x_m: float) -> tuple[Array, NDArray[np.int64]]:
+    """The square with a wall across."""
+    corners = [[x_m, -20.0, -1.0], [x_m, 20.0, -1.0], [x_m, 20.0, 3.0], [x_m, -20.0, 3.0]]
+    return np.vstack([SQUARE[0], corners]), np.vstack([SQUARE[1], [[4, 5, 6], [4, 6, 7]]])
+
+
+def cars_at(positions_m: list[tuple[float, float]], speed_mps: float) -> tuple[ActorCatalog, ActorFrame]:
+    """Saloons that face east."""
+    count = len(positions_m)
+    catalog = ActorCatalog(
+        id=np.arange(count, dtype=np.uint32) + np.uint32((1 << 23) + 7),
+        model=("saloon",) * count,
+        tag=np.zeros(count, np.uint8),
+        size_m=np.tile(np.array([4.5, 1.8, 1.5], np.float32), (count, 1)),
+        tint=np.zeros((count, 3), np.uint8),
+    )
+    zero = np.zeros(count, np.float32)
+    frame = ActorFrame(
+        position_m=np.array([(x, y, 0.0) for x, y in positions_m], np.float32),
+        heading_rad=zero,
+        pitch_rad=zero,
+        speed_mps=zero + np.float32(speed_mps),
+        travelled_m=zero,
+        steer_rad=zero,
+        lights=np.zeros(count, np.uint8),
+    )
+    return catalog, frame
+
+
+def rows_of(car: EgoCar, ticks: int, controls: Controls) -> Array:
+    """Poses of some ticks under constant controls."""
+    rows = []
+    for _ in range(ticks):
+        car.tick(controls)
+        state = car.state()
+        rows.append(np.concatenate([state.position_m, state.quat_xyzw, state.velocity_world_mps]))
+    return np.array(rows)
+
+
+def test_same_bytes_again_and_after_a_crash() -> None:
+    """A drive into a wall repeats byte by byte in the same world and in a fresh one."""
+    runs = []
+    for _ in range(2):
+        with PhysicsWorld(*with_wall(40.0)) as world:
+            car = EgoCar(world)
+            for _ in range(2):
+                car.reset((0.0, 0.0, 0.0), 0.02)
+                runs.append(rows_of(car, 900, Controls(throttle=0.9, steer=0.02)).tobytes())
+                assert world.contacts()
+    assert len(set(runs)) == 1
+
+
+def test_a_wall_stops_the_car() -> None:
+    """The body ends before the wall, and the impulse is the momentum lost or more."""
+    with PhysicsWorld(*with_wall(40.0)) as world:
+        car = EgoCar(world)
+        car.reset((0.0, 0.0, 0.0), 0.0)
+        assert world.contacts() == []
+        rows = rows_of(car, 1200, Controls(throttle=0.9))
+        contacts = world.contacts()
+        assert [contact.is_static for contact in contacts] == [True]
+        assert rows[:, 0].max() + 3.75 < 40.2
+        assert rows[:, 2].max() < 1.0
+        assert contacts[0].impulse_ns > 0.9 * car.params.mass_kg * rows[:, 7].max()
+        assert abs(contacts[0].position_m[0] - 40.0) < 0.3
+        assert world.contacts() == []
+
+
+def test_hits_a_moving_actor_where_it_is_now() -> None:
+    """Actors move between the steps; the one that is touched is named."""
+    catalog, frame = cars_at([(30.0, 0.0), (30.0, 9.0), (500.0, 0.0)], speed_mps=4.0)
+    with PhysicsWorld(*SQUARE) as world:
+        car = EgoCar(world)
+        car.reset((0.0, 0.0, 0.0), 0.0)
+        for tick in range(1500):
+            if tick % 10 == 0:
+                travelled = np.array([4.0 * tick * TICK_S, 0.0, 0.0], np.float32)
+                world.set_actors(replace(frame, position_m=frame.position_m + travelled), catalog)
+            car.tick(Controls(throttle=0.9))
+            found = world.contacts()
+            if found:
+                break
+        assert found[0].actor_id == int(catalog.id[0])
+        rear = 30.0 + 4.0 * (tick + 1) * TICK_S - 2.25
+        assert car.state().position_m[0] + 3.75 == pytest.approx(rear, abs=0.1)
+
+
+def test_actors_neither_hold_wheels_nor_stay_after_reset() -> None:
+    """A box above the road is no road, and a reset clears the street."""
+    catalog, frame = cars_at([(x, 0.0) for x in range(8, 200, 6)], speed_mps=0.0)
+    with PhysicsWorld(*SQUARE) as world:
+        car = EgoCar(world)
+        car.reset((0.0, 0.0, 0.0), 0.0)
+        alone = rows_of(car, 500, Controls(throttle=0.9))
+        car.reset((0.0, 0.0, 0.0), 0.0)
+        world.set_actors(frame, catalog)
+        rows_of(car, 500, Controls(throttle=0.9))
+        assert {contact.actor_id for contact in world.contacts()} <= {int(i) for i in catalog.id}
+        car.reset((0.0, 0.0, 0.0), 0.0)
+        world.set_actors(empty_frame(), empty_catalog())
+        assert np.array_equal(rows_of(car, 500, Controls(throttle=0.9)), alone)
+
+
+def test_a_mesh_in_parts_drives_like_one() -> None:
+    """More triangles than one PyBullet message carries are split; the road stays the same."""
+    axis = np.linspace(-60.0, 60.0, 251)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    k = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (q.ravel() for q in (k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]))
+    triangles = np.concatenate([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)])
+    assert len(triangles) > 100_000
+    with PhysicsWorld(np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3), triangles) as world:
+        car = EgoCar(world)
+        car.reset((-50.0, 0.0, 0.0), 0.0)
+        rows = rows_of(car, 900, Controls(throttle=0.9))
+    assert rows[-1, 0] > -15.0
+    assert np.abs(rows[:, 2]).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    "controls",
+    [
+        Controls(steer=float("nan")),
+        Controls(throttle=float("inf")),
+        Controls(brake=-0.1),
+        Controls(steer=1.01),
+        Controls(throttle=2.0),
+    ],
+)
+def test_bad_actions_never_reach_the_physics(controls: Controls) -> None:
+    """NaN and out-of-range values raise, and nothing has moved."""
+    with PhysicsWorld(*SQUARE) as world:
+        car = EgoCar(world)
+        before = car.reset((0.0, 0.0, 0.0), 0.0)
+        with pytest.raises(ActionError):
+            car.tick(controls)
+        assert np.array_equal(car.state().position_m, before.position_m)
+        first = rows_of(car, 1, Controls(throttle=0.3))
+        car.reset((0.0, 0.0, 0.0), 0.0)
+        assert np.array_equal(rows_of(car, 1, Controls(throttle=0.3)), first)
+
+
+def test_bad_places_and_meshes_are_named() -> None:
+    with PhysicsWorld(*SQUARE) as world:
+        with pytest.raises(ConfigError, match="no road under the ego"):
+            EgoCar(world).reset((900.0, 0.0, 0.0), 0.0)
+        with pytest.raises(ConfigError, match="friction"):
+            world.set_friction(0.0)
+        world.close()
+    with pytest.raises(ConfigError, match="collision mesh"):
+        PhysicsWorld(SQUARE[0], np.zeros((0, 3), np.int64))
+    with pytest.raises(ConfigError, match="not finite"):
+        PhysicsWorld(SQUARE[0] * np.nan, SQUARE[1])
+    with pytest.raises(ConfigError, match="indices"):
+        PhysicsWorld(SQUARE[0], SQUARE[1] + 2)
