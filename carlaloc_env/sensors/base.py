@@ -20,8 +20,10 @@ from carlaloc_env.timeline import Timeline
 if TYPE_CHECKING:
     from gymnasium import spaces
 
+    from carlaloc_env.assets.placing import SignalLenses
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
+    from carlaloc_env.scene import ModelLibrary
     from carlaloc_env.weather import WeatherParameters
 
 
@@ -35,6 +37,18 @@ class World(Protocol):
     @property
     def geo(self) -> GeoReference:
         """Where the world's origin lies on the Earth."""
+
+    @property
+    def weather(self) -> WeatherParameters:
+        """Weather of the pictures."""
+
+    @property
+    def library(self) -> ModelLibrary:
+        """Movable models."""
+
+    @property
+    def lenses(self) -> SignalLenses:
+        """Lens discs of the traffic lights."""
 
     def renderer(self) -> SceneRenderer:
         """The renderer of this town, made when first asked for."""

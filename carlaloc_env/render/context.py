@@ -1,0 +1,98 @@
+"""The OpenGL context: headless by EGL, and one clear line when there is none."""
+
+from __future__ import annotations
+
+import os
+import re
+from importlib import resources
+from typing import Any
+
+import moderngl
+
+from carlaloc_env.errors import RenderError
+
+PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
+"""Debian and Ubuntu packages that bring OpenGL to a machine without a GPU."""
+
+
+_INCLUDE = re.compile(r'^#include "(.+)"$', re.MULTILINE)
+
+
+def create_context() -> moderngl.Context:
+    """A context of its own, not bound to any window.
+
+    The device of a machine with several GPUs is chosen by ``GLCONTEXT_DEVICE_INDEX``.
+
+    Raises:
+        RenderError: there is no OpenGL 4.3; the message names the packages to install.
+    """
+    settings: Any = {"backend": "egl", "device_index": int(os.environ.get("GLCONTEXT_DEVICE_INDEX", "0"))}
+    try:
+        context = moderngl.create_context(standalone=True, **settings)
+    except Exception as error:
+        # glcontext and moderngl raise bare Exceptions here.
+        raise RenderError(
+            f"no OpenGL for pictures ({error}); install it with: apt-get install {PACKAGES}"
+        ) from error
+    if context.version_code < 430:
+        version = context.info["GL_VERSION"]
+        context.release()
+        raise RenderError(
+            f"OpenGL 4.3 is needed, this driver has '{version}'; apt-get install {PACKAGES} "
+            "and unset GALLIUM_DRIVER"
+        )
+    return context
+
+
+def is_software(context: moderngl.Context) -> bool:
+    """Whether the context draws on the CPU, where texture filters are dear."""
+    renderer = str(context.info["GL_RENDERER"]).lower()
+    return "llvmpipe" in renderer or "softpipe" in renderer
+
+
+def shader_source(name: str) -> str:
+    """Text of a file in ``render/shaders`` with its ``#include "file"`` lines replaced."""
+    path = resources.files("carlaloc_env.render").joinpath("shaders", name)
+    text = path.read_text(encoding="utf-8")
+    return _INCLUDE.sub(lambda match: shader_source(match[1]), text)
+
+
+class Programs:
+    """Shader programs by file names and features, compiled when first asked for.
+
+    llvmpipe runs both sides of a branch, so every feature is a ``#define``, never a uniform.
+    """
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._programs: dict[tuple[str, str, tuple[str, ...]], moderngl.Program] = {}
+
+    def get(self, vertex: str, fragment: str, *features: str) -> moderngl.Program:
+        """Program of two shader files with some features defined."""
+        key = (vertex, fragment, features)
+        if key not in self._programs:
+            head = "#version 430 core\n" + "".join(f"#define {feature}\n" for feature in features)
+            common = shader_source("packing.glsl")
+            self._programs[key] = self._context.program(
+                vertex_shader=head + common + shader_source(vertex),
+                fragment_shader=head + common + shader_source(fragment),
+            )
+        return self._programs[key]
+
+    def release(self) -> None:
+        """Free all programs."""
+        for program in self._programs.values():
+            program.release()
+        self._programs.clear()
+
+
+def set_uniforms(program: moderngl.Program, **values: object) -> None:
+    """Set uniforms that the program uses; the compiler drops those that a variant does not need."""
+    for name, value in values.items():
+        member: Any = program.get(name, None)
+        if member is None:
+            continue
+        if isinstance(value, bytes):
+            member.write(value)
+        else:
+            member.value = value

@@ -1,0 +1,161 @@
+"""The G-buffer: what a camera sees before any weather, kept on the graphics side."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from typing import TypeVar
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.projection import View
+from carlaloc_env.scene import Instances
+from carlaloc_env.semantics import Tag
+
+_T = TypeVar("_T", np.float32, np.uint32)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Targets:
+    """Textures of one G-buffer, one texel per sample, top row first."""
+
+    albedo: moderngl.Texture
+    """Square root of the linear albedo; alpha 1 = covered."""
+    normal: moderngl.Texture
+    """Octahedral world normal, 16 bits per channel."""
+    surface: moderngl.Texture
+    """Roughness, porosity, light given off by day and night, light given off at night (log code)."""
+    depth: moderngl.Texture
+    """Planar depth [m], 0 = sky."""
+    id: moderngl.Texture | None
+    """(Tag << 24 | instance) xor `SKY_ID`; None in a resolved buffer."""
+    zbuffer: moderngl.Texture | None
+    """Depth-test values; None in a resolved buffer."""
+    framebuffer: moderngl.Framebuffer
+
+    @classmethod
+    def create(
+        cls, context: moderngl.Context, size_px: tuple[int, int], *, resolved: bool = False
+    ) -> Targets:
+        """Textures of a size; a resolved buffer has no ids and no depth test."""
+        albedo = context.texture(size_px, 4)
+        normal = context.texture(size_px, 2, dtype="nu2")
+        surface = context.texture(size_px, 4)
+        depth = context.texture(size_px, 1, dtype="f4")
+        colours = [albedo, normal, surface, depth]
+        identity = zbuffer = None
+        if not resolved:
+            identity = context.texture(size_px, 1, dtype="u4")
+            identity.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            zbuffer = context.depth_texture(size_px)
+            zbuffer.compare_func = ""
+            colours.insert(3, identity)
+        smooth = (moderngl.LINEAR, moderngl.LINEAR)
+        plain = (moderngl.NEAREST, moderngl.NEAREST)
+        for texture in (albedo, normal, surface, depth):
+            texture.repeat_x = texture.repeat_y = False
+            texture.filter = plain if resolved else smooth
+        return cls(
+            albedo=albedo,
+            normal=normal,
+            surface=surface,
+            depth=depth,
+            id=identity,
+            zbuffer=zbuffer,
+            framebuffer=context.framebuffer(colours, zbuffer),
+        )
+
+    def textures(self) -> list[moderngl.Texture]:
+        """All textures."""
+        parts = [self.albedo, self.normal, self.surface, self.depth, self.id, self.zbuffer]
+        return [texture for texture in parts if texture is not None]
+
+    def set_filter(self, mode: int) -> None:
+        """Bilinear or nearest reading of the colour textures."""
+        for texture in (self.albedo, self.normal, self.surface, self.depth):
+            texture.filter = (mode, mode)
+
+    def release(self) -> None:
+        """Free the graphics memory."""
+        self.framebuffer.release()
+        for texture in self.textures():
+            texture.release()
+
+
+class GBuffer:
+    """What one camera saw at one instant; stays valid until it is dropped or the renderer closed."""
+
+    def __init__(
+        self, *, context: moderngl.Context, view: View, drawn: Targets, shaded: Targets, actors: Instances
+    ) -> None:
+        self.view = view
+        self.drawn = drawn
+        """Samples as drawn: ids and depth come from here."""
+        self.shaded = shaded
+        """What shading reads: the same, or the samples resolved to one per pixel."""
+        self.actors = actors
+        """Instances that were drawn; their shadows depend on the sun of each weather."""
+        self._context = context
+
+    @property
+    def camera(self) -> Pinhole:
+        """Intrinsics it was drawn with."""
+        return self.view.camera
+
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth along the optical axis at pixel centres [m], 0 = sky, shape (H, W)."""
+        with self._context:
+            data = self.drawn.depth.read()
+        return self._centred(np.frombuffer(data, dtype=np.float32))
+
+    def labels(self) -> tuple[NDArray[np.uint8], NDArray[np.uint32]]:
+        """Semantic `Tag` and instance id (0 = none) at pixel centres, both of shape (H, W)."""
+        assert self.drawn.id is not None
+        with self._context:
+            data = self.drawn.id.read()
+        code = self._centred(np.frombuffer(data, dtype=np.uint32)) ^ np.uint32(SKY_ID)
+        return (code >> 24).astype(np.uint8), code & np.uint32(0xFFFFFF)
+
+    def _centred(self, samples: NDArray[_T]) -> NDArray[_T]:
+        width, height = self.view.size_px
+        step = self.view.subsamples
+        return np.ascontiguousarray(samples.reshape(height, width)[::step, ::step])
+
+
+SKY_ID = int(Tag.SKY) << 24
+"""Id of the sky; ids are stored xor this, so that a cleared texture means sky."""
+
+
+class TargetPool:
+    """Textures to draw into, handed out again when the G-buffer that held them is dropped."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._free: dict[tuple[int, int, bool], list[Targets]] = {}
+        self._all: list[Targets] = []
+
+    def take(self, size_px: tuple[int, int], *, resolved: bool = False) -> Targets:
+        """Textures of a size that nobody uses."""
+        free = self._free.setdefault((*size_px, resolved), [])
+        if free:
+            return free.pop()
+        targets = Targets.create(self._context, size_px, resolved=resolved)
+        self._all.append(targets)
+        return targets
+
+    def give_back_with(self, owner: GBuffer) -> None:
+        """Arrange that the textures of a G-buffer become free when it is dropped."""
+        held = {id(part): part for part in (owner.drawn, owner.shaded)}
+        for part in held.values():
+            free = self._free[(*part.albedo.size, part.id is None)]
+            weakref.finalize(owner, free.append, part)
+
+    def release(self) -> None:
+        """Free all textures."""
+        for targets in self._all:
+            targets.release()
+        self._all.clear()
+        self._free.clear()

@@ -1,0 +1,171 @@
+"""Meshes on the graphics side: packed vertices, chunks in one buffer, instanced models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import materials
+from carlaloc_env.materials import Material
+from carlaloc_env.scene import Instances, Mesh, merge
+
+VERTEX = np.dtype(
+    [
+        ("position", "<f4", 3),
+        ("normal", "<f2", 4),
+        ("uv", "<f4", 2),
+        ("colour", "u1", 3),
+        ("material", "u1"),
+        ("id", "<u4"),
+    ]
+)
+"""One packed vertex, 36 bytes; `uv` counts texture repeats, `id` is tag << 24 | instance."""
+INSTANCE = np.dtype([("rows", "<f4", (3, 4)), ("tint", "u1", 4), ("id", "<u4")])
+"""One packed instance, 56 bytes: the top three rows of its pose, its colour, its instance id."""
+
+_FULL = ("3f4 4f2 2f4 3f1 1u1 1u4", "in_position", "in_normal", "in_uv", "in_colour", "in_material", "in_id")
+_BARE = ("3f4 24x", "in_position")
+_POSES = ("4f4 4f4 4f4 4f1 1u4/i", "in_row0", "in_row1", "in_row2", "in_tint", "in_instance")
+_BARE_POSES = ("4f4 4f4 4f4 8x/i", "in_row0", "in_row1", "in_row2")
+
+_SOLID = np.zeros(256, dtype=bool)
+_SOLID[
+    [
+        Material.ASPHALT, Material.ASPHALT_OLD, Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW,
+        Material.PAVEMENT, Material.KERB, Material.GRASS, Material.SOIL, Material.GRAVEL,
+        Material.BRICK_RED, Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR,
+        Material.CONCRETE_PANEL, Material.CURTAIN_WALL, Material.ROOF_FLAT,
+    ]
+] = True  # fmt: skip
+"""Materials of closed bodies and of the ground: their backs are never seen and need not be drawn."""
+
+
+def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
+    """Vertices of a mesh as `VERTEX` rows."""
+    out = np.zeros(len(mesh.vertices_m), dtype=VERTEX)
+    out["position"] = mesh.vertices_m
+    out["normal"][:, :3] = mesh.normals
+    out["uv"] = mesh.uv_m / materials.table("tile_m")[mesh.material][:, None]
+    out["colour"] = mesh.colour
+    out["material"] = mesh.material
+    out["id"] = (mesh.tag.astype(np.uint32) << np.uint32(24)) | (mesh.instance & np.uint32(0xFFFFFF))
+    return out
+
+
+class Geometry:
+    """Triangles in one vertex and one index buffer, drawn in ranges by one indirect call."""
+
+    def __init__(self, context: moderngl.Context, meshes: Sequence[Mesh]) -> None:
+        self._context = context
+        counts = [3 * len(mesh.triangles) for mesh in meshes]
+        self.count = np.array(counts, dtype=np.uint32)
+        """Number of indices of each mesh, shape (N,)."""
+        self.first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.uint32) if counts else self.count
+        """First index of each mesh, shape (N,)."""
+        whole = merge(meshes)
+        # OpenGL refuses empty buffers; one unused vertex stands in for an empty scene.
+        vertices = pack_vertices(whole) if len(whole.vertices_m) else np.zeros(1, VERTEX)
+        indices = whole.triangles.astype(np.uint32) if len(whole.triangles) else np.zeros(3, np.uint32)
+        self.vertices = context.buffer(vertices.tobytes())
+        self.indices = context.buffer(indices.tobytes())
+        self._commands = context.buffer(reserve=max(20 * (len(meshes) + 1), 20), dynamic=True)
+        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
+
+    def draw(
+        self,
+        program: moderngl.Program,
+        which: NDArray[np.intp],
+        *,
+        bare: bool = False,
+        instances: InstanceBuffer | None = None,
+    ) -> None:
+        """Draw some of the meshes in the given order, once or once per instance."""
+        if len(which) == 0:
+            return
+        commands = np.zeros((len(which), 5), dtype=np.uint32)
+        commands[:, 0] = self.count[which]
+        commands[:, 2] = self.first[which]
+        commands[:, 1] = 1 if instances is None else instances.number[which]
+        if instances is not None:
+            commands[:, 4] = instances.begin[which]
+        self._commands.orphan()
+        self._commands.write(commands.tobytes())
+        array = self._array(program, bare, instances)
+        array.render_indirect(self._commands, mode=moderngl.TRIANGLES, count=len(which))
+
+    def _array(
+        self, program: moderngl.Program, bare: bool, instances: InstanceBuffer | None
+    ) -> moderngl.VertexArray:
+        key = (program.glo, 0 if instances is None else instances.buffer.glo)
+        if key not in self._arrays:
+            content = [(self.vertices, *(_BARE if bare else _FULL))]
+            if instances is not None:
+                content.append((instances.buffer, *(_BARE_POSES if bare else _POSES)))
+            self._arrays[key] = self._context.vertex_array(program, content, self.indices)
+        return self._arrays[key]
+
+    def release(self) -> None:
+        """Free the buffers."""
+        for array in self._arrays.values():
+            array.release()
+        for buffer in (self.vertices, self.indices, self._commands):
+            buffer.release()
+
+
+class InstanceBuffer:
+    """Instances sorted by model in a buffer, with each model's range; rewritten for every drawing."""
+
+    def __init__(self, context: moderngl.Context, models: int) -> None:
+        self._context = context
+        self.buffer = context.buffer(reserve=256 * INSTANCE.itemsize, dynamic=True)
+        self.number = np.zeros(models, dtype=np.int64)
+        """Instances of each model, shape (M,)."""
+        self.begin = np.zeros(models, dtype=np.int64)
+        """First row of each model, shape (M,)."""
+
+    @property
+    def used(self) -> NDArray[np.intp]:
+        """Models that have instances."""
+        return np.flatnonzero(self.number)
+
+    def fill(self, instances: Instances, which: NDArray[np.intp]) -> None:
+        """Hold some of the instances."""
+        order = which[np.argsort(instances.model[which], kind="stable")]
+        self.number = np.bincount(instances.model[order], minlength=len(self.number))
+        self.begin = np.cumsum(self.number) - self.number
+        out = np.zeros(max(len(order), 1), dtype=INSTANCE)
+        out["rows"][: len(order)] = instances.T_world_model[order, :3, :]
+        out["tint"][: len(order), :3] = instances.tint[order]
+        out["id"][: len(order)] = instances.instance[order]
+        data = out.tobytes()
+        if len(data) > self.buffer.size:
+            # The old buffer stays alive in the vertex arrays that name it.
+            self.buffer = self._context.buffer(reserve=2 * len(data), dynamic=True)
+        self.buffer.orphan()
+        self.buffer.write(data)
+
+
+def split_backs(mesh: Mesh) -> tuple[Mesh, Mesh]:
+    """The mesh in two: triangles whose backs need no drawing, and those seen from both sides."""
+    solid = _SOLID[mesh.material[mesh.triangles[:, 2]]] if len(mesh.triangles) else np.zeros(0, bool)
+    return _part(mesh, solid), _part(mesh, ~solid)
+
+
+def _part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
+    triangles = mesh.triangles[keep]
+    used = np.zeros(len(mesh.vertices_m), dtype=bool)
+    used[triangles] = True
+    renumber = (np.cumsum(used) - 1).astype(np.uint32)
+    return Mesh(
+        vertices_m=mesh.vertices_m[used],
+        triangles=renumber[triangles] if len(triangles) else triangles,
+        normals=mesh.normals[used],
+        uv_m=mesh.uv_m[used],
+        colour=mesh.colour[used],
+        material=mesh.material[used],
+        tag=mesh.tag[used],
+        instance=mesh.instance[used],
+    )

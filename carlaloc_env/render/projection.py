@@ -1,0 +1,83 @@
+"""From the world to the picture: matrices of the pinhole camera and what it can see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.pinhole import Pinhole
+
+Array = NDArray[np.float64]
+
+NEAR_M = 0.2
+"""Nearest distance drawn [m]."""
+FAR_M = 1500.0
+"""Farthest distance drawn [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class View:
+    """One camera at one instant, ready for the shaders."""
+
+    camera: Pinhole
+    position_m: Array
+    """Optical centre in the world [m], shape (3,)."""
+    R_camera_world: Array
+    """Rotates world axes into optical axes, shape (3, 3)."""
+    subsamples: int = 1
+    """Samples per output pixel along each axis."""
+
+    @classmethod
+    def of(cls, camera: Pinhole, T_world_camera: ArrayLike, subsamples: int = 1) -> View:
+        """View of a camera at a pose (4, 4)."""
+        T = np.asarray(T_world_camera, dtype=np.float64)
+        return cls(
+            camera=camera,
+            position_m=T[:3, 3].copy(),
+            R_camera_world=T[:3, :3].T.copy(),
+            subsamples=subsamples,
+        )
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the drawn grid of samples."""
+        return self.camera.width_px * self.subsamples, self.camera.height_px * self.subsamples
+
+    @property
+    def clip_scale(self) -> tuple[float, float, float, float]:
+        """(sx, sy, ox, oy): clip.xy = s · (x, y) + o · z of a point in the optical frame.
+
+        Row 0 of the target is the top row of the picture, so that nothing has to be flipped after
+        reading back. A pixel (u, v) has its centre at integers: sample k·u of the drawn grid falls
+        on it exactly, for any number k of subsamples.
+        """
+        c, k = self.camera, self.subsamples
+        return (
+            2.0 * c.fx_px / c.width_px,
+            2.0 * c.fy_px / c.height_px,
+            (2.0 * c.cx_px + 1.0 / k) / c.width_px - 1.0,
+            (2.0 * c.cy_px + 1.0 / k) / c.height_px - 1.0,
+        )
+
+    def planes(self) -> Array:
+        """Inward side planes of the view's pyramid (4, 4): n·X + d ≥ 0 inside, world frame."""
+        sx, sy, ox, oy = self.clip_scale
+        inward = np.array([[sx, 0, ox + 1], [-sx, 0, 1 - ox], [0, sy, oy + 1], [0, -sy, 1 - oy]])
+        normals = np.sum(inward[:, :, None] * self.R_camera_world[None], axis=1)
+        normals /= np.sqrt(np.sum(normals**2, axis=1, keepdims=True))
+        return np.concatenate([normals, -np.sum(normals * self.position_m, axis=1, keepdims=True)], axis=1)
+
+    def visible(self, low_m: Array, high_m: Array) -> NDArray[np.intp]:
+        """Indices of boxes (N, 3), (N, 3) that may be seen, nearest first."""
+        planes = self.planes()
+        forward = self.R_camera_world[2]
+        normals = np.concatenate([planes[:, :3], forward[None]])
+        offsets = np.append(planes[:, 3], -float(np.sum(forward * self.position_m)) - NEAR_M)
+        far_corner = np.where(normals[:, None] > 0, high_m[None], low_m[None])
+        inside = np.sum(normals[:, None] * far_corner, axis=2) + offsets[:, None] >= 0
+        gap = np.maximum(np.maximum(low_m - self.position_m, self.position_m - high_m), 0.0)
+        distance = np.sqrt(np.sum(gap**2, axis=1))
+        seen = np.flatnonzero(inside.all(axis=0) & (distance < FAR_M))
+        return seen[np.lexsort((seen, distance[seen]))]

@@ -1,0 +1,244 @@
+"""The renderer: geometry drawn once into a G-buffer, shaded once per weather."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import TracebackType
+
+import cv2
+import moderngl
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.context import Programs, create_context, is_software, set_uniforms
+from carlaloc_env.render.gbuffer import SKY_ID, GBuffer, TargetPool, Targets
+from carlaloc_env.render.geometry import Geometry, InstanceBuffer, split_backs
+from carlaloc_env.render.projection import FAR_M, NEAR_M, View
+from carlaloc_env.render.shading import Shader
+from carlaloc_env.render.surfaces import surface_table, upload_textures
+from carlaloc_env.render.textures.build import build_textures
+from carlaloc_env.scene import Instances, Mesh, ModelLibrary
+from carlaloc_env.weather import WeatherParameters
+
+QUALITIES = ("low", "medium", "high")
+"""One sample per pixel; the same with a lens blur of 0.5 px; 2×2 samples resolved before shading."""
+
+ACTOR_SHADOW_RANGE_M = 90.0
+
+
+class SceneRenderer:
+    """Draws a static scene and movable models; owns an OpenGL context of its own.
+
+    The same call gives the same bytes, whatever was drawn before.
+    """
+
+    def __init__(
+        self,
+        chunks: Sequence[Mesh],
+        library: ModelLibrary,
+        *,
+        quality: str = "medium",
+        lamps_m: ArrayLike | None = None,
+        albedo: NDArray[np.float16] | None = None,
+    ) -> None:
+        """Upload a scene.
+
+        Args:
+            chunks: Static scenery in squares of some tens of metres, culled one by one.
+            library: Movable models.
+            quality: One of `QUALITIES`.
+            lamps_m: Street lamps in the world [m], shape (K, 3).
+            albedo: Linear albedo and roughness of every material, shape (M, S, S, 4); the built-in
+                textures when left out.
+
+        Raises:
+            RenderError: there is no OpenGL here.
+            ConfigError: the quality is not one of `QUALITIES`.
+        """
+        if quality not in QUALITIES:
+            raise ConfigError(unknown_name("render quality", quality, QUALITIES))
+        self.quality = quality
+        self._subsamples = 2 if quality == "high" else 1
+        self._context = create_context()
+        with self._context:
+            self._programs = Programs(self._context)
+            self._pool = TargetPool(self._context)
+            self._upload(chunks, library, albedo)
+            lamps = np.zeros((0, 3)) if lamps_m is None else np.asarray(lamps_m, np.float64).reshape(-1, 3)
+            self._shader = Shader(
+                self._context,
+                self._programs,
+                scenery=[self._solid, self._open],
+                low_m=self._low_m,
+                high_m=self._high_m,
+                lamps_m=lamps,
+            )
+        self._closed = False
+
+    def _upload(
+        self, chunks: Sequence[Mesh], library: ModelLibrary, albedo: NDArray[np.float16] | None
+    ) -> None:
+        chunks = [chunk for chunk in chunks if len(chunk.triangles)]
+        bounds = np.array([chunk.bounds_m for chunk in chunks], dtype=np.float64).reshape(-1, 2, 3)
+        self._low_m, self._high_m = bounds[:, 0], bounds[:, 1]
+        halves = [split_backs(chunk) for chunk in chunks]
+        self._solid = Geometry(self._context, [half[0] for half in halves])
+        self._open = Geometry(self._context, [half[1] for half in halves])
+        self._library = Geometry(self._context, library.meshes)
+        self._poses = InstanceBuffer(self._context, len(library))
+        reach = [
+            np.sqrt(np.max(np.sum(mesh.vertices_m.astype(np.float64) ** 2, axis=1), initial=0.0))
+            for mesh in library.meshes
+        ]
+        self._reach_m = np.array(reach, dtype=np.float64)
+        if albedo is None:
+            albedo = build_textures().albedo
+        self._textures = upload_textures(self._context, albedo, trilinear=not is_software(self._context))
+        self._surface = surface_table()
+
+    @property
+    def driver(self) -> str:
+        """Name and version of the OpenGL driver; pictures are the same bytes on the same driver."""
+        return f"{self._context.info['GL_RENDERER']}, OpenGL {self._context.info['GL_VERSION']}"
+
+    def draw(self, camera: Pinhole, T_world_camera: ArrayLike, instances: Instances) -> GBuffer:
+        """What a camera sees, before any weather.
+
+        Args:
+            camera: Intrinsics.
+            T_world_camera: Pose of the optical frame, shape (4, 4).
+            instances: Movable models.
+        """
+        view = View.of(camera, T_world_camera, self._subsamples)
+        with self._context:
+            targets = self._pool.take(view.size_px)
+            self._fill(view, targets, instances)
+            shaded = targets
+            if self._subsamples > 1:
+                shaded = self._pool.take((camera.width_px, camera.height_px), resolved=True)
+                self._shader.resolve(view, targets, shaded)
+        distance = np.sqrt(np.sum((instances.T_world_model[:, :3, 3] - view.position_m) ** 2, axis=1))
+        near = _take(instances, np.flatnonzero(distance < ACTOR_SHADOW_RANGE_M))
+        gbuffer = GBuffer(context=self._context, view=view, drawn=targets, shaded=shaded, actors=near)
+        self._pool.give_back_with(gbuffer)
+        return gbuffer
+
+    def shade(
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0
+    ) -> NDArray[np.uint8]:
+        """Colour picture under a weather, sRGB, shape (H, W, 3).
+
+        Args:
+            gbuffer: What `draw` returned.
+            weather: Light and air.
+            stamp_ns: Time of the picture [ns]; keys its dither.
+            seed: Seed of the dither.
+        """
+        with self._context:
+            rgba = self._shader.shade(gbuffer, weather, self._shadow_casters(gbuffer), stamp_ns, seed)
+        rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
+        if self.quality == "medium":
+            cv2.GaussianBlur(rgb, (3, 3), 0.5, dst=rgb, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(rgb, dtype=np.uint8)
+
+    def radiance_cd_m2(self, gbuffer: GBuffer, weather: WeatherParameters) -> NDArray[np.float32]:
+        """Linear BT.709 luminance before exposure [cd/m²], shape (H, W, 3)."""
+        with self._context:
+            return self._shader.radiance_cd_m2(gbuffer, weather, self._shadow_casters(gbuffer))
+
+    def _fill(self, view: View, targets: Targets, instances: Instances) -> None:
+        context = self._context
+        targets.framebuffer.use()
+        targets.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = "<"
+        # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
+        context.front_face = "cw"
+        context.cull_face = "back"
+        order = view.visible(self._low_m, self._high_m)
+        drawn = self._visible_instances(view, instances)
+        if len(drawn):
+            self._poses.fill(instances, drawn)
+            program = self._gbuffer_program(view, "INSTANCED")
+            self._library.draw(program, self._poses.used, instances=self._poses)
+        program = self._gbuffer_program(view)
+        context.enable(moderngl.CULL_FACE)
+        self._solid.draw(program, order)
+        context.disable(moderngl.CULL_FACE)
+        self._open.draw(program, order)
+        context.front_face = "ccw"
+
+    def _gbuffer_program(self, view: View, *features: str) -> moderngl.Program:
+        defines = (
+            f"MATERIALS {len(self._surface)}",
+            f"CAR_PAINT {int(Material.CAR_PAINT)}u",
+            f"CLOTH {int(Material.CLOTH)}u",
+            f"SKY_ID {SKY_ID}u",
+            *features,
+        )
+        program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines)
+        self._textures.use(0)
+        far, near = FAR_M, NEAR_M
+        set_uniforms(
+            program,
+            u_textures=0,
+            u_eye=tuple(view.position_m),
+            u_rotation=view.R_camera_world.T.astype("<f4").tobytes(),
+            u_clip=view.clip_scale,
+            u_range=((far + near) / (far - near), -2.0 * far * near / (far - near)),
+            u_surface=self._surface.tobytes(),
+        )
+        return program
+
+    def _visible_instances(self, view: View, instances: Instances) -> NDArray[np.intp]:
+        """Instances whose sphere reaches into the view, nearest first."""
+        centre = instances.T_world_model[:, :3, 3]
+        reach = self._reach_m[instances.model]
+        planes = view.planes()
+        gap = np.sum(centre[:, None] * planes[None, :, :3], axis=2) + planes[:, 3]
+        distance = np.sqrt(np.sum((centre - view.position_m) ** 2, axis=1))
+        seen = np.flatnonzero((gap > -reach[:, None]).all(axis=1) & (distance - reach < FAR_M))
+        return seen[np.argsort(distance[seen], kind="stable")]
+
+    def _shadow_casters(self, gbuffer: GBuffer) -> tuple[Geometry, InstanceBuffer]:
+        instances = gbuffer.actors
+        self._poses.fill(instances, np.arange(len(instances)))
+        return self._library, self._poses
+
+    def close(self) -> None:
+        """Free the graphics memory and the context; G-buffers of this renderer become invalid."""
+        if self._closed:
+            return
+        self._closed = True
+        with self._context:
+            self._shader.release()
+            self._pool.release()
+            for geometry in (self._solid, self._open, self._library):
+                geometry.release()
+            self._poses.buffer.release()
+            self._textures.release()
+            self._programs.release()
+        self._context.release()
+
+    def __enter__(self) -> SceneRenderer:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def _take(instances: Instances, which: NDArray[np.intp]) -> Instances:
+    return Instances(
+        model=instances.model[which],
+        T_world_model=instances.T_world_model[which],
+        instance=instances.instance[which],
+        tint=instances.tint[which],
+    )

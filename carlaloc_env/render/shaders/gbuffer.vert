@@ -1,0 +1,53 @@
+in vec3 in_position;
+in vec4 in_normal;
+in vec2 in_uv;
+in vec3 in_colour;
+in uint in_material;
+in uint in_id;
+#ifdef INSTANCED
+in vec4 in_row0;
+in vec4 in_row1;
+in vec4 in_row2;
+in vec4 in_tint;
+in uint in_instance;
+#endif
+
+uniform vec3 u_eye;
+uniform mat3 u_rotation;
+uniform vec4 u_clip;
+uniform vec2 u_range;
+uniform vec4 u_surface[MATERIALS];
+
+flat out vec3 v_colour;
+flat out float v_layer;
+flat out uint v_id;
+flat out vec4 v_surface;
+out vec3 v_normal;
+out vec2 v_uv;
+#ifndef INSTANCED
+out vec3 v_world;
+#endif
+
+void main() {
+    v_colour = in_colour;
+    v_id = in_id;
+#ifdef INSTANCED
+    vec4 local = vec4(in_position, 1.0);
+    vec3 world = vec3(dot(in_row0, local), dot(in_row1, local), dot(in_row2, local));
+    v_normal = vec3(dot(in_row0.xyz, in_normal.xyz), dot(in_row1.xyz, in_normal.xyz),
+                    dot(in_row2.xyz, in_normal.xyz));
+    bool tinted = (in_material == CAR_PAINT || in_material == CLOTH)
+        && min(in_colour.x, min(in_colour.y, in_colour.z)) > 0.998;
+    v_colour = tinted ? in_tint.xyz : in_colour;
+    v_id = (in_id & 0xff000000u) | (in_instance & 0x00ffffffu);
+#else
+    vec3 world = in_position;
+    v_normal = in_normal.xyz;
+    v_world = world;
+#endif
+    v_layer = float(in_material);
+    v_uv = in_uv;
+    v_surface = u_surface[in_material];
+    vec3 p = u_rotation * (world - u_eye);
+    gl_Position = vec4(u_clip.xy * p.xy + u_clip.zw * p.z, u_range.x * p.z + u_range.y, p.z);
+}

@@ -1,0 +1,141 @@
+#include "air.glsl"
+#include "sky.glsl"
+in vec3 v_ray;
+
+uniform vec2 u_size;
+uniform sampler2D u_albedo;
+uniform sampler2D u_normal;
+uniform sampler2D u_surface;
+uniform sampler2D u_depth;
+uniform vec3 u_ambient[9];     // exposed irradiance / pi as a polynomial in the normal
+uniform vec3 u_ground;         // exposed radiance of the ground far away
+uniform float u_exposure;
+#ifdef SUN
+uniform sampler2DShadow u_shadow;
+uniform sampler2DShadow u_shadow_actors;
+uniform mat3 u_light;          // world axes to coordinates 0..1 of the static map
+uniform vec3 u_light_eye;      // the eye in these coordinates
+uniform mat3 u_light_actors;
+uniform vec3 u_light_actors_eye;
+uniform vec3 u_sun;
+uniform vec3 u_sun_light;      // exposed illuminance / pi
+uniform float u_texel;         // of the static map [m]
+#endif
+#ifdef WET
+uniform vec2 u_wet;            // wetness 0..1, level of the puddles
+#endif
+#ifdef NIGHT
+uniform vec4 u_lamps[LAMPS];   // position relative to the eye [m], 1 = lit
+uniform vec3 u_lamp_light;     // exposed intensity / pi
+#endif
+
+layout(location = 0) out vec4 o_colour;
+
+vec3 ambient(vec3 n) {
+    return u_ambient[0] + u_ambient[1] * n.y + u_ambient[2] * n.z + u_ambient[3] * n.x
+        + u_ambient[4] * (n.x * n.y) + u_ambient[5] * (n.y * n.z) + u_ambient[6] * (n.z * n.z)
+        + u_ambient[7] * (n.x * n.z) + u_ambient[8] * (n.x * n.x - n.y * n.y);
+}
+
+// Microfacet reflection of one light, without the light: GGX with Karis' cheap visibility, times pi.
+float gloss(vec3 n, vec3 v, vec3 l, float alpha, float f0) {
+    vec3 h = normalize(l + v);
+    float nh = max(dot(n, h), 0.0);
+    float lh = max(dot(l, h), 0.05);
+    float a2 = alpha * alpha;
+    float d = nh * nh * (a2 - 1.0) + 1.0;
+    float fresnel = f0 + (1.0 - f0) * pow(1.0 - lh, 5.0);
+    return a2 / (d * d) * fresnel / (4.0 * lh * lh * (0.5 + alpha));
+}
+
+#ifdef SUN
+float sunlit(vec3 offset, vec3 n) {
+    vec3 p = offset + n * (1.5 * u_texel);
+    vec3 s = u_light * p + u_light_eye;
+    vec3 a = u_light_actors * p + u_light_actors_eye;
+    float lit = texture(u_shadow, s);
+    bool outside = any(greaterThan(abs(s.xy - 0.5), vec2(0.4995)));
+    float near = texture(u_shadow_actors, a);
+    bool far = any(greaterThan(abs(a.xy - 0.5), vec2(0.499)));
+    return min(outside ? 1.0 : lit, far ? 1.0 : near);
+}
+#endif
+
+void main() {
+    vec2 uv = gl_FragCoord.xy / u_size;
+    vec4 base = texture(u_albedo, uv);
+    vec3 n = decode_normal(texture(u_normal, uv).xy);
+    vec4 surface = texture(u_surface, uv);
+    float depth = texture(u_depth, uv).x;
+#ifdef RESOLVED
+    float cover = base.a;
+    base.rgb /= max(cover, 0.05);
+    depth = depth <= 0.0 ? 100.0 : depth;
+#endif
+    vec3 albedo = base.rgb * base.rgb;
+    float roughness = surface.x;
+    vec3 offset = v_ray * depth;
+    float length_m = length(offset);
+    vec3 direction = offset / length_m;
+    vec3 v = -direction;
+    float f0 = 0.04;
+
+    vec3 emitted = albedo / max(max(albedo.r, max(albedo.g, albedo.b)), 0.02);
+#ifdef NIGHT
+    emitted *= (exp2(16.0 * max(surface.z, surface.w)) - 1.0) * u_exposure;
+#else
+    emitted *= (exp2(16.0 * surface.z) - 1.0) * u_exposure;
+#endif
+
+#ifdef WET
+    float soak = u_wet.x * surface.y;
+    albedo *= mix(1.0, mix(1.0, 0.35, surface.y), u_wet.x);
+    roughness = mix(roughness, 0.36, soak);
+    vec2 ground = (u_eye + offset).xy;
+    float hollow = 0.62 * noise(ground * 0.21) + 0.28 * noise(ground * 0.63 + 5.1) + 0.10 * noise(ground * 2.3);
+    float water = smoothstep(u_wet.y, u_wet.y + 0.10, hollow)
+        * smoothstep(0.93, 0.97, n.z) * smoothstep(0.5, 0.7, surface.y);
+    albedo *= 1.0 - 0.45 * water;
+    roughness = mix(roughness, 0.07, water);
+    n = normalize(mix(n, vec3(0.0, 0.0, 1.0), water));
+    f0 = mix(f0, 0.02, water);
+#endif
+
+    vec3 light = ambient(n);
+    float alpha = max(roughness * roughness, 0.004);
+    vec3 shine = vec3(0.0);
+#ifdef SUN
+    float facing = max(dot(n, u_sun), 0.0);
+    vec3 sun = u_sun_light * facing * sunlit(offset, n);
+    light += sun;
+    shine += sun * min(gloss(n, v, u_sun, max(alpha, 0.02), f0), 40.0);
+#endif
+#ifdef NIGHT
+    for (int i = 0; i < LAMPS; ++i) {
+        vec3 to = u_lamps[i].xyz - offset;
+        float near2 = max(dot(to, to), 0.25);
+        vec3 l = to * inversesqrt(near2);
+        // Batwing of a full cut-off luminaire, looking straight down.
+        float beam = min(1.0 / (l.z * l.z * l.z + 1e-3), 3.5) * smoothstep(0.17, 0.47, l.z);
+        vec3 e = u_lamp_light * (u_lamps[i].w * beam * max(dot(n, l), 0.0) / near2);
+        light += e;
+        shine += e * min(gloss(n, v, l, max(alpha, 0.01), f0), 60.0);
+    }
+#endif
+
+    float nv = max(dot(n, v), 0.0);
+    float fresnel = f0 + (max(1.0 - roughness, f0) - f0) * pow(1.0 - nv, 5.0);
+    vec3 mirror = reflect(direction, n);
+    vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
+    // Walls across the street stand before the lowest part of the sky.
+    vec3 reflection = mix(u_ground, above, smoothstep(-0.05, 0.30, mirror.z));
+
+    vec3 exposed = albedo * light + shine + reflection * fresnel + emitted;
+    exposed = through_air(exposed, direction, length_m);
+#ifdef RESOLVED
+    vec3 look = normalize(v_ray);
+    vec3 sky = through_air(textureLod(u_sky, sky_uv(look), 0.0).rgb, look, SKY_DISTANCE);
+    exposed = mix(sky, exposed, cover);
+#endif
+    o_colour = develop(exposed);
+}

@@ -1,0 +1,281 @@
+"""Shading: from a G-buffer and a weather to light and to the picture."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import rng
+from carlaloc_env.render.context import Programs, set_uniforms
+from carlaloc_env.render.gbuffer import GBuffer, Targets
+from carlaloc_env.render.geometry import Geometry, InstanceBuffer
+from carlaloc_env.render.projection import View
+from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
+from carlaloc_env.render.sky import SkyLight, sky_light
+from carlaloc_env.weather import WeatherParameters
+
+Array = NDArray[np.float64]
+
+LAMPS = 12
+"""Street lamps that light a picture: the nearest ones to a point ahead of the camera."""
+LAMP_FOCUS_M = 18.0
+LAMP_RANGE_M = 90.0
+LAMP_CD = 1050.0
+"""Intensity of a street lamp straight down [cd]: 12 klm in a full cut-off beam."""
+LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
+"""Linear colour of unit luminance, about 3000 K."""
+CACHED_WEATHERS = 8
+SKY_DISTANCE = "SKY_DISTANCE 20000.0"
+
+# Ramamoorthi and Hanrahan 2001, equation 13.
+_C1, _C2, _C3, _C4, _C5 = 0.429043, 0.511664, 0.743125, 0.886227, 0.247708
+
+
+class Shader:
+    """Shades G-buffers of one scene; keeps sky maps by weather and shadow maps by place."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        programs: Programs,
+        *,
+        scenery: list[Geometry],
+        low_m: Array,
+        high_m: Array,
+        lamps_m: Array,
+    ) -> None:
+        self._context = context
+        self._programs = programs
+        self._scenery = scenery
+        self._lamps_m = lamps_m
+        self._shadows = Shadows(context, programs, low_m, high_m) if len(low_m) else None
+        self._arrays: dict[int, moderngl.VertexArray] = {}
+        self._skies: OrderedDict[WeatherParameters, tuple[SkyLight, moderngl.Texture]] = OrderedDict()
+        self._outputs: dict[tuple[int, ...], tuple[moderngl.Texture, moderngl.Framebuffer]] = {}
+
+    def resolve(self, view: View, drawn: Targets, resolved: Targets) -> None:
+        """Average the samples of a G-buffer to one per pixel."""
+        program = self._programs.get("screen.vert", "resolve.frag")
+        self._screen_uniforms(program, view)
+        self._bind(program, drawn)
+        resolved.framebuffer.use()
+        self._context.enable_only(moderngl.NOTHING)
+        self._triangle(program)
+
+    def shade(
+        self,
+        gbuffer: GBuffer,
+        weather: WeatherParameters,
+        casters: tuple[Geometry, InstanceBuffer],
+        stamp_ns: int,
+        seed: int,
+    ) -> NDArray[np.uint8]:
+        """Picture with dither, sRGB and opaque, shape (H, W, 4)."""
+        key = int(rng.stream(seed, "render/dither", stamp_ns).integers(1 << 32))
+        texture = self._run(gbuffer, weather, casters, key, linear=False)
+        out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.uint8)
+        texture.read_into(out)
+        return out
+
+    def radiance_cd_m2(
+        self, gbuffer: GBuffer, weather: WeatherParameters, casters: tuple[Geometry, InstanceBuffer]
+    ) -> NDArray[np.float32]:
+        """Luminance before exposure [cd/m²], shape (H, W, 3)."""
+        texture = self._run(gbuffer, weather, casters, 0, linear=True)
+        out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.float32)
+        texture.read_into(out)
+        return out[..., :3] / np.float32(self._sky(weather)[0].exposure)
+
+    def _run(
+        self,
+        gbuffer: GBuffer,
+        weather: WeatherParameters,
+        casters: tuple[Geometry, InstanceBuffer],
+        key: int,
+        *,
+        linear: bool,
+    ) -> moderngl.Texture:
+        light, sky = self._sky(weather)
+        resolved = gbuffer.shaded is not gbuffer.drawn
+        features = self._features(weather, light, linear=linear, resolved=resolved)
+        program = self._programs.get("screen.vert", "shade.frag", *features)
+        view = gbuffer.view
+        if "SUN" in features:
+            self._shadow_uniforms(program, view, light, casters)
+        self._bind(program, gbuffer.shaded)
+        sky.use(4)
+        self._screen_uniforms(program, view)
+        self._light_uniforms(program, view, weather, light, key)
+        texture, framebuffer = self._output(gbuffer, linear=linear)
+        framebuffer.use()
+        if resolved:
+            self._context.enable_only(moderngl.NOTHING)
+            self._triangle(program)
+            return texture
+        # The depth test splits the picture: surfaces lie before the triangle, the sky on it.
+        framebuffer.depth_mask = False
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = ">"
+        self._triangle(program)
+        plain = ("LINEAR",) if linear else ()
+        program = self._programs.get("screen.vert", "sky.frag", SKY_DISTANCE, *plain)
+        self._screen_uniforms(program, view)
+        self._light_uniforms(program, view, weather, light, key)
+        self._context.depth_func = "=="
+        self._triangle(program)
+        return texture
+
+    def _features(
+        self, weather: WeatherParameters, light: SkyLight, *, linear: bool, resolved: bool
+    ) -> tuple[str, ...]:
+        wanted = {
+            "SUN": bool(light.sun_lx.any()) and self._shadows is not None,
+            "WET": weather.surface_wetness > 0.05,
+            "NIGHT": weather.is_night,
+            "LINEAR": linear,
+            "RESOLVED": resolved,
+        }
+        return (f"LAMPS {LAMPS}", SKY_DISTANCE, *(name for name, on in wanted.items() if on))
+
+    def _sky(self, weather: WeatherParameters) -> tuple[SkyLight, moderngl.Texture]:
+        if weather in self._skies:
+            self._skies.move_to_end(weather)
+            return self._skies[weather]
+        light = sky_light(weather)
+        exposed = np.ones((*light.sky_cd_m2.shape[:2], 4), dtype=np.float16)
+        exposed[..., :3] = light.sky_cd_m2 * light.exposure
+        texture = self._context.texture(exposed.shape[1::-1], 4, exposed.tobytes(), dtype="f2")
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = False
+        self._skies[weather] = (light, texture)
+        if len(self._skies) > CACHED_WEATHERS:
+            self._skies.popitem(last=False)[1][1].release()
+        return self._skies[weather]
+
+    def _bind(self, program: moderngl.Program, targets: Targets) -> None:
+        targets.albedo.use(0)
+        targets.normal.use(1)
+        targets.surface.use(2)
+        targets.depth.use(3)
+        set_uniforms(program, u_albedo=0, u_normal=1, u_surface=2, u_depth=3, u_sky=4)
+
+    def _screen_uniforms(self, program: moderngl.Program, view: View) -> None:
+        c = view.camera
+        set_uniforms(
+            program,
+            u_unproject=(1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px),
+            u_size=(float(c.width_px), float(c.height_px)),
+            u_rotation=view.R_camera_world.astype("<f4").tobytes(),
+            u_eye=tuple(view.position_m),
+        )
+
+    def _light_uniforms(
+        self, program: moderngl.Program, view: View, weather: WeatherParameters, light: SkyLight, key: int
+    ) -> None:
+        e = light.exposure
+        set_uniforms(
+            program,
+            u_sky=4,
+            u_fog_light=tuple(light.fog_cd_m2 * e),
+            u_air=(
+                weather.fog_extinction_per_m,
+                1.0 / weather.fog_scale_height_m,
+                weather.fog_distance,
+                weather.uniform_extinction_per_m,
+            ),
+            u_dither=key,
+            u_ambient=(_polynomial(light.irradiance) * (e / np.pi)).astype("<f4").tobytes(),
+            u_ground=tuple(light.ground_cd_m2 * e),
+            u_exposure=e,
+            u_sun=tuple(light.sun_direction),
+            u_sun_light=tuple(light.sun_lx * (e / np.pi)),
+            u_texel=STATIC_EXTENT_M / STATIC_SIZE_PX,
+            u_wet=(weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
+            u_lamp_light=tuple(LAMP_COLOUR * (LAMP_CD * e / np.pi)),
+        )
+        if weather.is_night:
+            set_uniforms(program, u_lamps=self._nearest_lamps(view).astype("<f4").tobytes())
+
+    def _nearest_lamps(self, view: View) -> Array:
+        """Offsets from the eye [m] and 1 where there is a lamp, shape (LAMPS, 4)."""
+        out = np.zeros((LAMPS, 4))
+        out[:, 2] = 1000.0
+        focus = view.position_m + LAMP_FOCUS_M * view.R_camera_world[2]
+        distance = np.sqrt(np.sum((self._lamps_m - focus) ** 2, axis=1))
+        order = np.argsort(distance, kind="stable")[:LAMPS]
+        out[: len(order), :3] = self._lamps_m[order] - view.position_m
+        # Faded out before the next lamp can take the place, so that none pops in or out.
+        out[: len(order), 3] = np.clip((LAMP_RANGE_M - distance[order]) / 20.0, 0.0, 1.0)
+        return out
+
+    def _shadow_uniforms(
+        self,
+        program: moderngl.Program,
+        view: View,
+        light: SkyLight,
+        casters: tuple[Geometry, InstanceBuffer],
+    ) -> None:
+        assert self._shadows is not None
+        static = self._shadows.static(view, light.sun_direction, self._scenery)
+        actors = self._shadows.actors(view, light.sun_direction, *casters)
+        static.texture.use(5)
+        actors.texture.use(6)
+        matrix, offset = static.lookup(view.position_m)
+        matrix_actors, offset_actors = actors.lookup(view.position_m)
+        set_uniforms(
+            program,
+            u_shadow=5,
+            u_shadow_actors=6,
+            u_light=matrix.T.astype("<f4").tobytes(),
+            u_light_eye=tuple(offset),
+            u_light_actors=matrix_actors.T.astype("<f4").tobytes(),
+            u_light_actors_eye=tuple(offset_actors),
+        )
+
+    def _output(self, gbuffer: GBuffer, *, linear: bool) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        size = (gbuffer.camera.width_px, gbuffer.camera.height_px)
+        zbuffer = gbuffer.shaded.zbuffer
+        key = (*size, int(linear), 0 if zbuffer is None else zbuffer.glo)
+        if key not in self._outputs:
+            texture = self._context.texture(size, 4, dtype="f4" if linear else "f1")
+            self._outputs[key] = (texture, self._context.framebuffer([texture], zbuffer))
+        return self._outputs[key]
+
+    def _triangle(self, program: moderngl.Program) -> None:
+        if program.glo not in self._arrays:
+            self._arrays[program.glo] = self._context.vertex_array(program, [])
+        self._arrays[program.glo].render(moderngl.TRIANGLES, vertices=3)
+
+    def release(self) -> None:
+        """Free all textures."""
+        if self._shadows is not None:
+            self._shadows.release()
+        for _, texture in self._skies.values():
+            texture.release()
+        for texture, framebuffer in self._outputs.values():
+            framebuffer.release()
+            texture.release()
+        for array in self._arrays.values():
+            array.release()
+
+
+def _polynomial(harmonics: Array) -> Array:
+    """Irradiance as a polynomial in the normal: 1 y z x xy yz z² xz x²−y², shape (9, 3)."""
+    l00, l1m1, l10, l11, l2m2, l2m1, l20, l21, l22 = harmonics
+    return np.stack(
+        [
+            _C4 * l00 - _C5 * l20,
+            2 * _C2 * l1m1,
+            2 * _C2 * l10,
+            2 * _C2 * l11,
+            2 * _C1 * l2m2,
+            2 * _C1 * l2m1,
+            _C3 * l20,
+            2 * _C1 * l21,
+            _C1 * l22,
+        ]
+    )

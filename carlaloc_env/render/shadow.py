@@ -1,0 +1,182 @@
+"""Shadows of the sun: a cached map of the static scene round the camera, and one of the actors."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.geometry import cross
+from carlaloc_env.render.context import Programs, set_uniforms
+from carlaloc_env.render.geometry import Geometry, InstanceBuffer
+from carlaloc_env.render.projection import View
+
+Array = NDArray[np.float64]
+
+STATIC_SIZE_PX = 4096
+STATIC_EXTENT_M = 320.0
+"""Edge length of the static map on the plane across the sunlight [m]: 7.8 cm per texel."""
+STATIC_STEP_M = 40.0
+"""Grid on which its centre lies [m], so that a drive needs a new map only now and then."""
+STATIC_AHEAD_M = 80.0
+"""How far its centre lies ahead of the camera [m]."""
+ACTOR_SIZE_PX = 1024
+ACTOR_EXTENT_M = 80.0
+CACHED_MAPS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShadowMap:
+    """One depth map and how to look things up in it."""
+
+    texture: moderngl.Texture
+    framebuffer: moderngl.Framebuffer
+    axes: Array
+    """World axes to the light's right, up, away [m], shape (3, 3)."""
+    origin_m: Array
+    """World point at the centre of the map [m], shape (3,)."""
+    half_extent_m: Array
+    """Half edge lengths across and along the light [m], shape (3,)."""
+
+    @property
+    def clip(self) -> Array:
+        """Rotation scaled to clip space −1…1, shape (3, 3)."""
+        return self.axes / self.half_extent_m[:, None]
+
+    def lookup(self, eye_m: Array) -> tuple[Array, Array]:
+        """Matrix (3, 3) and offset (3,) from world offsets of the eye to texture coordinates 0…1."""
+        matrix = 0.5 * self.clip
+        return matrix, np.sum(matrix * (eye_m - self.origin_m), axis=1) + 0.5
+
+
+def light_axes(sun_direction: Array) -> Array:
+    """Right, up and away-from-the-sun axes of the sunlight in the world, shape (3, 3)."""
+    away = -np.asarray(sun_direction, dtype=np.float64)
+    aside = np.array([0.0, 0.0, 1.0]) if abs(away[2]) < 0.95 else np.array([0.0, 1.0, 0.0])
+    right = cross(away, aside)
+    right /= math.sqrt(float(np.sum(right**2)))
+    return np.stack([right, cross(right, away), away])
+
+
+class Shadows:
+    """Makes and keeps the shadow maps of one scene."""
+
+    def __init__(self, context: moderngl.Context, programs: Programs, low_m: Array, high_m: Array) -> None:
+        self._context = context
+        self._programs = programs
+        self._low_m, self._high_m = low_m, high_m
+        self._maps: OrderedDict[tuple[float, ...], ShadowMap] = OrderedDict()
+        self._actor_target: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
+
+    def static(self, view: View, sun_direction: Array, scenery: list[Geometry]) -> ShadowMap:
+        """Map of the static scene round a camera; made when the camera has left the last one.
+
+        Its texels lie on a grid fixed to the world and its centre follows from the camera's pose
+        alone, so that the same picture comes out in whatever order pictures are drawn.
+        """
+        axes = light_axes(sun_direction)
+        ahead = view.R_camera_world[2] * np.array([1.0, 1.0, 0.0])
+        ahead /= max(math.sqrt(float(np.sum(ahead**2))), 1e-6)
+        focus = view.position_m + STATIC_AHEAD_M * ahead
+        focus[2] = 0.0
+        across = np.rint(np.sum(axes[:2] * focus, axis=1) / STATIC_STEP_M) * STATIC_STEP_M
+        key = (*np.round(sun_direction, 6), *across)
+        if key in self._maps:
+            self._maps.move_to_end(key)
+            return self._maps[key]
+        result = self._blank_static(axes, across)
+        self._maps[key] = result
+        corners = np.where(axes[:, None] > 0, self._low_m[None], self._high_m[None])
+        lowest = np.sum(axes[:, None] * corners, axis=2)
+        corners = np.where(axes[:, None] > 0, self._high_m[None], self._low_m[None])
+        highest = np.sum(axes[:, None] * corners, axis=2)
+        centre = np.sum(axes * result.origin_m, axis=1)[:, None]
+        half = result.half_extent_m[:, None]
+        touching = ((highest > centre - half) & (lowest < centre + half)).all(axis=0)
+        program = self._programs.get("shadow.vert", "shadow.frag")
+        self._begin(result, program)
+        for geometry in scenery:
+            geometry.draw(program, np.flatnonzero(touching), bare=True)
+        self._end()
+        return result
+
+    def actors(
+        self, view: View, sun_direction: Array, library: Geometry, instances: InstanceBuffer
+    ) -> ShadowMap:
+        """Map of the movable models near a camera, drawn anew each time."""
+        if self._actor_target is None:
+            self._actor_target = self._target(ACTOR_SIZE_PX)
+        ahead = view.R_camera_world[2] * np.array([1.0, 1.0, 0.0])
+        texture, framebuffer = self._actor_target
+        half = ACTOR_EXTENT_M / 2
+        axes = light_axes(sun_direction)
+        texel = ACTOR_EXTENT_M / ACTOR_SIZE_PX
+        across = np.sum(axes * (view.position_m + 25.0 * ahead), axis=1)
+        across = np.rint(across / texel) * texel
+        result = ShadowMap(
+            texture=texture,
+            framebuffer=framebuffer,
+            axes=axes,
+            origin_m=np.sum(axes * across[:, None], axis=0),
+            half_extent_m=np.array([half, half, 120.0]),
+        )
+        program = self._programs.get("shadow.vert", "shadow.frag", "INSTANCED")
+        self._begin(result, program)
+        library.draw(program, instances.used, bare=True, instances=instances)
+        self._end()
+        return result
+
+    def _blank_static(self, axes: Array, across: Array) -> ShadowMap:
+        if len(self._maps) >= CACHED_MAPS:
+            _, old = self._maps.popitem(last=False)
+            texture, framebuffer = old.texture, old.framebuffer
+        else:
+            texture, framebuffer = self._target(STATIC_SIZE_PX)
+        # Deep enough for everything that stands in the scene, whatever the camera's place.
+        low, high = self._low_m.min(axis=0), self._high_m.max(axis=0)
+        reach = math.sqrt(float(np.sum((high - low) ** 2))) / 2 + 1.0
+        along = float(np.sum(axes[2] * (low + high) / 2))
+        half = STATIC_EXTENT_M / 2
+        return ShadowMap(
+            texture=texture,
+            framebuffer=framebuffer,
+            axes=axes,
+            origin_m=axes[0] * across[0] + axes[1] * across[1] + axes[2] * along,
+            half_extent_m=np.array([half, half, reach]),
+        )
+
+    def _target(self, size_px: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+        texture = self._context.depth_texture((size_px, size_px))
+        texture.compare_func = "<="
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = False
+        return texture, self._context.framebuffer(depth_attachment=texture)
+
+    def _begin(self, result: ShadowMap, program: moderngl.Program) -> None:
+        result.framebuffer.use()
+        result.framebuffer.clear(depth=1.0)
+        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.depth_func = "<"
+        self._context.polygon_offset = (2.0, 2.0)
+        set_uniforms(
+            program,
+            u_light=result.clip.T.astype("<f4").tobytes(),
+            u_origin=tuple(result.origin_m),
+        )
+
+    def _end(self) -> None:
+        self._context.polygon_offset = (0.0, 0.0)
+
+    def release(self) -> None:
+        """Free the maps."""
+        for shadow in self._maps.values():
+            shadow.framebuffer.release()
+            shadow.texture.release()
+        if self._actor_target is not None:
+            for part in self._actor_target:
+                part.release()
+        self._maps.clear()

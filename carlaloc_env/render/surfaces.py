@@ -1,0 +1,92 @@
+"""Material properties as the shaders want them, and the texture array."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import materials
+from carlaloc_env.materials import Material
+
+_LIT_AT_NIGHT = (Material.LAMP_WHITE,)
+"""Lamps that are off by day; signals and brake lights are lit whenever they are drawn."""
+
+LOG_SCALE = 16.0
+"""Light is stored as log2(1 + cd/m²) / 16, which spans 0…65535 cd/m² in one byte."""
+
+
+def surface_table() -> NDArray[np.float32]:
+    """Roughness, porosity, light by day and night, light at night of every material, (M, 4)."""
+    emission = np.log2(1.0 + materials.table("emission_cd_m2")) / LOG_SCALE
+    by_night = np.zeros(len(Material), dtype=bool)
+    by_night[list(_LIT_AT_NIGHT)] = True
+    return np.stack(
+        [
+            materials.table("roughness"),
+            materials.table("porosity"),
+            np.where(by_night, 0.0, emission),
+            np.where(by_night, emission, 0.0),
+        ],
+        axis=-1,
+    ).astype(np.float32)
+
+
+def upload_textures(
+    context: moderngl.Context, albedo: NDArray[np.float16], *, trilinear: bool
+) -> moderngl.TextureArray:
+    """Texture array with one layer per material and mip-maps.
+
+    Half floats in linear light, since the driver averages the stored values for the mip-maps.
+
+    Args:
+        context: Where it is drawn.
+        albedo: Linear albedo and roughness, shape (M, S, S, 4).
+        trilinear: Blend between mip levels; on a CPU it costs as much as the fetch itself.
+    """
+    layers, height, width = albedo.shape[:3]
+    data = np.ascontiguousarray(albedo, dtype=np.float16)
+    array = context.texture_array((width, height, layers), 4, data.tobytes(), dtype="f2")
+    array.repeat_x = array.repeat_y = True
+    array.build_mipmaps()
+    array.filter = (
+        moderngl.LINEAR_MIPMAP_LINEAR if trilinear else moderngl.LINEAR_MIPMAP_NEAREST,
+        moderngl.LINEAR,
+    )
+    if trilinear:
+        array.anisotropy = 8.0
+    return array
+
+
+_PLAIN: dict[Material, tuple[float, float, float]] = {
+    Material.ASPHALT: (0.10, 0.10, 0.10),
+    Material.ASPHALT_OLD: (0.13, 0.13, 0.12),
+    Material.ROAD_PAINT_WHITE: (0.55, 0.55, 0.52),
+    Material.ROAD_PAINT_YELLOW: (0.50, 0.33, 0.04),
+    Material.GRASS: (0.06, 0.11, 0.03),
+    Material.SOIL: (0.15, 0.12, 0.09),
+    Material.BRICK_RED: (0.26, 0.12, 0.08),
+    Material.BRICK_BROWN: (0.20, 0.13, 0.09),
+    Material.PLASTER: (0.50, 0.47, 0.42),
+    Material.CURTAIN_WALL: (0.04, 0.05, 0.06),
+    Material.WINDOW: (0.04, 0.05, 0.06),
+    Material.SHOP_FRONT: (0.06, 0.06, 0.06),
+    Material.BARK: (0.12, 0.09, 0.07),
+    Material.LEAF: (0.06, 0.12, 0.03),
+    Material.CAR_PAINT: (0.80, 0.80, 0.80),
+    Material.GLASS: (0.03, 0.03, 0.03),
+    Material.RUBBER: (0.03, 0.03, 0.03),
+    Material.CLOTH: (0.60, 0.60, 0.60),
+    Material.WATER: (0.02, 0.05, 0.04),
+    Material.LAMP_WHITE: (0.80, 0.72, 0.60),
+    Material.LAMP_RED: (0.70, 0.04, 0.02),
+    Material.LAMP_AMBER: (0.80, 0.38, 0.02),
+    Material.LAMP_GREEN: (0.05, 0.70, 0.35),
+}
+
+
+def plain_albedo() -> NDArray[np.float16]:
+    """One colour and roughness per material instead of textures, shape (M, 1, 1, 4)."""
+    rows = [_PLAIN.get(material, (0.3, 0.3, 0.3)) for material in Material]
+    roughness = materials.table("roughness")[:, None]
+    return np.concatenate([np.array(rows), roughness], axis=1).astype(np.float16)[:, None, None]
