@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.town.lane_tables import LaneTables
+from carlaloc_env.town.lane_tables import TABLE_STEP_M, LaneTables
 from carlaloc_env.town.opendrive.profiles import Array, Index
 
 _CANDIDATES = 8
@@ -46,6 +46,18 @@ class LaneSearch:
         # A micrometre decides nothing: there the lane number does.
         keys = (lane.reshape(-1, number), np.round(distance, 6).reshape(-1, number))
         best = np.lexsort(keys, axis=-1)[:, 0] + np.arange(len(points)) * number
+        return NearestLane(lane[best], station[best], offset[best], distance[best])
+
+    def within(self, point_m: NDArray[np.float64], reach_m: float) -> NearestLane:
+        """All lanes that come within a reach [m] of one point, the nearest first."""
+        near = np.array(self._tree.query_ball_point(point_m, reach_m + TABLE_STEP_M), dtype=np.int64)
+        points = np.repeat(point_m[None], len(near), axis=0)
+        lane, station, offset, distance = self._project(points, near)
+        order = np.lexsort((station, distance, lane))
+        _, first = np.unique(lane[order], return_index=True)
+        best = order[first]
+        best = best[distance[best] <= reach_m]
+        best = best[np.argsort(distance[best], kind="stable")]
         return NearestLane(lane[best], station[best], offset[best], distance[best])
 
     def _project(self, points: NDArray[np.float64], near: Index) -> tuple[Index, Array, Array, Array]:

@@ -76,14 +76,15 @@ class LaneNetwork:
             self.broken_links: tuple[BrokenLink, ...] = tuple(links.broken)
             start = np.array([section.s_m for section in edges.sections])
             end = np.array([section.end_m for section in edges.sections])
-            self._forward: NDArray[np.bool_] = np.array(forward, dtype=bool)
-            self._start_s: Array = np.where(self._forward, start, np.maximum(end, start))
+            self.forward: NDArray[np.bool_] = np.array(forward, dtype=bool)
+            """True where traffic runs with growing s, (N,)."""
+            self._start_s: Array = np.where(self.forward, start, np.maximum(end, start))
             labels = [
                 f"{xodr.source}: line {lane.line}: lane {lane.id} of road {road.id}"
                 for lane, road in zip(edges.lanes, roads, strict=True)
             ]
             limits = _speed_limits(self.surface, xodr.roads, links.predecessors)
-            self.tables: LaneTables = build_tables(self.surface, start, end, self._forward, limits, labels)
+            self.tables: LaneTables = build_tables(self.surface, start, end, self.forward, limits, labels)
             self.lanes: tuple[Lane, ...] = self._lanes(links)
             self._searches: dict[tuple[tuple[str, ...], int], LaneSearch] = {}
             self.signals: tuple[SignalHead, ...]
@@ -113,8 +114,8 @@ class LaneNetwork:
         """Poses on lane centres from the file's own formulas; arrays (M,)."""
         lanes, stations = _queries(lane, station_m)
         curve = self.surface.lane_centre(lanes, self.s_m(lanes, stations))
-        sign = np.where(self._forward[lanes], 1.0, -1.0)
-        heading = wrap_angle(curve.heading_rad + np.where(self._forward[lanes], 0.0, np.pi))
+        sign = np.where(self.forward[lanes], 1.0, -1.0)
+        heading = wrap_angle(curve.heading_rad + np.where(self.forward[lanes], 0.0, np.pi))
         return LanePose(
             curve.position_m, heading, np.arctan(curve.slope) * sign, curve.curvature_radpm * sign
         )
@@ -123,13 +124,13 @@ class LaneNetwork:
         """Road coordinate s [m] of stations, (M,)."""
         lanes, stations = _queries(lane, station_m)
         along = self.tables.along(lanes, stations)
-        result: Array = self._start_s[lanes] + np.where(self._forward[lanes], along, -along)
+        result: Array = self._start_s[lanes] + np.where(self.forward[lanes], along, -along)
         return result
 
     def station_m(self, lane: ArrayLike, s_m: ArrayLike) -> Array:
         """Stations [m] of road coordinates s, clipped to the lanes, (M,)."""
         lanes, s = _queries(lane, s_m)
-        along = (s - self._start_s[lanes]) * np.where(self._forward[lanes], 1.0, -1.0)
+        along = (s - self._start_s[lanes]) * np.where(self.forward[lanes], 1.0, -1.0)
         return self.tables.station(lanes, along)
 
     def station_at(self, lane: int, s_m: float) -> float:
@@ -163,15 +164,23 @@ class LaneNetwork:
             MapError: The map has no lane of these types.
         """
         points = np.atleast_2d(np.asarray(points_m, dtype=np.float64))
-        key = (tuple(sorted(types)), points.shape[1])
+        return self._search(types, points.shape[1]).nearest(points)
+
+    def within(self, point_m: ArrayLike, reach_m: float, types: Sequence[str] = ("driving",)) -> NearestLane:
+        """Every lane that comes within a reach [m] of one point (2|3,), the nearest first."""
+        point = np.asarray(point_m, dtype=np.float64)
+        return self._search(types, len(point)).within(point, reach_m)
+
+    def _search(self, types: Sequence[str], dimensions: int) -> LaneSearch:
+        key = (tuple(sorted(types)), dimensions)
         if key not in self._searches:
             own = np.array([lane.index for lane in self.lanes if lane.type in types], dtype=np.int64)
             if not len(own):
                 raise MapError(
                     f"{self.xodr.source} has no lane of type {', '.join(types)}; ask for another type"
                 )
-            self._searches[key] = LaneSearch(self.tables, own, points.shape[1])
-        return self._searches[key].nearest(points)
+            self._searches[key] = LaneSearch(self.tables, own, dimensions)
+        return self._searches[key]
 
     def waypoints(self, step_m: float) -> NDArray[np.void]:
         """Poses on all driving lanes at every step of s, on CARLA's grid of ``generate_waypoints``.
@@ -181,7 +190,7 @@ class LaneNetwork:
         """
         lanes, s = self._grid(step_m)
         curve = self.surface.lane_centre(lanes, s)
-        heading = wrap_angle(curve.heading_rad + np.where(self._forward[lanes], 0.0, np.pi))
+        heading = wrap_angle(curve.heading_rad + np.where(self.forward[lanes], 0.0, np.pi))
         label = max((len(road.id) for road in self.xodr.roads), default=1)
         names = ("s", "x", "y", "z", "heading")
         kinds = [("road_id", f"U{label}"), ("section", "i4"), ("lane_id", "i4"), *((n, "f8") for n in names)]
@@ -215,7 +224,7 @@ class LaneNetwork:
         lanes = []
         for n, lane in enumerate(edges.lanes):
             r, k = int(edges.road[n]), int(edges.section[n])
-            forward = bool(self._forward[n])
+            forward = bool(self.forward[n])
             lanes.append(
                 Lane(
                     index=n,

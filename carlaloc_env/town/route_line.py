@@ -1,0 +1,109 @@
+"""From a path over lanes to one smooth line of points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.town.lane_paths import Span
+from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.opendrive.profiles import Array, Index
+
+SAMPLE_M = 0.25
+"""Spacing of the points."""
+BLEND_M = 35.0
+"""Length of a lane change; shorter where the lane is."""
+_CLOSE_M = 0.1
+
+
+class RouteLine(NamedTuple):
+    """Points along a route, each field (P, …)."""
+
+    position_m: NDArray[np.float64]
+    heading_rad: Array
+    slope: Array
+    """Rise per metre."""
+    lane: Index
+    station_m: Array
+
+
+def trace(network: LaneNetwork, spans: Sequence[Span]) -> RouteLine:
+    """Points of all spans; where two spans meet, one point stands for both."""
+    parts = [_trace_span(network, span) for span in spans]
+    position = np.concatenate([part.position_m for part in parts])
+    keep = _spaced(position)
+    return RouteLine(
+        position[keep],
+        np.concatenate([part.heading_rad for part in parts])[keep],
+        np.concatenate([part.slope for part in parts])[keep],
+        np.concatenate([part.lane for part in parts])[keep],
+        np.concatenate([part.station_m for part in parts])[keep],
+    )
+
+
+def _spaced(position_m: NDArray[np.float64]) -> Index:
+    """Rows that lie at least 0.1 m after the one kept before; the last row always stays."""
+    keep = [0]
+    for n in range(1, len(position_m)):
+        dx, dy = position_m[n, :2] - position_m[keep[-1], :2]
+        if dx * dx + dy * dy >= _CLOSE_M * _CLOSE_M:
+            keep.append(n)
+    if keep[-1] != len(position_m) - 1:
+        if len(keep) > 1:
+            keep.pop()
+        keep.append(len(position_m) - 1)
+    return np.array(keep, dtype=np.int64)
+
+
+def _trace_span(network: LaneNetwork, span: Span) -> RouteLine:
+    first, last = span.lanes[0], span.lanes[-1]
+    begin = span.from_share * network.lanes[first].length_m
+    end = span.to_share * network.lanes[last].length_m
+    if len(span.lanes) == 1:
+        count = max(2, int(np.ceil((end - begin) / SAMPLE_M)) + 1)
+        lane = np.full(count, first)
+        station = np.linspace(begin, end, count)
+        return _lane_points(network, lane, network.s_m(lane, station), station)
+    s0, s1 = network.s_m([first], [begin])[0], network.s_m([last], [end])[0]
+    count = max(2, int(np.ceil(abs(s1 - s0) / SAMPLE_M)) + 1)
+    s = np.linspace(s0, s1, count)
+    changes = len(span.lanes) - 1
+    # Each change owns an equal part of the way and sits in the middle of it.
+    room = abs(s1 - s0) / changes
+    half = 0.5 * min(BLEND_M, room) / room
+    progress = np.linspace(0.0, float(changes), count)
+    number = np.minimum(progress.astype(np.int64), changes - 1)
+    tau = np.clip((progress - number - 0.5 + half) / (2.0 * half), 0.0, 1.0)
+    lanes = np.array(span.lanes)
+    return _blend(network, lanes[number], lanes[number + 1], s, tau, 2.0 * half * room)
+
+
+def _lane_points(network: LaneNetwork, lane: Index, s: Array, station: Array) -> RouteLine:
+    curve = network.surface.lane_centre(lane, s)
+    back = np.where(network.forward[lane], 1.0, -1.0)
+    heading = curve.heading_rad + np.where(network.forward[lane], 0.0, np.pi)
+    return RouteLine(curve.position_m, heading, curve.slope * back, lane, station)
+
+
+def _blend(network: LaneNetwork, old: Index, new: Index, s: Array, tau: Array, length_m: float) -> RouteLine:
+    """From one lane to its neighbour by 10τ³ − 15τ⁴ + 6τ⁵, which starts and ends without a jerk."""
+    a, b = network.surface.lane_centre(old, s), network.surface.lane_centre(new, s)
+    share = tau * tau * tau * (10.0 - tau * (15.0 - 6.0 * tau))
+    rate = 30.0 * tau * tau * (1.0 - tau) * (1.0 - tau) / length_m
+    sign = np.where(network.forward[old], 1.0, -1.0)
+    gap = b.position_m - a.position_m
+    position = a.position_m + share[:, None] * gap
+    velocity = [
+        sign * ((1.0 - share) * a.stretch * turn(a.heading_rad) + share * b.stretch * turn(b.heading_rad))
+        + rate * gap[:, k]
+        for k, turn in enumerate((np.cos, np.sin))
+    ]
+    speed = np.maximum(np.hypot(*velocity), 1e-9)
+    climb = sign * ((1.0 - share) * a.stretch * a.slope + share * b.stretch * b.slope) + rate * gap[:, 2]
+    lane = np.where(share < 0.5, old, new)
+    return RouteLine(
+        position, np.arctan2(velocity[1], velocity[0]), climb / speed, lane, network.station_m(lane, s)
+    )
