@@ -82,7 +82,9 @@ class JunctionTable:
     def _ranks(self, network: LaneNetwork) -> NDArray[np.int64]:
         """3 straight on, 2 right, 1 left, 0 behind a stop or yield sign."""
         rank = np.zeros(len(network.lanes), np.int64)
-        minor = {lane for sign in network.static_signs if sign.type in ("205", "206") for lane in sign.lanes}
+        minor = {
+            lane for sign in network.static_signs if sign.kind in ("stop", "yield") for lane in sign.lanes
+        }
         for lane in network.lanes:
             if not self.is_junction[lane.index]:
                 continue

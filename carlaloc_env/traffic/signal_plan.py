@@ -85,17 +85,20 @@ class SignalPlan:
 
 def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:
     """Phase number of each head of one junction, counted from 0."""
-    junction = network.xodr.junctions.get(junction_id)
-    sequence = {c.id: c.sequence for c in junction.controllers} if junction is not None else {}
-    keys: list[tuple[int, float | str]] = []
+    sequence = {
+        controller.id: controller.sequence
+        for junction in network.xodr.junctions
+        if junction.id == junction_id
+        for controller in junction.controllers
+    }
+    keys: list[tuple[int, int | str]] = []
     for index in heads:
         head = network.signals[index]
         if head.controller_id is not None and head.controller_id in sequence:
-            number = sequence[head.controller_id]
-            keys.append((0, float(number)) if number is not None else (1, head.controller_id))
+            keys.append((0, sequence[head.controller_id]))
         else:
-            keys.append((2, _axis(network, index)))
-    order = sorted(set(keys), key=str)
+            keys.append((1, _axis(network, index)))
+    order = sorted(set(keys))  # type: ignore[type-var]
     return [order.index(key) for key in keys]
 
 

@@ -87,6 +87,8 @@ class Vehicles:
             for lane, stop in zip(head.lanes, head.stop_station_m, strict=True):
                 self._heads[lane].append(index)
                 self._stop_m[lane] = min(self._stop_m[lane], stop)
+            for lane in head.junction_lanes:
+                self._heads[lane].append(index)
 
     def place(self, lane: Index, station_m: Array) -> None:
         """Stand the vehicles at stations [m] of lanes, shape (N,), at rest."""
@@ -244,6 +246,7 @@ class Vehicles:
         bound = self._bound_for()
         reach = np.maximum(30.0, self.speed_mps * self.speed_mps / (2 * COMFORT_BRAKING_MPS2) + 12.0)
         near = self._length[self.plan[:, 0]] - self.station_m < reach
+        queues = self._queues()
         requests: list[Request] = []
         gaps: list[float] = []
         for vehicle in np.flatnonzero(near):
@@ -253,12 +256,13 @@ class Vehicles:
                 continue
             lane, approach = int(self.plan[v, hop]), int(self.plan[v, hop - 1])
             to_line = distance - (self._length[approach] - self._stop_m[approach])
-            permitted = self._permitted(v, approach, to_line, signals)
+            permitted = self._permitted(v, self._heads[lane] or self._heads[approach], to_line, signals)
             if self.reservations.holds(v, lane):
                 if permitted or to_line < 0.5:
                     continue
                 self.reservations.release(v, lane)
                 self._held[v].remove(lane)
+            gaps.append(to_line if to_line > -1.0 else max(distance - 0.3, 0.0))
             requests.append(
                 Request(
                     vehicle=v,
@@ -267,11 +271,31 @@ class Vehicles:
                     speed_mps=float(self.speed_mps[v]),
                     waited_s=float(self._waited_s[v]),
                     permitted=permitted,
-                    has_room=self._has_room(v, hop, rear, rear_speed, bound),
+                    has_room=self._may_follow(v, hop, queues)
+                    and self._has_room(v, hop, rear, rear_speed, bound),
                 )
             )
-            gaps.append(to_line if to_line > -1.0 else max(distance - 0.3, 0.0))
         return requests, gaps
+
+    def _queues(self) -> dict[int, list[int]]:
+        """Vehicles of each lane."""
+        queues: dict[int, list[int]] = {}
+        for vehicle, lane in enumerate(self.plan[:, 0].tolist()):
+            queues.setdefault(lane, []).append(vehicle)
+        return queues
+
+    def _may_follow(self, v: int, hop: int, queues: dict[int, list[int]]) -> bool:
+        """Whether all who stand between the vehicle and the junction have been admitted themselves."""
+        for k in range(hop):
+            for other in queues.get(int(self.plan[v, k]), ()):
+                ahead = k > 0 or self.station_m[other] > self.station_m[v]
+                if ahead and other != v and not self._is_admitted(other):
+                    return False
+        return True
+
+    def _is_admitted(self, v: int) -> bool:
+        hop, _ = self._next_junction(v)
+        return hop < 0 or int(self.plan[v, hop]) in self._held[v]
 
     def _next_junction(self, v: int) -> tuple[int, float]:
         """Hop of the next junction lane ahead that is not entered yet, and the distance to it [m]."""
@@ -285,8 +309,7 @@ class Vehicles:
             distance += self._length[lane]
         return -1, 0.0
 
-    def _permitted(self, v: int, approach: int, to_line_m: float, signals: NDArray[np.uint8]) -> bool:
-        heads = self._heads[approach]
+    def _permitted(self, v: int, heads: list[int], to_line_m: float, signals: NDArray[np.uint8]) -> bool:
         if not heads or to_line_m < -1.0:
             return True
         states = signals[heads]

@@ -16,13 +16,14 @@ Array = NDArray[np.float64]
 STEP_S = STEP_NS / 1e9
 _TURN_RADPS = 2.5
 _START_GAP_M = 6.0
+_TURN_BACK_M = 0.4
 
 
 class Walkers:
     """All walkers of the traffic, advanced together by steps of 50 ms.
 
-    Speeds are drawn from N(1.34, 0.26) m/s (Helbing & Molnár 1995, after Weidmann), walkers keep
-    to the right of the pavement and turn on the spot where it ends.
+    Speeds are drawn from N(1.34, 0.26) m/s (Helbing & Molnár 1995, after Weidmann), walkers start
+    on the right of the pavement and turn on the spot where it ends.
     """
 
     def __init__(self, network: LaneNetwork, count: int, seed: int) -> None:
@@ -43,7 +44,7 @@ class Walkers:
         self._lane = np.array([slots[k][0] for k in chosen], np.int64)
         self._station = np.array([slots[k][1] for k in chosen], np.float64)
         self._way = np.where(draw.random(count) < 0.5, 1, -1)
-        self._side_m = draw.uniform(0.25, 0.7, count)
+        self._side_m = -self._way * draw.uniform(0.25, 0.7, count)
         self._pace_mps = np.clip(draw.normal(1.34, 0.26, count), 0.7, 2.1)
         self.travelled_m = np.zeros(count)
         self.speed_mps = self._pace_mps.copy()
@@ -61,7 +62,7 @@ class Walkers:
         self._station = self._station + self._way * path
         self.travelled_m = self.travelled_m + path
         for walker in np.flatnonzero(
-            (self._station < 0.4) | (self._station > self._length[self._lane] - 0.4)
+            (self._station < _TURN_BACK_M) | (self._station > self._length[self._lane] - _TURN_BACK_M)
         ):
             self._go_on(int(walker))
 
@@ -73,7 +74,8 @@ class Walkers:
         left = np.stack([-np.sin(pose.heading_rad), np.cos(pose.heading_rad)], axis=-1)
         position = pose.position_m.copy()
         width = self._network.width_m(self._lane, self._station)
-        side = -self._way * np.minimum(self._side_m, np.maximum(0.5 * width - 0.4, 0.0))
+        room = np.maximum(0.5 * width - 0.4, 0.0)
+        side = np.clip(self._side_m, -room, room)
         position[:, :2] += side[:, None] * left
         return position, self.heading_rad, np.zeros(len(self._lane))
 
@@ -87,9 +89,11 @@ class Walkers:
         ahead = lane.successors if self._way[w] > 0 else lane.predecessors
         nexts = [index for index in ahead if self._network.lanes[index].type == "sidewalk"]
         nexts = [index for index in nexts if self._length[index] > 1.0]
-        if nexts:
+        length = self._length[self._lane[w]]
+        over = -self._station[w] if self._way[w] < 0 else self._station[w] - length
+        if nexts and over > 0:
             self._lane[w] = nexts[0]
-            self._station[w] = 0.4 if self._way[w] > 0 else self._length[nexts[0]] - 0.4
-        else:
-            self._station[w] = np.clip(self._station[w], 0.4, max(self._length[self._lane[w]] - 0.4, 0.4))
+            self._station[w] = over if self._way[w] > 0 else self._length[nexts[0]] - over
+        elif not nexts and over > -_TURN_BACK_M:
+            self._station[w] = np.clip(self._station[w], _TURN_BACK_M, length - _TURN_BACK_M)
             self._way[w] = -self._way[w]

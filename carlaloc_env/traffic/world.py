@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +23,12 @@ from carlaloc_env.timeline import (
     ActorFrame,
 )
 from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signal_plan import SignalPlan, SignalTiming
 from carlaloc_env.traffic.vehicles import Drivers, EgoView, TrafficTables, Vehicles, spread_over_lanes
 from carlaloc_env.traffic.walkers import Walkers
+
+if TYPE_CHECKING:
+    from carlaloc_env.town.town import Town
 
 Array = NDArray[np.float64]
 
