@@ -110,6 +110,27 @@ class PosterCell(IntEnum):
     SALE = 15
 
 
+STREET_NAMES = (
+    "MAIN ST",
+    "OAK AVE",
+    "HARBOUR RD",
+    "STATION ST",
+    "PARK LANE",
+    "MILL ROAD",
+    "CHURCH ST",
+    "LAKE VIEW",
+)
+"""Names on the street-name plates: four strips in `STREET_A`, four in `STREET_B`, from the bottom up."""
+
+
+def street_name_uv(index: int) -> Rect:
+    """Texture rectangle of one street-name plate (four times as wide as high) [m]."""
+    index = int(index) % len(STREET_NAMES)
+    u0, v0, u1, v1 = atlas_uv(Material.SIGN, SignCell.STREET_A if index < 4 else SignCell.STREET_B)
+    step = (v1 - v0) / 4
+    return u0, v0 + (index % 4) * step, u1, v0 + (index % 4 + 1) * step
+
+
 def atlas_cells(material: Material) -> int:
     """Number of cells of an atlas material.
 
