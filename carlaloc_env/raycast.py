@@ -8,6 +8,9 @@ rolling sensor sees it.
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import ModuleType
@@ -58,7 +61,7 @@ class Hits:
             cos_incidence=np.zeros(count, np.float32),
         )
 
-    def put(self, rows: NDArray[np.intp], other: Hits) -> None:
+    def put(self, rows: NDArray[np.intp] | slice, other: Hits) -> None:
         """Overwrite some rows, shape (M,), by the hits of M other rays."""
         for name in self.__slots__:
             getattr(self, name)[rows] = getattr(other, name)
@@ -83,8 +86,14 @@ class RayScene:
         """
         self._o3d = _import_open3d()
         self._library = library
-        self._static = _Surface(self._o3d, merge(static))
+        town = merge(static)
+        # Embree computes in float32: metres counted from the middle keep the town's far corners exact.
+        self._middle = (
+            np.round(town.bounds_m.mean(axis=0, dtype=np.float64)) if len(town.triangles) else np.zeros(3)
+        )
+        self._static = _Surface(self._o3d, _moved(town, -self._middle))
         self._models: dict[int, _Surface] = {}
+        self._extents: dict[int, Array] = {}
 
     def cast(
         self,
@@ -108,7 +117,7 @@ class RayScene:
         """
         if len(origins_m) == 0:
             return Hits.none(0)
-        hits = self._static.cast(origins_m, directions, range_max_m)
+        hits = self._static.cast(origins_m - self._middle, directions, range_max_m)
         if len(timeline.catalog):
             self._cast_actors(hits, origins_m, directions, stamps_ns, timeline, range_max_m)
         if ego and "ego" in self._library.names:
@@ -128,6 +137,11 @@ class RayScene:
         if index not in self._models:
             self._models[index] = _Surface(self._o3d, self._library.meshes[index])
         return self._models[index]
+
+    def _extent(self, index: int) -> Array:
+        if index not in self._extents:
+            self._extents[index] = self._library.meshes[index].bounds_m.astype(np.float64)
+        return self._extents[index]
 
     def _cast_ego(
         self,
@@ -160,45 +174,62 @@ class RayScene:
         range_max_m: float,
     ) -> None:
         first, last = int(stamps_ns.min()), int(stamps_ns.max())
-        middle = (first + last) // 2
-        frame = timeline.actors_at(middle)
+        frame = timeline.actors_at((first + last) // 2)
         # Gait phases are held over a sweep: at 50 ms a leg moves less than the beams are apart.
-        models = place_actors(timeline.catalog, frame, self._library).model
-        centre, radius = self._spheres(models, frame, 0.5e-9 * (last - first))
-        rays, actors = candidates(origins_m, directions, centre, radius, range_max_m)
+        placed = place_actors(timeline.catalog, frame, self._library)
+        by_model = np.argsort(placed.model, kind="stable")
+        models = placed.model[by_model]
+        around = self._cylinders(models, frame.take(by_model), 0.5e-9 * (last - first))
+        limit = np.minimum(hits.range_m, np.float32(range_max_m))
+        rays, column = candidates(origins_m, directions, limit, around)
         if len(rays) == 0:
             return
+        actors = by_model[column]
         position, heading, pitch = timeline.actor_poses(actors, stamps_ns[rays])
-        local_origin, local_direction = into_actor_frame(
-            origins_m[rays] - position, directions[rays], heading, pitch
-        )
+        pitch[(placed.T_world_model[:, 2, 0] == 0.0)[actors]] = 0.0  # walkers stay upright
+        local = into_actor_frame(origins_m[rays] - position, directions[rays], heading, pitch)
         found = Hits.none(len(rays))
-        order = np.argsort(models[actors].astype(np.uint16), kind="stable")
-        kinds, starts = np.unique(models[actors][order], return_index=True)
-        for kind, rows in zip(kinds, np.split(order, starts[1:]), strict=True):
-            part = self._model(int(kind)).cast(local_origin[rows], local_direction[rows], range_max_m)
-            found.put(rows, part)
+        kind = models[column]
+        borders = [0, *(np.flatnonzero(np.diff(kind)) + 1).tolist(), len(kind)]
+        for begin, end in itertools.pairwise(borders):
+            part = self._model(int(kind[begin])).trace(local[begin:end], range_max_m)
+            found.put(slice(begin, end), part)
         found.instance[:] = timeline.catalog.id[actors]
         nearer = np.flatnonzero(found.range_m < hits.range_m[rays])
         # Where several actors lie behind each other, the nearest is written last.
         nearer = nearer[np.argsort(-found.range_m[nearer], kind="stable")]
         hits.put(rays[nearer], found.take(nearer))
 
-    def _spheres(
-        self, models: NDArray[np.int32], frame: ActorFrame, half_span_s: float
-    ) -> tuple[Array, Array]:
-        """Centre [m] (A, 3) and radius [m] (A,) around all that each actor covers during the rays."""
+    def _cylinders(self, models: NDArray[np.int32], frame: ActorFrame, half_span_s: float) -> Cylinders:
+        """Around all that each actor covers while the rays are cast."""
         kinds, back = np.unique(models, return_inverse=True)
-        bounds = np.array([self._library.meshes[kind].bounds_m for kind in kinds], dtype=np.float64)
-        height = 0.5 * (bounds[:, 0, 2] + bounds[:, 1, 2])[back]
+        bounds = np.array([self._extent(int(kind)) for kind in kinds])
         reach = np.maximum(np.abs(bounds[:, 0]), np.abs(bounds[:, 1]))
-        half_height = 0.5 * (bounds[:, 1, 2] - bounds[:, 0, 2])
-        radius = np.sqrt(reach[:, 0] ** 2 + reach[:, 1] ** 2 + half_height**2)[back]
+        length = np.hypot(reach[:, 0], reach[:, 1])[back]
+        middle = 0.5 * (bounds[:, 0, 2] + bounds[:, 1, 2])[back]
+        half_height = 0.5 * (bounds[:, 1, 2] - bounds[:, 0, 2])[back]
+        lean = np.abs(np.sin(frame.pitch_rad.astype(np.float64)))
         centre = frame.position_m.astype(np.float64)
-        lean = np.abs(height * np.sin(frame.pitch_rad))
-        centre[:, 2] += height
-        # Turning and changes of speed within half a sweep stay within the tenth of a metre.
-        return centre, radius + lean + np.abs(frame.speed_mps) * half_span_s * 1.5 + 0.1
+        centre[:, 2] += middle
+        # Half as much again and a tenth of a metre leave room for turns and changes of speed.
+        travel = np.abs(frame.speed_mps.astype(np.float64)) * half_span_s * 1.5 + 0.1
+        return Cylinders(
+            centre_m=centre,
+            radius_m=length + lean * (middle + half_height) + travel,
+            half_height_m=half_height + lean * length + 0.1 + travel * lean,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cylinders:
+    """Upright cylinders, parallel arrays of A."""
+
+    centre_m: Array
+    """Middles [m], shape (A, 3)."""
+    radius_m: Array
+    """Radii [m], shape (A,)."""
+    half_height_m: Array
+    """Half heights [m], shape (A,)."""
 
 
 class _Surface:
@@ -210,23 +241,24 @@ class _Surface:
         corner = mesh.triangles[:, 0]
         self._material, self._tag = mesh.material[corner], mesh.tag[corner]
         self._instance = mesh.instance[corner]
-        if self._scene is None:
-            return
-        # Embree computes in float32: metres counted from the middle keep the town's far corners exact.
-        self._middle = np.round(mesh.bounds_m.astype(np.float64).mean(axis=0))
-        vertices = (mesh.vertices_m - self._middle).astype(np.float32)
-        self._scene.add_triangles(self._tensor(vertices), self._tensor(np.ascontiguousarray(mesh.triangles)))
+        if self._scene is not None:
+            triangles = np.ascontiguousarray(mesh.triangles, dtype=np.uint32)
+            vertices = np.ascontiguousarray(mesh.vertices_m, dtype=np.float32)
+            self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles))
 
     def cast(self, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
         """First hits of N rays given in the frame of the triangles."""
-        if self._scene is None or len(origins_m) == 0:
-            return Hits.none(len(origins_m))
         rays = np.empty((len(origins_m), 6), dtype=np.float32)
-        rays[:, :3] = origins_m - self._middle
-        rays[:, 3:] = directions
+        rays[:, :3], rays[:, 3:] = origins_m, directions
+        return self.trace(rays, range_max_m)
+
+    def trace(self, rays: F32, range_max_m: float) -> Hits:
+        """First hits of rays given as origins [m] and directions, shape (N, 6)."""
+        hits = Hits.none(len(rays))
+        if self._scene is None or len(rays) == 0:
+            return hits
         answer = self._scene.cast_rays(self._tensor(rays))
         reached = answer["t_hit"].numpy()
-        hits = Hits.none(len(rays))
         rows = np.flatnonzero(reached <= np.float32(range_max_m))
         triangle = answer["primitive_ids"].numpy()[rows]
         normal = answer["primitive_normals"].numpy()[rows]
@@ -240,41 +272,48 @@ class _Surface:
         return hits
 
 
-def candidates(
-    origins_m: Array, directions: Array, centre_m: Array, radius_m: Array, range_max_m: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """All (ray, actor) pairs where the ray may meet the actor's sphere.
+def _moved(mesh: Mesh, by_m: Array) -> Mesh:
+    return dataclasses.replace(mesh, vertices_m=(mesh.vertices_m + by_m).astype(np.float32))
 
-    Rays are sorted into azimuth sectors once; each actor then tests only the rays of the sectors
-    that its sphere covers, seen from where the rays start.
+
+def candidates(
+    origins_m: Array, directions: Array, limit_m: F32, cylinders: Cylinders
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """All (ray, cylinder) pairs that may meet.
+
+    Rays are sorted into azimuth sectors once; each cylinder then tests only the rays of the sectors
+    that it covers, seen from where the rays start. Rays may start anywhere in a small volume, by
+    which the cylinders are grown.
 
     Args:
         origins_m: Starts [m], shape (N, 3).
         directions: Unit directions, shape (N, 3).
-        centre_m: Middles of spheres [m], shape (A, 3).
-        radius_m: Radii of spheres [m], shape (A,).
-        range_max_m: Longest ray [m].
+        limit_m: How far each ray reaches [m], shape (N,).
+        cylinders: Upright cylinders, one per actor.
 
     Returns:
         Ray indices (M,) and actor indices (M,), grouped by actor.
     """
-    low, high = origins_m.min(axis=0), origins_m.max(axis=0)
-    eye = 0.5 * (low + high)
-    spread = 0.5 * float(np.sqrt(np.sum((high - low) ** 2)))
-    away = centre_m - eye
-    reach = radius_m + spread
-    distance = np.sqrt(np.sum(away * away, axis=-1))
-    near = np.flatnonzero(distance - reach < range_max_m)
+    lowest = np.array([origins_m[:, k].min() for k in range(3)])
+    highest = np.array([origins_m[:, k].max() for k in range(3)])
+    eye, spread = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
+    away = cylinders.centre_m - eye
+    reach = cylinders.radius_m + math.hypot(spread[0], spread[1]) + 0.01
+    tall = cylinders.half_height_m + spread[2] + 0.01
+    near = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) - reach < float(limit_m.max()))
     order, first = _sectors(directions)
     rows, actor = _rows_in_sectors(away[near], reach[near], first)
     rays, actor = order[rows], near[actor]
-    # Distance of the sphere's middle from the ray, and whether it lies ahead.
-    to = (away.astype(np.float32))[actor]
-    d = directions.astype(np.float32)[rays]
-    along = to[:, 0] * d[:, 0] + to[:, 1] * d[:, 1] + to[:, 2] * d[:, 2]
-    square = (distance**2).astype(np.float32)[actor] - along * along
-    reach32 = reach.astype(np.float32)[actor] + np.float32(0.01)
-    meets = (square < reach32 * reach32) & (along > -reach32)
+    # In the plan: where the ray passes nearest to the axis, and how far from it; then its height there.
+    x, y, z = (away.astype(np.float32)[:, k][actor] for k in range(3))
+    d = directions.astype(np.float32)
+    flat = np.maximum(np.hypot(d[:, 0], d[:, 1]), np.float32(1e-3))
+    east, north, slope = ((d[:, k] / flat)[rays] for k in range(3))
+    around, high = reach.astype(np.float32)[actor], tall.astype(np.float32)[actor]
+    along = x * east + y * north
+    meets = np.abs(x * north - y * east) < around
+    meets &= (along > -around) & (along - around < (limit_m * flat)[rays])
+    meets &= np.abs(slope * along - z) < high + np.abs(slope) * around
     return rays[meets], actor[meets]
 
 
@@ -308,21 +347,28 @@ def _rows_in_sectors(
     return (begin[actor] + offset) % max(rays, 1), actor
 
 
-def into_actor_frame(
-    offset_m: Array, directions: Array, heading_rad: Array, pitch_rad: Array
-) -> tuple[Array, Array]:
-    """Points relative to an actor and directions, both (M, 3) in the world, in the actor's axes.
+def into_actor_frame(offset_m: Array, directions: Array, heading_rad: Array, pitch_rad: Array) -> F32:
+    """Rays in the axes of actors: origins [m] and directions, shape (M, 6).
 
     The axes are those of Rz(heading)·Ry(−pitch): x forward, y left, z up, nose up positive.
+
+    Args:
+        offset_m: Starts of the rays minus the actors' positions [m], world axes, shape (M, 3).
+        directions: Directions, world axes, shape (M, 3).
+        heading_rad: Headings [rad], shape (M,).
+        pitch_rad: Pitches, nose up positive [rad], shape (M,).
     """
-    ch, sh, cp, sp = np.cos(heading_rad), np.sin(heading_rad), np.cos(pitch_rad), np.sin(pitch_rad)
-
-    def turn(v: Array) -> Array:
-        ahead = ch * v[:, 0] + sh * v[:, 1]
-        left = ch * v[:, 1] - sh * v[:, 0]
-        return np.stack([cp * ahead + sp * v[:, 2], left, cp * v[:, 2] - sp * ahead], axis=-1)
-
-    return turn(offset_m), turn(directions)
+    ch, sh, cp, sp = (
+        f(angle.astype(np.float32)) for angle in (heading_rad, pitch_rad) for f in (np.cos, np.sin)
+    )
+    local = np.empty((len(offset_m), 6), dtype=np.float32)
+    for first, vectors in ((0, offset_m), (3, directions)):
+        x, y, z = (vectors[:, k].astype(np.float32) for k in range(3))
+        ahead = ch * x + sh * y
+        local[:, first] = cp * ahead + sp * z
+        local[:, first + 1] = ch * y - sh * x
+        local[:, first + 2] = cp * z - sp * ahead
+    return local
 
 
 def _import_open3d() -> ModuleType:

@@ -176,13 +176,20 @@ class Timeline:
         position = np.array([frame.position_m for frame in frames], dtype=np.float64)
         heading = np.array([frame.heading_rad for frame in frames], dtype=np.float64)
         pitch = np.array([frame.pitch_rad for frame in frames], dtype=np.float64)
-        k = step - first
-        f = (stamps_ns % STEP_NS) / STEP_NS
-        p, h, n = position[k, index], heading[k, index], pitch[k, index]
+        row = (step - first) * len(self.catalog) + index
+        fraction = (stamps_ns % STEP_NS) / STEP_NS
+
+        def between(
+            start: NDArray[np.float64], change: NDArray[np.float64], f: ArrayLike
+        ) -> NDArray[np.float64]:
+            flat = (-1, *start.shape[2:])
+            moved: NDArray[np.float64] = start.reshape(flat)[row] + f * change.reshape(flat)[row]
+            return moved
+
         return (
-            p + f[:, None] * (position[k + 1, index] - p),
-            h + f * wrap_angle(heading[k + 1, index] - h),
-            n + f * (pitch[k + 1, index] - n),
+            between(position, np.diff(position, axis=0), fraction[:, None]),
+            between(heading, wrap_angle(np.diff(heading, axis=0)), fraction),
+            between(pitch, np.diff(pitch, axis=0), fraction),
         )
 
     def signals_at(self, stamp_ns: int) -> NDArray[np.uint8]:
