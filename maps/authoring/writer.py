@@ -165,8 +165,11 @@ def _cubic(values: Iterable[float]) -> dict[str, str]:
 
 def _lanes(xml: XmlText, sections: list[SectionPlan]) -> None:
     xml.open("lanes")
+    before = None
     for section in sections:
-        xml.leaf("laneOffset", s=section.s, **_cubic(section.offset))
+        if section.offset != before or any(section.offset[1:]):
+            xml.leaf("laneOffset", s=section.s, **_cubic(section.offset))
+        before = section.offset
     for section in sections:
         xml.open("laneSection", s=section.s)
         if section.left:
