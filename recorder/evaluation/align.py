@@ -1,0 +1,116 @@
+"""Laying an estimate over the truth: rigid, with scale, in position and yaw, or not at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import EvaluationError
+from recorder.evaluation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class Alignment(Enum):
+    """What may be fitted before errors are measured."""
+
+    NONE = "none"
+    SE3 = "SE(3) Umeyama"
+    SIM3 = "Sim(3) Umeyama"
+    POSYAW = "position and yaw"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Similarity:
+    """Maps estimated positions to true ones: y = scale · R x + t."""
+
+    R: Array
+    """Rotation, shape (3, 3)."""
+    t: Array
+    """Shift [m], shape (3,)."""
+    scale: float = 1.0
+    """Scale."""
+
+    def apply(self, trajectory: Trajectory) -> Trajectory:
+        """The trajectory in the world of the truth."""
+        return replace(
+            trajectory,
+            position_m=self.scale * (trajectory.position_m @ self.R.T) + self.t,
+            quat_xyzw=geometry.quat_multiply(geometry.matrix_to_quat(self.R), trajectory.quat_xyzw),
+        )
+
+
+def align(truth: Trajectory, estimate: Trajectory, alignment: Alignment) -> Similarity:
+    """Best fit of the estimate to the truth in the least squares of positions.
+
+    Args:
+        truth: One pose per pair.
+        estimate: Its partners.
+        alignment: What may be fitted.
+
+    Raises:
+        EvaluationError: too few poses, or all on a point or line, so that the rotation is not determined.
+    """
+    if alignment is Alignment.NONE:
+        return Similarity(R=np.eye(3), t=np.zeros(3))
+    if len(truth) < 3:
+        raise EvaluationError(
+            f"'{estimate.name}' has {len(truth)} poses in common with the truth; alignment needs 3"
+        )
+    if alignment is Alignment.POSYAW:
+        return _posyaw(estimate, truth)
+    return umeyama(
+        estimate.position_m, truth.position_m, with_scale=alignment is Alignment.SIM3, name=estimate.name
+    )
+
+
+def umeyama(x_m: Array, y_m: Array, *, with_scale: bool = False, name: str = "") -> Similarity:
+    """Rotation, shift and scale that map x to y with the least squares.
+
+    Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
+    IEEE TPAMI 13 (1991), equations 34–43.
+
+    Args:
+        x_m: Points [m], shape (N, 3).
+        y_m: Their partners [m], shape (N, 3).
+        with_scale: Whether the scale is fitted.
+        name: What the points are called in an error.
+
+    Raises:
+        EvaluationError: the points do not determine a rotation.
+    """
+    mean_x, mean_y = x_m.mean(axis=0), y_m.mean(axis=0)
+    dx, dy = x_m - mean_x, y_m - mean_y
+    U, d, Vt = np.linalg.svd(dy.T @ dx / len(x_m))
+    # Of two singular values the rounding error is about that of the coordinates squared.
+    extent = max(float(np.abs(x_m).max()), float(np.abs(y_m).max()), 1e-300)
+    floor = max(1e-10 * d[0], 64 * np.finfo(np.float64).eps * extent * float(np.sqrt(d[0])))
+    if not np.isfinite(d).all() or d[1] <= floor:
+        raise EvaluationError(
+            f"the poses of '{name}' lie on a point or a line; their alignment is not determined. "
+            "Use a longer stretch or no alignment"
+        )
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])
+    R = (U * sign) @ Vt
+    scale = float(np.sum(d * sign) / np.mean(np.sum(dx * dx, axis=1))) if with_scale else 1.0
+    return Similarity(R=R, t=mean_y - scale * (R @ mean_x), scale=scale)
+
+
+def _posyaw(estimate: Trajectory, truth: Trajectory) -> Similarity:
+    """Fit for systems that know the vertical (Zhang and Scaramuzza, IROS 2018, section V)."""
+    mean_x, mean_y = estimate.position_m.mean(axis=0), truth.position_m.mean(axis=0)
+    dx, dy = estimate.position_m - mean_x, truth.position_m - mean_y
+    sine = float(np.sum(dx[:, 0] * dy[:, 1] - dx[:, 1] * dy[:, 0]))
+    cosine = float(np.sum(dx[:, 0] * dy[:, 0] + dx[:, 1] * dy[:, 1]))
+    if np.hypot(sine, cosine) <= 1e-12 * max(float(np.sum(dx * dx)), float(np.sum(dy * dy)), 1e-300):
+        raise EvaluationError(
+            f"the poses of '{estimate.name}' do not spread on the ground; their yaw is not determined. "
+            "Use a longer stretch or no alignment"
+        )
+    yaw = np.arctan2(sine, cosine)
+    R = geometry.quat_to_matrix(geometry.rpy_to_quat(0.0, 0.0, yaw))
+    return Similarity(R=R, t=mean_y - R @ mean_x)

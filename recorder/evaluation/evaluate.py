@@ -1,0 +1,135 @@
+"""Scores an estimated trajectory against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.errors import EvaluationError
+from recorder.evaluation.align import Alignment, Similarity, align
+from recorder.evaluation.associate import MAX_GAP_NS, Association, associate
+from recorder.evaluation.metrics import Metric, SegmentError, Statistics, errors, segment_errors
+from recorder.evaluation.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EvaluationResult:
+    """Errors of one estimate, and all that must be known to read them."""
+
+    truth: Trajectory
+    """True poses, one per pair."""
+    estimate: Trajectory
+    """Their partners, aligned."""
+    alignment: Alignment
+    """What was fitted, over all pairs, to lay the estimate over the truth."""
+    association: Association
+    """How pairs were found."""
+    transform: Similarity
+    """The fit."""
+    expected: int
+    """Poses that the system should have given over the time of the truth."""
+    values: Mapping[Metric, NDArray[np.float64]]
+    """Errors per pose, or per step between consecutive poses."""
+    statistics: Mapping[Metric, Statistics]
+    """Their summaries."""
+    segments: tuple[SegmentError, ...]
+    """Drift over segments of the path (KITTI)."""
+
+    @property
+    def matched(self) -> int:
+        """Number of pairs."""
+        return len(self.truth)
+
+    @property
+    def coverage(self) -> float:
+        """Pairs found, as a fraction of those expected, 0–1."""
+        return min(1.0, self.matched / self.expected)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The result as JSON values, without the single errors."""
+        return {
+            "truth": self.truth.name,
+            "estimate": self.estimate.name,
+            "alignment": self.alignment.value,
+            "association": self.association.value,
+            "matched": self.matched,
+            "expected": self.expected,
+            "coverage": self.coverage,
+            "transform": {
+                "R": self.transform.R.tolist(),
+                "t_m": self.transform.t.tolist(),
+                "scale": self.transform.scale,
+            },
+            "metrics": {
+                metric.name.lower(): {"label": metric.value, "unit": metric.unit, **asdict(statistics)}
+                for metric, statistics in self.statistics.items()
+            },
+            "segments": [asdict(segment) for segment in self.segments],
+        }
+
+
+def evaluate(
+    truth: Trajectory,
+    estimate: Trajectory,
+    *,
+    alignment: Alignment = Alignment.SE3,
+    association: Association = Association.NEAREST,
+    max_gap_ns: int = MAX_GAP_NS,
+    T_body_sensor: ArrayLike | None = None,
+    time_offset_ns: int = 0,
+    expected: int | None = None,
+    delta: int = 1,
+    metrics: Sequence[Metric] = tuple(Metric),
+) -> EvaluationResult:
+    """Errors of an estimate.
+
+    Args:
+        truth: Where the body was.
+        estimate: Where a system says that its own frame was.
+        alignment: What is fitted before errors are measured.
+        association: How poses are paired.
+        max_gap_ns: Longest time between two poses of a pair [ns].
+        T_body_sensor: Maps the frame that the estimate is of to the truth's body, shape (4, 4); no
+            alignment can make up for a missing lever arm. None: both are of the same frame.
+        time_offset_ns: Added to the estimate's stamps [ns], e.g. −50 ms for a system that stamps the
+            beginning of a sweep with the time of its end.
+        expected: Poses that the system should have given; None: as many as its median interval fits
+            into the time of the truth.
+        delta: Poses from one end of a step to the other, for relative metrics.
+        metrics: What to measure.
+
+    Raises:
+        EvaluationError: too few pairs, or an alignment that is not determined.
+    """
+    if delta < 1:
+        raise EvaluationError(f"delta of {delta} poses; give 1 or more")
+    moved = truth if T_body_sensor is None else truth.of_sensor(T_body_sensor)
+    shifted = estimate.shifted(time_offset_ns)
+    true, paired = associate(moved, shifted, association, max_gap_ns=max_gap_ns)
+    if len(true) <= delta:
+        raise EvaluationError(
+            f"'{estimate.name}' has {len(true)} poses in common with the truth; needs more than {delta}"
+        )
+    transform = align(true, paired, alignment)
+    aligned = transform.apply(paired)
+    values = {metric: errors(metric, true, aligned, delta=delta) for metric in metrics}
+    return EvaluationResult(
+        truth=true,
+        estimate=aligned,
+        alignment=alignment,
+        association=association,
+        transform=transform,
+        expected=max(expected if expected is not None else _expected(truth, estimate), 1),
+        values=values,
+        statistics={metric: Statistics.of(v) for metric, v in values.items()},
+        segments=segment_errors(true, aligned),
+    )
+
+
+def _expected(truth: Trajectory, estimate: Trajectory) -> int:
+    interval_s = float(np.median(np.diff(estimate.stamp_ns))) * 1e-9 if len(estimate) > 1 else 0.0
+    return 1 + int(truth.duration_s / interval_s + 0.5) if interval_s > 0 else 1

@@ -1,0 +1,133 @@
+"""Trajectories with integer stamps, and the TUM files they come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import EvaluationError
+
+Array = NDArray[np.float64]
+
+_NANOSECONDS_FROM = 10**14
+"""Larger stamps are nanoseconds: as seconds they would lie three million years ahead."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trajectory:
+    """Poses of a frame over time."""
+
+    stamp_ns: NDArray[np.int64]
+    """Times [ns], strictly increasing, shape (N,)."""
+    position_m: Array
+    """Positions [m], shape (N, 3)."""
+    quat_xyzw: Array
+    """Attitudes, map the frame to the world, unit quaternions, shape (N, 4)."""
+    name: str = ""
+    """What it is called in results."""
+
+    def __post_init__(self) -> None:
+        count = len(self.stamp_ns)
+        if self.position_m.shape != (count, 3) or self.quat_xyzw.shape != (count, 4):
+            raise EvaluationError(
+                f"trajectory '{self.name}': {count} stamps, positions {self.position_m.shape}, "
+                f"quaternions {self.quat_xyzw.shape}; give (N,), (N, 3), (N, 4)"
+            )
+        if not (np.isfinite(self.position_m).all() and np.isfinite(self.quat_xyzw).all()):
+            raise EvaluationError(f"trajectory '{self.name}' holds a number that is not finite")
+        if np.any(np.abs(np.sum(self.quat_xyzw**2, axis=1) - 1.0) > 1e-3):
+            raise EvaluationError(f"trajectory '{self.name}' holds a quaternion that is not of length 1")
+        if np.any(np.diff(self.stamp_ns) <= 0):
+            raise EvaluationError(f"trajectory '{self.name}' has stamps that do not increase")
+
+    def __len__(self) -> int:
+        return len(self.stamp_ns)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last pose [s]."""
+        return float(self.stamp_ns[-1] - self.stamp_ns[0]) * 1e-9 if len(self) else 0.0
+
+    @property
+    def length_m(self) -> float:
+        """Length of the path through all positions [m]."""
+        return float(np.sum(np.sqrt(np.sum(np.diff(self.position_m, axis=0) ** 2, axis=1))))
+
+    def take(self, index: NDArray[np.intp]) -> Trajectory:
+        """Some of the poses."""
+        return replace(
+            self,
+            stamp_ns=self.stamp_ns[index],
+            position_m=self.position_m[index],
+            quat_xyzw=self.quat_xyzw[index],
+        )
+
+    def shifted(self, offset_ns: int) -> Trajectory:
+        """The same poses, later by an offset [ns]."""
+        return replace(self, stamp_ns=self.stamp_ns + offset_ns)
+
+    def of_sensor(self, T_body_sensor: ArrayLike) -> Trajectory:
+        """Trajectory of a sensor fixed to this frame, its lever arm included.
+
+        Args:
+            T_body_sensor: Maps sensor coordinates to this trajectory's frame, shape (4, 4).
+        """
+        T = np.asarray(T_body_sensor, dtype=np.float64)
+        lever = np.broadcast_to(T[:3, 3], self.position_m.shape)
+        return replace(
+            self,
+            position_m=self.position_m + geometry.quat_rotate(self.quat_xyzw, lever),
+            quat_xyzw=geometry.quat_multiply(self.quat_xyzw, geometry.matrix_to_quat(T[:3, :3])),
+        )
+
+
+def read_tum(path: str | Path) -> Trajectory:
+    """Read "time tx ty tz qx qy qz qw" lines; lines that begin with # are comments.
+
+    Stamps are read exactly; seconds, and the nanoseconds that ORB-SLAM3 writes, are told apart by size.
+
+    Raises:
+        EvaluationError: the file is missing or a line is not such a line.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise EvaluationError(f"cannot read {path}: {error}; give a TUM file") from error
+    stamps: list[int] = []
+    values: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.replace(",", " ").split()
+        if not words or words[0].startswith("#"):
+            continue
+        try:
+            stamps.append(_nanoseconds(words[0]))
+            values.append([float(word) for word in words[1:]])
+        except (ValueError, InvalidOperation, OverflowError):
+            values.append([])
+        if len(values[-1]) != 7:
+            raise EvaluationError(f"{path} line {number} is not 'time tx ty tz qx qy qz qw'; give a TUM file")
+    if not stamps:
+        raise EvaluationError(f"{path} holds no pose")
+    order = np.argsort(np.array(stamps, dtype=np.int64), kind="stable")
+    table = np.array(values)[order]
+    stamp_ns = np.array(stamps, dtype=np.int64)[order]
+    # Some systems write a pose twice when they correct it; the last one counts.
+    last = np.append(np.diff(stamp_ns) > 0, True)
+    table, stamp_ns = table[last], stamp_ns[last]
+    norm = np.sqrt(np.sum(table[:, 3:] ** 2, axis=1, keepdims=True))
+    if not np.all(np.abs(norm - 1.0) < 0.01):
+        raise EvaluationError(f"{path} holds a quaternion that is not of length 1; the order is x y z w")
+    return Trajectory(
+        stamp_ns=stamp_ns, position_m=table[:, :3].copy(), quat_xyzw=table[:, 3:] / norm, name=path.stem
+    )
+
+
+def _nanoseconds(text: str) -> int:
+    value = Decimal(text)
+    return round(value if abs(value) >= _NANOSECONDS_FROM else value * 1_000_000_000)
