@@ -1,0 +1,119 @@
+"""Plan-view areas of a town: carriageways, pavements, junctions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.town.opendrive.model import Road
+from carlaloc_env.town.polygons import Area, areas_only, fill_holes, strip_polygon, union
+from carlaloc_env.town.sections import Strip
+
+Array = NDArray[np.float64]
+
+FILLED_HOLE_M2 = 90.0
+"""Gaps between the turning paths of a junction up to this size are asphalt [m²]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JunctionArea:
+    """One junction in plan view."""
+
+    id: str
+    """Id of the junction."""
+    strips: tuple[Strip, ...]
+    """Its connecting roads."""
+    roadway: Area
+    """Asphalt, the union of all connecting lanes."""
+    pavement: Area
+    """Raised corners between the roads that meet here."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TownAreas:
+    """All areas of a town."""
+
+    roadway: Area
+    """Everything at road level."""
+    raised: Area
+    """Pavements, medians and corners."""
+    junctions: tuple[JunctionArea, ...]
+    """Junctions in the order of their first road in the file."""
+
+    @property
+    def paved(self) -> Area:
+        """Roadway and raised areas together."""
+        return shapely.union(self.roadway, self.raised)
+
+
+def lane_area(strip: Strip, kinds: Sequence[str]) -> list[Area]:
+    """Areas of the strip's lanes of some kinds."""
+    found = []
+    for lane in range(len(strip.lanes)):
+        if strip.kind(lane) in kinds:
+            left, right = strip.lane_edges(lane)
+            area = strip_polygon(left, right)
+            if area.area > 1e-4:
+                found.append(area)
+    return found
+
+
+def town_areas(strips: Sequence[Strip], roads: Sequence[Road]) -> TownAreas:
+    """All areas of a map."""
+    plain = [strip for strip in strips if strip.junction_id is None]
+    plain_road = union(area for strip in plain for area in lane_area(strip, ("roadway",)))
+    plain_raised = union(area for strip in plain for area in lane_area(strip, ("walkway", "median")))
+    groups: dict[str, list[Strip]] = {}
+    for strip in strips:
+        if strip.junction_id is not None:
+            groups.setdefault(strip.junction_id, []).append(strip)
+    asphalt = {name: _asphalt(group, plain_road, plain_raised) for name, group in groups.items()}
+    roadway = union([plain_road, *asphalt.values()])
+    widths = _corner_widths(plain, roads)
+    taken = shapely.union(roadway, plain_raised)
+    junctions = []
+    for name, group in groups.items():
+        corners = _corners(group, asphalt[name], taken, plain_raised, widths.get(name, 0.0))
+        taken = shapely.union(taken, corners)
+        junctions.append(JunctionArea(id=name, strips=tuple(group), roadway=asphalt[name], pavement=corners))
+    raised = union([plain_raised, *(junction.pavement for junction in junctions)])
+    return TownAreas(roadway=roadway, raised=raised, junctions=tuple(junctions))
+
+
+def _asphalt(group: Sequence[Strip], plain_road: Area, plain_raised: Area) -> Area:
+    joined = union(area for strip in group for area in lane_area(strip, ("roadway",)))
+    filled = fill_holes(joined, FILLED_HOLE_M2)
+    return areas_only(shapely.difference(filled, shapely.union(plain_road, plain_raised)), 1e-2)
+
+
+def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, float]:
+    """Widest pavement [m] that arrives at each junction."""
+    widths: dict[str, float] = {}
+    for strip in plain:
+        road = roads[strip.road]
+        ends = []
+        for link, section, at in ((road.predecessor, 0, 0), (road.successor, len(road.sections) - 1, -1)):
+            if link is not None and link.element_type == "junction" and strip.section == section:
+                ends.append((link.element_id, at))
+        for junction, at in ends:
+            for lane in range(len(strip.lanes)):
+                if strip.kind(lane) == "walkway":
+                    width = float(strip.t_m[lane, at] - strip.t_m[lane + 1, at])
+                    widths[junction] = max(widths.get(junction, 0.0), width)
+    return widths
+
+
+def _corners(group: Sequence[Strip], asphalt: Area, taken: Area, plain_raised: Area, width_m: float) -> Area:
+    own = union(area for strip in group for area in lane_area(strip, ("walkway", "median")))
+    parts = [own]
+    if width_m > 0.3:
+        parts.append(shapely.buffer(asphalt, width_m, quad_segs=12))
+    area = areas_only(shapely.difference(union(parts), taken), 0.3)
+    near = shapely.union(plain_raised, own)
+    shapely.prepare(near)
+    kept = [part for part in area.geoms if shapely.dwithin(part, near, 0.15)]
+    return shapely.MultiPolygon(kept)

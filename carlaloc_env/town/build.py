@@ -1,0 +1,174 @@
+"""Finding, building and caching towns."""
+
+from __future__ import annotations
+
+import importlib.resources
+import logging
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+
+from carlaloc_env.assets.placing import SignalLenses
+from carlaloc_env.errors import MapError, unknown_name
+from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.scene import Mesh
+from carlaloc_env.town.cache import Arrays, content_hash, default_cache_dir, load, save
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.town.route import Route, plan_route
+from carlaloc_env.town.scenery import Scenery, build_scenery
+from carlaloc_env.town.town import Town
+
+_log = logging.getLogger(__name__)
+
+BUILDER_VERSION = 1
+"""Raised whenever the same map gives another town, so that cached towns are built again."""
+ALIASES = {"Town10HD": "Town10"}
+"""Other names of towns."""
+_MESH_FIELDS = ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance")
+
+
+def find_town(name: str) -> Path:
+    """OpenDRIVE file of a town in `$CARLALOC_MAPS` or among the installed maps.
+
+    Raises:
+        MapError: There is no such town; the message names the nearest one.
+    """
+    wanted = ALIASES.get(name, name)
+    known = []
+    for folder in _map_folders():
+        for town in sorted(folder.iterdir()):
+            if (town / "town.xodr").is_file():
+                known.append(town.name)
+                if town.name.lower() == wanted.lower():
+                    return town / "town.xodr"
+    raise MapError(unknown_name("town", name, known))
+
+
+def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Town:
+    """A town by name or OpenDRIVE file, from the cache when it was built before.
+
+    Args:
+        name_or_path: Name of a folder in `maps`, or an .xodr file, beside which a `town.toml` may lie.
+        cache_dir: Where finished towns are kept; `$CARLALOC_CACHE` or `~/.cache/carlaloc` when left out.
+
+    Raises:
+        MapError: The town is unknown or its map cannot be used.
+        ConfigError: Its `town.toml` is not valid.
+    """
+    source = _source(name_or_path)
+    toml = source.with_name("town.toml")
+    has_toml = source.name == "town.xodr" and toml.is_file()
+    name = source.parent.name if source.name == "town.xodr" else source.stem
+    config = TownConfig.from_toml(toml) if has_toml else TownConfig(name=name)
+    content = source.read_bytes()
+    key = content_hash(str(BUILDER_VERSION).encode(), content, toml.read_bytes() if has_toml else b"")
+    network = LaneNetwork(read_opendrive(source))
+    stored = (cache_dir or default_cache_dir()) / f"{name}-{key}.npz"
+    scenery = _scenery(network, config, key, stored)
+    return Town(
+        name=name,
+        network=network,
+        config=config,
+        route=_route(network, config),
+        geo=_geo(network, config, has_geo=has_toml),
+        chunks=scenery.chunks,
+        collision_vertices_m=scenery.collision_vertices_m,
+        collision_triangles=scenery.collision_triangles,
+        lenses=scenery.lenses,
+        lamps_m=scenery.lamps_m,
+        content_hash=key,
+    )
+
+
+def _source(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.suffix == ".xodr":
+        if not path.is_file():
+            raise MapError(
+                f"there is no file {path}; give the path of an OpenDRIVE file or the name of a town"
+            )
+        return path
+    if path.is_dir() and (path / "town.xodr").is_file():
+        return path / "town.xodr"
+    return find_town(str(name_or_path))
+
+
+def _map_folders() -> list[Path]:
+    folders = [Path(entry) for entry in os.environ.get("CARLALOC_MAPS", "").split(os.pathsep) if entry]
+    folders.append(Path(str(importlib.resources.files("carlaloc_env.maps"))))
+    return [folder for folder in folders if folder.is_dir()]
+
+
+def _scenery(network: LaneNetwork, config: TownConfig, key: str, stored: Path) -> Scenery:
+    arrays = load(stored)
+    if arrays is not None:
+        try:
+            return _from_arrays(arrays)
+        except (KeyError, ValueError, IndexError) as error:
+            _log.warning("cached town %s cannot be used (%s) and will be built again", stored, error)
+    begin = time.perf_counter()
+    scenery = build_scenery(network, config, seed=int(key[:12], 16))
+    arrays = _to_arrays(scenery)
+    _log.info("built %s in %.1f s", stored.name, time.perf_counter() - begin)
+    try:
+        save(stored, arrays)
+    except OSError as error:
+        _log.warning("the town cannot be cached in %s (%s)", stored.parent, error)
+    return scenery
+
+
+def _to_arrays(scenery: Scenery) -> Arrays:
+    chunks = scenery.chunks
+    arrays: Arrays = {
+        "collision_vertices_m": scenery.collision_vertices_m,
+        "collision_triangles": scenery.collision_triangles,
+        "lamps_m": scenery.lamps_m,
+        "lens_signal": scenery.lenses.signal,
+        "lens_state": scenery.lenses.state,
+        "T_world_lens": scenery.lenses.T_world_lens,
+        "vertex_counts": np.array([len(chunk.vertices_m) for chunk in chunks], dtype=np.int64),
+        "triangle_counts": np.array([len(chunk.triangles) for chunk in chunks], dtype=np.int64),
+    }
+    if scenery.lenses.instance is not None:
+        arrays["lens_instance"] = scenery.lenses.instance
+    for field in _MESH_FIELDS:
+        arrays[f"mesh_{field}"] = np.concatenate([getattr(chunk, field) for chunk in chunks])
+    return arrays
+
+
+def _from_arrays(arrays: Arrays) -> Scenery:
+    vertex = np.concatenate([[0], np.cumsum(arrays["vertex_counts"])])
+    triangle = np.concatenate([[0], np.cumsum(arrays["triangle_counts"])])
+    chunks = []
+    for index in range(len(vertex) - 1):
+        rows = {name: slice(vertex[index], vertex[index + 1]) for name in _MESH_FIELDS}
+        rows["triangles"] = slice(triangle[index], triangle[index + 1])
+        chunks.append(Mesh(**{name: arrays[f"mesh_{name}"][rows[name]] for name in _MESH_FIELDS}))
+    return Scenery(
+        chunks=tuple(chunks),
+        collision_vertices_m=arrays["collision_vertices_m"],
+        collision_triangles=arrays["collision_triangles"],
+        lenses=SignalLenses(
+            signal=arrays["lens_signal"],
+            state=arrays["lens_state"],
+            T_world_lens=arrays["T_world_lens"],
+            instance=arrays.get("lens_instance"),
+        ),
+        lamps_m=arrays["lamps_m"],
+    )
+
+
+def _route(network: LaneNetwork, config: TownConfig) -> Route | None:
+    wanted = config.route
+    if not wanted.points:
+        return None
+    return plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m)
+
+
+def _geo(network: LaneNetwork, config: TownConfig, *, has_geo: bool) -> GeoReference:
+    from_map = network.xodr.geodetic_origin()
+    return config.geo if has_geo or from_map is None else from_map

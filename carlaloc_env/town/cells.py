@@ -1,0 +1,34 @@
+"""Texture coordinates of materials whose texture is a sheet of different pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.atlas import GRID
+from carlaloc_env.materials import MATERIALS, Material
+
+Array = NDArray[np.float64]
+
+MARGIN = 1.0 / 64.0
+"""Share of a picture left out at each edge, so that coarse mip levels do not bleed."""
+
+
+def cell_uv(material: Material, cell: NDArray[np.integer], aspect: float = 1.0) -> Array:
+    """Texture coordinates [m] (N, 4, 2) that show one picture on each upright quad.
+
+    Args:
+        material: One of those in `assets.atlas.GRID`.
+        cell: Picture of each quad, counted from the lower left to the right, then upwards; any whole number,
+            taken modulo the number of pictures, shape (N,).
+        aspect: Width over height of quads on which only a middle strip of the picture is shown.
+    """
+    side = GRID[material]
+    size = MATERIALS[material].tile_m / side
+    row, column = np.divmod(np.asarray(cell) % side**2, side)
+    cut = (1.0 - 1.0 / aspect) / 2 if aspect > 1.0 else 0.0
+    u0, u1 = column + MARGIN, column + 1 - MARGIN
+    v0, v1 = row + MARGIN + cut, row + 1 - MARGIN - cut
+    corners = [np.stack([u, v], axis=-1) for u, v in ((u0, v0), (u1, v0), (u1, v1), (u0, v1))]
+    result: Array = np.stack(corners, axis=1) * size
+    return result

@@ -1,0 +1,38 @@
+"""Cutting the scenery into squares, so that far parts can be left out of a picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carlaloc_env.scene import Mesh
+
+CHUNK_M = 60.0
+"""Side of a square [m]."""
+
+
+def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:
+    """Meshes of the squares of a world-fixed grid; each triangle goes where its centre lies."""
+    if not len(mesh.triangles):
+        return ()
+    centre = mesh.vertices_m[mesh.triangles][:, :, :2].mean(axis=1)
+    cell = np.floor(centre / size_m).astype(np.int64)
+    key = (cell[:, 0] + (1 << 20)) * (1 << 22) + cell[:, 1] + (1 << 20)
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    ends = np.append(starts[1:], len(order))
+    return tuple(_part(mesh, order[a:b]) for a, b in zip(starts, ends, strict=True))
+
+
+def _part(mesh: Mesh, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Mesh:
+    triangles = mesh.triangles[np.sort(rows)]
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    return Mesh(
+        vertices_m=mesh.vertices_m[used],
+        triangles=renumbered.reshape(-1, 3).astype(np.uint32),
+        normals=mesh.normals[used],
+        uv_m=mesh.uv_m[used],
+        colour=mesh.colour[used],
+        material=mesh.material[used],
+        tag=mesh.tag[used],
+        instance=mesh.instance[used],
+    )

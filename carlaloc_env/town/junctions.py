@@ -1,0 +1,96 @@
+"""Junctions: one surface for all connecting roads, and the pavements round their corners."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env import rng
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.areas import JunctionArea, TownAreas
+from carlaloc_env.town.fields import EdgeField, JunctionField
+from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.pavements import BELOW_M, KERB_STONE_M
+from carlaloc_env.town.polygons import Area, areas_only, rings, triangulate
+from carlaloc_env.town.sections import KERB_M
+
+Array = NDArray[np.float64]
+
+SURFACE_CELL_M = 1.5
+"""Side of the triangles of a junction's surface [m]."""
+CORNER_CELL_M = 3.0
+"""Side of the triangles of its pavements [m]."""
+
+
+def add_junction_surface(out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int) -> None:
+    """Asphalt of one junction, darker where many turn."""
+    xy, triangles = triangulate(junction.roadway, SURFACE_CELL_M)
+    if not len(xy):
+        return
+    draw = rng.stream(seed, f"junction/{junction.id}")
+    points = np.column_stack([xy, field.height(xy)])
+    shade = draw.uniform(205, 240) * (0.9 + 0.1 * _quiet(junction, xy))
+    out.triangles(
+        points,
+        triangles,
+        material=Material.ASPHALT,
+        tag=Tag.ROAD,
+        colour=np.repeat(shade[:, None], 3, axis=1),
+    )
+
+
+def add_corners(out: MeshBuilder, junction: JunctionArea, areas: TownAreas, edge: EdgeField) -> None:
+    """Raised pavements of one junction with their kerbs and outer edges."""
+    if junction.pavement.is_empty:
+        return
+    # Only roads close by matter; cutting first keeps the polygon work small.
+    window = shapely.box(*shapely.bounds(shapely.buffer(junction.pavement, 1.0)))
+    near = shapely.intersection(areas.roadway, window)
+    stone_area = areas_only(shapely.intersection(junction.pavement, shapely.buffer(near, KERB_STONE_M)))
+    slabs = areas_only(shapely.difference(junction.pavement, shapely.buffer(near, KERB_STONE_M)))
+    for area, material, colour in (
+        (slabs, Material.PAVEMENT, (232, 230, 226)),
+        (stone_area, Material.KERB, (225, 225, 222)),
+    ):
+        xy, triangles = triangulate(area, CORNER_CELL_M)
+        if len(xy):
+            points = np.column_stack([xy, edge.nearest(xy)[0] + KERB_M])
+            out.triangles(points, triangles, material=material, tag=Tag.SIDEWALK, colour=colour)
+    _rims(out, junction.pavement, near, edge)
+
+
+def corner_edges(junction: JunctionArea, edge: EdgeField) -> list[Array]:
+    """Boundary lines (N, 3) of a junction's pavements at their top."""
+    lines = []
+    for ring in rings(junction.pavement, 0.5):
+        lines.append(np.column_stack([ring, edge.nearest(ring)[0] + KERB_M]))
+    return lines
+
+
+def _rims(out: MeshBuilder, pavement: Area, roadway: Area, edge: EdgeField) -> None:
+    shapely.prepare(roadway)
+    for ring in rings(pavement, 1.0):
+        top = np.column_stack([ring, edge.nearest(ring)[0] + KERB_M])
+        middle = 0.5 * (ring[1:] + ring[:-1])
+        kerb = shapely.dwithin(roadway, shapely.points(middle), 0.05)
+        drop = np.where(kerb, KERB_M + BELOW_M, KERB_M + BELOW_M + 0.25)
+        down = np.zeros((len(middle), 3))
+        down[:, 2] = drop
+        quads = np.stack([top[:-1] - down, top[1:] - down, top[1:], top[:-1]], axis=1)
+        material = np.where(kerb, Material.KERB, Material.CONCRETE)
+        out.quads(quads, material=material, tag=Tag.SIDEWALK, colour=(215, 215, 212))
+
+
+def _quiet(junction: JunctionArea, xy: Array) -> Array:
+    """1 where no wheel passes, 0 on wheel tracks of the connecting lanes, shape (M,)."""
+    lines = []
+    for strip in junction.strips:
+        for lane in range(len(strip.lanes)):
+            if strip.kind(lane) == "roadway" and strip.lanes[lane].type != "shoulder":
+                left, right = strip.lane_edges(lane)
+                lines += [left + (right - left) * share for share in (0.23, 0.77)]
+    _, distance = EdgeField(lines, 0.5).nearest(xy)
+    result: Array = np.clip(distance / 0.5, 0.0, 1.0)
+    return result

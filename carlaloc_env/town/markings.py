@@ -1,0 +1,145 @@
+"""Painted lines: road marks as thin geometry just above the road."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.opendrive.model import Road, RoadMark
+from carlaloc_env.town.sections import Strip
+
+Array = NDArray[np.float64]
+
+PAINT_M = 0.005
+"""Height of paint above the road [m]."""
+LINE_M = 0.13
+"""Width of a line where the map does not say [m]."""
+DOUBLE_GAP_M = 0.12
+"""Clear distance between the two lines of a double mark [m]."""
+DASHES: dict[str, tuple[float, float]] = {
+    "default": (3.0, 6.0),
+    "motorway": (3.05, 9.15),
+    "dotted": (0.9, 1.5),
+}
+"""Length and gap of dashes [m] where the map does not say."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One painted line beside a lane edge."""
+
+    offset_m: float
+    """Its middle to the left of the edge [m]."""
+    width_m: float
+    """Its width [m]."""
+    dash_m: float
+    """Length of dashes [m]; 0 for a solid line."""
+    gap_m: float
+    """Gap between dashes [m]."""
+
+
+def add_markings(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road]) -> None:
+    """Road marks of all strips outside junctions."""
+    for strip in strips:
+        if strip.junction_id is None:
+            _strip_marks(out, strip, roads[strip.road])
+
+
+def mark_lines(mark: RoadMark, road_type: str, side: int) -> tuple[Line, ...]:
+    """Painted lines of a road mark; `side` is +1 for lanes left of the centre line."""
+    if mark.type in ("none", "curb", "edge", "grass", "custom") and not mark.lines:
+        return ()
+    default = LINE_M * (2.0 if mark.weight == "bold" else 1.0)
+    width = mark.width_m if mark.width_m is not None and mark.width_m > 0.0 else default
+    if mark.lines:
+        return tuple(
+            Line(
+                offset_m=line.t_offset_m,
+                width_m=line.width_m or width,
+                dash_m=line.length_m if line.space_m > 0.0 else 0.0,
+                gap_m=line.space_m,
+            )
+            for line in mark.lines
+        )
+    dash, gap = DASHES["motorway" if road_type == "motorway" else "default"]
+    if mark.type == "botts dots":
+        dash, gap = DASHES["dotted"]
+    parts = mark.type.split()
+    if len(parts) == 1:
+        solid = mark.type == "solid"
+        return (Line(offset_m=0.0, width_m=width, dash_m=0.0 if solid else dash, gap_m=gap),)
+    # Doubles name the line nearer to the reference line first.
+    away = (width + DOUBLE_GAP_M) / 2 * (-side if side else 1)
+    return tuple(
+        Line(offset_m=shift, width_m=width, dash_m=0.0 if part == "solid" else dash, gap_m=gap)
+        for part, shift in zip(parts, (away, -away), strict=False)
+    )
+
+
+def _strip_marks(out: MeshBuilder, strip: Strip, road: Road) -> None:
+    section = road.sections[strip.section]
+    left_count = sum(1 for lane in strip.lanes if lane.id > 0)
+    for lane in section.lanes:
+        if lane.id > 0:
+            edge, side = [own.id for own in strip.lanes].index(lane.id), 1
+        elif lane.id < 0:
+            edge, side = [own.id for own in strip.lanes].index(lane.id) + 1, -1
+        else:
+            edge, side = left_count, 0
+        for index, mark in enumerate(lane.road_marks):
+            start = strip.s_m[0] + mark.s_offset_m
+            after = lane.road_marks[index + 1].s_offset_m if index + 1 < len(lane.road_marks) else np.inf
+            end = min(strip.s_m[-1], strip.s_m[0] + after)
+            for line in mark_lines(mark, road.type, side):
+                _paint(out, strip, edge, line, (start, end), mark.colour)
+
+
+def _paint(
+    out: MeshBuilder, strip: Strip, edge: int, line: Line, span: tuple[float, float], colour: str
+) -> None:
+    start, end = span
+    if end - start < 0.05 or not _flat(strip, edge):
+        return
+    if line.dash_m > 0.0:
+        begin = np.arange(start, end - 0.3, line.dash_m + line.gap_m)
+        pieces = [(s, min(s + line.dash_m, end)) for s in begin]
+    else:
+        pieces = [(start, end)]
+    yellow = colour == "yellow"
+    material = Material.ROAD_PAINT_YELLOW if yellow else Material.ROAD_PAINT_WHITE
+    for low, high in pieces:
+        inner = strip.s_m[(strip.s_m > low + 1e-3) & (strip.s_m < high - 1e-3)]
+        s = np.concatenate([[low], inner, [high]])
+        rows = np.stack(
+            [
+                _beside(strip, edge, s, line.offset_m - line.width_m / 2),
+                _beside(strip, edge, s, line.offset_m + line.width_m / 2),
+            ],
+            axis=1,
+        )
+        rows[..., 2] += PAINT_M
+        across = np.array([0.0, line.width_m])
+        uv = np.stack(np.broadcast_arrays(across[None], s[:, None]), axis=-1)
+        out.grid(rows, material=material, tag=Tag.ROAD_LINE, uv_m=uv)
+
+
+def _flat(strip: Strip, edge: int) -> bool:
+    """Whether the edge touches the roadway on at least one side."""
+    near = [lane for lane in (edge - 1, edge) if 0 <= lane < len(strip.lanes)]
+    return any(strip.kind(lane) == "roadway" for lane in near)
+
+
+def _beside(strip: Strip, edge: int, s: Array, offset_m: float) -> Array:
+    """Points on the triangles of the road, `offset_m` to the left of an edge, (K, 3)."""
+    line = np.stack([np.interp(s, strip.s_m, strip.edges_m[edge, :, k]) for k in range(3)], axis=-1)
+    first, last = strip.edges_m[0], strip.edges_m[-1]
+    across = np.stack([np.interp(s, strip.s_m, (first - last)[:, k]) for k in range(3)], axis=-1)
+    length = np.sqrt(np.sum(across[:, :2] ** 2, axis=1, keepdims=True))
+    result: Array = line + across / np.maximum(length, 1e-6) * offset_m
+    return result

@@ -1,0 +1,86 @@
+"""The surface of plain roads: exact lane strips with wheel tracks, ends and skirts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import rng
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.meshing import MeshBuilder, extrude
+from carlaloc_env.town.sections import Strip
+
+Array = NDArray[np.float64]
+
+TRACKS = np.array([0.0, 0.12, 0.23, 0.34, 0.5, 0.66, 0.77, 0.88, 1.0])
+"""Columns across a driving lane, as shares of its width: wheel tracks near 0.23 and 0.77."""
+TRACK_SHADE = np.array([1.0, 0.98, 0.84, 0.97, 0.90, 0.97, 0.84, 0.98, 1.0])
+"""Brightness of each column: tyres polish and darken their tracks, oil drips in the middle."""
+SKIRT_M = 0.4
+"""How far outer edges reach down, so that no gap to the ground can open [m]."""
+
+
+def add_roads(out: MeshBuilder, strips: Sequence[Strip], seed: int) -> None:
+    """Road surfaces of all strips outside junctions."""
+    for strip in strips:
+        if strip.junction_id is not None:
+            continue
+        draw = rng.stream(seed, f"road/{strip.road_id}/{strip.section}")
+        old = draw.random() < 0.35
+        base = draw.uniform(205, 250)
+        for lane in range(len(strip.lanes)):
+            if strip.kind(lane) == "roadway":
+                _lane_surface(out, strip, lane, base, draw, old=old)
+        _outer_skirts(out, strip)
+
+
+def _lane_surface(
+    out: MeshBuilder, strip: Strip, lane: int, base: float, draw: np.random.Generator, *, old: bool
+) -> None:
+    left, right = strip.lane_edges(lane)
+    driven = strip.lanes[lane].type not in ("shoulder", "parking")
+    share = TRACKS if driven else np.array([0.0, 1.0])
+    shade = TRACK_SHADE if driven else np.array([0.96, 0.9])
+    points = right[:, None] + share[None, :, None] * (left - right)[:, None]
+    wander = np.interp(strip.s_m, strip.s_m[:: max(1, len(strip.s_m) // 6)], _steps(strip, draw))
+    tint = base * shade[None, :] * (1.0 + 0.05 * wander[:, None])
+    t = strip.t_m[lane + 1][:, None] + share * (strip.t_m[lane] - strip.t_m[lane + 1])[:, None]
+    uv = np.stack(np.broadcast_arrays(t, strip.s_m[:, None]), axis=-1)
+    out.grid(
+        points,
+        material=Material.ASPHALT_OLD if old else Material.ASPHALT,
+        tag=Tag.ROAD,
+        uv_m=uv,
+        colour=np.clip(tint[:, :, None], 0, 255) * np.ones(3),
+    )
+
+
+def _steps(strip: Strip, draw: np.random.Generator) -> Array:
+    return draw.standard_normal(len(strip.s_m[:: max(1, len(strip.s_m) // 6)]))
+
+
+def _outer_skirts(out: MeshBuilder, strip: Strip) -> None:
+    for lane, side in _outer_lanes(strip):
+        edge = strip.lane_edges(lane)[0 if side > 0 else 1]
+        if strip.kind(lane) == "roadway":
+            low = edge - np.array([0.0, 0.0, SKIRT_M])
+            # The outside lies left of the left edge and right of the right edge.
+            line, top = (low[::-1], edge[::-1]) if side > 0 else (low, edge)
+            out.quads(extrude(line, top), material=Material.GRAVEL, tag=Tag.ROAD)
+
+
+def _outer_lanes(strip: Strip) -> list[tuple[int, int]]:
+    """Lanes at whose left (+1) or right (−1) edge the paved part of the strip ends."""
+    kinds = [strip.kind(lane) for lane in range(len(strip.lanes))]
+    found = []
+    for lane, kind in enumerate(kinds):
+        if kind == "none":
+            continue
+        if lane == 0 or kinds[lane - 1] == "none":
+            found.append((lane, 1))
+        if lane == len(kinds) - 1 or kinds[lane + 1] == "none":
+            found.append((lane, -1))
+    return found

@@ -1,0 +1,120 @@
+"""The ground between the roads, by zone, and the far land round the town."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.fields import EdgeField, GroundGrid
+from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.polygons import Area, areas_only, triangulate
+
+Array = NDArray[np.float64]
+
+MARGIN_M = 90.0
+"""How far the near ground reaches beyond the roads [m]."""
+BLEND_M = 8.0
+"""Distance from a road over which the ground leaves the road's height [m]."""
+CELL_M = 6.0
+"""Side of the ground's triangles [m]."""
+LAP_M = 0.06
+"""How far the ground reaches below pavements, and how far it lies below their edge [m]."""
+FAR_M = 1200.0
+"""How far the far land reaches [m]."""
+
+GROUNDS: dict[str, tuple[Material, Tag, tuple[int, int, int]]] = {
+    "downtown": (Material.PAVEMENT, Tag.GROUND, (200, 198, 194)),
+    "skyscraper": (Material.PAVEMENT, Tag.GROUND, (215, 213, 210)),
+    "residential": (Material.GRASS, Tag.TERRAIN, (240, 240, 235)),
+    "small_town": (Material.GRASS, Tag.TERRAIN, (230, 235, 225)),
+    "industrial": (Material.CONCRETE, Tag.GROUND, (200, 198, 192)),
+    "rural": (Material.GRASS, Tag.TERRAIN, (235, 225, 190)),
+    "park": (Material.GRASS, Tag.TERRAIN, (225, 245, 215)),
+    "water": (Material.WATER, Tag.WATER, (255, 255, 255)),
+}
+"""Ground of each kind of zone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ground:
+    """Height of the ground at any point of the town."""
+
+    edge: EdgeField
+    """Heights along the outer edges of everything paved."""
+    grid: GroundGrid
+    """Smooth heights far from roads."""
+
+    def height(self, xy_m: Array) -> Array:
+        """Height of the ground [m] at points (M, 2)."""
+        near, distance = self.edge.nearest(xy_m)
+        share = np.clip(distance / BLEND_M, 0.0, 1.0)
+        share = share * share * (3.0 - 2.0 * share)
+        return near + (self.grid.height(xy_m) - near) * share
+
+
+def zone_areas(config: TownConfig, bounds: Area) -> list[tuple[str, Area]]:
+    """Zone kinds with their areas inside `bounds`, without overlaps; later zones of the file go first."""
+    rest, found = bounds, []
+    for zone in reversed(config.zones):
+        area = shapely.intersection(shapely.make_valid(shapely.Polygon(zone.polygon)), rest)
+        found.append((zone.kind, areas_only(area)))
+        rest = shapely.difference(rest, area)
+    found.append((config.default_zone, areas_only(rest)))
+    return [(kind, area) for kind, area in found if area.area > 1.0]
+
+
+def add_terrain(
+    out: MeshBuilder, bounds: Area, paved: Area, zones: list[tuple[str, Area]], ground: Ground
+) -> None:
+    """Ground inside the bounds wherever nothing is paved, and the far land outside."""
+    free = shapely.difference(bounds, shapely.buffer(paved, -LAP_M, join_style="mitre"))
+    for kind, zone in zones:
+        material, tag, colour = GROUNDS[kind]
+        xy, triangles = triangulate(areas_only(shapely.intersection(free, zone)), CELL_M)
+        if not len(xy):
+            continue
+        z = ground.height(xy) - LAP_M / 2 - (0.8 if kind == "water" else 0.0)
+        tint = np.array(colour) * (0.93 + 0.07 * _mottle(xy))[:, None]
+        out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=tint)
+    _far_land(out, bounds, ground)
+
+
+def _mottle(xy: Array) -> Array:
+    """Slow variation between −1 and 1 without randomness, shape (M,)."""
+    x, y = xy.T
+    return np.sin(0.11 * x + 1.3 * np.sin(0.05 * y)) * np.sin(0.09 * y + 1.1 * np.sin(0.04 * x))
+
+
+def _far_land(out: MeshBuilder, bounds: Area, ground: Ground) -> None:
+    """A skirt of ever larger quads from the border of the near ground to the horizon."""
+    x0, y0, x1, y1 = shapely.bounds(bounds)
+    count = 24
+    side = np.linspace(0.0, 1.0, count, endpoint=False)
+    ring = np.concatenate(
+        [
+            np.column_stack([x0 + (x1 - x0) * side, np.full(count, y0)]),
+            np.column_stack([np.full(count, x1), y0 + (y1 - y0) * side]),
+            np.column_stack([x1 - (x1 - x0) * side, np.full(count, y1)]),
+            np.column_stack([np.full(count, x0), y1 - (y1 - y0) * side]),
+        ]
+    )
+    ring = np.concatenate([ring, ring[:1]])
+    centre = np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+    outward = (ring - centre) / np.linalg.norm(ring - centre, axis=1, keepdims=True)
+    rows = []
+    for reach in (-2.0, 60.0, 250.0, FAR_M):
+        xy = ring + outward * reach
+        z = ground.height(np.clip(xy, [x0, y0], [x1, y1])) - 0.4
+        rows.append(np.column_stack([xy, z]))
+    out.grid(
+        np.stack(rows, axis=0)[::-1],
+        material=Material.GRASS,
+        tag=Tag.TERRAIN,
+        colour=(215, 220, 200),
+    )
