@@ -6,6 +6,7 @@ for; traffic runs one step ahead, because actors are interpolated between steps.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 from typing import Protocol
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.clock import STEP_NS, STEP_TICKS, stamp_ns
+from carlaloc_env.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.controls import Controls
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.errors import ConfigError
@@ -81,6 +82,7 @@ class DrivingWorld:
         self._step = 0
         self._contacts: list[Contact] = []
         self.state = self._ego.state()
+        self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
         self.timeline.ego.append(self.state.position_m, self.state.quat_xyzw)
         self._tell_tick(_PARKED)
         self._add_step(self._traffic.reset(self._ego_view()))
@@ -120,6 +122,7 @@ class DrivingWorld:
         self._ego.tick(controls)
         self._tick += 1
         self.state = self._ego.state()
+        self._speeds.append(self.state.speed_mps)
         self.timeline.ego.append(self.state.position_m, self.state.quat_xyzw)
         self._tell_tick(controls)
         contacts = self._ego.contacts()
@@ -137,6 +140,7 @@ class DrivingWorld:
         return self._road.view(
             tick=tick,
             state=self.state,
+            acceleration_mps2=(self._speeds[-1] - self._speeds[0]) / (max(len(self._speeds) - 1, 1) * TICK_S),
             actors=self.timeline.actors_at(tick // STEP_TICKS * STEP_NS),
             catalog=self.timeline.catalog,
             signals=self.timeline.signals_at(stamp_ns(tick)),

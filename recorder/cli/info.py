@@ -1,0 +1,42 @@
+"""What an episode holds: length, duration, loop, actors, collisions, device, health.
+
+Examples:
+  carlaloc info drive.mcap
+  carlaloc info --repair drive.mcap.recording
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from typing import Any
+
+from recorder.cli.arguments import path_argument
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc info`."""
+    parser.add_argument("episode", type=path_argument, help="episode (.mcap)")
+    parser.add_argument("--repair", action="store_true", help="make a whole file of a cut-off recording")
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Look at, or repair, an episode."""
+    from recorder.episode import open_episode
+    from recorder.episode_repair import repair_episode
+    from recorder.episode_summary import summarise
+
+    episode = repair_episode(arguments.episode) if arguments.repair else open_episode(arguments.episode)
+    return asdict(summarise(episode))
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the summary."""
+    print(f"{result['path']}")
+    print(f"  map        {result['map']} ({result['map_hash'][:12]})")
+    print(f"  drive      {result['duration_s']:.1f} s, {result['length_m']:.1f} m by {result['device']}")
+    ends = f"ends {result['closure_m']:.1f} m and {result['closure_deg']:.1f}° from where it began"
+    print(f"  loop       {'closed' if result['loop_closed'] else 'open'}: {ends}")
+    print(f"  actors     {result['vehicles']} vehicles, {result['walkers']} walkers, seed {result['seed']}")
+    print(f"  collisions {result['collisions']}")
+    print(f"  health     {result['health']}")

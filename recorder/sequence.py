@@ -1,0 +1,236 @@
+"""One sequence of a dataset: its folder, its writers, and what all sequences of a drive share."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Callable, Sequence as Many
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from carlaloc_env.clock import TICK_NS
+from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.rig import SensorRig
+from carlaloc_env.samples import Sample
+from carlaloc_env.timeline import Timeline
+from carlaloc_env.town.town import Town
+from carlaloc_env.yaml_config import to_mapping
+from recorder.conditions import Condition
+from recorder.episode import Episode
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+from recorder.writers.calibration import write_calibration
+from recorder.writers.euroc import EurocWriter
+from recorder.writers.preview import PreviewWriter
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.rosbag1 import Rosbag1Writer
+from recorder.writers.states import write_state_csv, write_text
+from recorder.writers.tum import write_truth
+
+SPAWNED_WITH = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
+"""Distributions whose versions shape a dataset."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sequence:
+    """A condition and the folder its data goes to."""
+
+    condition: Condition
+    """Weather and traffic."""
+    folder: Path
+    """Final name of the folder; while it is written it stands as `.<name>.part` beside it."""
+
+    @property
+    def part(self) -> Path:
+        """Folder while it is being written."""
+        return self.folder.with_name(f".{self.folder.name}.part")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Making:
+    """What a format needs to make its writer."""
+
+    folder: Path
+    name: str
+    calibration: RigCalibration
+    streams: tuple[str, ...]
+    topics: str
+
+
+def _rosbag1(m: _Making) -> Writer:
+    target = m.folder / f"{m.name}.bag"
+    return Rosbag1Writer(target, m.calibration, profile=m.topics, streams=m.streams)
+
+
+def _euroc(m: _Making) -> Writer:
+    return EurocWriter(m.folder / "mav0", m.calibration)
+
+
+FORMATS: dict[str, Callable[[_Making], Writer]] = {"rosbag1": _rosbag1, "euroc": _euroc}
+"""Dataset formats by name."""
+
+
+def check_formats(formats: Many[str]) -> None:
+    """Refuse unknown formats.
+
+    Raises:
+        ConfigError: a format is unknown; the message names the nearest.
+    """
+    for name in formats:
+        if name not in FORMATS:
+            raise ConfigError(unknown_name("format", name, FORMATS))
+
+
+class WriterGroup:
+    """All writers of one sequence, as one; the folder gets its final name when all are whole."""
+
+    def __init__(self, sequence: Sequence, writers: list[Writer], summary: dict[str, Any]) -> None:
+        self._sequence = sequence
+        self._writers = writers
+        self._summary = summary
+        self._counts: dict[str, int] = {}
+
+    def open(self) -> None:
+        """Start writing."""
+        self._sequence.part.mkdir(parents=True, exist_ok=True)
+        for writer in self._writers:
+            writer.open()
+
+    def write(self, sample: Sample) -> None:
+        """Give a sample to every writer."""
+        self._counts[sample.sensor] = self._counts.get(sample.sensor, 0) + 1
+        for writer in self._writers:
+            writer.write(sample)
+
+    def close(self) -> None:
+        """Complete all files, note their checksums, and give the folder its final name."""
+        for writer in self._writers:
+            writer.close()
+        part = self._sequence.part
+        summary = {**self._summary, "samples": dict(sorted(self._counts.items())), "sha256": checksums(part)}
+        write_text(part / "sequence.yaml", _yaml(summary))
+        part.rename(self._sequence.folder)
+
+    def abort(self) -> None:
+        """Remove what was written."""
+        for writer in self._writers:
+            writer.abort()
+
+
+def sequence_writers(
+    sequence: Sequence, rig: SensorRig, streams: tuple[str, ...], formats: Many[str], topics: str, preview: bool
+) -> WriterGroup:
+    """Writers of one sequence.
+
+    Args:
+        sequence: Where to.
+        rig: The sensors.
+        streams: Names of all streams that will come.
+        formats: Names of dataset formats.
+        topics: Topic profile of bags.
+        preview: Whether a film is made.
+    """
+    calibration = RigCalibration.from_configs(rig.sensors)
+    making = _Making(
+        folder=sequence.part,
+        name=sequence.folder.name,
+        calibration=calibration,
+        streams=streams,
+        topics=topics,
+    )
+    writers = [FORMATS[name](making) for name in dict.fromkeys(formats)]
+    if preview and calibration.cameras:
+        camera = calibration.cameras[0]
+        writers.append(
+            PreviewWriter(
+                sequence.part / "preview.mp4",
+                camera=camera.name,
+                rate_hz=camera.rate_hz,
+                caption=sequence.condition.name.replace("_", ", "),
+            )
+        )
+    summary = {
+        "name": sequence.folder.name,
+        "weather": {"name": sequence.condition.weather_name, **asdict(sequence.condition.weather)},
+        "traffic": asdict(sequence.condition.traffic),
+        "rig": rig.name,
+        "epoch_ns": DEFAULT_EPOCH_NS,
+    }
+    return WriterGroup(sequence, writers, summary)
+
+
+def write_shared(
+    town_dir: Path, rig: SensorRig, timeline: Timeline, span_ns: tuple[int, int]
+) -> None:
+    """Write calibration and ground truth of a drive, the same for all its sequences.
+
+    Args:
+        town_dir: Folder of the town in the dataset.
+        rig: The sensors.
+        timeline: The drive.
+        span_ns: First stamp and end (not included) of the ground truth [ns].
+    """
+    calibration = RigCalibration.from_configs(rig.sensors)
+    write_calibration(town_dir / "calibration", calibration)
+    stamps = np.arange(span_ns[0], span_ns[1], TICK_NS)
+    folder = town_dir / "ground_truth"
+    write_truth(folder, timeline, stamps, {"base_link": np.eye(4), **calibration.frames})
+    body = calibration.imu.T_base_imu if calibration.imu is not None else np.eye(4)
+    write_state_csv(folder / "state.csv", timeline.ego_motion(stamps).at_mount(body))
+
+
+def write_summary(
+    out: Path,
+    town: Town,
+    episode: Episode,
+    rig: SensorRig,
+    sequences: Many[Path],
+    *,
+    seed: int,
+    span_ns: tuple[int, int],
+) -> None:
+    """Write ``dataset.yaml``: where everything comes from, and a checksum of every file."""
+    header = episode.header
+    document = {
+        "town": town.name,
+        "town_hash": town.content_hash,
+        "episode": {
+            "file": episode.path.name,
+            "sha256": hashlib.sha256(episode.path.read_bytes()).hexdigest(),
+            "seed": header.seed,
+            "device": header.device,
+            "duration_s": episode.duration_s,
+            "traffic": dict(header.traffic),
+            "versions": dict(header.versions),
+        },
+        "noise_seed": seed,
+        "stretch_s": [span_ns[0] / 1e9, span_ns[1] / 1e9],
+        "versions": {**{name: version(name) for name in SPAWNED_WITH}, "python": platform.python_version()},
+        "rig": {"name": rig.name, "sensors": [{"kind": s.kind, **to_mapping(s)} for s in rig.sensors]},
+        "sequences": [str(path.relative_to(out)) for path in sequences],
+        "sha256": checksums(out),
+    }
+    write_text(out / "dataset.yaml", _yaml(document))
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below a folder, by its path there; big sequences are read in pieces."""
+    found: dict[str, str] = {}
+    for path in sorted(folder.rglob("*")):
+        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
+        if path.is_file() and not hidden and path.name != "dataset.yaml":
+            digest = hashlib.sha256()
+            with path.open("rb") as file:
+                while piece := file.read(1 << 20):
+                    digest.update(piece)
+            found[str(path.relative_to(folder))] = digest.hexdigest()
+    return found
+
+
+def _yaml(document: dict[str, Any]) -> str:
+    text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
+    return text
