@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -188,7 +189,7 @@ def _hermite(u: float, v: float, delta: float) -> Piece:
 
 def fillet(points: Sequence[tuple[float, float]], corners: Sequence[tuple[float, float]]) -> Path:
     """Polyline whose inner corners are rounded: `corners` holds (radius, clothoid length) [m] of each."""
-    headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in zip(points, points[1:], strict=False)]
+    headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in itertools.pairwise(points)]
     reach = [0.0]
     bends: list[list[Piece]] = []
     for i, (radius, spiral) in enumerate(corners):
@@ -200,7 +201,7 @@ def fillet(points: Sequence[tuple[float, float]], corners: Sequence[tuple[float,
         reach.append(scale)
     reach.append(0.0)
     pieces: list[Piece] = []
-    for i, (a, b) in enumerate(zip(points, points[1:], strict=False)):
+    for i, (a, b) in enumerate(itertools.pairwise(points)):
         straight = math.hypot(b[0] - a[0], b[1] - a[1]) - reach[i] - reach[i + 1]
         if straight < -1e-9:
             raise PlanError(f"the bends beside ({b[0]:.0f}, {b[1]:.0f}) overlap by {-straight:.1f} m")
@@ -227,7 +228,9 @@ def ring_entry(start: Pose, end: Pose, end_curvature: float, first_m: float, las
 
     found = solve(miss, [5.0, 0.05, 10.0])
     if min(found) <= 0:
-        raise PlanError(f"no ring entry: straight {found[0]:.1f} m, curvature {found[1]:.3f}, arc {found[2]:.1f} m")
+        raise PlanError(
+            f"no ring entry: straight {found[0]:.1f} m, curvature {found[1]:.3f}, arc {found[2]:.1f} m"
+        )
     return Path(start, tuple(chain(found)))
 
 
@@ -283,7 +286,9 @@ def solve(miss: Callable[[Sequence[float]], list[float]], guess: Sequence[float]
             for i in range(n):
                 rows[i][j] = (f_up[i] - f_down[i]) / (2 * h)
         step = _eliminate(rows)
-        damp = min(1.0, min(0.5 * max(abs(v), 0.05) / abs(d) if d else 1.0 for v, d in zip(x, step, strict=True)))
+        damp = min(
+            1.0, min(0.5 * max(abs(v), 0.05) / abs(d) if d else 1.0 for v, d in zip(x, step, strict=True))
+        )
         x = [v + damp * d for v, d in zip(x, step, strict=True)]
     if max(abs(v) for v in miss(x)) < 1e-9:
         return x

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .junctions import Movement, turn_angle
 from .idents import CONTROLLER, OBJECT, SIGNAL, Numbers
+from .junctions import Movement, turn_angle
 from .parts import Border, ControllerPart, JunctionPart, Leg, ObjectPart, RoadPart, SignalPart
 
 LIGHT, STOP, YIELD, SPEED = "1000001", "206", "205", "274"
@@ -32,7 +32,13 @@ def _kerb(borders: Sequence[Border], outer: Sequence[Border]) -> float:
 
 
 def _rectangle(
-    numbers: Numbers, leg: Leg, kind: str, name: str, back_m: float, depth_m: float, right_m: tuple[float, float]
+    numbers: Numbers,
+    leg: Leg,
+    kind: str,
+    name: str,
+    back_m: float,
+    depth_m: float,
+    right_m: tuple[float, float],
 ) -> ObjectPart:
     """Area across the road, `depth_m` deep, centred `back_m` before the end of the leg."""
     middle, half = 0.5 * (right_m[0] + right_m[1]), 0.5 * abs(right_m[1] - right_m[0])
@@ -49,7 +55,9 @@ def mark_leg(leg: Leg, numbers: Numbers, *, crosswalk: bool, stop_line: bool) ->
     if crosswalk:
         kerbs = (-_kerb(leg.outgoing, leg.outgoing_outer), _kerb(leg.incoming, leg.incoming_outer))
         centre = CROSSWALK_INSET_M + 0.5 * CROSSWALK_M
-        leg.road.objects.append(_rectangle(numbers, leg, "crosswalk", "Crosswalk", centre, CROSSWALK_M, kerbs))
+        leg.road.objects.append(
+            _rectangle(numbers, leg, "crosswalk", "Crosswalk", centre, CROSSWALK_M, kerbs)
+        )
         back = CROSSWALK_INSET_M + CROSSWALK_M + STOP_LINE_GAP_M
     if stop_line and leg.incoming:
         edges = (leg.incoming[0].right_m, leg.incoming[-1].right_m + leg.incoming[-1].width_m)
@@ -116,7 +124,9 @@ def light_junction(
     return controllers
 
 
-def _light(leg: Leg, numbers: Numbers, borders: Sequence[Border], marks: LegMarks, *, left: bool) -> SignalPart:
+def _light(
+    leg: Leg, numbers: Numbers, borders: Sequence[Border], marks: LegMarks, *, left: bool
+) -> SignalPart:
     """A light's pole stands on the right pavement, that of a pocket on the left one."""
     right = _kerb(leg.incoming, leg.incoming_outer) + 0.8
     if left:

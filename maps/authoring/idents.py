@@ -10,7 +10,7 @@ _FIRST = {ROAD: 1, JUNCTION: 100_001, SIGNAL: 200_001, CONTROLLER: 300_001, OBJE
 
 @dataclass(slots=True)
 class Numbers:
-    """Counts identifiers up; connecting roads of junction j are 1000·j + 1, 1000·j + 2 …"""
+    """Counts identifiers up; connecting roads of junction j are 1000·j + 1, 1000·j + 2 and so on."""
 
     used: dict[str, int] = field(default_factory=dict)
 

@@ -32,7 +32,7 @@ def turn_angle(source: Leg, target: Leg) -> float:
 
 
 def movements(legs: Sequence[Leg]) -> list[Movement]:
-    """Every legal movement: pockets and left lanes turn left, right lanes turn right, the rest go straight."""
+    """Every legal movement: pocket or left lane to the left, right lane to the right, the rest straight."""
     found: list[Movement] = []
     for i, leg in enumerate(legs):
         turns: dict[str, list[int]] = {"left": [], "straight": [], "right": []}
@@ -51,16 +51,18 @@ def movements(legs: Sequence[Leg]) -> list[Movement]:
 
 def _pairs(leg: Leg, other: Leg, turn: str, turns: dict[str, list[int]]) -> list[tuple[int, int]]:
     count, room = len(leg.incoming), len(other.outgoing)
-    first = 1 if leg.pocket else 0
+    lanes = list(range(1 if leg.pocket else 0, count))
     if turn == "left":
-        return [(0, 0)]
+        shared = leg.pocket or turns["straight"] or turns["right"]
+        lanes = [0] if shared else lanes[:room]
+        return [(lane, k) for k, lane in enumerate(lanes)]
     if turn == "right":
-        lanes = [count - 1] if turns["straight"] or not turns["left"] else list(range(first, count))
-        if not turns["straight"] and turns["left"] and not leg.pocket and count > 1:
+        if turns["straight"]:
+            lanes = [count - 1]
+        elif turns["left"] and len(lanes) == count > 1:
             lanes = lanes[1:]
         lanes = lanes[-room:]
         return [(lane, room - len(lanes) + k) for k, lane in enumerate(lanes)]
-    lanes = list(range(first, count))
     if len(lanes) > room:
         lanes = lanes[:room] if turns["right"] else lanes[-room:]
     return [(lane, k) for k, lane in enumerate(lanes)]
@@ -145,8 +147,10 @@ def _outer_lanes(source: Leg, target: Leg, length: float) -> list[LanePlan]:
     return [_lane(b, after[b.lane.kind], length) for b in source.incoming_outer if b.lane.kind in after]
 
 
-def setbacks(headings: Sequence[float], kerbs: Sequence[float], corner_m: float, least_m: float) -> list[float]:
-    """How far from the node each leg must end so that kerbs of radius about `corner_m` fit between legs [m]."""
+def setbacks(
+    headings: Sequence[float], kerbs: Sequence[float], corner_m: float, least_m: float
+) -> list[float]:
+    """How far from the node each leg must end so that kerbs of radius `corner_m` fit between legs [m]."""
     result = []
     for i, (heading, kerb) in enumerate(zip(headings, kerbs, strict=True)):
         need = least_m

@@ -1,13 +1,18 @@
-"""Picture of a map for its author: `python -m maps.authoring.picture Town03 OUT.png [xmin xmax ymin ymax]`."""
+"""Picture of a map for its author.
+
+`python -m maps.authoring.picture Town03 OUT.png [xmin xmax ymin ymax]` from the repository root.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
 from carlaloc_env.town.network import LaneNetwork
@@ -18,7 +23,7 @@ _FLAT = {"sidewalk": "#d9cfc0", "median": "#a9c59b"}
 _SIGNS = {"206": "r8", "205": "y^", "274": "b."}
 
 
-def draw(source: Path, out: Path, window: tuple[float, float, float, float] | None, dpi: int = 110) -> None:
+def draw(source: Path, out: Path, window: Sequence[float], dpi: int = 110) -> None:
     """Lanes coloured by elevation, with lights, signs, crosswalks and stop lines."""
     network = LaneNetwork.from_opendrive(source)
     figure, axes = plt.subplots(figsize=(14, 14))
@@ -27,8 +32,8 @@ def draw(source: Path, out: Path, window: tuple[float, float, float, float] | No
     _furniture(axes, network.xodr, network)
     axes.set_aspect("equal")
     if window:
-        axes.set_xlim(*window[:2])
-        axes.set_ylim(*window[2:])
+        axes.set_xlim(window[0], window[1])
+        axes.set_ylim(window[2], window[3])
     else:
         axes.autoscale()
     figure.tight_layout()
@@ -56,7 +61,7 @@ def _lanes(network: LaneNetwork) -> tuple[list[np.ndarray], list[object]]:
     return shapes, colours
 
 
-def _furniture(axes: plt.Axes, xodr: OpenDrive, network: LaneNetwork) -> None:
+def _furniture(axes: Axes, xodr: OpenDrive, network: LaneNetwork) -> None:
     for crosswalk in network.crosswalks:
         polygon = np.asarray(crosswalk.polygon_m)
         axes.fill(polygon[:, 0], polygon[:, 1], color="white", alpha=0.6)
@@ -75,8 +80,8 @@ def _furniture(axes: plt.Axes, xodr: OpenDrive, network: LaneNetwork) -> None:
 def main() -> int:
     """Draw one town."""
     name, out = sys.argv[1:3]
-    window = tuple(float(v) for v in sys.argv[3:7])
-    draw(MAPS / name / "town.xodr", Path(out), window if len(window) == 4 else None)  # type: ignore[arg-type]
+    window = [float(v) for v in sys.argv[3:7]]
+    draw(MAPS / name / "town.xodr", Path(out), window)
     return 0
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from . import furniture
-from .curves import Path, fillet, turning_bulb
+from .curves import Path, PlanError, fillet, turning_bulb
 from .idents import JUNCTION, OBJECT, ROAD, Numbers
 from .junctions import Movement, build_junction, connect, setbacks
 from .parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, TunnelPart, leg_of
@@ -70,7 +70,9 @@ class TownPlan:
         """Add a node; the options are those of `Node`."""
         self.nodes[name] = Node(name=name, x=x, y=y, z=z, **options)  # type: ignore[arg-type]
 
-    def road(self, name: str, a: str, b: str, cross: CrossSection, speed_kmh: float, **options: object) -> None:
+    def road(
+        self, name: str, a: str, b: str, cross: CrossSection, speed_kmh: float, **options: object
+    ) -> None:
         """Add a road; the options are those of `Road`."""
         self.roads.append(Road(name=name, a=a, b=b, cross=cross, speed_kmh=speed_kmh, **options))  # type: ignore[arg-type]
 
@@ -104,6 +106,9 @@ class _Builder:
         return opendrive_text(plan.name, plan.projection, self.roads, self.junctions, self.controllers)
 
     def _axis(self, road: Road) -> Path:
+        for name in (road.a, road.b):
+            if name not in self.plan.nodes:
+                raise PlanError(f"road '{road.name}' ends at node '{name}', which the plan does not have")
         a, b = self.plan.nodes[road.a], self.plan.nodes[road.b]
         points = [(a.x, a.y), *((x, y) for x, y, _, _ in road.bends), (b.x, b.y)]
         return fillet(points, [(radius, spiral) for _, _, radius, spiral in road.bends])
@@ -216,6 +221,10 @@ def _minor(node: Node, legs: Sequence[Leg], found: Sequence[Movement]) -> list[i
     if node.control not in ("stop", "yield"):
         return []
     if node.minor:
+        names = [leg.road.name for leg in legs]
+        for name in node.minor:
+            if name not in names:
+                raise PlanError(f"node '{node.name}' has no road '{name}': its roads are {', '.join(names)}")
         return [i for i, leg in enumerate(legs) if leg.road.name in node.minor]
     ahead = {m.source for m in found if m.turn == "straight"}
     return [i for i in range(len(legs)) if i not in ahead]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -74,7 +75,7 @@ def vertical_curves(points: Sequence[tuple[float, float]], length: float, k_m: f
         PlanError: the curves do not fit on the road or overlap.
     """
     grades = [0.0]
-    grades += [(b[1] - a[1]) / (b[0] - a[0]) for a, b in zip(points, points[1:], strict=False)]
+    grades += [(b[1] - a[1]) / (b[0] - a[0]) for a, b in itertools.pairwise(points)]
     grades.append(0.0)
     records: list[Record] = level(points[0][1])
     reached = 0.0

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .curves import Path, Piece, Pose, mirrored, ring_entry, wrap
-from .junctions import connect
 from .idents import JUNCTION, ROAD, Numbers
+from .junctions import connect
 from .parts import JunctionPart, Leg, Link, RoadPart, leg_of
 from .profiles import level
 from .sections import NONE, SIDEWALK_HEIGHT_M, LanePlan, Mark, SectionPlan, border_mark

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import itertools
+from dataclasses import dataclass, field, replace
+
+from .curves import PlanError
 
 Cubic = tuple[float, float, float, float]
 NONE: Cubic = (0.0, 0.0, 0.0, 0.0)
@@ -120,12 +123,12 @@ def road_sections(
     if ends[1] != "plain":
         s1 = length - stores_m[1] - taper_m
     if s1 < s0 + 1.0:
-        raise ValueError(f"a road of {length:.1f} m has no room for its pockets (plain part {s1 - s0:.1f} m)")
+        raise PlanError(f"a road of {length:.1f} m has no room for its pockets (plain part {s1 - s0:.1f} m)")
     sections.append(_section(cross, s0, s1 - s0, "plain", "end", (0.0, 0.0)))
     if ends[1] != "plain":
         sections.append(_section(cross, s1, taper_m, ends[1], "end", (0.0, 1.0)))
         sections.append(_section(cross, s1 + taper_m, stores_m[1], ends[1], "end", (1.0, 1.0)))
-    for before, after in zip(sections, sections[1:], strict=False):
+    for before, after in itertools.pairwise(sections):
         link_sections(before, after)
     _solid_before_junction(sections, length)
     return sections
@@ -160,9 +163,7 @@ def _section(
 
 
 def _side_lanes(cross: CrossSection, side: str) -> list[LanePlan]:
-    lanes = [
-        LanePlan(f"{side}:{i}", "driving", (cross.lane_m, 0.0, 0.0, 0.0)) for i in range(cross.lanes)
-    ]
+    lanes = [LanePlan(f"{side}:{i}", "driving", (cross.lane_m, 0.0, 0.0, 0.0)) for i in range(cross.lanes)]
     if cross.gutter_m > 0:
         lanes.append(LanePlan(f"{side}:gutter", "shoulder", (cross.gutter_m, 0.0, 0.0, 0.0)))
     if cross.sidewalk_m > 0:
@@ -206,26 +207,17 @@ def _centre_mark(cross: CrossSection, sides: dict[str, list[LanePlan]]) -> Mark:
 def _solid_before_junction(sections: list[SectionPlan], length: float) -> None:
     """Draw lane lines solid where traffic nears a junction and must not change lanes any more."""
     for section in sections:
-        end = section.s + section.length
+        ahead = max(0.0, length - SOLID_BEFORE_JUNCTION_M - section.s)
+        behind = min(section.length, SOLID_BEFORE_JUNCTION_M - section.s)
         for lane in section.right:
-            first = max(section.s, length - SOLID_BEFORE_JUNCTION_M)
-            if lane.marks[0].kind == "broken" and first < end:
-                _replace_from(lane, first - section.s, Mark(0.0, "solid"), keep_before=True)
+            mark = lane.marks[0]
+            if mark.kind == "broken" and ahead < section.length:
+                lane.marks = [mark, Mark(ahead, "solid")] if ahead > 0 else [Mark(0.0, "solid")]
         for lane in section.left:
-            last = min(end, SOLID_BEFORE_JUNCTION_M)
-            if lane.marks[0].kind == "broken" and section.s < last:
-                _replace_from(lane, last - section.s, Mark(0.0, "solid"), keep_before=False)
-                if last == end:
-                    lane.marks.pop()
-
-
-def _replace_from(lane: LanePlan, s: float, solid: Mark, *, keep_before: bool) -> None:
-    broken = lane.marks[0]
-    dashed = Mark(s if not keep_before else 0.0, broken.kind, broken.color, broken.width, broken.change, broken.dash)
-    if keep_before:
-        lane.marks = [dashed, Mark(s, "solid")] if s > 1e-9 else [solid]
-    else:
-        lane.marks = [solid, dashed]
+            mark = lane.marks[0]
+            if mark.kind == "broken" and behind > 0:
+                rest = [replace(mark, s=behind)] if behind < section.length else []
+                lane.marks = [Mark(0.0, "solid"), *rest]
 
 
 def link_sections(before: SectionPlan, after: SectionPlan) -> None:

@@ -55,7 +55,9 @@ def _nodes(town: TownPlan) -> None:
     town.node("DW", -EDGE, STATION_Y, control="stop")
     town.node("BD", BRIDGE_X, STATION_Y, 1.5, control="all_stop")
     town.node("CW", -EDGE, GARDEN_Y, control="stop")
-    town.node("BC", BRIDGE_X, GARDEN_Y, 0.6, control="stop", minor=("Bridge St 2", "Bridge St 3"), corner_m=7.5)
+    town.node(
+        "BC", BRIDGE_X, GARDEN_Y, 0.6, control="stop", minor=("Bridge St 1", "Bridge St 2"), corner_m=7.5
+    )
     town.node("BS", BRIDGE_X, -EDGE, control="stop")
     town.node("EC", 130.0, GARDEN_Y, 1.4, control="yield", corner_m=7.5, minor=("Elm Close", "Elm Lane"))
     town.node("CE", EDGE, GARDEN_Y, control="stop")
