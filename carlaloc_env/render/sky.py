@@ -79,7 +79,7 @@ def exposure(horizontal_lx: float) -> float:
     """
     log_lx = math.log10(max(horizontal_lx, 0.1))
     ev100 = float(np.interp(log_lx, [0.7, 1.5, 3.0, 4.0, 4.9], [2.8, 4.0, 10.0, 12.9, 13.75]))
-    return 1.0 / (1.2 * 2.0**ev100)
+    return float(1.0 / (1.2 * 2.0**ev100))
 
 
 def hemisphere() -> tuple[Array, Array]:
@@ -102,7 +102,7 @@ def _sun_lx(weather: WeatherParameters) -> Array:
     colour = (1 - warm) * np.array([1.0, 0.97, 0.92]) + warm * np.array([1.0, 0.66, 0.34])
     colour /= np.sum(colour * _LUMA)
     lx = 127_500.0 * through * (1.0 - weather.overcast)
-    return colour * lx if lx > 300.0 else np.zeros(3)
+    return np.asarray(colour * (lx if lx > 300.0 else 0.0), dtype=np.float64)
 
 
 def _day_sky(weather: WeatherParameters, directions: Array) -> Array:
@@ -118,7 +118,8 @@ def _day_sky(weather: WeatherParameters, directions: Array) -> Array:
     cover = _clouds(weather.cloudiness / 100.0, directions)[..., None]
     tops = (0.75 * overcast + 0.10 * _sun_lx(weather) / math.pi) * (0.8 + 0.4 * cover)
     broken = clear * (1.0 - cover) + tops * cover
-    return broken * (1.0 - weather.overcast) + overcast * weather.overcast * (0.94 + 0.12 * cover)
+    hidden = overcast * weather.overcast * (0.94 + 0.12 * cover)
+    return np.asarray(broken * (1.0 - weather.overcast) + hidden, dtype=np.float64)
 
 
 def _night_sky(weather: WeatherParameters, directions: Array) -> Array:
@@ -127,7 +128,8 @@ def _night_sky(weather: WeatherParameters, directions: Array) -> Array:
     up = directions[..., 2:]
     cover = _clouds(weather.cloudiness / 100.0, directions)[..., None]
     warm = np.array([1.10, 1.0, 0.80])
-    return glow * (0.55 + 0.75 * np.exp(-up / 0.35)) * (0.85 + 0.3 * cover) * warm
+    level = glow * (0.55 + 0.75 * np.exp(-up / 0.35)) * (0.85 + 0.3 * cover)
+    return np.asarray(level * warm, dtype=np.float64)
 
 
 def _preetham(weather: WeatherParameters, directions: Array) -> Array:
@@ -149,7 +151,7 @@ def _preetham(weather: WeatherParameters, directions: Array) -> Array:
     luminance = np.minimum(luminance, 60e3)
     xyz = np.stack([luminance * x / y, luminance, luminance * (1.0 - x - y) / y], axis=-1)
     rgb = np.stack([np.sum(xyz * np.array(row), axis=-1) for row in _XYZ_TO_RGB], axis=-1)
-    return np.maximum(rgb, 0.0)
+    return np.asarray(np.maximum(rgb, 0.0), dtype=np.float64)
 
 
 _PEREZ = (

@@ -101,15 +101,12 @@ class CameraSensor(Camera):
         if "rgb" not in self.config.outputs:
             return [list(shared) for _ in weathers]
         renderer, seed = self._world.renderer(), self._world.seed
-        head = {
-            "sensor": self._stream("rgb"),
-            "frame_id": self.config.frame_id,
-            "stamp_ns": stamp_ns,
-        }
-        return [
-            [Image(**head, rgb=renderer.shade(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)), *shared]
-            for weather in weathers
-        ]
+        stream, frame_id = self._stream("rgb"), self.config.frame_id
+        conditions: list[list[Sample]] = []
+        for weather in weathers:
+            rgb = renderer.shade(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)
+            conditions.append([Image(sensor=stream, frame_id=frame_id, stamp_ns=stamp_ns, rgb=rgb), *shared])
+        return conditions
 
     def _draw(self, timeline: Timeline, stamp_ns: int) -> GBuffer:
         T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]

@@ -25,7 +25,7 @@ void main() {
     float footprint = max(length(dFdx(p)), length(dFdy(p)));
     float wear = (noise(p * 0.13) - 0.5) * band(footprint, 0.13)
         + 0.8 * (noise(p * 0.71 + 17.3) - 0.5) * band(footprint, 0.71);
-    albedo *= 1.0 + 0.42 * min(v_surface.y + 0.15, 1.0) * wear;
+    albedo *= 1.0 + 0.45 * v_surface.y * wear;
 #endif
     vec3 n = normalize(v_normal);
     n = gl_FrontFacing ? n : -n;
