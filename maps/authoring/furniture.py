@@ -43,7 +43,7 @@ def _rectangle(
     """Area across the road, `depth_m` deep, centred `back_m` before the end of the leg."""
     middle, half = 0.5 * (right_m[0] + right_m[1]), 0.5 * abs(right_m[1] - right_m[0])
     u = 0.5 * depth_m
-    outline = [(-u, -half), (u, -half), (u, half), (-u, half)]
+    outline = [(-u, -half), (u, -half), (u, half), (-u, half), (-u, -half)]
     hdg = 0.0 if leg.sign > 0 else math.pi
     number = numbers.next(OBJECT)
     return ObjectPart(number, kind, name, leg.s(back_m), -leg.sign * middle, hdg, depth_m, 2 * half, outline)

@@ -11,7 +11,7 @@ from .idents import JUNCTION, ROAD, Numbers
 from .junctions import connect
 from .parts import JunctionPart, Leg, Link, RoadPart, leg_of
 from .profiles import level
-from .sections import NONE, SIDEWALK_HEIGHT_M, LanePlan, Mark, SectionPlan, border_mark
+from .sections import NONE, SIDEWALK_HEIGHT_M, LanePlan, Mark, SectionPlan, border_mark, constant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +80,9 @@ def _ring_piece(
 ) -> RoadPart:
     k = 1 / shape.island_m
     path = Path(_on_ring(centre, shape.island_m, first), (Piece(sweep * shape.island_m, k, k),))
-    lanes = [LanePlan(f"R:{i}", "driving", (shape.lane_m, 0.0, 0.0, 0.0)) for i in range(shape.lanes)]
-    lanes.append(LanePlan("R:gutter", "shoulder", (shape.gutter_m, 0.0, 0.0, 0.0)))
-    walk = LanePlan("R:walk", "sidewalk", (shape.sidewalk_m, 0.0, 0.0, 0.0), height_m=SIDEWALK_HEIGHT_M)
+    lanes = [LanePlan(f"R:{i}", "driving", constant(shape.lane_m)) for i in range(shape.lanes)]
+    lanes.append(LanePlan("R:gutter", "shoulder", constant(shape.gutter_m)))
+    walk = LanePlan("R:walk", "sidewalk", constant(shape.sidewalk_m), height_m=SIDEWALK_HEIGHT_M)
     lanes.append(walk)
     for lane, beyond in zip(lanes, [*lanes[1:], None], strict=True):
         lane.marks = [border_mark(lane, beyond, True)]

@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 from .curves import PlanError
 
 Cubic = tuple[float, float, float, float]
-NONE: Cubic = (0.0, 0.0, 0.0, 0.0)
+Records = tuple[tuple[float, Cubic], ...]
+"""(ds, a b c d) of a quantity along a section; each holds up to the next."""
+NONE: Records = ((0.0, (0.0, 0.0, 0.0, 0.0)),)
 SIDEWALK_HEIGHT_M = 0.15
 SOLID_BEFORE_JUNCTION_M = 25.0
 
@@ -56,7 +58,7 @@ class LanePlan:
 
     key: str
     kind: str
-    width: Cubic
+    width: Records
     marks: list[Mark] = field(default_factory=list)
     height_m: float = 0.0
     predecessor: int | None = None
@@ -64,8 +66,7 @@ class LanePlan:
 
     def width_at(self, ds: float) -> float:
         """Width [m] at `ds` from the start of the section."""
-        a, b, c, d = self.width
-        return a + ds * (b + ds * (c + ds * d))
+        return value_at(self.width, ds)
 
 
 @dataclass(slots=True)
@@ -74,7 +75,7 @@ class SectionPlan:
 
     s: float
     length: float
-    offset: Cubic
+    offset: Records
     left: list[LanePlan]
     right: list[LanePlan]
     centre: Mark
@@ -86,19 +87,42 @@ class SectionPlan:
 
     def inner_border(self, lane_id: int, ds: float) -> float:
         """t of the border of a lane that faces lane 0 [m], at `ds` from the section's start."""
-        a, b, c, d = self.offset
         sign = 1.0 if lane_id > 0 else -1.0
         side = self.left if lane_id > 0 else self.right
         inner = sum(lane.width_at(ds) for lane in side[: abs(lane_id) - 1])
-        return a + ds * (b + ds * (c + ds * d)) + sign * inner
+        return value_at(self.offset, ds) + sign * inner
 
 
-def blend(first: float, last: float, length: float) -> Cubic:
-    """Cubic from `first` to `last` with level ends."""
+def value_at(records: Records, ds: float) -> float:
+    """Value of a quantity at `ds`."""
+    start, (a, b, c, d) = next(r for r in reversed(records) if r[0] <= ds or r is records[0])
+    u = ds - start
+    return a + u * (b + u * (c + u * d))
+
+
+def blend(first: float, last: float, length: float) -> Records:
+    """From `first` to `last` with level ends, whose second derivative starts and ends at zero.
+
+    One cubic would begin with a jump of the lane's curvature; three, the second derivative of which runs
+    0, +p, −p, 0 in straight lines, do not.
+    """
     rise = last - first
     if abs(rise) < 1e-12:
-        return (first, 0.0, 0.0, 0.0)
-    return (first, 0.0, 3 * rise / length**2, -2 * rise / length**3)
+        return constant(first)
+    quarter = 0.25 * length
+    jerk = 0.5 * rise / quarter**3
+    peak = jerk * quarter
+    slope = 0.5 * peak * quarter
+    return (
+        (0.0, (first, 0.0, 0.0, jerk / 6)),
+        (quarter, (first + jerk * quarter**3 / 6, slope, peak / 2, -jerk / 6)),
+        (3 * quarter, (last - jerk * quarter**3 / 6, slope, -peak / 2, jerk / 6)),
+    )
+
+
+def constant(value: float) -> Records:
+    """The same value all along."""
+    return ((0.0, (value, 0.0, 0.0, 0.0)),)
 
 
 def road_sections(
@@ -140,7 +164,7 @@ def _section(
     """One section in which the layout grows from `share[0]` to `share[1]` (0 plain, 1 whole)."""
     half, pocket = 0.5 * cross.median_m, cross.pocket_m
 
-    def grow(plain: float, whole: float) -> Cubic:
+    def grow(plain: float, whole: float) -> Records:
         values = [plain + (whole - plain) * f for f in share]
         return blend(values[0], values[1], length)
 
@@ -148,7 +172,7 @@ def _section(
     sides: dict[str, list[LanePlan]] = {}
     for side in ("L", "R"):
         lanes: list[LanePlan] = []
-        if any(abs(v) > 1e-9 for v in median):
+        if any(abs(v) > 1e-9 for _, record in median for v in record):
             lanes.append(LanePlan(f"{side}:median", "median", median, height_m=SIDEWALK_HEIGHT_M))
             if cross.median_m == 0.0:
                 lanes[-1].height_m = 0.0
@@ -163,11 +187,11 @@ def _section(
 
 
 def _side_lanes(cross: CrossSection, side: str) -> list[LanePlan]:
-    lanes = [LanePlan(f"{side}:{i}", "driving", (cross.lane_m, 0.0, 0.0, 0.0)) for i in range(cross.lanes)]
+    lanes = [LanePlan(f"{side}:{i}", "driving", constant(cross.lane_m)) for i in range(cross.lanes)]
     if cross.gutter_m > 0:
-        lanes.append(LanePlan(f"{side}:gutter", "shoulder", (cross.gutter_m, 0.0, 0.0, 0.0)))
+        lanes.append(LanePlan(f"{side}:gutter", "shoulder", constant(cross.gutter_m)))
     if cross.sidewalk_m > 0:
-        width = (cross.sidewalk_m, 0.0, 0.0, 0.0)
+        width = constant(cross.sidewalk_m)
         lanes.append(LanePlan(f"{side}:walk", "sidewalk", width, height_m=SIDEWALK_HEIGHT_M))
     return lanes
 

@@ -59,7 +59,7 @@ def _nodes(town: TownPlan) -> None:
         "BC", BRIDGE_X, GARDEN_Y, 0.6, control="stop", minor=("Bridge St 1", "Bridge St 2"), corner_m=7.5
     )
     town.node("BS", BRIDGE_X, -EDGE, control="stop")
-    town.node("EC", 130.0, GARDEN_Y, 1.4, control="yield", corner_m=7.5, minor=("Elm Close", "Elm Lane"))
+    town.node("EC", 130.0, GARDEN_Y, 1.2, control="yield", corner_m=7.5, minor=("Elm Close", "Elm Lane"))
     town.node("CE", EDGE, GARDEN_Y, control="stop")
     town.node("GB", BRIDGE_X, LOW_Y, 0.0, control="stop", corner_m=7.5, minor=("Elm Lane", "Park Lane"))
     town.node("PG", PARK_X, GARDEN_Y, 0.5, control="stop", corner_m=7.5, minor=("Ash Close", "Park Lane"))

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from .curves import Piece, Pose
 from .parts import ControllerPart, JunctionPart, Link, ObjectPart, RoadPart, SignalPart
-from .sections import Cubic, LanePlan, Mark, SectionPlan
+from .sections import LanePlan, Mark, SectionPlan
 
 DATE = "2025-01-01T00:00:00"
 _DIGITS = {"length": 10, "curvature": 14, "angle": 12}
@@ -167,9 +167,10 @@ def _lanes(xml: XmlText, sections: list[SectionPlan]) -> None:
     xml.open("lanes")
     before = None
     for section in sections:
-        if section.offset != before or any(section.offset[1:]):
-            xml.leaf("laneOffset", s=section.s, **_cubic(section.offset))
-        before = section.offset
+        for ds, record in section.offset:
+            if record != before:
+                xml.leaf("laneOffset", s=section.s + ds, **_cubic(record))
+            before = record if not any(record[1:]) else None
     for section in sections:
         xml.open("laneSection", s=section.s)
         if section.left:
@@ -199,16 +200,13 @@ def _lane(xml: XmlText, lane_id: int, lane: LanePlan) -> None:
             if value is not None:
                 xml.leaf(tag, id=value)
         xml.close("link")
-    xml.leaf("width", sOffset=0.0, **_width(lane.width))
+    for ds, record in lane.width:
+        xml.leaf("width", sOffset=ds, **_cubic(record))
     for mark in lane.marks:
         _mark(xml, mark)
     if lane.height_m:
         xml.leaf("height", sOffset=0.0, inner=lane.height_m, outer=lane.height_m)
     xml.close("lane")
-
-
-def _width(width: Cubic) -> dict[str, str]:
-    return _cubic(width)
 
 
 def _mark(xml: XmlText, mark: Mark) -> None:
