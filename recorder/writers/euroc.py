@@ -16,6 +16,8 @@ from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuC
 from recorder.writers.states import STATE_HEADER, state_line
 from recorder.writers.yaml_text import real, rows
 
+TIMES_FILE = "times.txt"
+"""Times of the pictures [ns], one per line: ORB-SLAM3's EuRoC programs take this file beside the folder."""
 _IMU_HEADER = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
     "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
@@ -64,6 +66,7 @@ class EurocWriter(Writer):
         for k, camera in enumerate(self._calibration.cameras):
             (part / f"cam{k}" / "data").mkdir(parents=True)
             self._table(part, f"cam{k}", "#timestamp [ns],filename", _camera_yaml(camera, self._calibration))
+        self._tables[TIMES_FILE] = (part / TIMES_FILE).open("x", encoding="utf-8")
         self._table(part, "imu0", _IMU_HEADER, _imu_yaml(self._imu))
         self._table(part, "state_groundtruth_estimate0", STATE_HEADER, _state_yaml())
 
@@ -91,6 +94,8 @@ class EurocWriter(Writer):
             raise WriterError(f"OpenCV cannot write {name} as PNG; install opencv-python-headless again")
         (self._part / camera / "data" / name).write_bytes(png.tobytes())
         self._tables[camera].write(f"{unix_ns},{name}\n")
+        if camera == "cam0":
+            self._tables[TIMES_FILE].write(f"{unix_ns}\n")
 
     def _state(self, unix_ns: int, sample: Odometry) -> str:
         """State of the IMU frame; truth of `base_link` is moved there, lever arm included."""

@@ -116,6 +116,8 @@ def test_imu_table_is_gyroscope_then_accelerometer(tmp_path: Path) -> None:
 @pytest.mark.parametrize("colour", [False, True])
 def test_pictures_and_their_tables(tmp_path: Path, colour: bool) -> None:
     _, images, _ = write(tmp_path / "mav0", "imu", colour=colour)
+    times = (tmp_path / "mav0/times.txt").read_text().split()
+    assert times == [str(DEFAULT_EPOCH_NS + image.stamp_ns) for image in images[::2]]
     for camera, side in (("cam0", "left"), ("cam1", "right")):
         lines = (tmp_path / "mav0" / camera / "data.csv").read_text().splitlines()[1:]
         expected = [image for image in images if image.sensor == f"rgb_{side}"]
