@@ -10,8 +10,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.rig import SensorRig
-from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
@@ -21,7 +23,7 @@ IMU_X_M = 1.5
 """The IMU, the paper's origin, ahead of the rear axle [m]."""
 IMU_Z_M = 1.2
 """Height of the IMU above the ground [m]."""
-CAMERA_Z_M = 1.65
+CAMERA_Z_M = 1.60
 """Height of the cameras above the ground [m]."""
 LIDAR_Z_M = 1.85
 """Height of LiDAR and radars above the ground [m]."""
@@ -49,8 +51,14 @@ def flu_rig() -> SensorRig:
 
 
 def minimal_rig() -> SensorRig:
-    """One small camera, IMU and speed: for a first look."""
-    return SensorRig(name="minimal", sensors=(_imu("flu"), SpeedConfig()))
+    """One small colour camera, IMU and speed: for a first look."""
+    camera = CameraConfig(
+        name="front",
+        mount=_mount(0.3, CAMERA_Z_M, "optical"),
+        pinhole=Pinhole.from_fov(320, 180, 90.0),
+        outputs=("rgb",),
+    )
+    return SensorRig(name="minimal", sensors=(_imu("flu"), camera, SpeedConfig()))
 
 
 def lidar_rig() -> SensorRig:
@@ -109,5 +117,9 @@ def _hdl32e() -> LidarConfig:
     )
 
 
-def _cameras() -> tuple[SensorConfig, ...]:
-    return ()
+def _cameras() -> tuple[CameraConfig, CameraConfig]:
+    left, right = (
+        CameraConfig(name=name, mount=_mount(0.3, CAMERA_Z_M, "optical", left_m=y))
+        for name, y in (("left", 0.2), ("right", -0.2))
+    )
+    return left, right

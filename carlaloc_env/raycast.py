@@ -120,18 +120,17 @@ class RayScene:
         hits = self._static.cast(origins_m - self._middle, directions, range_max_m)
         if len(timeline.catalog):
             self._cast_actors(hits, origins_m, directions, stamps_ns, timeline, range_max_m)
-        if ego and "ego" in self._library.names:
+        if ego:
             self._cast_ego(hits, origins_m, directions, stamps_ns, timeline, range_max_m)
         return hits
 
-    def cast_model(self, name: str, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
-        """First hits of N rays given in a model's own frame on that model alone.
-
-        A model that the library lacks is never hit.
-        """
-        if name not in self._library.names:
+    def cast_ego(self, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
+        """First hits on the ego's own body alone, of N rays given in `base_link`."""
+        if "ego" not in self._library.names:
             return Hits.none(len(origins_m))
-        return self._model(self._library.index(name)).cast(origins_m, directions, range_max_m)
+        hits = self._model(self._library.index("ego")).cast(origins_m, directions, range_max_m)
+        hits.instance[np.isfinite(hits.range_m)] = EGO_INSTANCE
+        return hits
 
     def _model(self, index: int) -> _Surface:
         if index not in self._models:
@@ -155,12 +154,11 @@ class RayScene:
         times, back = np.unique(stamps_ns, return_inverse=True)
         motion = timeline.ego_motion(times)
         turn = geometry.quat_conjugate(motion.quat_xyzw)[back]
-        found = self._model(self._library.index("ego")).cast(
+        found = self.cast_ego(
             geometry.quat_rotate(turn, origins_m - motion.position_m[back]),
             geometry.quat_rotate(turn, directions),
             range_max_m,
         )
-        found.instance[:] = EGO_INSTANCE
         rows = np.flatnonzero(found.range_m < hits.range_m)
         hits.put(rows, found.take(rows))
 

@@ -97,6 +97,12 @@ def _scalar(hint: Any, value: Any, where: str) -> Any:
         return value
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
+    if hint is float and isinstance(value, str):
+        # YAML 1.1 takes 2e-5, without a point, for text.
+        try:
+            return float(value)
+        except ValueError:
+            pass
     if not isinstance(hint, type) or (
         isinstance(value, hint) and not (hint in (int, float) and isinstance(value, bool))
     ):

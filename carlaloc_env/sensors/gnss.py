@@ -51,7 +51,7 @@ class GnssSensor(Sensor):
         super().__init__(config)
         self._seed, self._geo = seed, geo
         self._T_base_antenna = config.mount.T_base_sensor
-        self._sigma_m = np.array(config.noise_enu_m)
+        self._sigma_m = np.array(config.noise_enu_m, dtype=np.float64)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Latitude [deg], longitude [deg], altitude [m], 1 where there is a fix."""

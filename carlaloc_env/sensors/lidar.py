@@ -238,9 +238,7 @@ class LidarSensor(Sensor):
             T = self._T_base_lidar
             directions = geometry.apply(geometry.from_rotation(T[:3, :3]), self._directions.reshape(-1, 3))
             origins = np.broadcast_to(T[:3, 3], directions.shape)
-            self._own_body = self._world.rays().cast_model(
-                "ego", origins, directions, self.config.range_max_m
-            )
+            self._own_body = self._world.rays().cast_ego(origins, directions, self.config.range_max_m)
         return self._own_body
 
     def _world_rays(self, timeline: Timeline, stamp_ns: int) -> tuple[Array, Array]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from carlaloc_env.sensors.base import SensorConfig
+from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
 
 SENSOR_KINDS: dict[str, type[SensorConfig]] = {
+    "camera": CameraConfig,
     "lidar": LidarConfig,
     "imu": ImuConfig,
     "gnss": GnssConfig,

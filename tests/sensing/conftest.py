@@ -75,7 +75,9 @@ class Scenery:
         return make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD)
 
     @staticmethod
-    def world(static: Sequence[Mesh] = (), models: Mapping[str, Mesh] | None = None, seed: int = 1) -> BoxWorld:
+    def world(
+        static: Sequence[Mesh] = (), models: Mapping[str, Mesh] | None = None, seed: int = 1
+    ) -> BoxWorld:
         """World of meshes."""
         return BoxWorld(static, models or {}, seed)
 

@@ -1,0 +1,188 @@
+"""The IMU: gravity's sign, lever arm, re-integration, and noise of the promised densities."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from carlaloc_env import geometry
+from carlaloc_env.clock import TICK_NS
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.samples import Imu, Sample
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.noise import RandomWalk, WhiteSequence
+from carlaloc_env.sensors.speed import SpeedConfig
+
+Array = NDArray[np.float64]
+QUIET = {
+    "accel_noise_density": 0.0,
+    "gyro_noise_density": 0.0,
+    "accel_random_walk": 0.0,
+    "gyro_random_walk": 0.0,
+}
+
+
+def rows(samples: list[Sample]) -> Array:
+    """Specific force and body rate, one row per sample."""
+    assert all(isinstance(sample, Imu) for sample in samples)
+    return np.array([[*s.specific_force_mps2, *s.angular_rate_radps] for s in samples])  # type: ignore[attr-defined]
+
+
+def read(scenery: Any, path: Any, seconds: float, **config: Any) -> Array:
+    """All readings of a drive."""
+    drive = scenery.drive(path, seconds)
+    imu = ImuConfig(**config).build(scenery.world())
+    stamps = [k * TICK_NS for k in range(round(seconds * 200))]
+    return rows(imu.measure(drive, stamps))
+
+
+def test_gravity_reads_upwards_at_rest(scenery: Any) -> None:
+    """(0, 0, +9.81) in FLU; along +x in the paper's axes (up, right, forward); a sign slip reads −9.81."""
+    rest = read(scenery, scenery.straight(0.0), 0.5, **QUIET)
+    assert np.allclose(rest, [0, 0, 9.81, 0, 0, 0], atol=1e-12)
+    paper = read(scenery, scenery.straight(0.0), 0.5, mount=Mount(axes="paper_imu"), **QUIET)
+    assert np.allclose(paper, [9.81, 0, 0, 0, 0, 0], atol=1e-12)
+
+
+def test_slope_at_rest(scenery: Any) -> None:
+    """Parked nose up by 5°: the forward axis feels +g·sin 5°."""
+
+    def slope(t: Array) -> tuple[Array, Array]:
+        return np.zeros((len(t), 3)), np.stack([0 * t, np.full(len(t), -np.radians(5)), 0 * t], axis=-1)
+
+    rest = read(scenery, slope, 0.2, **QUIET)
+    assert np.allclose(
+        rest[:, :3], [9.81 * np.sin(np.radians(5)), 0, 9.81 * np.cos(np.radians(5))], atol=1e-9
+    )
+
+
+def turn(t: Array) -> tuple[Array, Array]:
+    """Circle of 25 m to the left at 10 m/s."""
+    a = 0.4 * t
+    return np.stack([25 * np.sin(a), 25 * (1 - np.cos(a)), 0 * a], axis=-1), np.stack(
+        [0 * a, 0 * a, a], axis=-1
+    )
+
+
+def test_constant_turn(scenery: Any) -> None:
+    """A left turn reads +v·ω to the left and +ω about up, in both conventions of axes."""
+    flu = read(scenery, turn, 3.0, **QUIET)[10:]
+    assert np.allclose(flu, [0, 10 * 0.4, 9.81, 0, 0, 0.4], atol=1e-4)
+    paper = read(scenery, turn, 3.0, mount=Mount(axes="paper_imu"), **QUIET)[10:]
+    assert np.allclose(paper, [9.81, -10 * 0.4, 0, 0.4, 0, 0], atol=1e-4)
+
+
+def test_lever_arm(scenery: Any) -> None:
+    """1.5 m ahead and 0.4 m left of the axle, the turn adds ω²·l towards the axle."""
+    mount = Mount(position_m=(1.5, 0.4, 1.2))
+    arm = read(scenery, turn, 3.0, mount=mount, **QUIET)[10:]
+    assert np.allclose(arm[:, :3], [-1.5 * 0.16, 4.0 - 0.4 * 0.16, 9.81], atol=2e-4)
+
+
+def test_free_fall_reads_nothing(scenery: Any) -> None:
+    def fall(t: Array) -> tuple[Array, Array]:
+        return np.stack([0 * t, 0 * t, -0.5 * 9.81 * t**2], axis=-1), np.zeros((len(t), 3))
+
+    assert np.allclose(read(scenery, fall, 1.0, **QUIET)[5:], 0, atol=1e-8)
+
+
+def test_reintegration_returns_the_drive(scenery: Any) -> None:
+    """Mid-point integration of 60 s of noise-free readings: 0.05 m and 0.01° from the truth."""
+
+    def lively(t: Array) -> tuple[Array, Array]:
+        position = np.stack([60 * np.sin(0.2 * t), 40 * np.sin(0.4 * t), 0.03 * np.sin(6 * t)], axis=-1)
+        yaw = np.unwrap(np.arctan2(16 * np.cos(0.4 * t), 12 * np.cos(0.2 * t)))
+        return position, np.stack([0.03 * np.sin(2 * t), 0.02 * np.cos(3 * t), yaw], axis=-1)
+
+    mount = Mount(position_m=(1.5, 0.0, 1.2), axes="paper_imu")
+    drive = scenery.drive(lively, 61.0)
+    stamps = [k * TICK_NS for k in range(2, 2 + 60 * 200)]
+    r = rows(ImuConfig(mount=mount, **QUIET).build(scenery.world()).measure(drive, stamps))
+    truth = drive.ego_motion(stamps).at_mount(mount.T_base_sensor)
+    q, v, p = truth.quat_xyzw[0], truth.velocity_world_mps[0].copy(), truth.position_m[0].copy()
+    g, dt = np.array([0, 0, -9.81]), 0.005
+    for a, b in zip(r[:-1], r[1:], strict=True):
+        following = geometry.quat_multiply(q, geometry.rotvec_to_quat(0.5 * (a[3:] + b[3:]) * dt))
+        force = 0.5 * (geometry.quat_rotate(q, a[:3]) + geometry.quat_rotate(following, b[:3])) + g
+        p += v * dt + 0.5 * force * dt**2
+        v += force * dt
+        q = following
+    error = geometry.quat_to_rotvec(geometry.quat_multiply(geometry.quat_conjugate(q), truth.quat_xyzw[-1]))
+    assert np.linalg.norm(p - truth.position_m[-1]) < 0.05
+    assert np.degrees(np.linalg.norm(error)) < 0.01
+
+
+def allan_variance(x: Array, strides: list[int]) -> Array:
+    """Overlapping Allan variance of readings at 200 Hz."""
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    means = [(total[m:] - total[:-m]) / m for m in strides]
+    return np.array([0.5 * np.mean((a[m:] - a[:-m]) ** 2) for a, m in zip(means, strides, strict=True)])
+
+
+def test_noise_densities_by_allan_variance(scenery: Any) -> None:
+    """A joint fit σ²(τ) = N²/τ + K²·τ/3 returns the configured densities, not per-sample numbers."""
+    count = 200 * 900
+    numbers = np.arange(count, dtype=np.int64)
+    strides = [2, 5, 10, 30, 100, 300, 1000, 3000, 10000]
+    tau = np.array(strides) / 200
+    imu = ImuConfig().build(scenery.world())
+    noise = imu._white_scale * imu._white.rows(numbers) + imu._walk_scale * imu._walk.rows(numbers)
+    found = []
+    for axis in range(6):
+        variance = allan_variance(noise[:, axis], strides)
+        A = np.stack([1 / tau, tau / 3], axis=-1) / variance[:, None]
+        squares, _ = nnls(A / np.sqrt(tau)[:, None], 1 / np.sqrt(tau))
+        found.append(np.sqrt(squares))
+    n, k = np.array(found).T
+    assert n[:3] == pytest.approx(2e-3, rel=0.05)
+    assert n[3:] == pytest.approx(2e-4, rel=0.05)
+    assert np.sqrt(np.mean(k[:3] ** 2)) == pytest.approx(3e-3, rel=0.25)
+    assert np.sqrt(np.mean(k[3:] ** 2)) == pytest.approx(2e-5, rel=0.4)
+
+
+def test_white_noise_per_sample(scenery: Any) -> None:
+    """At 200 Hz the paper's density 2e-3 means 0.0283 m/s² per sample."""
+    config = {**QUIET, "accel_noise_density": 2e-3}
+    x = read(scenery, scenery.straight(0.0), 30.0, **config)[:, :3] - [0, 0, 9.81]
+    assert x.std() == pytest.approx(2e-3 * np.sqrt(200), rel=0.03)
+    assert np.abs(np.corrcoef(x.T) - np.eye(3)).max() < 0.06
+
+
+def test_bias_walks_with_the_square_root_of_time() -> None:
+    """Steps of the walk are standard normal; the spread over seeds grows as √n."""
+    ends = np.concatenate(
+        [RandomWalk(seed, "imu/bias", 6).rows(np.array([400, 1600])) for seed in range(60)], axis=0
+    )
+    assert ends[0::2].std() == pytest.approx(20, rel=0.12)
+    assert ends[1::2].std() == pytest.approx(40, rel=0.12)
+    steps = np.diff(RandomWalk(1, "imu/bias", 2).rows(np.arange(5000)), axis=0)
+    assert steps.std() == pytest.approx(1.0, rel=0.03)
+
+
+def test_random_access_to_noise_gives_the_same_bytes() -> None:
+    """Jumping, going backwards or walking there: the bias of a tick is the same number."""
+    walk = RandomWalk(3, "imu/bias", 6).rows(np.arange(2000))
+    white = WhiteSequence(3, "imu/white", 6).rows(np.arange(2000))
+    order = np.random.default_rng(0).permutation(2000)
+    jump, jump_white = RandomWalk(3, "imu/bias", 6), WhiteSequence(3, "imu/white", 6)
+    for n in order[:300]:
+        assert jump.rows(np.array([n]))[0].tobytes() == walk[n].tobytes()
+        assert jump_white.rows(np.array([n]))[0].tobytes() == white[n].tobytes()
+
+
+def test_speed_is_forward_speed(scenery: Any) -> None:
+    """Positive ahead, negative backwards, blind to sideways motion."""
+    for speed in (12.0, -3.0):
+        drive = scenery.drive(scenery.straight(speed), 0.5)
+        sample = SpeedConfig().build(scenery.world()).measure(drive, [200_000_000])[0]
+        assert sample.speed_mps == pytest.approx(speed, abs=1e-9)  # type: ignore[attr-defined]
+
+
+def test_wrong_noise_figures_are_refused() -> None:
+    with pytest.raises(ConfigError, match="≥ 0"):
+        ImuConfig(accel_noise_density=-1.0)
+    with pytest.raises(ConfigError, match="≥ 0"):
+        ImuConfig(gyro_random_walk=float("nan"))
