@@ -1,0 +1,80 @@
+"""A picture of trajectories: seen from above, and their errors over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env.errors import EvaluationError, MissingDependencyError
+from recorder.evaluation.evaluate import EvaluationResult
+from recorder.evaluation.metrics import Metric
+
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's colours, which colour-blind people can tell apart."""
+
+
+def plot_trajectories(results: Sequence[EvaluationResult], path: str | Path, *, title: str = "") -> Path:
+    """Draw estimates over their truth from above, and the position error over time, as a PNG.
+
+    Args:
+        results: Results of one drive, each with the position error (`Metric.APE_TRANSLATION`).
+        path: New picture; an older one is replaced.
+        title: Line above the picture.
+
+    Raises:
+        EvaluationError: there is nothing to draw, or the picture cannot be written.
+        MissingDependencyError: matplotlib is not installed.
+    """
+    if not results or any(Metric.APE_TRANSLATION not in result.values for result in results):
+        raise EvaluationError("no position errors to draw; evaluate with Metric.APE_TRANSLATION")
+    figure, above, over_time = _figure()
+    longest = max(results, key=lambda result: result.matched).truth
+    start_ns = min(int(result.truth.stamp_ns[0]) for result in results)
+    above.plot(longest.position_m[:, 0], longest.position_m[:, 1], color="black", lw=2.5, label="truth")
+    above.plot(*longest.position_m[0, :2], "o", color="black", ms=7)
+    for k, result in enumerate(results):
+        colour = _COLOURS[k % len(_COLOURS)]
+        statistics = result.statistics[Metric.APE_TRANSLATION]
+        xy = result.estimate.position_m
+        label = f"{result.estimate.name}: RMSE {statistics.rmse:.3f} m, {result.coverage:.0%} of poses"
+        above.plot(xy[:, 0], xy[:, 1], color=colour, lw=1.3, label=label)
+        seconds = (result.truth.stamp_ns - start_ns) * 1e-9
+        over_time.plot(seconds, result.values[Metric.APE_TRANSLATION], color=colour, lw=1.2)
+    fits = ", ".join(dict.fromkeys(result.alignment.value for result in results))
+    above.set(xlabel="east [m]", ylabel="north [m]", title=title or "Trajectories")
+    above.set_aspect("equal", adjustable="datalim")
+    above.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False, fontsize=9)
+    over_time.set(
+        xlabel="time [s]", ylabel="|p_est − p_truth| [m]", title=f"Position error after alignment: {fits}"
+    )
+    over_time.set_ylim(bottom=0)
+    for axes in (above, over_time):
+        axes.grid(alpha=0.3)
+    return _save(figure, Path(path))
+
+
+def _figure() -> tuple[Any, Any, Any]:
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingDependencyError(
+            'plots need matplotlib; install it with: pip install "carlaloc-env[report]"'
+        ) from error
+    # Without pyplot, which keeps figures in a global list and may look for a display.
+    figure = Figure(figsize=(13.0, 6.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    above, over_time = figure.subplots(1, 2)
+    return figure, above, over_time
+
+
+def _save(figure: Any, path: Path) -> Path:
+    part = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(part, format="png", dpi=110)
+        part.replace(path)
+    except OSError as error:
+        raise EvaluationError(f"cannot write {path}: {error.strerror}") from error
+    return path
