@@ -154,7 +154,7 @@ class Scenery:
 
 
 def slab(origins: Array, directions: Array, low: ArrayLike, high: ArrayLike) -> Array:
-    """Distance (N,) at which rays enter a box (or leave it, from inside), inf where they miss: closed form."""
+    """Distance (N,) at which rays enter a box (from inside: leave it), inf where they miss."""
     with np.errstate(divide="ignore", invalid="ignore"):
         a = (np.asarray(low) - origins) / directions
         b = (np.asarray(high) - origins) / directions

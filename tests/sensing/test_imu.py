@@ -1,5 +1,6 @@
 """The IMU: gravity's sign, lever arm, re-integration, and noise of the promised densities."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,7 @@ def test_reintegration_returns_the_drive(scenery: Any) -> None:
     truth = drive.ego_motion(stamps).at_mount(mount.T_base_sensor)
     q, v, p = truth.quat_xyzw[0], truth.velocity_world_mps[0].copy(), truth.position_m[0].copy()
     g, dt = np.array([0, 0, -9.81]), 0.005
-    for a, b in zip(r[:-1], r[1:], strict=True):
+    for a, b in itertools.pairwise(r):
         following = geometry.quat_multiply(q, geometry.rotvec_to_quat(0.5 * (a[3:] + b[3:]) * dt))
         force = 0.5 * (geometry.quat_rotate(q, a[:3]) + geometry.quat_rotate(following, b[:3])) + g
         p += v * dt + 0.5 * force * dt**2

@@ -169,7 +169,7 @@ def test_far_corner_of_a_town_is_as_exact_as_its_middle(scenery: Any) -> None:
     drive = scenery.drive(scenery.straight(), 0.1)
     shift = np.array([1024.0, -960.0, 32.0])
     near = scenery.world([scenery.box([15, -30, -5], [16, 30, 30])])
-    far = scenery.world([scenery.box(shift + [15, -30, -5], shift + [16, 30, 30])])
+    far = scenery.world([scenery.box(shift + np.array([15, -30, -5]), shift + np.array([16, 30, 30]))])
     a = near.rays().cast(origins, d, stamps, drive, 100.0).range_m
     b = far.rays().cast(origins + shift, d, stamps, drive, 100.0).range_m
     both = np.isfinite(a) & np.isfinite(b)
@@ -204,5 +204,5 @@ def test_nothing_to_hit_and_no_rays(scenery: Any) -> None:
 
 def test_missing_open3d_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(RaycastError, match="libgomp1 libusb-1.0-0"):
+    with pytest.raises(RaycastError, match=r"libgomp1 libusb-1\.0-0"):
         raycast.RayScene([], ModelLibrary({}))

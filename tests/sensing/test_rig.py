@@ -1,0 +1,154 @@
+"""Rigs: YAML there and back, errors that name the next step, spans that lose no sample."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.presets import RIGS, rig_by_name
+from carlaloc_env.rig import SensorRig
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.gnss import GnssConfig
+from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.sensors.speed import SpeedConfig
+
+
+@pytest.mark.parametrize("name", sorted(RIGS))
+def test_yaml_round_trip(name: str, tmp_path: Path) -> None:
+    """A preset written to a file and read again is equal in every value."""
+    rig = rig_by_name(name)
+    path = tmp_path / "my_rig.yaml"
+    path.write_text(rig.to_yaml(), encoding="utf-8")
+    assert rig_by_name(path) == rig
+    assert rig_by_name(str(path)) == rig
+
+
+def test_every_kind_is_in_the_table_under_its_own_name() -> None:
+    assert all(config.kind == kind for kind, config in SENSOR_KINDS.items())
+    assert {"camera", "lidar", "imu", "gnss", "speed"} <= set(SENSOR_KINDS)
+
+
+def test_keys_left_out_keep_their_defaults() -> None:
+    text = "sensors:\n- {kind: imu, accel_noise_density: 2e-4}\n- kind: lidar\n  columns: 1085\n"
+    assert SensorRig.from_yaml(text).sensors == (
+        ImuConfig(accel_noise_density=2e-4),
+        LidarConfig(columns=1085),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sensors: [{kind: imu, acel_noise_density: 1.0}]", "did you mean 'accel_noise_density'"),
+        ("sensors: [{kind: lidr}]", "did you mean 'lidar'"),
+        ("sensor: []", "did you mean 'sensors'"),
+        ("sensors: [{name: imu}]", "'kind' is missing"),
+        ("sensors: [{kind: gnss, mount: {position: [0, 0, 0]}}]", "did you mean 'position_m'"),
+        ("sensors: [{kind: gnss, mount: {position_m: [0, 0]}}]", "expected 3 values, found 2"),
+        ("sensors: [{kind: gnss, mount: {axes: frd}}]", "mount axes 'frd'"),
+        ("sensors: [{kind: imu, rate_hz: fast}]", "expected float, found 'fast'"),
+        ("sensors: [{kind: imu, rate_hz: 60}]", "does not divide"),
+        ("sensors: [{kind: lidar, columns: 10.5}]", "expected int"),
+        ("sensors: [{kind: lidar, drop_weak: 1}]", "expected bool"),
+        ("sensors: [{kind: imu}, {kind: imu}]", "two imu sensors named 'imu'"),
+        ("sensors: 3", "must be a list"),
+        ("- 1", "expected the keys"),
+        ("sensors: [", "not valid YAML"),
+    ],
+)
+def test_mistakes_in_a_file_are_named_in_one_line(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=r"my\.yaml|rig 'rig'") as caught:
+        SensorRig.from_yaml(text, where="my.yaml")
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_rig_names_the_nearest() -> None:
+    with pytest.raises(ConfigError, match="did you mean 'paper'"):
+        rig_by_name("papr")
+    with pytest.raises(ConfigError, match="cannot read"):
+        rig_by_name("missing.yaml")
+
+
+def test_paper_layout() -> None:
+    """Places of the paper's figure about its IMU: cameras ±0.2 m and 0.3 m ahead, LiDAR and GNSS behind."""
+    frames = rig_by_name("paper").frames
+    to_imu = np.linalg.inv(frames["imu"])
+
+    def about_imu(frame: str) -> np.ndarray:
+        return (frames["imu"][:3, :3] @ (to_imu @ frames[frame])[:3, 3]).round(9)
+
+    assert about_imu("camera_left")[:2].tolist() == [0.3, 0.2]
+    assert about_imu("camera_right")[:2].tolist() == [0.3, -0.2]
+    assert about_imu("lidar")[:2].tolist() == [-0.3, 0.0]
+    assert about_imu("gnss")[:2].tolist() == [-0.8, 0.0]
+    assert frames["imu"][:3, 0].tolist() == [0, 0, 1], "x of the paper's IMU looks up"
+    lidar = rig_by_name("paper").of_kind("lidar")[0]
+    assert isinstance(lidar, LidarConfig)
+    assert lidar.rays * lidar.rate_hz == pytest.approx(1.33e6, rel=1e-3)
+
+
+def test_bonnet_is_visible_and_roof_shadows() -> None:
+    """The ego's nose projects into the lowest tenth of the picture, its roof does not."""
+    from carlaloc_env.assets.library import build_library
+
+    library = build_library()
+    body = library.meshes[library.index("ego")]
+    camera = rig_by_name("paper").of_kind("camera")[0]
+    T = np.linalg.inv(camera.mount.T_base_sensor)
+    points = body.vertices_m.astype(float) @ T[:3, :3].T + T[:3, 3]
+    v = camera.pinhole.project(points)[:, 1]  # type: ignore[attr-defined]
+    assert 0.85 * 720 < np.nanmin(v) < 0.97 * 720
+    lidar = rig_by_name("paper").of_kind("lidar")[0].mount.position_m
+    assert 0.3 < lidar[2] - body.bounds_m[1, 2] < 0.5
+
+
+def small_rig() -> SensorRig:
+    return SensorRig(
+        sensors=(
+            ImuConfig(),
+            LidarConfig(columns=20, elevations_deg=(-10.0, 0.0), mount=Mount(position_m=(0, 0, 2))),
+            GnssConfig(),
+            SpeedConfig(),
+        )
+    )
+
+
+def test_spans_give_every_sample_once_and_late_ones_late(scenery: Any) -> None:
+    """Steps of 50 ms add up to the whole; a sweep comes out when it is complete; order is by stamp."""
+    pytest.importorskip("open3d", reason="open3d is not installed")
+    drive = scenery.drive(scenery.weaving, 1.0)
+    rig = small_rig().build(scenery.world([scenery.ground()]))
+    whole = rig.measure(drive, -1, 1_000_000_000)
+    steps = [rig.measure(drive, -1, 0)]
+    steps += [rig.measure(drive, k * 50_000_000, (k + 1) * 50_000_000) for k in range(20)]
+    key = {(s.sensor, s.stamp_ns) for s in whole}
+    assert len(key) == len(whole) == sum(map(len, steps))
+    assert {(s.sensor, s.stamp_ns) for part in steps for s in part} == key
+    counts = {name: sum(s.sensor == name for s in whole) for name in rig.streams}
+    assert counts == {"imu": 201, "lidar": 20, "lidar_semantic": 20, "gnss": 6, "speed": 21}
+    assert [s.sensor for s in steps[1] if s.sensor.startswith("lidar")] == ["lidar", "lidar_semantic"]
+    assert next(s for s in steps[1] if s.sensor == "lidar").stamp_ns == 0
+    order = [(s.stamp_ns, list(rig.streams).index(s.sensor)) for s in whole]
+    assert order == sorted(order)
+
+
+def test_streams_of_one_name_are_refused(scenery: Any) -> None:
+    rig = SensorRig(sensors=(ImuConfig(name="a"), SpeedConfig(name="a")))
+    with pytest.raises(ConfigError, match="two streams named 'a'"):
+        rig.build(scenery.world())
+
+
+def test_configurations_are_frozen_and_slotted() -> None:
+    """A mistyped field must fail, not be ignored."""
+    for config in SENSOR_KINDS.values():
+        assert dataclasses.fields(config)
+        with pytest.raises(TypeError):
+            config(no_such_field=1)  # type: ignore[call-arg]
+    with pytest.raises((dataclasses.FrozenInstanceError, AttributeError, TypeError)):
+        ImuConfig().rate = 3  # type: ignore[attr-defined]
