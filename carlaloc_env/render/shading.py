@@ -15,6 +15,7 @@ from carlaloc_env.render.geometry import Geometry, InstanceBuffer
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
 from carlaloc_env.render.sky import SkyLight, sky_light
+from carlaloc_env.scene import EGO_INSTANCE
 from carlaloc_env.weather import WeatherParameters
 
 Array = NDArray[np.float64]
@@ -27,8 +28,11 @@ LAMP_CD = 1050.0
 """Intensity of a street lamp straight down [cd]: 12 klm in a full cut-off beam."""
 LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
 """Linear colour of unit luminance, about 3000 K."""
+HEADLAMPS_M = (3.65, 0.0, 0.65)
+"""Between the ego's headlamps, in `base_link` [m]."""
+HEADLAMP_COLOUR = np.array([1.10, 0.99, 0.80])
+"""Linear colour of unit luminance, about 4000 K."""
 CACHED_WEATHERS = 8
-SKY_DISTANCE = "SKY_DISTANCE 20000.0"
 
 # Ramamoorthi and Hanrahan 2001, equation 13.
 _C1, _C2, _C3, _C4, _C5 = 0.429043, 0.511664, 0.743125, 0.886227, 0.247708
@@ -108,7 +112,7 @@ class Shader:
         self._bind(program, gbuffer.shaded)
         sky.use(4)
         self._screen_uniforms(program, view)
-        self._light_uniforms(program, view, weather, light, key)
+        self._light_uniforms(program, gbuffer, weather, light, key)
         texture, framebuffer = self._output(gbuffer, linear=linear)
         framebuffer.use()
         if resolved:
@@ -121,9 +125,9 @@ class Shader:
         self._context.depth_func = ">"
         self._triangle(program)
         plain = ("LINEAR",) if linear else ()
-        program = self._programs.get("screen.vert", "sky.frag", SKY_DISTANCE, *plain)
+        program = self._programs.get("screen.vert", "sky.frag", *plain)
         self._screen_uniforms(program, view)
-        self._light_uniforms(program, view, weather, light, key)
+        self._light_uniforms(program, gbuffer, weather, light, key)
         self._context.depth_func = "=="
         self._triangle(program)
         return texture
@@ -138,7 +142,7 @@ class Shader:
             "LINEAR": linear,
             "RESOLVED": resolved,
         }
-        return (f"LAMPS {LAMPS}", SKY_DISTANCE, *(name for name, on in wanted.items() if on))
+        return (f"LAMPS {LAMPS}", *(name for name, on in wanted.items() if on))
 
     def _sky(self, weather: WeatherParameters) -> tuple[SkyLight, moderngl.Texture]:
         if weather in self._skies:
@@ -174,9 +178,14 @@ class Shader:
         )
 
     def _light_uniforms(
-        self, program: moderngl.Program, view: View, weather: WeatherParameters, light: SkyLight, key: int
+        self,
+        program: moderngl.Program,
+        gbuffer: GBuffer,
+        weather: WeatherParameters,
+        light: SkyLight,
+        key: int,
     ) -> None:
-        e = light.exposure
+        e, view = light.exposure, gbuffer.view
         set_uniforms(
             program,
             u_sky=4,
@@ -199,6 +208,20 @@ class Shader:
         )
         if weather.is_night:
             set_uniforms(program, u_lamps=self._nearest_lamps(view).astype("<f4").tobytes())
+            self._headlamp_uniforms(program, gbuffer, e)
+
+    def _headlamp_uniforms(self, program: moderngl.Program, gbuffer: GBuffer, exposure: float) -> None:
+        """Low beams of the ego, if its body is in the scene."""
+        ego = np.flatnonzero(gbuffer.actors.instance == EGO_INSTANCE)
+        T = gbuffer.actors.T_world_model[ego[0]] if len(ego) else np.eye(4)
+        place = np.sum(T[:3, :3] * np.array(HEADLAMPS_M), axis=1) + T[:3, 3]
+        light = HEADLAMP_COLOUR * (exposure / np.pi if len(ego) else 0.0)
+        set_uniforms(
+            program,
+            u_beam=T[:3, :3].astype("<f4").tobytes(),
+            u_beam_eye=tuple(place - gbuffer.view.position_m),
+            u_beam_light=tuple(light),
+        )
 
     def _nearest_lamps(self, view: View) -> Array:
         """Offsets from the eye [m] and 1 where there is a lamp, shape (LAMPS, 4)."""

@@ -16,6 +16,15 @@ float transmittance(vec3 direction, float length_m) {
     return exp(-depth);
 }
 
+// The sky's own colour holds the haze already; rain, dust and haze veil it as 400 m of air would.
+vec3 sky_through_air(vec3 light, vec3 direction) {
+    vec4 air = u_air;
+    float high = 1.0 / (u_air.y * max(direction.z, 0.004));
+    float fog = air.x * exp(-max(u_eye.z, -50.0) * air.y) * high;
+    float t = exp(-fog - air.w * 400.0);
+    return light * t + u_fog_light * (1.0 - t);
+}
+
 vec3 through_air(vec3 light, vec3 direction, float length_m) {
     float t = transmittance(direction, length_m);
     return light * t + u_fog_light * (1.0 - t);

@@ -48,6 +48,7 @@ void main() {
     v_layer = float(in_material);
     v_uv = in_uv;
     v_surface = u_surface[in_material];
+    v_surface.w = max(v_surface.w, in_normal.w);
     vec3 p = u_rotation * (world - u_eye);
     gl_Position = vec4(u_clip.xy * p.xy + u_clip.zw * p.z, u_range.x * p.z + u_range.y, p.z);
 }

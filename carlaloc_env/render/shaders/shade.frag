@@ -27,9 +27,33 @@ uniform vec2 u_wet;            // wetness 0..1, level of the puddles
 #ifdef NIGHT
 uniform vec4 u_lamps[LAMPS];   // position relative to the eye [m], 1 = lit
 uniform vec3 u_lamp_light;     // exposed intensity / pi
+uniform mat3 u_beam;           // world axes to the car's: forward, left, up
+uniform vec3 u_beam_eye;       // headlamps relative to the eye [m]
+uniform vec3 u_beam_light;     // exposed light per candela / pi; zero without headlamps
+
+float bell(float h, float v, vec2 centre, vec2 width) {
+    vec2 x = (vec2(h, v) - centre) / width;
+    return exp(-0.5 * dot(x, x));
+}
+
+// Intensity [cd] of a low beam for right-hand traffic; degrees right and up.
+float low_beam(vec3 way) {
+    float ahead = max(way.x, 0.05);
+    float h = -57.29578 * way.y / ahead;
+    float v = 57.29578 * way.z / ahead;
+    float cut = min(-0.57 + max(h, 0.0) * 0.268, 1.0);
+    float below = 1.0 / (1.0 + exp(min(9.0 * (v - cut), 60.0)));
+    float beam = 26000.0 * bell(h, v, vec2(1.5, -1.0), vec2(2.3, 0.9))
+        + 8000.0 * bell(h, v, vec2(0.0, -1.8), vec2(9.0, 1.8))
+        + 4200.0 * bell(h, v, vec2(0.0, -4.5), vec2(20.0, 3.5));
+    return way.x > 0.05 ? (below * beam + 180.0 * bell(h, v, vec2(0.0), vec2(25.0, 12.0))) : 0.0;
+}
 #endif
 
 layout(location = 0) out vec4 o_colour;
+
+// Lamp light of about 3000 K with unit luminance.
+const vec3 WARM = vec3(1.28, 0.97, 0.50);
 
 vec3 ambient(vec3 n) {
     return u_ambient[0] + u_ambient[1] * n.y + u_ambient[2] * n.z + u_ambient[3] * n.x
@@ -82,7 +106,8 @@ void main() {
 
     vec3 emitted = albedo / max(max(albedo.r, max(albedo.g, albedo.b)), 0.02);
 #ifdef NIGHT
-    emitted *= (exp2(16.0 * max(surface.z, surface.w)) - 1.0) * u_exposure;
+    emitted *= (exp2(16.0 * surface.z) - 1.0) * u_exposure;
+    emitted += WARM * ((exp2(16.0 * surface.w) - 1.0) * u_exposure * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0)));
 #else
     emitted *= (exp2(16.0 * surface.z) - 1.0) * u_exposure;
 #endif
@@ -121,6 +146,10 @@ void main() {
         light += e;
         shine += e * min(gloss(n, v, l, max(alpha, 0.01), f0), 60.0);
     }
+    vec3 out_of_beam = offset - u_beam_eye;
+    float reach2 = max(dot(out_of_beam, out_of_beam), 1.0);
+    vec3 to_beam = -out_of_beam * inversesqrt(reach2);
+    light += u_beam_light * (low_beam(u_beam * out_of_beam) * max(dot(n, to_beam), 0.0) / reach2);
 #endif
 
     float nv = max(dot(n, v), 0.0);
@@ -134,7 +163,7 @@ void main() {
     exposed = through_air(exposed, direction, length_m);
 #ifdef RESOLVED
     vec3 look = normalize(v_ray);
-    vec3 sky = through_air(textureLod(u_sky, sky_uv(look), 0.0).rgb, look, SKY_DISTANCE);
+    vec3 sky = sky_through_air(textureLod(u_sky, sky_uv(look), 0.0).rgb, look);
     exposed = mix(sky, exposed, cover);
 #endif
     o_colour = develop(exposed);

@@ -1,0 +1,199 @@
+"""The camera sensor: streams, poses over a Timeline, and sharing of geometry between weathers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from carlaloc_env import geometry
+from carlaloc_env.assets.placing import SignalLenses
+from carlaloc_env.errors import ConfigError, RenderError
+from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.surfaces import plain_albedo
+from carlaloc_env.samples import DepthImage, Image, SemanticImage
+from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.semantics import Tag
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
+from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.trajectory import EgoTrack
+from carlaloc_env.weather import PRESETS
+
+try:
+    create_context().release()
+except RenderError as no_opengl:
+    pytest.skip(str(no_opengl), allow_module_level=True)
+
+PINHOLE = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
+SPEED_MPS = 10.0
+ACTOR_AHEAD_M = 20.0
+
+
+def box(
+    low_m: tuple[float, float, float], high_m: tuple[float, float, float], material: Material, tag: Tag
+) -> Mesh:
+    """Axis-parallel box with flat faces."""
+    corner = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)])
+    faces = [[0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6], [0, 1, 5], [0, 5, 4]]
+    faces += [[2, 6, 7], [2, 7, 3], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]]
+    low, high = np.array(low_m), np.array(high_m)
+    return make_mesh(low + corner * (high - low), faces, material=material, tag=tag)
+
+
+class SmallWorld:
+    """Level ground, a box for a car, a box for the ego; satisfies the sensors' `World`."""
+
+    def __init__(self) -> None:
+        self.seed = 7
+        self.geo = GeoReference(latitude_deg=49.0, longitude_deg=8.4, height_m=115.0)
+        self.weather = PRESETS["ClearNoon"]
+        lens = box((0, -0.15, -0.15), (0.02, 0.15, 0.15), Material.LAMP_RED, Tag.TRAFFIC_LIGHT)
+        self.library = ModelLibrary(
+            {
+                "saloon": box((-2.3, -0.9, 0.0), (2.3, 0.9, 1.4), Material.CAR_PAINT, Tag.CAR),
+                "ego": box((-0.9, -0.9, 0.3), (3.7, 0.9, 0.9), Material.CAR_PAINT, Tag.CAR),
+                **{f"signal_{colour}": lens for colour in ("red", "yellow", "green")},
+            }
+        )
+        self.lenses = SignalLenses(
+            signal=np.zeros(1, np.int32),
+            state=np.array([1], np.uint8),
+            T_world_lens=geometry.transform([[30.0, 4.0, 4.0]], geometry.rpy_to_quat([0.0], [0.0], [np.pi])),
+            instance=np.array([55], np.uint32),
+        )
+        ground = make_mesh(
+            [[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]],
+            [[0, 1, 2], [0, 2, 3]],
+            material=Material.ASPHALT,
+            tag=Tag.ROAD,
+        )
+        self._renderer = SceneRenderer([ground], self.library, quality="low", albedo=plain_albedo())
+
+    def renderer(self) -> SceneRenderer:
+        return self._renderer
+
+    def rays(self) -> None:  # type: ignore[override]
+        raise AssertionError("cameras cast no rays")
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[SmallWorld]:
+    small = SmallWorld()
+    yield small
+    small.renderer().close()
+
+
+@pytest.fixture(scope="module")
+def drive() -> Timeline:
+    """One second at 10 m/s to the east behind a car of the same speed; the light is red, then green."""
+    ticks = np.arange(221) * 0.005
+    position = np.stack([SPEED_MPS * ticks, 0 * ticks, 0 * ticks], axis=-1)
+    track = EgoTrack.from_arrays(position, np.tile([0.0, 0.0, 0.0, 1.0], (len(ticks), 1)))
+    catalog = ActorCatalog(
+        id=np.array([EGO_INSTANCE + 9], np.uint32),
+        model=("saloon",),
+        tag=np.array([Tag.CAR], np.uint8),
+        size_m=np.array([[4.6, 1.8, 1.4]], np.float32),
+        tint=np.array([[200, 20, 20]], np.uint8),
+    )
+    timeline = Timeline(catalog, ego=track)
+    for step in range(22):
+        one = np.zeros(1, np.float32)
+        timeline.append_step(
+            ActorFrame(
+                position_m=np.array([[ACTOR_AHEAD_M + 0.5 * step, 0, 0]], np.float32),
+                heading_rad=one,
+                pitch_rad=one,
+                speed_mps=one + np.float32(SPEED_MPS),
+                travelled_m=one,
+                steer_rad=one,
+                lights=np.zeros(1, np.uint8),
+            ),
+            np.array([1 if step < 10 else 3], np.uint8),
+        )
+    return timeline
+
+
+def camera(world: SmallWorld, **settings: object) -> CameraSensor:
+    mount = Mount(position_m=(1.8, 0.2, 1.6), axes="optical")
+    settings = {"name": "left", "mount": mount, "pinhole": PINHOLE, **settings}
+    return CameraConfig(**settings).build(world)  # type: ignore[arg-type]
+
+
+def test_streams_match_the_samples(world: SmallWorld, drive: Timeline) -> None:
+    sensor = camera(world)
+    samples = sensor.measure(drive, [100_000_000])
+    assert [sample.sensor for sample in samples] == ["rgb_left", "depth_left", "semantic_left"]
+    assert [type(sample) for sample in samples] == [Image, DepthImage, SemanticImage]
+    assert {sample.frame_id for sample in samples} == {"camera_left"}
+    rgb, depth, semantic = samples
+    for space, value in zip(sensor.streams().values(), (rgb.rgb, depth.depth_m, semantic.tag), strict=True):  # type: ignore[attr-defined]
+        assert space.contains(value)
+
+
+def test_outputs_choose_the_streams(world: SmallWorld, drive: Timeline) -> None:
+    sensor = camera(world, outputs=("semantic",))
+    assert list(sensor.streams()) == ["semantic_left"]
+    assert [sample.sensor for sample in sensor.measure(drive, [0])] == ["semantic_left"]
+
+
+def test_unknown_output_is_refused() -> None:
+    with pytest.raises(ConfigError, match="rgb, depth, semantic"):
+        CameraConfig(outputs=("rgb", "thermal"))
+
+
+@pytest.mark.parametrize("stamp_ns", [25_000_000, 50_000_000, 115_000_000, 700_000_000])
+def test_depth_of_the_leading_car_at_any_stamp(world: SmallWorld, drive: Timeline, stamp_ns: int) -> None:
+    """Ego and leader move alike, so the gap never changes, between the steps neither."""
+    samples = camera(world, outputs=("depth", "semantic")).measure(drive, [stamp_ns])
+    depth, semantic = samples[0].depth_m, samples[1]  # type: ignore[attr-defined]
+    expected = ACTOR_AHEAD_M - 2.3 - 1.8
+    row, column = 100, 160
+    assert semantic.instance[row, column] == EGO_INSTANCE + 9  # type: ignore[attr-defined]
+    assert depth[row, column] == pytest.approx(expected, abs=0.002)
+
+
+def test_bonnet_shows_at_the_bottom(world: SmallWorld, drive: Timeline) -> None:
+    semantic = camera(world, outputs=("semantic",)).measure(drive, [0])[0]
+    assert semantic.instance[-1, 150] == EGO_INSTANCE  # type: ignore[attr-defined]
+
+
+def test_lit_lens_follows_the_signal(world: SmallWorld, drive: Timeline) -> None:
+    """The lens stands 30 m ahead at the start, 4 m left and up; green has no lens in this world."""
+    sensor = camera(world, outputs=("semantic",))
+    red = sensor.measure(drive, [0])[0].instance  # type: ignore[attr-defined]
+    green = sensor.measure(drive, [600_000_000])[0].instance  # type: ignore[attr-defined]
+    rows, columns = np.nonzero(red == 55)
+    ((u, v),) = PINHOLE.project([[0.2 - 4.0, 1.6 - 4.0, 30.0 - 1.8 - 0.02]])
+    assert abs(columns.mean() - u) < 1.0
+    assert abs(rows.mean() - v) < 1.0
+    assert not np.any(green == 55)
+
+
+def test_two_weathers_of_one_drawing_equal_two_drawings(world: SmallWorld, drive: Timeline) -> None:
+    sensor, stamp_ns = camera(world), 250_000_000
+    weathers = [PRESETS["FoggyNoon"], PRESETS["RainyNight"]]
+    together = sensor.measure_conditions(drive, stamp_ns, weathers)
+    for weather, samples in zip(weathers, together, strict=True):
+        (alone,) = sensor.measure_conditions(drive, stamp_ns, [weather])
+        for a, b in zip(samples, alone, strict=True):
+            for name in ("rgb", "depth_m", "tag", "instance"):
+                if hasattr(a, name):
+                    np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert not np.array_equal(together[0][0].rgb, together[1][0].rgb)  # type: ignore[attr-defined]
+    assert together[0][1] is together[1][1]
+
+
+def test_order_of_stamps_changes_no_byte(world: SmallWorld, drive: Timeline) -> None:
+    sensor = camera(world)
+    stamps = [0, 50_000_000, 500_000_000]
+    forwards = {s.stamp_ns: s for s in sensor.measure(drive, stamps) if isinstance(s, Image)}
+    backwards = {s.stamp_ns: s for s in sensor.measure(drive, stamps[::-1]) if isinstance(s, Image)}
+    for stamp in stamps:
+        np.testing.assert_array_equal(forwards[stamp].rgb, backwards[stamp].rgb)
