@@ -1,13 +1,71 @@
-"""All texture layers, built once and cached."""
+"""All texture layers, built once per version of this code and cached."""
 
 from __future__ import annotations
 
+import hashlib
+import logging
+import os
+import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.assets import atlas
 from carlaloc_env.materials import Material
+from carlaloc_env.render.textures import canvas, ground, lettering, noise, openings, stuffs, walls
+from carlaloc_env.render.textures.noise import Layer
+from carlaloc_env.rng import stream
+
+_LOG = logging.getLogger(__name__)
+_Recipe = Callable[[np.random.Generator, int], Layer]
+
+RECIPES: dict[Material, _Recipe] = {
+    Material.PLAIN: stuffs.plain,
+    Material.ASPHALT: ground.asphalt,
+    Material.ASPHALT_OLD: ground.asphalt_old,
+    Material.ROAD_PAINT_WHITE: partial(ground.road_paint, colour=(0.58, 0.58, 0.55)),
+    Material.ROAD_PAINT_YELLOW: partial(ground.road_paint, colour=(0.48, 0.31, 0.045)),
+    Material.CONCRETE: ground.concrete,
+    Material.PAVEMENT: ground.pavement,
+    Material.KERB: ground.kerb,
+    Material.GRASS: ground.grass,
+    Material.SOIL: ground.soil,
+    Material.BRICK_RED: partial(walls.brick, colour=(0.265, 0.105, 0.068)),
+    Material.BRICK_BROWN: partial(walls.brick, colour=(0.19, 0.125, 0.085)),
+    Material.PLASTER: walls.plaster,
+    Material.ASHLAR: walls.ashlar,
+    Material.CONCRETE_PANEL: walls.concrete_panel,
+    Material.CURTAIN_WALL: walls.curtain_wall,
+    Material.WINDOW: openings.windows,
+    Material.SHOP_FRONT: openings.shop_fronts,
+    Material.ROOF_TILE: walls.roof_tile,
+    Material.ROOF_FLAT: ground.roof_flat,
+    Material.BARK: stuffs.bark,
+    Material.LEAF: stuffs.leaf,
+    Material.METAL_GALVANISED: stuffs.galvanised,
+    Material.METAL_PAINTED: stuffs.painted_metal,
+    Material.CAR_PAINT: stuffs.car_paint,
+    Material.GLASS: stuffs.glass,
+    Material.RUBBER: stuffs.rubber,
+    Material.PLASTIC: stuffs.plastic,
+    Material.SIGN: lettering.signs,
+    Material.CLOTH: stuffs.cloth,
+    Material.SKIN: stuffs.skin,
+    Material.WATER: ground.water,
+    Material.LAMP_WHITE: partial(stuffs.lamp, colour=(0.80, 0.78, 0.70)),
+    Material.LAMP_RED: partial(stuffs.lamp, colour=(0.62, 0.035, 0.025)),
+    Material.LAMP_AMBER: partial(stuffs.lamp, colour=(0.75, 0.34, 0.025)),
+    Material.LAMP_GREEN: partial(stuffs.lamp, colour=(0.05, 0.62, 0.33)),
+    Material.WOOD: stuffs.wood,
+    Material.POSTER: lettering.posters,
+    Material.GRAVEL: ground.gravel,
+    Material.DOOR: openings.doors,
+}
+"""How each material's layer is made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -15,7 +73,7 @@ class TextureSet:
     """One square layer per `Material`; row 0 is v = 0, column 0 is u = 0, v grows upwards on a wall."""
 
     albedo: NDArray[np.float16]
-    """Linear albedo in RGB, roughness in A, shape (len(Material), S, S, 4)."""
+    """Linear albedo in RGB (0.02–0.85), roughness in A, shape (len(Material), S, S, 4)."""
 
     @property
     def size_px(self) -> int:
@@ -23,7 +81,69 @@ class TextureSet:
         return int(self.albedo.shape[1])
 
 
-def build_textures(size_px: int = 512) -> TextureSet:
-    """Texture layers of all materials, from the cache when it holds them."""
-    albedo = np.full((len(Material), size_px, size_px, 4), 0.5, np.float16)
+def build_textures(size_px: int = 512, *, cache_dir: Path | None = None) -> TextureSet:
+    """Texture layers of all materials, from the cache when it holds them.
+
+    Args:
+        size_px: Edge of a layer [px], a multiple of 8.
+        cache_dir: Folder of the cache; $CARLALOC_CACHE or ~/.cache/carlaloc when left out.
+    """
+    folder = cache_dir or Path(os.environ.get("CARLALOC_CACHE") or Path.home() / ".cache" / "carlaloc")
+    path = folder / f"textures-{size_px}-{_version()}.npz"
+    cached = _load(path, size_px)
+    if cached is not None:
+        return TextureSet(albedo=cached)
+    albedo = make_albedo(size_px)
+    _store(path, albedo)
     return TextureSet(albedo=albedo)
+
+
+def make_albedo(size_px: int) -> NDArray[np.float16]:
+    """All layers computed anew, shape (len(Material), S, S, 4)."""
+    out = np.empty((len(Material), size_px, size_px, 4), dtype=np.float16)
+    for material in Material:
+        out[material] = RECIPES[material](stream(0, f"texture/{material.name}"), size_px)
+    return out
+
+
+def _version() -> str:
+    """Hash of the code that makes the layers."""
+    digest = hashlib.blake2b(digest_size=8)
+    for module in (noise, ground, walls, stuffs, canvas, openings, lettering, atlas):
+        digest.update(Path(str(module.__file__)).read_bytes())
+    digest.update(Path(__file__).read_bytes())
+    return digest.hexdigest()
+
+
+def _load(path: Path, size_px: int) -> NDArray[np.float16] | None:
+    """Layers from the cache; None when there are none or the file is damaged."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            albedo = archive["albedo"]
+    except Exception as error:  # a damaged archive raises errors of many kinds
+        _LOG.warning("texture cache %s is damaged (%s); it is built anew", path, error)
+        return None
+    if albedo.shape != (len(Material), size_px, size_px, 4) or albedo.dtype != np.float16:
+        return None
+    result: NDArray[np.float16] = albedo
+    return result
+
+
+def _store(path: Path, albedo: NDArray[np.float16]) -> None:
+    """Write under a temporary name, then rename; a full or read-only disk is no failure."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
+    except OSError as error:
+        _LOG.warning("textures are not cached: %s", error)
+        return
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, albedo=albedo)
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        _LOG.warning("textures are not cached: %s", error)

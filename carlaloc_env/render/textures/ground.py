@@ -1,0 +1,212 @@
+"""Textures of roads, pavements, earth and water."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from carlaloc_env.render.textures.noise import (
+    Field,
+    Layer,
+    blocks,
+    coordinates,
+    fbm,
+    layer,
+    per_cell,
+    smoothstep,
+    worley,
+)
+
+
+def asphalt(rng: np.random.Generator, size: int) -> Layer:
+    """Worn asphalt: aggregate, bright stones, pits, a few cracks."""
+    log = _aggregate(rng, size, 0.13, 0.17)
+    log += np.log(0.45) * _cracks(rng, size, 3, 0.30)
+    return layer((0.105, 0.103, 0.100), log, 0.9 - 0.03 * fbm(rng, size, 0.5, 0.05))
+
+
+def asphalt_old(rng: np.random.Generator, size: int) -> Layer:
+    """Old, pale asphalt: coarse stones, a net of cracks, sealed seams, a patch."""
+    log = _aggregate(rng, size, 0.17, 0.21)
+    log += np.log(0.40) * _cracks(rng, size, 4, 0.62)
+    seam = _line(rng, size, 0.31, 0.012) + _line(rng, size, 0.77, 0.010)
+    log += np.log(0.50) * np.clip(seam, 0, 1)
+    u, v = coordinates(size)
+    wobble = 0.015 * fbm(rng, size, 0.3, 0.03)
+    patch = smoothstep(0.21, 0.20, np.maximum(np.abs(u - 0.55 + wobble), 0.7 * np.abs(v - 0.5 + wobble)))
+    log += patch * (-0.20 + 0.06 * fbm(rng, size, 0.05, 0.008))
+    return layer((0.140, 0.135, 0.128), log, 0.92)
+
+
+def road_paint(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:
+    """Worn road paint: chips that show the asphalt, dirt, fine grain."""
+    wear = fbm(rng, size, 0.35, 0.01, 0.75) + 0.5 * fbm(rng, size, 0.03, 0.006, 0.9)
+    chips = smoothstep(1.6, 2.0, wear)
+    dirt = -0.10 * np.abs(fbm(rng, size, 0.5, 0.05)) + 0.06 * fbm(rng, size, 0.02, 0.006)
+    tracks = -0.10 * smoothstep(0.4, 1.6, fbm(rng, size, 0.4, 0.03, 0.6, (1.0, 5.0)))
+    paint = np.array(colour, np.float32) * np.exp(dirt + tracks)[..., None]
+    ground = np.array([0.12, 0.12, 0.115], np.float32) * np.exp(0.25 * fbm(rng, size, 0.02, 0.006))[..., None]
+    rgb = paint + chips[..., None] * (ground - paint)
+    return layer(colour, np.log(np.maximum(rgb, 0.01)), 0.6 + 0.3 * chips)
+
+
+def concrete(rng: np.random.Generator, size: int) -> Layer:
+    """Cast concrete: cloudy, streaked, with blowholes and fine cracks."""
+    log = 0.10 * fbm(rng, size, 0.6, 0.01, 0.7) + 0.05 * fbm(rng, size, 0.012, 0.004, 1.0)
+    log += -0.07 * smoothstep(0.3, 1.8, fbm(rng, size, 0.12, 0.01, 0.7, (1.0, 9.0)))
+    log += np.log(0.6) * _pits(rng, size, 40, 0.05, 0.10)
+    log += np.log(0.62) * _cracks(rng, size, 2, 0.30, 0.012)
+    return layer((0.315, 0.305, 0.285), log, 0.8)
+
+
+def pavement(rng: np.random.Generator, size: int) -> Layer:
+    """Slabs of 0.6 × 0.4 m in half bond, each of its own grey, with joints, spots and dirt."""
+    columns, rows = 4, 6
+    index, side, bed = blocks(size, columns, rows, 0.5, 0.02 * fbm(rng, size, 0.4, 0.05))
+    joint_m = np.minimum(side * 2.4 / columns, bed * 2.4 / rows)
+    joint = smoothstep(0.007, 0.003, joint_m)
+    bevel = smoothstep(0.03, 0.008, joint_m)
+    log = per_cell(rng, index, 0.12) + 0.07 * fbm(rng, size, 0.3, 0.02) + 0.08 * fbm(rng, size, 0.015, 0.004, 1.0)
+    log += -0.10 * bevel - 0.75 * joint
+    log += np.log(0.60) * _spots(rng, size, 7, 0.010, 0.016)
+    log += np.log(0.55) * _pits(rng, size, 90, 0.03, 0.12)
+    log += np.log(0.5) * _cracks(rng, size, 2, 0.12, 0.008)
+    return layer((0.305, 0.292, 0.272), log, 0.8 + 0.1 * joint, 0.5 * per_cell(rng, index, 0.08))
+
+
+def kerb(rng: np.random.Generator, size: int) -> Layer:
+    """Granite kerb stones of 1 m, joined every metre along both axes."""
+    index, side, _ = blocks(size, 2, 2, 0.0)
+    speckle = per_cell(rng, worley(rng, size, 120, 120).index, 0.16)
+    log = per_cell(rng, index, 0.09) + speckle + 0.08 * fbm(rng, size, 0.3, 0.02)
+    log += -0.9 * smoothstep(0.006, 0.003, side)
+    log += -0.12 * smoothstep(0.2, 1.8, fbm(rng, size, 0.2, 0.02, 0.7))
+    return layer((0.345, 0.34, 0.33), log, 0.75)
+
+
+def grass(rng: np.random.Generator, size: int) -> Layer:
+    """Meadow: blades at every angle over clumps and dry patches."""
+    blades = _strokes(rng, size, 9000, (0.008, 0.018))
+    clumps, dry = fbm(rng, size, 0.25, 0.02, 0.8), fbm(rng, size, 0.7, 0.08, 0.6)
+    log = 0.30 * blades + 0.16 * clumps + 0.10 * dry
+    straw = smoothstep(0.9, 2.2, dry + 0.4 * clumps)
+    tint = np.stack([log + 0.55 * straw, log + 0.12 * straw, log + 0.25 * straw], axis=-1)
+    return layer((0.060, 0.112, 0.030), tint, 0.9)
+
+
+def soil(rng: np.random.Generator, size: int) -> Layer:
+    """Bare earth with clods, furrows and straw."""
+    clods, crumbs = worley(rng, size, 34, 34), worley(rng, size, 95, 95)
+    log = 0.30 * (0.45 - clods.nearest) + per_cell(rng, clods.index, 0.12) + 0.25 * (0.45 - crumbs.nearest)
+    log += 0.14 * fbm(rng, size, 0.5, 0.03, 0.7)
+    log += 0.55 * np.maximum(_strokes(rng, size, 260, (0.010, 0.03)), 0)
+    return layer((0.150, 0.108, 0.072), log, 0.95, 0.06 * fbm(rng, size, 0.3, 0.03))
+
+
+def gravel(rng: np.random.Generator, size: int) -> Layer:
+    """Round pebbles of two sizes in grey and brown."""
+    big, small = worley(rng, size, 44, 44), worley(rng, size, 90, 90)
+    top = smoothstep(0.20, 0.45, big.edge + 0.15 * per_cell(rng, big.index, 1.0))
+    fine = 0.35 * (0.5 - small.nearest) + per_cell(rng, small.index, 0.20) - 0.35
+    coarse = 0.45 * (0.5 - big.nearest) + per_cell(rng, big.index, 0.26)
+    log = fine + top * (coarse - fine) + 0.05 * fbm(rng, size, 0.5, 0.05)
+    return layer((0.27, 0.25, 0.22), log, 0.92, per_cell(rng, big.index, 0.12))
+
+
+def water(rng: np.random.Generator, size: int) -> Layer:
+    """Still, dark water; the waves are the renderer's."""
+    log = 0.10 * fbm(rng, size, 0.5, 0.03, 0.7) + 0.08 * fbm(rng, size, 0.2, 0.02, 0.7, (3.0, 1.0))
+    return layer((0.026, 0.05, 0.045), log, 0.05)
+
+
+def roof_flat(rng: np.random.Generator, size: int) -> Layer:
+    """Bitumen sheets in strips with seams and fine grit."""
+    index, side, _ = blocks(size, 4, 1, 0.0, 0.02 * fbm(rng, size, 0.3, 0.03))
+    log = per_cell(rng, index, 0.12) - 0.5 * smoothstep(0.02, 0.008, side)
+    log += 0.14 * fbm(rng, size, 0.02, 0.004, 1.0) + 0.12 * fbm(rng, size, 0.6, 0.05)
+    log += 0.30 * smoothstep(1.2, 2.4, fbm(rng, size, 0.5, 0.04, 0.6))
+    return layer((0.20, 0.195, 0.185), log, 0.9)
+
+
+def _aggregate(rng: np.random.Generator, size: int, mortar: float, stones: float) -> Field:
+    """Stones in bitumen from coarse to fine, with bright ones and pits."""
+    coarse, fine = worley(rng, size, 110, 110), worley(rng, size, 210, 210)
+    log = per_cell(rng, coarse.index, stones) * smoothstep(0.0, 0.25, coarse.edge)
+    log += 0.6 * per_cell(rng, fine.index, stones) - 0.25 * smoothstep(0.10, 0.0, coarse.edge)
+    log += mortar * fbm(rng, size, 0.45, 0.02, 0.8)
+    rare = rng.random(int(coarse.index.max()) + 1).astype(np.float32)[coarse.index]
+    log += np.log(1.8) * (rare > 0.985) * smoothstep(0.5, 0.3, coarse.nearest)
+    log += np.log(0.5) * (rare < 0.020) * smoothstep(0.5, 0.3, coarse.nearest)
+    # Wheels polish along the road, which lies along u or v; both leave a faint grain.
+    log += 0.04 * fbm(rng, size, 0.3, 0.01, 0.8, (1.0, 8.0))
+    return np.asarray(log, dtype=np.float32)
+
+
+def _cracks(rng: np.random.Generator, size: int, cells: int, share: float, width: float = 0.020) -> Field:
+    """Cracks along the borders of large cells, broken off by noise; 1 inside a crack.
+
+    Args:
+        rng: Source of randomness.
+        size: Edge [px].
+        cells: Cells along one side.
+        share: Part of the borders that is cracked.
+        width: Width in units of a cell.
+    """
+    net = _warped_edges(rng, size, cells)
+    open_ = smoothstep(0.0, 0.25, fbm(rng, size, 0.5, 0.06, 0.6) + 2.2 * (share - 0.5))
+    thin = width * (1.0 + 0.5 * fbm(rng, size, 0.1, 0.02))
+    return np.asarray(np.clip(1.4 - net / np.maximum(thin, 0.3 * width), 0, 1) * open_, dtype=np.float32)
+
+
+def _warped_edges(rng: np.random.Generator, size: int, cells: int) -> Field:
+    edge = worley(rng, size, cells, cells).edge
+    bend = 0.02 * size * fbm(rng, size, 0.15, 0.01, 0.75)
+    other = 0.02 * size * fbm(rng, size, 0.15, 0.01, 0.75)
+    k = np.arange(size)
+    rows = np.round(k[:, None] + bend).astype(np.int64) % size
+    columns = np.round(k[None, :] + other).astype(np.int64) % size
+    return edge[rows, columns]
+
+
+def _line(rng: np.random.Generator, size: int, at: float, width: float) -> Field:
+    """Wandering seam along v."""
+    u, _ = coordinates(size)
+    path = at + 0.012 * fbm(rng, size, 0.6, 0.05)[:, :1]
+    return smoothstep(width, 0.6 * width, np.abs(u - path))
+
+
+def _pits(rng: np.random.Generator, size: int, cells: int, share: float, radius: float) -> Field:
+    """Small round holes in some cells of a grid."""
+    net = worley(rng, size, cells, cells, 0.6)
+    chosen = rng.random(cells * cells)[net.index] < share
+    return np.asarray(chosen * smoothstep(radius * 1.5, radius, net.nearest), dtype=np.float32)
+
+
+def _spots(rng: np.random.Generator, size: int, count: int, least: float, most: float) -> Field:
+    """Round spots such as trodden gum."""
+    u, v = coordinates(size)
+    out = np.zeros((size, size), np.float32)
+    for x, y, r in zip(rng.random(count), rng.random(count), rng.uniform(least, most, count), strict=True):
+        du, dv = np.abs(u - x), np.abs(v - y)
+        distance = np.sqrt(np.minimum(du, 1 - du) ** 2 + np.minimum(dv, 1 - dv) ** 2)
+        out = np.maximum(out, smoothstep(r, 0.7 * r, distance))
+    return out
+
+
+def _strokes(rng: np.random.Generator, size: int, count: int, length: tuple[float, float]) -> Field:
+    """Short strokes of random brightness at every angle, mean about 0, deviation 1."""
+    margin = int(np.ceil(length[1] * size)) + 2
+    canvas = np.zeros((size + 2 * margin, size + 2 * margin), np.float32)
+    centre = rng.random((count, 2)) * size
+    angle, reach = rng.random(count) * np.pi, rng.uniform(*length, count) * size
+    value = rng.normal(0.0, 1.2, count)
+    step = 0.5 * reach[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    start, end = centre - step, centre + step
+    for dv in (-size, 0, size):
+        for du in (-size, 0, size):
+            shift = np.array([du, dv]) + margin
+            inside = np.all((centre + shift > 0) & (centre + shift < canvas.shape[0]), axis=-1)
+            for k in np.flatnonzero(inside):
+                a, b = np.round(start[k] + shift).astype(int), np.round(end[k] + shift).astype(int)
+                cv2.line(canvas, (int(a[0]), int(a[1])), (int(b[0]), int(b[1])), float(value[k]), 1)
+    return canvas[margin : margin + size, margin : margin + size]

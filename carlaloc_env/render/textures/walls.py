@@ -1,0 +1,122 @@
+"""Textures of masonry, plaster, panels and roofs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carlaloc_env.render.textures.ground import _cracks, _pits
+from carlaloc_env.render.textures.noise import (
+    Layer,
+    blocks,
+    coordinates,
+    fbm,
+    layer,
+    per_cell,
+    smoothstep,
+    with_roughness,
+    worley,
+)
+
+_BRICK_COLUMNS, _BRICK_ROWS, _BRICK_TILE_M = 12, 34, 2.58
+
+
+def brick(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:
+    """Running bond, each brick of its own shade, burnt ones, pale joints, efflorescence."""
+    index, side, bed = blocks(size, _BRICK_COLUMNS, _BRICK_ROWS, 0.5, 0.03 * fbm(rng, size, 0.06, 0.01))
+    joint_m = np.minimum(side * _BRICK_TILE_M / _BRICK_COLUMNS, bed * _BRICK_TILE_M / _BRICK_ROWS)
+    joint = smoothstep(0.0085, 0.0035, joint_m + 0.0012 * fbm(rng, size, 0.02, 0.005))
+    burnt = np.log(0.6) * (rng.random(_BRICK_COLUMNS * _BRICK_ROWS) < 0.05)[index]
+    log = per_cell(rng, index, 0.19) + burnt + 0.09 * fbm(rng, size, 0.03, 0.004, 0.95)
+    hue = per_cell(rng, index, 0.16)
+    face = np.array(colour, np.float32) * np.exp(log[..., None] + hue[..., None] * np.array([0.4, -0.1, -0.4], np.float32))
+    mortar = np.array([0.31, 0.29, 0.255], np.float32) * np.exp(0.12 * fbm(rng, size, 0.03, 0.005))[..., None]
+    rgb = face + joint[..., None] * (mortar - face)
+    bloom = 0.30 * smoothstep(0.9, 2.6, fbm(rng, size, 0.45, 0.02, 0.7))
+    soot = -0.16 * smoothstep(0.3, 2.0, fbm(rng, size, 0.35, 0.02, 0.7, (1.0, 3.0)))
+    rgb = (rgb + bloom[..., None] * (0.42 - rgb)) * np.exp(soot + 0.05 * fbm(rng, size, 0.6, 0.05))[..., None]
+    mean = tuple(float(0.86 * c + 0.05) for c in colour)
+    return layer((mean[0], mean[1], mean[2]), np.log(np.maximum(rgb, 0.01)), 0.85)
+
+
+def plaster(rng: np.random.Generator, size: int) -> Layer:
+    """Float-finished render with runs of dirt, hairline cracks and mended spots."""
+    log = 0.06 * fbm(rng, size, 0.5, 0.02, 0.75) + 0.07 * fbm(rng, size, 0.02, 0.004, 1.0)
+    runs = smoothstep(0.4, 2.2, fbm(rng, size, 0.10, 0.008, 0.7, (1.0, 10.0)))
+    log += -0.16 * runs
+    log += np.log(0.62) * _cracks(rng, size, 3, 0.22, 0.010)
+    mended = smoothstep(1.6, 1.75, fbm(rng, size, 0.35, 0.06, 0.5))
+    log += mended * (0.10 + 0.05 * fbm(rng, size, 0.02, 0.005))
+    log += np.log(0.6) * _pits(rng, size, 60, 0.04, 0.12)
+    return layer((0.55, 0.53, 0.485), log, 0.9)
+
+
+def ashlar(rng: np.random.Generator, size: int) -> Layer:
+    """Dressed stone of 0.6 × 0.3 m in half bond, weathered."""
+    index, side, bed = blocks(size, 6, 12, 0.5, 0.015 * fbm(rng, size, 0.2, 0.03))
+    joint_m = np.minimum(side * 3.6 / 6, bed * 3.6 / 12)
+    pores = worley(rng, size, 150, 150)
+    log = per_cell(rng, index, 0.13) + 0.09 * fbm(rng, size, 0.12, 0.01, 0.8) + 0.05 * fbm(rng, size, 0.01, 0.004, 1.0)
+    log += -0.55 * smoothstep(0.008, 0.003, joint_m) - 0.12 * smoothstep(0.03, 0.008, joint_m)
+    log += -0.35 * (rng.random(150 * 150)[pores.index] < 0.05) * smoothstep(0.4, 0.2, pores.nearest)
+    log += -0.18 * smoothstep(0.3, 2.2, fbm(rng, size, 0.2, 0.012, 0.7, (1.0, 6.0)))
+    return layer((0.40, 0.375, 0.32), log, 0.8, per_cell(rng, index, 0.07))
+
+
+def concrete_panel(rng: np.random.Generator, size: int) -> Layer:
+    """Precast panels of 3.0 × 1.5 m with open joints, tie holes and streaks."""
+    index, side, bed = blocks(size, 2, 4, 0.0)
+    joint_m = np.minimum(side * 3.0, bed * 1.5)
+    u, v = coordinates(size)
+    holes = np.zeros((size, size), np.float32)
+    for x, y in ((0.15, 0.2), (0.85, 0.2), (0.15, 0.8), (0.85, 0.8)):
+        du, dv = (np.mod(u * 2, 1) - x) * 3.0, (np.mod(v * 4, 1) - y) * 1.5
+        holes = np.maximum(holes, smoothstep(0.030, 0.022, np.sqrt(du * du + dv * dv)))
+    log = per_cell(rng, index, 0.10) + 0.08 * fbm(rng, size, 0.3, 0.01, 0.75) + 0.06 * fbm(rng, size, 0.01, 0.004, 1.0)
+    log += -0.9 * smoothstep(0.022, 0.014, joint_m) - 0.6 * holes
+    streak = smoothstep(0.2, 2.0, fbm(rng, size, 0.08, 0.006, 0.75, (1.0, 8.0)))
+    log += -0.20 * streak * smoothstep(0.0, 0.6, np.mod(v * 4, 1) + 0 * u)
+    log += np.log(0.7) * _pits(rng, size, 130, 0.06, 0.14)
+    return layer((0.345, 0.335, 0.31), log, 0.8)
+
+
+def curtain_wall(rng: np.random.Generator, size: int) -> Layer:
+    """Glazing of 0.75 × 1.5 m panes in metal mullions, with blinds and rooms behind."""
+    columns, rows = 4, 2
+    index, side, bed = blocks(size, columns, rows, 0.0)
+    side_m, bed_m = side * 3.0 / columns, bed * 3.0 / rows
+    _, v = coordinates(size)
+    height = np.mod(v * rows, 1) + np.zeros((size, size), np.float32)
+    count = columns * rows
+    blind = rng.choice([0.0, 0.0, 0.25, 0.45, 0.8], count)[index]
+    tone = np.exp(0.35 * rng.standard_normal(count))[index]
+    slat = 0.75 + 0.25 * np.sin(2 * np.pi * height * 28)
+    glass = 0.035 * tone * (0.7 + 0.9 * height)
+    ceiling = 0.10 * smoothstep(0.05, 0.02, np.abs(height - 0.82)) * (np.mod(index, 3) == 0)
+    covered = smoothstep(-0.01, 0.01, height - (1 - blind)) * (blind > 0)
+    value = glass + ceiling + covered * (0.26 * slat - glass) * 0.8
+    rgb = value[..., None] * np.array([0.86, 1.0, 1.12], np.float32) + 0.006 * np.abs(fbm(rng, size, 0.2, 0.01))[..., None]
+    frame = np.maximum(smoothstep(0.034, 0.028, side_m), smoothstep(0.045, 0.038, bed_m))
+    metal = np.array([0.25, 0.25, 0.255], np.float32) * np.exp(0.10 * fbm(rng, size, 0.1, 0.01))[..., None]
+    spandrel = (height < 0.20).astype(np.float32)
+    dark = np.array([0.06, 0.07, 0.08], np.float32) * np.exp(0.15 * fbm(rng, size, 0.1, 0.01))[..., None]
+    rgb = rgb + spandrel[..., None] * (dark - rgb)
+    rgb = rgb + frame[..., None] * (metal - rgb)
+    line = smoothstep(0.005, 0.003, side_m) * 0.5
+    rgb = rgb * (1 - line[..., None])
+    return with_roughness(rgb, 0.06 + 0.34 * frame + 0.1 * spandrel * (1 - frame))
+
+
+def roof_tile(rng: np.random.Generator, size: int) -> Layer:
+    """Pantiles of 0.20 × 0.33 m: rounded, shaded under each course, mossy in places."""
+    columns, rows = 10, 6
+    index, _, _ = blocks(size, columns, rows, 0.0, 0.02 * fbm(rng, size, 0.2, 0.03))
+    u, v = coordinates(size)
+    across = np.mod(u * columns, 1) + np.zeros((size, size), np.float32)
+    up = np.mod(v * rows, 1) + np.zeros((size, size), np.float32)
+    round_ = 0.30 * np.sin(2 * np.pi * across)
+    lap = -1.1 * smoothstep(0.10, 0.0, up) + 0.15 * smoothstep(0.10, 0.25, up) * smoothstep(0.45, 0.25, up)
+    log = per_cell(rng, index, 0.18) + round_ + lap + 0.09 * fbm(rng, size, 0.03, 0.006, 0.95)
+    log += -0.7 * smoothstep(0.05, 0.02, np.minimum(across, 1 - across))
+    moss = smoothstep(1.1, 1.9, fbm(rng, size, 0.25, 0.01, 0.75))
+    tint = np.stack([log - 0.9 * moss, log + 0.1 * moss, log - 0.1 * moss], axis=-1)
+    return layer((0.27, 0.115, 0.072), tint, 0.8, per_cell(rng, index, 0.12))
