@@ -240,6 +240,9 @@ def _unpacked(record: bytes) -> bytes:
     if size > _UNCOMPRESSED_MAX:
         raise ValueError(f"chunk of {size} bytes")
     if compression == b"zstd":
+        # Where a frame names its size, zstandard believes that and not max_output_size.
+        if zstandard.frame_content_size(body) not in (-1, size):
+            raise ValueError("chunk of another size than it says")
         body = zstandard.ZstdDecompressor().decompress(body, max_output_size=size)
     elif compression:
         raise ValueError(f"chunk compression {compression!r}")

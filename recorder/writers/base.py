@@ -57,6 +57,7 @@ class Writer(ABC):
             _remove(self._part)
             self._begin(self._part)
         except OSError as error:
+            _remove(self._part)
             raise WriterError(f"cannot write {self.target}: {error.strerror}") from error
         self._is_open = True
 
@@ -125,5 +126,5 @@ class Writer(ABC):
 def _remove(path: Path) -> None:
     if path.is_dir():
         shutil.rmtree(path)
-    else:
+    elif path.parent.is_dir():
         path.unlink(missing_ok=True)
