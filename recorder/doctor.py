@@ -124,6 +124,7 @@ def _guarded_graphics() -> tuple[Finding, str]:
 def _rays() -> tuple[bool, str]:
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.timeline import Timeline, empty_catalog
+    from carlaloc_env.trajectory import EgoTrack
 
     scene = RayScene([_ground()], ModelLibrary({}))
     count = 66_496
@@ -131,7 +132,8 @@ def _rays() -> tuple[bool, str]:
     directions = np.stack([np.cos(azimuth), np.sin(azimuth), np.full(count, -0.1)], axis=-1)
     directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
     origins = np.broadcast_to([0.0, 0.0, 1.9], (count, 3))
-    timeline = Timeline(empty_catalog())
+    parked = EgoTrack.from_arrays(np.full((4, 3), 30.0), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1)))
+    timeline = Timeline(empty_catalog(), ego=parked)
     begin = time.perf_counter()
     scene.cast(origins, directions, np.zeros(count, np.int64), timeline, 120.0)
     return True, f"Embree, {count / (time.perf_counter() - begin) / 1e6:.1f} M rays/s"

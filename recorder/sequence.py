@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from collections.abc import Callable, Sequence as Many
+from collections.abc import Callable
+from collections.abc import Sequence as Many
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -122,7 +123,12 @@ class WriterGroup:
 
 
 def sequence_writers(
-    sequence: Sequence, rig: SensorRig, streams: tuple[str, ...], formats: Many[str], topics: str, preview: bool
+    sequence: Sequence,
+    rig: SensorRig,
+    streams: tuple[str, ...],
+    formats: Many[str],
+    topics: str,
+    preview: bool,
 ) -> WriterGroup:
     """Writers of one sequence.
 
@@ -163,9 +169,7 @@ def sequence_writers(
     return WriterGroup(sequence, writers, summary)
 
 
-def write_shared(
-    town_dir: Path, rig: SensorRig, timeline: Timeline, span_ns: tuple[int, int]
-) -> None:
+def write_shared(town_dir: Path, rig: SensorRig, timeline: Timeline, span_ns: tuple[int, int]) -> None:
     """Write calibration and ground truth of a drive, the same for all its sequences.
 
     Args:
@@ -173,9 +177,10 @@ def write_shared(
         rig: The sensors.
         timeline: The drive.
         span_ns: First stamp and end (not included) of the ground truth [ns].
+        topics: Topic profile that the calibration files name.
     """
     calibration = RigCalibration.from_configs(rig.sensors)
-    write_calibration(town_dir / "calibration", calibration)
+    write_calibration(town_dir / "calibration", calibration, profile=topics)
     stamps = np.arange(span_ns[0], span_ns[1], TICK_NS)
     folder = town_dir / "ground_truth"
     write_truth(folder, timeline, stamps, {"base_link": np.eye(4), **calibration.frames})
@@ -232,5 +237,7 @@ def checksums(folder: Path) -> dict[str, str]:
 
 
 def _yaml(document: dict[str, Any]) -> str:
-    text: str = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
+    text: str = yaml.safe_dump(
+        document, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
+    )
     return text

@@ -38,14 +38,21 @@ def find_town(name: str) -> Path:
         MapError: There is no such town; the message names the nearest one.
     """
     wanted = ALIASES.get(name, name)
-    known = []
+    known = known_towns()
+    for town, path in known.items():
+        if town.lower() == wanted.lower():
+            return path
+    raise MapError(unknown_name("town", name, known))
+
+
+def known_towns() -> dict[str, Path]:
+    """OpenDRIVE files of all towns in `$CARLALOC_MAPS` and among the installed maps, by name."""
+    found: dict[str, Path] = {}
     for folder in _map_folders():
         for town in sorted(folder.iterdir()):
             if (town / "town.xodr").is_file():
-                known.append(town.name)
-                if town.name.lower() == wanted.lower():
-                    return town / "town.xodr"
-    raise MapError(unknown_name("town", name, known))
+                found.setdefault(town.name, town / "town.xodr")
+    return found
 
 
 def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Town:

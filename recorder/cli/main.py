@@ -5,8 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -37,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     command = import_module(f"recorder.cli.{arguments.command}")
     try:
-        result = command.run(arguments)
+        with _stdout_kept_clean():
+            result = command.run(arguments)
     except CarlaLocError as error:
         return _fail(arguments, str(error))
     except KeyboardInterrupt:
@@ -47,6 +50,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     else:
         command.show(result)
     return EXIT_ERROR if result.get("failed") else EXIT_DONE
+
+
+@contextmanager
+def _stdout_kept_clean() -> Iterator[None]:
+    """Send what libraries print on their own (PyBullet does on import) to stderr."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        os.dup2(2, 1)
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def _fail(arguments: argparse.Namespace, message: str) -> int:

@@ -25,11 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format", type=names, default=("rosbag1", "euroc"), metavar="A,B", help="rosbag1, euroc"
     )
-    parser.add_argument("--topics", default="standard", help="topic profile: standard or paper")
+    parser.add_argument("--topics", default="standard", help="topic profile: standard, slam or paper")
     parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin here [s]")
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else to the end")
     parser.add_argument("--camera-start", type=seconds, metavar="S", help="pictures begin here [s]")
-    parser.add_argument("--camera-duration", type=positive_seconds, metavar="S", help="length of pictures [s]")
+    parser.add_argument(
+        "--camera-duration", type=positive_seconds, metavar="S", help="length of pictures [s]"
+    )
     parser.add_argument("--seed", type=int, help="seed of sensor noise; else the episode's")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")

@@ -23,7 +23,7 @@ class SteeringStyle:
 
     preview_s: float = 2.6
     """Time ahead to which lateral errors are extrapolated on roads."""
-    turn_preview_s: float = 1.1
+    turn_preview_s: float = 1.6
     """The same in tight turns."""
     curve_lead_s: float = 0.32
     """How far ahead the bend is looked at that the hands follow now."""
@@ -31,16 +31,18 @@ class SteeringStyle:
     """Standard deviation of the perceived lateral position."""
     noise_s: float = 8.0
     """Time constant of that noise."""
-    delay_s: float = 0.20
+    delay_s: float = 0.15
     """From seeing to acting."""
     gain: float = 0.75
     """Share of an error that one pulse corrects."""
     pulse_s: float = 0.45
     """Length of a pulse."""
     refractory_s: float = 0.25
-    """Least time between two pulses."""
+    """Least time between the beginnings of two pulses."""
     threshold: float = 0.55
     """Added-up error [° of the steering wheel × s] that triggers a pulse."""
+    busy_deg: float = 12.0
+    """Errors above this [° of the steering wheel] are steered out without pause."""
     hand_radps: float = 16.0
     """Natural frequency of arm and hand."""
 
@@ -65,6 +67,7 @@ class DriverSteering:
         self._pulses: list[tuple[float, float, int]] = []
         self._sum = 0.0
         self._rest_ticks = 0
+        self._is_busy = False
         self._hand_rad = 0.0
         self._hand_radps = 0.0
 
@@ -99,8 +102,10 @@ class DriverSteering:
         wanted = self._seen.popleft()
         if speed_mps > 0.4:
             self._follow_bend(road, s_m, speed_mps)
-            if turning > 0.0:
-                self._correction_rad += turning * (wanted - self._correction_rad) * TICK_S / 0.25
+            error_deg = degrees(abs(wanted - self._correction_rad)) * self._params.steering_ratio
+            self._is_busy = turning > 0.3 or error_deg > (4.0 if self._is_busy else style.busy_deg)
+            if self._is_busy:
+                self._correction_rad += (wanted - self._correction_rad) * TICK_S / 0.10
                 self._sum = 0.0
             else:
                 self._decide(tick, wanted)
@@ -111,7 +116,7 @@ class DriverSteering:
         """Road-wheel angle that would bring the car to the lane's centre within the preview."""
         style, p = self._style, self._params
         far = max(9.0, speed_mps * style.preview_s)
-        near = max(5.0, speed_mps * style.turn_preview_s)
+        near = max(6.5, speed_mps * style.turn_preview_s)
         ahead = far + turning * (near - far)
         offset = offset_m + (1.0 - turning) * self._noise_m
         curvature = -2.0 * (offset + ahead * heading_rad) / (ahead * ahead)
@@ -141,7 +146,7 @@ class DriverSteering:
         length_s = style.pulse_s + 0.06 * float(self._random.uniform(-1.0, 1.0))
         self._pulses.append((gain * error, length_s, tick))
         self._sum = 0.25 * float(self._random.normal()) * style.threshold
-        self._rest_ticks = round((style.refractory_s + length_s) * TICK_HZ)
+        self._rest_ticks = round(style.refractory_s * TICK_HZ)
 
     def _run_pulses(self, tick: int) -> None:
         for pulse in self._pulses:

@@ -46,6 +46,7 @@ class ScriptedDriver:
         self._road: DriverRoute | None = None
         self._s_m = 0.0
         self._standing = True
+        self._is_launching = False
         self._go_tick = round(STANDSTILL_S * TICK_HZ)
         self._free_since: int | None = None
         self._passing_s_m: float | None = None
@@ -74,20 +75,22 @@ class ScriptedDriver:
             throttle, brake = self._pedals.hold()
             self._speed.rest()
             return Controls(steer=self._steer, throttle=throttle, brake=brake)
-        # A person waits with speeding up until the foot has found the pedal.
-        if not (self._pedals.is_on_brake or self._pedals.is_changing) or v > 0.5:
+        on_throttle = not (self._pedals.is_on_brake or self._pedals.is_changing)
+        if on_throttle or v > 0.5:
+            self._is_launching = False
+        if not self._is_launching:
+            # A person waits with speeding up until the foot has found the pedal.
             self._speed.update(
                 road, tick=view.tick, s_m=self._s_m, speed_mps=v, stop_m=stop, leader=self._leader
             )
-        launching = v < 0.5 and (self._pedals.is_on_brake or self._pedals.is_changing)
         throttle, brake = self._pedals.drive(
             self._speed.wanted_mps2,
-            1.0 if launching else self._speed.jerk_mps3,
+            1.0 if self._is_launching else self._speed.jerk_mps3,
             speed_mps=v,
             felt_mps2=view.acceleration_mps2,
             grade=road.grade(self._s_m + 1.4),
         )
-        if v < _STANDING_MPS and not launching and self._speed.wanted_mps2 <= 0.0:
+        if v < _STANDING_MPS and not self._is_launching and self._speed.wanted_mps2 <= 0.0:
             self._standing, self._free_since = True, None
         self._steer = self._steering.update(
             road,
@@ -167,7 +170,7 @@ class ScriptedDriver:
             self._go_tick = view.tick + round(min(1.2, max(0.4, reaction_s)) * TICK_HZ)
         if view.tick < self._go_tick:
             return False
-        self._standing = False
+        self._standing, self._is_launching = False, True
         return True
 
 

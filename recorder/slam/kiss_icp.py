@@ -33,7 +33,13 @@ class Scan:
 
 
 def kiss_icp_odometry(
-    bag: Path, topic: str, sweep_s: float, *, range_max_m: float = 100.0, progress: Progress | None = None
+    bag: Path,
+    topic: str,
+    sweep_s: float,
+    *,
+    range_max_m: float = 100.0,
+    name: str = "KISS-ICP",
+    progress: Progress | None = None,
 ) -> Trajectory:
     """Poses of the LiDAR that KISS-ICP estimates from a bag, motion-compensated.
 
@@ -42,6 +48,7 @@ def kiss_icp_odometry(
         topic: Topic of the point clouds, fields x, y, z, time.
         sweep_s: Length of a sweep [s]; KISS-ICP gives the pose at its end.
         range_max_m: Returns beyond this are not used [m].
+        name: Name of the trajectory.
         progress: Told of every scan.
 
     Raises:
@@ -74,7 +81,7 @@ def kiss_icp_odometry(
         stamp_ns=np.array(stamps, np.int64),
         position_m=T[:, :3, 3].copy(),
         quat_xyzw=matrix_to_quat(T[:, :3, :3]),
-        name="KISS-ICP",
+        name=name,
     )
 
 
@@ -96,8 +103,11 @@ def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
             )
             rows = np.frombuffer(message.data, dtype=dtype)
             stamp = message.header.stamp
-            yield count, Scan(
-                stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
-                points_xyz_m=np.stack([rows["x"], rows["y"], rows["z"]], axis=-1).astype(np.float64),
-                time_s=rows["time"].astype(np.float64),
+            yield (
+                count,
+                Scan(
+                    stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
+                    points_xyz_m=np.stack([rows["x"], rows["y"], rows["z"]], axis=-1).astype(np.float64),
+                    time_s=rows["time"].astype(np.float64),
+                ),
             )

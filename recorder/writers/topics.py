@@ -140,7 +140,20 @@ PAPER = TopicProfile(
 )
 """Topics and frames of the CARLA-Loc release; the cloud has ring and time beside its four fields."""
 
-PROFILES = {profile.name: profile for profile in (STANDARD, PAPER)}
+SLAM = TopicProfile(
+    name="slam",
+    rules=(
+        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/image_raw", message="image_mono8"),
+        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/camera_info", message="camera_info"),
+        TopicRule(sample=PointCloud, stream="lidar", topic="/lidar/points", message="points"),
+        TopicRule(sample=Imu, stream="*", topic="/{}/data", message="imu"),
+        TopicRule(sample=GnssFix, stream="*", topic="/{}/fix", message="nav_sat_fix"),
+        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
+    ),
+)
+"""What SLAM systems read: grey pictures and the plain cloud, a third of the size of `STANDARD`."""
+
+PROFILES = {profile.name: profile for profile in (STANDARD, PAPER, SLAM)}
 """All profiles by name."""
 
 

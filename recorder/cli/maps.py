@@ -1,0 +1,102 @@
+"""Towns: list them, draw them, check OpenDRIVE files.
+
+Examples:
+  carlaloc maps list
+  carlaloc maps preview Town03 --out town03.png
+  carlaloc maps check my.xodr --waypoints 2 --csv waypoints.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from carlaloc_env.errors import ConfigError
+from recorder.cli.arguments import path_argument, positive_seconds
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Sub-commands of `carlaloc maps`."""
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    actions.add_parser("list", help="names and sizes of all towns")
+    preview = actions.add_parser("preview", help="picture of a town from above")
+    preview.add_argument("town", help="town, or a .xodr file")
+    preview.add_argument("--out", type=path_argument, required=True, help="PNG to write")
+    check = actions.add_parser("check", help="problems of an OpenDRIVE file")
+    check.add_argument("file", type=path_argument, help="OpenDRIVE file")
+    check.add_argument("--waypoints", type=positive_seconds, metavar="STEP_M", help="list waypoints [m]")
+    check.add_argument("--csv", type=path_argument, metavar="OUT", help="where waypoints go")
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """List, draw or check."""
+    action = {"list": _list, "preview": _preview, "check": _check}[arguments.action]
+    return {"action": arguments.action, **action(arguments)}
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the result of the action."""
+    if result["action"] == "list":
+        for town in result["towns"]:
+            size = f"{town['lane_km']:.1f} lane-km, {town['junctions']} junctions"
+            print(f"{town['name']:<8} {size}, route {town['route_m']:.0f} m  {town['description']}")
+    elif result["action"] == "preview":
+        print(result["out"])
+    else:
+        report = result["report"]
+        for problem in report["problems"]:
+            where = f"line {problem['line']}: <{problem['element']}> {problem['id']}"
+            print(f"{problem['severity']}: {where}: {problem['message']}")
+        print(
+            f"{report['source']}: OpenDRIVE {report['revision']}, {report['roads']} roads, "
+            f"{report['junctions']} junctions, {report['lane_km']:.2f} lane-km, "
+            f"{report['signals']} signals; {len(report['problems'])} problems"
+        )
+        if result["csv"]:
+            print(result["csv"])
+
+
+def _list(arguments: argparse.Namespace) -> dict[str, Any]:
+    from carlaloc_env.town.build import known_towns
+    from carlaloc_env.town.config import TownConfig
+    from carlaloc_env.town.map_check import check_map
+
+    towns = []
+    for name, path in known_towns().items():
+        report = check_map(path)
+        toml = path.with_name("town.toml")
+        config = TownConfig.from_toml(toml) if toml.exists() else TownConfig(name=name)
+        towns.append(
+            {
+                "name": name,
+                "description": config.description,
+                "lane_km": report.lane_km,
+                "junctions": report.junctions,
+                "route_m": config.route.length_m or 0.0,
+                "path": str(path),
+            }
+        )
+    return {"towns": towns}
+
+
+def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
+    from carlaloc_env.town.build import load_town
+    from recorder.report.town_preview import draw_town
+
+    return {"out": str(draw_town(load_town(arguments.town), arguments.out))}
+
+
+def _check(arguments: argparse.Namespace) -> dict[str, Any]:
+    from carlaloc_env.town.map_check import check_map, write_waypoints_csv
+    from carlaloc_env.town.network import LaneNetwork
+
+    if (arguments.waypoints is None) != (arguments.csv is None):
+        raise ConfigError("--waypoints STEP_M and --csv OUT go together; give both")
+    report = check_map(arguments.file)
+    if arguments.csv is not None:
+        write_waypoints_csv(LaneNetwork.from_opendrive(arguments.file), arguments.waypoints, arguments.csv)
+    return {
+        "report": report.as_dict(),
+        "csv": str(arguments.csv) if arguments.csv is not None else None,
+        "failed": bool(report.errors),
+    }
