@@ -103,6 +103,33 @@ def test_moving_turning_climbing_cars(
     assert agree.mean() > 0.999
 
 
+def test_fast_car_is_hit_up_to_its_bumpers(scenery: Any) -> None:
+    """Rays aimed at both ends of a car at 40 m/s, at its place at each ray's own time, all arrive."""
+    speed, count = 40.0, 2000
+    rng = np.random.default_rng(2)
+    stamps = rng.integers(0, STEP_NS, count)
+    target = np.stack(
+        [
+            rng.choice([-2.34, 2.34], count) + 3.0 + speed * stamps * 1e-9,
+            np.full(count, 9.0 - 0.92),
+            rng.uniform(0.2, 1.4, count),
+        ],
+        axis=-1,
+    )
+    origins = np.broadcast_to([0.0, 0.0, 1.8], (count, 3))
+    d = target - origins
+    distance = np.linalg.norm(d, axis=-1, keepdims=True)
+    drive = scenery.drive(
+        scenery.straight(),
+        0.1,
+        scenery.catalog(["saloon"]),
+        lambda t: scenery.frame([[3.0 + speed * t, 9.0, 0]], [0.0], speed),
+    )
+    world = scenery.world([], {"saloon": scenery.box(CAR_LOW, CAR_HIGH)})
+    hits = world.rays().cast(origins, d / distance, stamps, drive, 100.0)
+    assert np.abs(hits.range_m - distance[:, 0]).max() < 1e-3
+
+
 def test_actor_pose_is_the_cameras_pose(scenery: Any) -> None:
     """LiDAR and camera put the same car at the same place: position, heading, nose up."""
     from carlaloc_env.assets.placing import place_actors
