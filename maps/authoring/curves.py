@@ -107,6 +107,12 @@ class Path:
             pose, rest = piece.end(pose), rest - piece.length
         return pose
 
+    def settled(self) -> Path:
+        """Path of rounded numbers, so that what is computed from its length is the same on all machines."""
+        start = Pose(round(self.start.x, 10), round(self.start.y, 10), round(self.start.h, 12))
+        pieces = (Piece(round(p.length, 10), round(p.k0, 14), round(p.k1, 14), p.cubic) for p in self.pieces)
+        return Path(start, tuple(pieces))
+
     def trimmed(self, first_m: float, last_m: float) -> Path:
         """Path without the first and last metres, which must lie on straights."""
         pieces = list(self.pieces)

@@ -105,6 +105,7 @@ def connect(
     if path is None:
         start = source.pose.ahead(0.0, -ins[0].right_m)
         path = curve_between(start, target.out_axis.ahead(0.0, -outs[0].right_m))
+    path = path.settled()
     lanes = [_lane(a, b, path.length) for a, b in zip(ins, outs, strict=True)]
     complete = pairs[-1][0] == len(source.incoming) - 1 and pairs[-1][1] == len(target.outgoing) - 1
     if outer and complete:

@@ -122,6 +122,8 @@ class _Builder:
                 for side, name in enumerate((road.a, road.b))
                 if name == node.name
             ]
+            if not met:
+                raise PlanError(f"no road ends at node '{node.name}'")
             headings = [paths[i].start.h if side == 0 else paths[i].end.h + math.pi for i, side in met]
             kerbs = [self.plan.roads[i].cross.kerb_at(self.plan.roads[i].ends[side]) for i, side in met]
             if node.roundabout is not None:
@@ -135,7 +137,7 @@ class _Builder:
         return trims
 
     def _road(self, road: Road, axis: Path, trim: Sequence[float]) -> RoadPart:
-        path = axis.trimmed(trim[0], trim[1])
+        path = axis.trimmed(trim[0], trim[1]).settled()
         z0, z1 = self.plan.nodes[road.a].z, self.plan.nodes[road.b].z
         sections = road_sections(road.cross, path.length, road.ends, road.taper_m, road.stores_m)
         elevation, bottom = _elevation(road, path, z0, z1)

@@ -47,8 +47,9 @@ def build_roundabout(
     parts: list[JunctionPart] = []
     for k, i in enumerate(order):
         following = legs[order[(k + 1) % len(order)]].out_axis.h
-        first = legs[i].out_axis.h + shape.half_angle_rad
-        sweep = (following - legs[i].out_axis.h) % (2 * math.pi) - 2 * shape.half_angle_rad
+        half, next_half = (_half_angle(shape, legs[m]) for m in (i, order[(k + 1) % len(order)]))
+        first = legs[i].out_axis.h + half
+        sweep = (following - legs[i].out_axis.h) % (2 * math.pi) - half - next_half
         number = numbers.next(ROAD)
         ring.append(_ring_piece(number, f"{name} ring {k + 1}", centre, z, shape, first, sweep, speed_kmh))
         parts.append(JunctionPart(numbers.next(JUNCTION), f"{name} arm {k + 1}"))
@@ -61,6 +62,19 @@ def build_roundabout(
         met[legs[i].road.id] = parts[k].id
         roads += _arm(parts[k], legs[i], into, out_of, centre, z, shape, numbers)
     return roads, parts, met
+
+
+def _inside(shape: RoundaboutShape, leg: Leg) -> float:
+    """From the ring's reference line to the left border of the lanes that an arm uses [m]."""
+    return max(0, shape.lanes - len(leg.incoming)) * shape.lane_m
+
+
+def _half_angle(shape: RoundaboutShape, leg: Leg) -> float:
+    """Smaller where an arm meets outer lanes only, so that its traffic moves aside no further."""
+    aside = shape.island_m * math.sin(shape.half_angle_rad)
+    if _inside(shape, leg) > 0:
+        aside -= 1.5
+    return math.asin(aside / (shape.island_m + _inside(shape, leg)))
 
 
 def _on_ring(centre: tuple[float, float], radius: float, angle: float) -> Pose:
@@ -79,7 +93,7 @@ def _ring_piece(
     speed_kmh: float,
 ) -> RoadPart:
     k = 1 / shape.island_m
-    path = Path(_on_ring(centre, shape.island_m, first), (Piece(sweep * shape.island_m, k, k),))
+    path = Path(_on_ring(centre, shape.island_m, first), (Piece(sweep * shape.island_m, k, k),)).settled()
     lanes = [LanePlan(f"R:{i}", "driving", constant(shape.lane_m)) for i in range(shape.lanes)]
     lanes.append(LanePlan("R:gutter", "shoulder", constant(shape.gutter_m)))
     walk = LanePlan("R:walk", "sidewalk", constant(shape.sidewalk_m), height_m=SIDEWALK_HEIGHT_M)
@@ -100,23 +114,30 @@ def _arm(
     shape: RoundaboutShape,
     numbers: Numbers,
 ) -> list[RoadPart]:
-    """Entry, exit and the ring's own movement; the exit mirrors the entry."""
+    """Entry, exit and the ring's own movement; the exit mirrors the entry.
+
+    An arm with fewer lanes than the ring uses the ring's outer lanes.
+    """
     ring_in, ring_out = leg_of(into, "end"), leg_of(out_of, "start")
-    k, sweep = 1 / shape.island_m, 2 * shape.half_angle_rad
+    k, sweep = 1 / shape.island_m, 2 * _half_angle(shape, leg)
     around = Path(ring_in.pose, (Piece(sweep * shape.island_m, k, k),))
+    count = min(shape.lanes, len(leg.incoming))
+    inside = _inside(shape, leg)
     entry = ring_entry(
         leg.pose.ahead(0.0, -leg.incoming[0].right_m),
-        ring_out.out_axis,
-        k,
+        ring_out.out_axis.ahead(0.0, -inside),
+        1 / (shape.island_m + inside),
         shape.first_spiral_m,
         shape.last_spiral_m,
     )
     exit_path = mirrored(entry, Pose(centre[0], centre[1], leg.out_axis.h))
-    pairs = [(i, i) for i in range(shape.lanes)]
+    through = [(i, i) for i in range(shape.lanes)]
+    inward = [(i, shape.lanes - count + i) for i in range(count)]
+    outward = [(b, a) for a, b in inward]
     roads = [
-        connect(part, ring_in, ring_out, pairs, numbers, z, outer=False, path=around),
-        connect(part, leg, ring_out, pairs, numbers, z, outer=True, path=entry),
-        connect(part, ring_in, leg, pairs, numbers, z, outer=True, path=exit_path),
+        connect(part, ring_in, ring_out, through, numbers, z, outer=False, path=around),
+        connect(part, leg, ring_out, inward, numbers, z, outer=True, path=entry),
+        connect(part, ring_in, leg, outward, numbers, z, outer=True, path=exit_path),
     ]
     for road, what in zip(roads, ("ring", "entry", "exit"), strict=True):
         road.name = f"{part.name} {what}"

@@ -1,0 +1,229 @@
+"""The map writer: curves against numerical integration, plans of odd shapes, same bytes."""
+
+from __future__ import annotations
+
+import math
+import pathlib
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+ROOT = pathlib.Path(__file__).parents[2]
+TOWNS = sorted(p.parent.name for p in (ROOT / "maps").glob("*/town.xodr"))
+
+
+def tool(name: str) -> ModuleType:
+    """A module of maps/authoring, which is not part of the installed package."""
+    import importlib
+
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    return importlib.import_module(f"maps.authoring.{name}")
+
+
+def walked(path: Any) -> tuple[float, float, float]:
+    """End of a path by adaptive quadrature of its curvature."""
+    x, y, h = path.start.x, path.start.y, path.start.h
+    for piece in path.pieces:
+        rate = (piece.k1 - piece.k0) / piece.length
+
+        def theta(s: float, h: float = h, k: float = piece.k0, rate: float = rate) -> float:
+            return h + s * (k + 0.5 * rate * s)
+
+        x += quad(lambda s: math.cos(theta(s)), 0, piece.length, epsabs=1e-12)[0]
+        y += quad(lambda s: math.sin(theta(s)), 0, piece.length, epsabs=1e-12)[0]
+        h = theta(piece.length)
+    return x, y, h
+
+
+def assert_continuous(path: Any) -> None:
+    """Curvature has no jump between the pieces."""
+    for before, after in zip(path.pieces, path.pieces[1:], strict=False):
+        assert before.k1 == pytest.approx(after.k0, abs=1e-12)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    turn=st.floats(0.1, 2.6),
+    first=st.floats(5, 60),
+    second=st.floats(5, 60),
+    left=st.booleans(),
+    h=st.floats(-3, 3),
+)
+def test_a_corner_joins_two_straights(turn: float, first: float, second: float, left: bool, h: float) -> None:
+    curves = tool("curves")
+    delta = turn if left else -turn
+    start = curves.Pose(3.0, -7.0, h)
+    bend = start.ahead(first)
+    end = curves.Pose(bend.x, bend.y, h + delta).ahead(second)
+    path = curves.curve_between(start, end)
+    assert_continuous(path)
+    assert path.pieces[0].k0 == path.pieces[-1].k1 == 0.0
+    assert walked(path) == pytest.approx((end.x, end.y, end.h), abs=1e-8)
+
+
+@settings(max_examples=30, deadline=None)
+@given(ahead=st.floats(15, 80), aside=st.floats(-3.5, 3.5).filter(lambda v: abs(v) > 1e-3))
+def test_a_shift_ends_beside_its_start(ahead: float, aside: float) -> None:
+    curves = tool("curves")
+    path = curves.curve_between(curves.Pose(0.0, 0.0, 0.0), curves.Pose(ahead, aside, 0.0))
+    assert_continuous(path)
+    assert walked(path) == pytest.approx((ahead, aside, 0.0), abs=1e-8)
+
+
+def test_a_bend_that_no_clothoid_fits_becomes_a_cubic_of_true_length() -> None:
+    curves = tool("curves")
+    path = curves.curve_between(curves.Pose(0.0, 0.0, 0.0), curves.Pose(10.0, 20.0, -0.6))
+    (piece,) = path.pieces
+    bu, cu, du, bv, cv, dv = piece.cubic
+
+    def speed(p: float) -> float:
+        return math.hypot(bu + 2 * cu * p + 3 * du * p * p, bv + 2 * cv * p + 3 * dv * p * p)
+
+    assert piece.length == pytest.approx(quad(speed, 0, 1)[0], abs=1e-9)
+    end = path.end
+    assert (end.x, end.y, end.h) == pytest.approx((10.0, 20.0, -0.6), abs=1e-9)
+
+
+def test_entry_and_exit_of_a_roundabout_meet_the_ring() -> None:
+    curves, shapes = tool("curves"), tool("roundabouts")
+    shape = shapes.RoundaboutShape()
+    angle, k = math.pi + shape.half_angle_rad, 1 / shape.island_m
+    ring = curves.Pose(
+        shape.island_m * math.cos(angle), shape.island_m * math.sin(angle), angle + math.pi / 2
+    )
+    start = curves.Pose(-shape.arm_m, -1.5, 0.0)
+    entry = curves.ring_entry(start, ring, k, shape.first_spiral_m, shape.last_spiral_m)
+    assert_continuous(entry)
+    assert entry.pieces[-1].k1 == pytest.approx(k)
+    x, y, h = walked(entry)
+    assert (x, y) == pytest.approx((ring.x, ring.y), abs=1e-8)
+    assert math.remainder(h - ring.h, math.tau) == pytest.approx(0.0, abs=1e-8)
+    leaving = curves.mirrored(entry, curves.Pose(0.0, 0.0, math.pi))
+    x, y, h = walked(leaving)
+    assert (x, y) == pytest.approx((-shape.arm_m, 1.5), abs=1e-8)
+    assert math.remainder(h - math.pi, math.tau) == pytest.approx(0.0, abs=1e-8)
+    assert (leaving.start.x, leaving.start.y) == pytest.approx((ring.x, -ring.y), abs=1e-8)
+
+
+def test_a_bulb_returns_beside_its_start() -> None:
+    curves = tool("curves")
+    path = curves.turning_bulb(curves.Pose(2.0, 1.0, 0.5), 8.5, 16.0, 4.0)
+    assert_continuous(path)
+    x, y, h = walked(path)
+    assert (x, y) == pytest.approx((2.0, 1.0), abs=1e-8)
+    assert h - 0.5 == pytest.approx(math.pi, abs=1e-8)
+
+
+def test_vertical_curves_are_smooth_and_pass_the_grades() -> None:
+    """A dip to −6 m: level ends, both grades, the lowest point where it was asked for."""
+    profiles = tool("profiles")
+    spec = profiles.Dip(bottom_m=-6.0, grade=0.078, k_m=4.2, x=0.0, y=0.0)
+    records = profiles.dip(0.0, 0.0, 230.0, spec, 113.0)
+
+    def at(s: float) -> np.ndarray:
+        start, a, b, c, d = max((r for r in records if r[0] <= s), key=lambda r: r[0])
+        u = s - start
+        return np.array([a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * u * d), 2 * c + 6 * u * d])
+
+    for start, *_ in records[1:]:
+        assert at(start - 1e-9)[:2] == pytest.approx(at(start)[:2], abs=1e-7)
+    slopes = np.array([at(s)[1] for s in np.arange(0.0, 230.0, 0.5)])
+    assert slopes.min() == pytest.approx(-0.078)
+    assert slopes.max() == pytest.approx(0.078)
+    assert at(113.0)[:2] == pytest.approx([-6.0, 0.0], abs=1e-9)
+    assert at(0.0)[:2] == pytest.approx([0.0, 0.0])
+    assert at(230.0)[:2] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_a_width_change_has_no_curvature_jump() -> None:
+    sections = tool("sections")
+    records = sections.blend(3.5, 4.6, 22.0)
+    ds = np.linspace(0.0, 22.0, 4401)
+    w = np.array([sections.value_at(records, float(v)) for v in ds])
+    bend = np.gradient(np.gradient(w, ds), ds)
+    assert w[0] == pytest.approx(3.5)
+    assert w[-1] == pytest.approx(4.6)
+    assert np.abs(np.diff(bend[2:-2])).max() < 1e-4
+    assert abs(bend[3]) < 1e-4
+    assert abs(bend[-4]) < 1e-4
+
+
+def odd_town() -> Any:
+    """Five roads at uneven angles, a skew T, a lane drop and a roundabout of three arms."""
+    plan, cross = tool("plan"), tool("sections").CrossSection
+    wide, narrow = cross(lanes=2, median_m=3.0), cross(lanes=1, lane_m=3.2, sidewalk_m=2.0)
+    town = plan.TownPlan(name="odd", projection="+proj=tmerc +lat_0=0 +lon_0=0")
+    town.node("star", 0.0, 0.0, corner_m=12.0)
+    town.node("ring", 220.0, 0.0, roundabout=tool("roundabouts").RoundaboutShape(arm_m=46.0))
+    town.node("skew", 40.0, 170.0, control="stop")
+    for name, x, y in (("a", -120.0, 60.0), ("b", -120.0, -70.0), ("c", 60.0, -120.0), ("d", 30.0, 290.0)):
+        town.node(name, x, y, control="bulb")
+    town.node("e", 220.0, -150.0, control="bulb")
+    town.road("to ring", "star", "ring", wide, 50, ends=("pocket", "plain"))
+    town.road("to skew", "star", "skew", narrow, 30)
+    town.road("to d", "skew", "d", narrow, 30)
+    town.road("over", "skew", "ring", wide, 40, bends=((220.0, 130.0, 30.0, 12.0),))
+    town.road("to e", "ring", "e", narrow, 30)
+    town.road("to a", "star", "a", narrow, 30)
+    town.road("to b", "star", "b", narrow, 30)
+    town.road("to c", "star", "c", narrow, 30)
+    return town
+
+
+def test_an_odd_town_is_a_whole_network() -> None:
+    """carla.Map finds every driving lane of a town with uneven junctions connected at both ends."""
+    carla = pytest.importorskip("carla")
+    text = odd_town().build()
+    root = ElementTree.fromstring(text)
+    assert root.find("header") is not None
+    town = carla.Map("odd", text)
+    locations = [w.transform.location for w in town.generate_waypoints(2.0)]
+    assert all(math.isfinite(p.x) and math.isfinite(p.y) for p in locations)
+    edges = {((a.road_id, a.lane_id), (b.road_id, b.lane_id)) for a, b in town.get_topology()}
+    starts, ends = {a for a, _ in edges}, {b for _, b in edges}
+    ring_roads = {(w.road_id, w.lane_id) for w in town.generate_waypoints(5.0)}
+    assert ring_roads <= starts
+    assert len(ring_roads - ends) <= 2
+    for a, b in town.get_topology():
+        end = a.next_until_lane_end(0.25)
+        if end and a.road_id != b.road_id:
+            gap = end[-1].transform.location.distance(b.transform.location)
+            assert gap < 0.3, (a, b)
+
+
+def test_impossible_plans_say_what_does_not_fit() -> None:
+    plan, cross = tool("plan"), tool("sections").CrossSection
+    error = tool("curves").PlanError
+    town = plan.TownPlan(name="x", projection="")
+    town.node("a", 0.0, 0.0)
+    town.node("b", 60.0, 0.0)
+    town.road("r", "a", "c", cross(lanes=1), 50)
+    with pytest.raises(error, match="'c'"):
+        town.build()
+    town.roads[0].b = "b"
+    town.roads[0].ends = ("pocket", "pocket")
+    with pytest.raises(error, match="no room for its pockets"):
+        town.build()
+    town.roads[0].ends = ("plain", "plain")
+    town.roads[0].bends = ((30.0, 2.0, 500.0, 10.0),)
+    with pytest.raises(error, match="overlap"):
+        town.build()
+
+
+@pytest.mark.parametrize("name", TOWNS)
+def test_the_file_is_what_the_plan_writes(name: str) -> None:
+    """The same bytes again, in a fresh process with another hash seed."""
+    code = f"import sys; from maps.authoring.build import town_text; sys.stdout.write(town_text({name!r}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True, env={"PYTHONHASHSEED": "7"}
+    )
+    assert done.stdout == (ROOT / "maps" / name / "town.xodr").read_bytes()
