@@ -13,6 +13,7 @@ from carlaloc_env.render.context import Programs, set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry import Geometry, InstanceBuffer
 from carlaloc_env.render.projection import View
+from carlaloc_env.render.roofs import Roofs
 from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
 from carlaloc_env.render.sky import SkyLight, sky_light
 from carlaloc_env.scene import EGO_INSTANCE
@@ -56,6 +57,7 @@ class Shader:
         self._scenery = scenery
         self._lamps_m = lamps_m
         self._shadows = Shadows(context, programs, low_m, high_m) if len(low_m) else None
+        self._roofs = Roofs(context, programs, scenery, low_m, high_m)
         self._arrays: dict[int, moderngl.VertexArray] = {}
         self._skies: OrderedDict[WeatherParameters, tuple[SkyLight, moderngl.Texture]] = OrderedDict()
         self._outputs: dict[tuple[int, ...], tuple[moderngl.Texture, moderngl.Framebuffer]] = {}
@@ -111,6 +113,7 @@ class Shader:
             self._shadow_uniforms(program, view, light, casters)
         self._bind(program, gbuffer.shaded)
         sky.use(4)
+        self._roofs.texture.use(7)
         self._screen_uniforms(program, view)
         self._light_uniforms(program, gbuffer, weather, light, key)
         texture, framebuffer = self._output(gbuffer, linear=linear)
@@ -203,6 +206,9 @@ class Shader:
             u_sun=tuple(light.sun_direction),
             u_sun_light=tuple(light.sun_lx * (e / np.pi)),
             u_texel=STATIC_EXTENT_M / STATIC_SIZE_PX,
+            u_shadow_step=1.0 / STATIC_SIZE_PX,
+            u_roofs=7,
+            u_roofs_frame=self._roofs.frame(view.position_m),
             u_wet=(weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
             u_lamp_light=tuple(LAMP_COLOUR * (LAMP_CD * e / np.pi)),
         )
@@ -284,6 +290,7 @@ class Shader:
             texture.release()
         for array in self._arrays.values():
             array.release()
+        self._roofs.texture.release()
 
 
 def _polynomial(harmonics: Array) -> Array:

@@ -28,8 +28,8 @@ _XYZ_TO_RGB = (
     (0.0556434, -0.2040259, 1.0572252),
 )
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
-_SKY_SCALE = 0.6
-"""Preetham's zenith is brighter than measured ones; this brings the sky to 15 klx at 45°."""
+_SKY_SCALE = 0.75
+"""Preetham's zenith is brighter than measured ones; this brings the sky to 17 klx at 45°."""
 _SKY_COLOUR = 0.62
 """Share of the sky's colour that is kept: cameras balance white for less blue shade."""
 
@@ -155,6 +155,9 @@ def _preetham(weather: WeatherParameters, directions: Array) -> Array:
     luminance = np.minimum(luminance, 60e3)
     xyz = np.stack([luminance * x / y, luminance, luminance * (1.0 - x - y) / y], axis=-1)
     rgb = np.stack([np.sum(xyz * np.array(row), axis=-1) for row in _XYZ_TO_RGB], axis=-1)
+    # At noon the model's horizon turns pink, which real ones do near sunset only.
+    low = float(np.clip((30.0 - weather.sun_altitude_angle) / 25.0, 0.0, 1.0))
+    rgb[..., 0] = np.minimum(rgb[..., 0], rgb[..., 1] * (0.95 + 1.0 * low))
     grey = np.sum(np.maximum(rgb, 0.0) * _LUMA, axis=-1, keepdims=True)
     return np.asarray(np.maximum(rgb, 0.0) * _SKY_COLOUR + grey * (1.0 - _SKY_COLOUR), dtype=np.float64)
 

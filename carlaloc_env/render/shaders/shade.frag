@@ -10,6 +10,8 @@ uniform sampler2D u_depth;
 uniform vec3 u_ambient[9];     // exposed irradiance / pi as a polynomial in the normal
 uniform vec3 u_ground;         // exposed radiance of the ground far away
 uniform float u_exposure;
+uniform sampler2D u_roofs;     // blurred height of the highest surfaces [m]
+uniform vec4 u_roofs_frame;    // its coordinates: xy * u_roofs_frame.xy + u_roofs_frame.zw, relative to the eye
 #ifdef SUN
 uniform sampler2DShadow u_shadow;
 uniform sampler2DShadow u_shadow_actors;
@@ -20,6 +22,7 @@ uniform vec3 u_light_actors_eye;
 uniform vec3 u_sun;
 uniform vec3 u_sun_light;      // exposed illuminance / pi
 uniform float u_texel;         // of the static map [m]
+uniform float u_shadow_step;   // of the static map, 1 = its edge
 #endif
 #ifdef WET
 uniform vec2 u_wet;            // wetness 0..1, level of the puddles
@@ -77,7 +80,10 @@ float sunlit(vec3 offset, vec3 n) {
     vec3 p = offset + n * (1.5 * u_texel);
     vec3 s = u_light * p + u_light_eye;
     vec3 a = u_light_actors * p + u_light_actors_eye;
-    float lit = texture(u_shadow, s);
+    // Four bilinear taps blur the edge over three texels, about the sun's penumbra behind a house.
+    float r = 0.9 * u_shadow_step;
+    float lit = 0.25 * (texture(u_shadow, s + vec3(r, 0.4 * r, 0.0)) + texture(u_shadow, s + vec3(-0.4 * r, r, 0.0))
+        + texture(u_shadow, s + vec3(-r, -0.4 * r, 0.0)) + texture(u_shadow, s + vec3(0.4 * r, -r, 0.0)));
     bool outside = any(greaterThan(abs(s.xy - 0.5), vec2(0.4995)));
     float near = texture(u_shadow_actors, a);
     bool far = any(greaterThan(abs(a.xy - 0.5), vec2(0.499)));
@@ -126,7 +132,10 @@ void main() {
     f0 = mix(f0, 0.02, water);
 #endif
 
-    vec3 light = ambient(n);
+    // What lies below its surroundings sees less of the sky: foot of walls, courts, underpasses.
+    float below = texture(u_roofs, offset.xy * u_roofs_frame.xy + u_roofs_frame.zw).x - u_eye.z - offset.z;
+    float open = 0.35 + 0.65 * exp(-0.22 * max(below, 0.0));
+    vec3 light = ambient(n) * open;
     float alpha = max(roughness * roughness, 0.004);
     vec3 shine = vec3(0.0);
 #ifdef SUN
@@ -157,7 +166,7 @@ void main() {
     vec3 mirror = reflect(direction, n);
     vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
     // Walls across the street stand before the lowest part of the sky.
-    vec3 reflection = mix(u_ground, above, smoothstep(-0.05, 0.30, mirror.z));
+    vec3 reflection = mix(u_ground, above, smoothstep(-0.05, 0.30, mirror.z)) * open;
 
     vec3 exposed = albedo * light + shine + reflection * fresnel + emitted;
     exposed = through_air(exposed, direction, length_m);
