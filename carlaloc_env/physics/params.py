@@ -83,7 +83,7 @@ class VehicleParams:
     """Travel over which longitudinal force builds up."""
     relaxation_lat_m: float = 0.50
     """Travel over which lateral force builds up."""
-    standstill_nspm: float = 1200.0
+    standstill_nspm: float = 2000.0
     """Damping of the tyre's shear at standstill, at `load_ref_n`."""
 
     power_w: float = 208e3

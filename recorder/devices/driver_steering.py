@@ -59,6 +59,8 @@ class DriverSteering:
     def __init__(self, params: VehicleParams, seed: int, style: SteeringStyle | None = None) -> None:
         self._params = params
         self._style = style if style is not None else SteeringStyle()
+        rear_share = 1.0 - params.cog_x_m / params.wheelbase_m
+        self._slip_s2pm = params.mass_kg * (1.0 - rear_share) / params.axle_cornering_nprad[1]
         self._random = rng.stream(seed, "driver/steering")
         self._noise_m = float(self._random.normal(0.0, self._style.noise_m))
         self._seen: deque[float] = deque([0.0] * round(self._style.delay_s * TICK_HZ))
@@ -97,7 +99,9 @@ class DriverSteering:
             jolt = style.noise_m * sqrt(1.0 - keep * keep)
             self._noise_m = keep * self._noise_m + jolt * float(self._random.normal())
         turning = road.turning(s_m)
-        wanted = self._wanted_rad(turning, offset_m, heading_rad, speed_mps)
+        # In a bend the rear tyres slip, and the nose points inside the lane's direction.
+        inward = self._slip_s2pm * speed_mps * speed_mps * road.curvature(s_m, 2.0)
+        wanted = self._wanted_rad(turning, offset_m, heading_rad - inward, speed_mps)
         self._seen.append(wanted)
         wanted = self._seen.popleft()
         if speed_mps > 0.4:
@@ -125,7 +129,7 @@ class DriverSteering:
     def _follow_bend(self, road: DriverRoute, s_m: float, speed_mps: float) -> None:
         p = self._params
         lead = self._style.curve_lead_s * speed_mps
-        curvature = road.curvature(s_m + lead, max(1.8, 0.45 * speed_mps))
+        curvature = road.curvature(s_m + lead, max(1.8, 0.33 * speed_mps))
         angle = atan(p.wheelbase_m * curvature) + p.understeer_s2pm * speed_mps * speed_mps * curvature
         # Hands do not follow what is smaller than half a degree at the wheel.
         play = 0.5 / degrees(1.0) / p.steering_ratio
