@@ -76,7 +76,8 @@ class Mount:
     def T_base_sensor(self) -> NDArray[np.float64]:
         """Maps sensor coordinates to `base_link`, shape (4, 4)."""
         turn = geometry.quat_to_matrix(geometry.rpy_to_quat(*np.radians(self.rpy_deg)))
-        return geometry.from_rotation(turn @ _AXES[self.axes], self.position_m)
+        axes = geometry.apply(geometry.from_rotation(turn), _AXES[self.axes].T).T
+        return geometry.from_rotation(axes, self.position_m)
 
 
 _AXES = {

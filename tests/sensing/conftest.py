@@ -10,13 +10,16 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env import geometry
+from carlaloc_env.assets.placing import SignalLenses
 from carlaloc_env.clock import STEP_TICKS, TICK_S
+from carlaloc_env.errors import RenderError
 from carlaloc_env.geodesy import GeoReference
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.semantics import Tag
 from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline, empty_catalog, empty_frame
 from carlaloc_env.trajectory import EgoTrack
+from carlaloc_env.weather import PRESETS
 
 Array = NDArray[np.float64]
 Path = Callable[[Array], tuple[Array, Array]]
@@ -38,10 +41,22 @@ class BoxWorld:
         self.geo = GeoReference(latitude_deg=49.0, longitude_deg=8.4, height_m=115.0)
         self.static = tuple(static)
         self.library = ModelLibrary(models)
+        self.weather = PRESETS["ClearNoon"]
+        self.lenses = SignalLenses()
         self._rays: Any = None
+        self._renderer: Any = None
 
     def renderer(self) -> Any:
-        raise AssertionError("this world has no pictures")
+        """Renderer with plain grey textures."""
+        if self._renderer is None:
+            from carlaloc_env.render.renderer import SceneRenderer
+
+            grey = np.full((len(Material), 8, 8, 4), 0.5, np.float16)
+            try:
+                self._renderer = SceneRenderer(self.static, self.library, quality="low", albedo=grey)
+            except RenderError as error:
+                pytest.skip(str(error))
+        return self._renderer
 
     def rays(self) -> Any:
         if self._rays is None:

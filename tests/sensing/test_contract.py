@@ -14,9 +14,11 @@ import pytest
 
 from carlaloc_env.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.observation import Observer
+from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
@@ -48,6 +50,7 @@ def street(scenery: Any, seed: int = 7) -> Any:
     models = {
         "saloon": scenery.box([-2.3, -0.9, 0.1], [2.3, 0.9, 1.4]),
         "bus": scenery.box([-6, -1.2, 0.2], [6, 1.2, 3.1]),
+        **{f"signal_{c}": scenery.box([0, 0, 0], [0.1, 0.1, 0.1]) for c in ("red", "yellow", "green")},
         "ego": scenery.box([-0.95, -0.9, 0.2], [3.75, 0.9, 1.45]),
     }
     static = [
@@ -164,6 +167,22 @@ def test_another_name_changes_noise(scenery: Any) -> None:
     rig = SensorRig(sensors=(GnssConfig(name="a"), GnssConfig(name="b"))).build(street(scenery))
     a, b = rig.measure(traffic_drive(scenery), -1, 0)
     assert a.latitude_deg != b.latitude_deg  # type: ignore[attr-defined]
+
+
+def test_pictures_keep_the_same_promise(scenery: Any) -> None:
+    """Cameras too: live one by one, replayed backwards, alone and beside a LiDAR, the same bytes."""
+    camera = CameraConfig(
+        mount=Mount(position_m=(1.8, 0.2, 1.6), axes="optical"), pinhole=Pinhole.from_fov(96, 64, 90.0)
+    )
+    drive, end = traffic_drive(scenery), 300_000_000
+    rig = SensorRig(sensors=(CONFIGS["lidar"], camera)).build(street(scenery))
+    forwards = by_key(rig.measure(drive, -1, end))
+    alone = SensorRig(sensors=(camera,)).build(street(scenery))
+    for stamp in reversed(range(0, end + 1, STEP_NS)):
+        pictures = alone.measure(drive, stamp - 1, stamp)
+        assert [p.sensor for p in pictures] == ["rgb_left", "depth_left", "semantic_left"]
+        assert all(content(p) == forwards[p.sensor, stamp] for p in pictures)
+    assert forwards["rgb_left", 0][1:] != forwards["rgb_left", STEP_NS][1:]
 
 
 QUIET: dict[str, Callable[[], SensorConfig]] = {
