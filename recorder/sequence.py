@@ -169,7 +169,9 @@ def sequence_writers(
     return WriterGroup(sequence, writers, summary)
 
 
-def write_shared(town_dir: Path, rig: SensorRig, timeline: Timeline, span_ns: tuple[int, int]) -> None:
+def write_shared(
+    town_dir: Path, rig: SensorRig, timeline: Timeline, span_ns: tuple[int, int], topics: str
+) -> None:
     """Write calibration and ground truth of a drive, the same for all its sequences.
 
     Args:
