@@ -75,12 +75,13 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     key = content_hash(str(BUILDER_VERSION).encode(), content, toml.read_bytes() if has_toml else b"")
     network = LaneNetwork(read_opendrive(source))
     stored = (cache_dir or default_cache_dir()) / f"{name}-{key}.npz"
-    scenery = _scenery(network, config, key, stored)
+    route = _route(network, config)
+    scenery = _scenery(network, config, route, key, stored)
     return Town(
         name=name,
         network=network,
         config=config,
-        route=_route(network, config),
+        route=route,
         geo=_geo(network, config, has_geo=has_toml),
         chunks=scenery.chunks,
         collision_vertices_m=scenery.collision_vertices_m,
@@ -110,7 +111,9 @@ def _map_folders() -> list[Path]:
     return [folder for folder in folders if folder.is_dir()]
 
 
-def _scenery(network: LaneNetwork, config: TownConfig, key: str, stored: Path) -> Scenery:
+def _scenery(
+    network: LaneNetwork, config: TownConfig, route: Route | None, key: str, stored: Path
+) -> Scenery:
     arrays = load(stored)
     if arrays is not None:
         try:
@@ -118,7 +121,8 @@ def _scenery(network: LaneNetwork, config: TownConfig, key: str, stored: Path) -
         except (KeyError, ValueError, IndexError) as error:
             _log.warning("cached town %s cannot be used (%s) and will be built again", stored, error)
     begin = time.perf_counter()
-    scenery = build_scenery(network, config, seed=int(key[:12], 16))
+    route_m = None if route is None else route.position_m[:, :2]
+    scenery = build_scenery(network, config, int(key[:12], 16), route_m)
     arrays = _to_arrays(scenery)
     _log.info("built %s in %.1f s", stored.name, time.perf_counter() - begin)
     try:

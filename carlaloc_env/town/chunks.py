@@ -14,21 +14,28 @@ def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:
     """Meshes of the squares of a world-fixed grid; each triangle goes where its centre lies."""
     if not len(mesh.triangles):
         return ()
-    centre = mesh.vertices_m[mesh.triangles][:, :, :2].mean(axis=1)
+    corners = mesh.vertices_m[mesh.triangles][:, :, :2]
+    centre = corners.mean(axis=1)
     cell = np.floor(centre / size_m).astype(np.int64)
     key = (cell[:, 0] + (1 << 20)) * (1 << 22) + cell[:, 1] + (1 << 20)
+    # The far land's triangles are larger than squares; one chunk holds them all.
+    key[np.ptp(corners, axis=1).max(axis=1) > size_m] = -2
     order = np.argsort(key, kind="stable")
-    starts = np.flatnonzero(np.diff(key[order], prepend=-1))
+    starts = np.flatnonzero(np.diff(key[order], prepend=-3))
     ends = np.append(starts[1:], len(order))
     return tuple(_part(mesh, order[a:b]) for a, b in zip(starts, ends, strict=True))
 
 
 def _part(mesh: Mesh, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Mesh:
-    triangles = mesh.triangles[np.sort(rows)]
-    used, renumbered = np.unique(triangles, return_inverse=True)
+    triangles = mesh.triangles[rows]
+    used = np.unique(triangles)
+    first = int(used[0])
+    number = np.zeros(int(used[-1]) - first + 1, dtype=np.uint32)
+    number[used - first] = np.arange(len(used), dtype=np.uint32)
+    renumbered = number[triangles - first]
     return Mesh(
         vertices_m=mesh.vertices_m[used],
-        triangles=renumbered.reshape(-1, 3).astype(np.uint32),
+        triangles=renumbered,
         normals=mesh.normals[used],
         uv_m=mesh.uv_m[used],
         colour=mesh.colour[used],

@@ -11,26 +11,41 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.assets.placing import SignalLenses
+from carlaloc_env.assets.trees import FORMS
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import TownAreas, town_areas
 from carlaloc_env.town.buildings import building_mesh
 from carlaloc_env.town.chunks import split_chunks
-from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, weld
+from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
+from carlaloc_env.town.furniture import Furnisher, Placement
 from carlaloc_env.town.junctions import add_corners, add_junction_surface, corner_edges
+from carlaloc_env.town.levels import Levels, find_levels
 from carlaloc_env.town.lots import Lot, place_lots
 from carlaloc_env.town.markings import add_markings
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.painted import RoadPainter
 from carlaloc_env.town.pavements import add_pavements
+from carlaloc_env.town.polygons import Area
 from carlaloc_env.town.roads import add_roads
-from carlaloc_env.town.sections import Strip, road_strips
+from carlaloc_env.town.sections import KERB_M, Strip, road_strips
+from carlaloc_env.town.signposts import add_signals, add_signs
+from carlaloc_env.town.structures import add_structures
 from carlaloc_env.town.terrain import MARGIN_M, Ground, add_terrain, zone_areas
 
 Array = NDArray[np.float64]
+
+SOLID_PROPS = (
+    ("bus_shelter", 0.8, 2.4),
+    ("column", 0.65, 3.2),
+    ("hydrant", 0.15, 0.7),
+    ("planter", 0.5, 0.5),
+)
+"""Further props that a car can hit: name, radius and height of their prism [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,13 +64,18 @@ class Scenery:
     """Light sources of the street lamps [m], shape (K, 3)."""
 
 
-def build_scenery(network: LaneNetwork, config: TownConfig, seed: int) -> Scenery:
+def build_scenery(
+    network: LaneNetwork, config: TownConfig, seed: int, route_m: Array | None = None
+) -> Scenery:
     """Scenery of a map; the same map, configuration and seed give the same bytes."""
     roads = network.xodr.roads
     strips = road_strips(roads, network.surface)
     areas = town_areas(strips, roads)
     bounds = shapely.box(*shapely.bounds(shapely.buffer(areas.roadway, MARGIN_M)))
     zones = zone_areas(config, bounds)
+    corners = np.array(shapely.bounds(bounds)).reshape(2, 2)
+    box = (corners[0], corners[1])
+    levels = find_levels(strips, *box)
 
     lanes, raised, solid = MeshBuilder(), MeshBuilder(), MeshBuilder()
     add_roads(lanes, strips, seed)
@@ -65,27 +85,79 @@ def build_scenery(network: LaneNetwork, config: TownConfig, seed: int) -> Scener
     for junction in areas.junctions:
         add_junction_surface(raised, junction, JunctionField(junction.strips, network.surface), seed)
         add_corners(raised, junction, areas, kerb_field)
-    ground = _ground(strips, areas, kerb_field, bounds)
-    add_terrain(raised, bounds, areas.paved, zones, ground)
+    ground = _ground(strips, areas, kerb_field, levels, box)
+    add_terrain(raised, bounds, levels.ground_paving(areas.paved), zones, ground)
+    tunnel_lamps = add_structures(raised, levels)
     paint = MeshBuilder()
     add_markings(paint, strips, roads)
+    RoadPainter(network, strips, areas).add_all(paint)
 
-    lots = place_lots(strips, areas.paved, zones, seed)
+    lots = place_lots(strips, shapely.union(areas.paved, _cuts(levels)), zones, seed)
     bases = _base_heights(lots, ground)
     buildings = _buildings(lots, bases, seed)
     solid.quads(lot_boxes(lots, bases), material=Material.PLAIN, tag=Tag.BUILDING)
 
-    floor = raised.build()
-    vertices, triangles = weld([solid.build(), floor])
+    floor = Floor(raised=areas.raised, kerb=kerb_field, ground=ground)
+    number = len(lots) + 1
+    lights, lenses, light_feet = add_signals(network, floor.height, number)
+    signs, sign_feet = add_signs(network, floor.height, number + len(lights))
+    clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
+    footprints = [lot.footprint() for lot in lots]
+    furnisher = Furnisher(zones, np.concatenate(clear), route_m, footprints, seed)
+    for strip in strips:
+        if strip.junction_id is None:
+            furnisher.pavement(strip)
+    built = shapely.union_all(
+        [areas.paved, _cuts(levels), shapely.buffer(shapely.union_all(footprints), 1.5)]
+    )
+    for kind, zone in zones:
+        furnisher.scatter(shapely.difference(zone, built), kind, ground)
+    props = furnisher.meshes(number + len(lights) + len(signs))
+    _add_posts(solid, furnisher.placed, light_feet)
+
+    land = raised.build()
+    vertices, triangles = weld([solid.build(), land])
+    parts = [lanes.build(), land, paint.build(), *buildings, *lights, *signs, *props]
     return Scenery(
-        chunks=split_chunks(merge([lanes.build(), floor, paint.build(), *buildings])),
+        chunks=split_chunks(merge(parts)),
         collision_vertices_m=vertices,
         collision_triangles=triangles,
-        lenses=SignalLenses(
-            signal=np.zeros(0, np.int32), state=np.zeros(0, np.uint8), T_world_lens=np.zeros((0, 4, 4))
-        ),
-        lamps_m=np.zeros((0, 3)),
+        lenses=lenses,
+        lamps_m=np.concatenate([furnisher.lamps_m(), tunnel_lamps]),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Floor:
+    """Height of what one would stand on."""
+
+    raised: Area
+    """Pavements and medians."""
+    kerb: EdgeField
+    """Heights of the roads' edges."""
+    ground: Ground
+    """Heights elsewhere."""
+
+    def height(self, xy_m: Array) -> Array:
+        """Height [m] at points (M, 2)."""
+        on = shapely.intersects_xy(self.raised, xy_m[:, 0], xy_m[:, 1])
+        return np.where(on, self.kerb.nearest(xy_m)[0] + KERB_M, self.ground.height(xy_m))
+
+
+def _cuts(levels: Levels) -> Area:
+    """Sunken and raised stretches with room for their walls."""
+    return shapely.union_all([s.area(np.ones(len(s.left_m), bool), 1.0) for s in levels.stretches])
+
+
+def _add_posts(solid: MeshBuilder, placed: Placement, light_feet: Array) -> None:
+    """Lamps, trunks, traffic lights and shelters as prisms that a car can hit."""
+    groups = [(placed.feet_of("lamp"), 0.11, 8.0), (light_feet, 0.14, 6.0)]
+    groups += [(placed.feet_of(f"tree {kind}"), 0.17, 3.0) for kind in FORMS]
+    groups += [(placed.feet_of(name), r, h) for name, r, h in SOLID_PROPS]
+    for feet, radius, height in groups:
+        if len(feet):
+            faces = posts(feet, np.full(len(feet), radius), np.full(len(feet), height))
+            solid.quads(faces, material=Material.PLAIN, tag=Tag.POLE)
 
 
 def _road_edges(strips: Sequence[Strip]) -> list[Array]:
@@ -98,18 +170,17 @@ def _road_edges(strips: Sequence[Strip]) -> list[Array]:
     return lines
 
 
-def _ground(strips: Sequence[Strip], areas: TownAreas, kerb_field: EdgeField, bounds: object) -> Ground:
-    lines = []
-    for strip in strips:
-        span = strip.span(("roadway", "walkway", "median"))
-        if span is not None and strip.junction_id is None:
-            lines += [strip.lane_edges(span[0])[0], strip.lane_edges(span[1] - 1)[1]]
+def _ground(
+    strips: Sequence[Strip], areas: TownAreas, kerb_field: EdgeField, levels: Levels, box: tuple[Array, Array]
+) -> Ground:
+    """Heights of the ground: along everything paved that lies on it, along the tops of cuts, and between."""
+    lines = [line for strip in strips if strip.junction_id is None for line in levels.ground_lines(strip)]
+    for stretch in levels.stretches:
+        lines += [stretch.left_top_m, stretch.right_top_m]
     for junction in areas.junctions:
         lines += corner_edges(junction, kerb_field)
     outer = EdgeField(lines + _junction_rims(strips), 0.5)
-    x0, y0, x1, y1 = shapely.bounds(bounds)
-    grid = GroundGrid(outer.points_m, np.array([x0, y0]), np.array([x1, y1]))
-    return Ground(edge=outer, grid=grid)
+    return Ground(edge=outer, grid=GroundGrid(outer.points_m, *box))
 
 
 def _junction_rims(strips: Sequence[Strip]) -> list[Array]:

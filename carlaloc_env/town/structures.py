@@ -1,0 +1,156 @@
+"""Walls, roofs, decks and piers of roads that leave the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.levels import ROOF_M, WALL_M, Levels, Stretch, grown, runs
+from carlaloc_env.town.meshing import MeshBuilder, box_quads, extrude
+
+Array = NDArray[np.float64]
+
+PARAPET_M = 0.95
+"""Height of walls and rails above the ground beside a cut [m]."""
+DECK_M = 0.9
+"""Thickness of a bridge's deck [m]."""
+PIER_STEP_M = 24.0
+"""Distance of piers [m]."""
+_GREY = (228, 226, 220)
+
+
+def add_structures(out: MeshBuilder, levels: Levels) -> Array:
+    """Walls, roofs and decks of all stretches; gives the places of lamps under roofs [m], shape (K, 3)."""
+    lamps = [np.zeros((0, 3))]
+    for stretch in levels.stretches:
+        if stretch.sunken:
+            lamps.append(_underpass(out, stretch))
+        else:
+            _bridge(out, stretch)
+    return np.concatenate(lamps)
+
+
+def _underpass(out: MeshBuilder, stretch: Stretch) -> Array:
+    down = np.array([0.0, 0.0, 0.35])
+    up = np.array([0.0, 0.0, PARAPET_M])
+    outward = _outward(stretch)
+    roof_z = _roof_height(stretch)
+    for edge, top, sign in (
+        (stretch.left_m, stretch.left_top_m, 1.0),
+        (stretch.right_m, stretch.right_top_m, -1.0),
+    ):
+        head = top.copy()
+        head[:, 2] = np.where(stretch.detached, np.minimum(roof_z + 0.02, top[:, 2]), top[:, 2])
+        _face(out, edge - down, head, sign, Material.CONCRETE_PANEL, Tag.WALL)
+        open_cut = grown(~stretch.detached) & (top[:, 2] - edge[:, 2] > 0.3)
+        for a, b in runs(open_cut):
+            if b - a < 2:
+                continue
+            inner, outer = top[a:b], top[a:b] + sign * WALL_M * outward[a:b]
+            _face(out, inner, inner + up, sign, Material.CONCRETE, Tag.WALL)
+            _face(out, outer - 2 * down, outer + up, -sign, Material.CONCRETE, Tag.WALL)
+            rows = (outer, inner) if sign > 0 else (inner, outer)
+            out.grid(
+                np.stack([rows[1] + up, rows[0] + up], axis=1),
+                material=Material.CONCRETE,
+                tag=Tag.WALL,
+                colour=_GREY,
+            )
+    lamps = [np.zeros((0, 3))]
+    for a, b in runs(stretch.detached):
+        if b - a > 1:
+            lamps.append(_roof(out, stretch, roof_z, a, b))
+    return np.concatenate(lamps)
+
+
+def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> Array:
+    left, right = stretch.left_m[a:b].copy(), stretch.right_m[a:b].copy()
+    left[:, 2], right[:, 2] = roof_z[a:b], roof_z[a:b]
+    out.grid(
+        np.stack([left, right], axis=1),
+        material=Material.CONCRETE_PANEL,
+        tag=Tag.BRIDGE,
+        colour=_GREY,
+    )
+    for row, sign in ((a, -1.0), (b - 1, 1.0)):
+        low_l, low_r = stretch.left_m[row].copy(), stretch.right_m[row].copy()
+        low_l[2] = low_r[2] = roof_z[row] - 0.05
+        high_l, high_r = stretch.left_top_m[row].copy(), stretch.right_top_m[row].copy()
+        high_l[2] += PARAPET_M
+        high_r[2] += PARAPET_M
+        ahead = _ahead(stretch)[row] * 0.3 * sign
+        front = np.array([low_l, low_r, high_r, high_l]) + ahead
+        back = np.array([low_r, low_l, high_l, high_r]) - ahead
+        lid = np.array([front[3], front[2], back[2], back[3]])
+        soffit = np.array([front[1], front[0], back[1], back[0]])
+        faces = np.stack([front, back, lid, soffit])
+        faces = faces if sign < 0 else faces[:, ::-1]
+        out.quads(faces, material=Material.CONCRETE, tag=Tag.BRIDGE, colour=_GREY)
+    middle = 0.5 * (left + right)[2:-2:9]
+    along = _ahead(stretch)[a:b][2:-2:9] * 0.9
+    side = 0.12 * _outward(stretch)[a:b][2:-2:9]
+    drop = np.array([0.0, 0.0, 0.03])
+    tubes = np.stack(
+        [middle - along + side, middle + along + side, middle + along - side, middle - along - side], axis=1
+    )
+    out.quads(tubes - drop, material=Material.LAMP_WHITE, tag=Tag.STATIC)
+    return middle - 10 * drop
+
+
+def _bridge(out: MeshBuilder, stretch: Stretch) -> None:
+    deck = np.array([0.0, 0.0, DECK_M])
+    up = np.array([0.0, 0.0, PARAPET_M])
+    outward = _outward(stretch)
+    raised = grown(stretch.detached)
+    for edge, sign in ((stretch.left_m, 1.0), (stretch.right_m, -1.0)):
+        for a, b in runs(raised):
+            if b - a < 2:
+                continue
+            inner, outer = edge[a:b], edge[a:b] + sign * WALL_M * outward[a:b]
+            _face(out, inner, inner + up, sign, Material.CONCRETE, Tag.GUARD_RAIL)
+            _face(out, outer - deck, outer + up, -sign, Material.CONCRETE, Tag.BRIDGE)
+            rows = (outer, inner) if sign > 0 else (inner, outer)
+            top = np.stack([rows[1] + up, rows[0] + up], axis=1)
+            out.grid(top, material=Material.CONCRETE, tag=Tag.GUARD_RAIL, colour=_GREY)
+    for a, b in runs(raised):
+        if b - a < 2:
+            continue
+        left = stretch.left_m[a:b] + WALL_M * outward[a:b] - deck
+        right = stretch.right_m[a:b] - WALL_M * outward[a:b] - deck
+        out.grid(np.stack([left, right], axis=1), material=Material.CONCRETE_PANEL, tag=Tag.BRIDGE)
+        _piers(out, 0.5 * (left + right), stretch.left_top_m[a:b, 2])
+
+
+def _piers(out: MeshBuilder, line: Array, ground_z: Array) -> None:
+    rows = np.arange(int(PIER_STEP_M / 2), len(line) - 2, int(PIER_STEP_M))
+    if not len(rows):
+        return
+    low, high = line[rows] - [0.6, 0.6, 0.0], line[rows] + [0.6, 0.6, 0.0]
+    low[:, 2] = ground_z[rows] - 1.0
+    out.quads(box_quads(low, high), material=Material.CONCRETE, tag=Tag.BRIDGE, colour=_GREY)
+
+
+def _face(out: MeshBuilder, low: Array, high: Array, sign: float, material: Material, tag: Tag) -> None:
+    """Upright faces; +1 looks to the right of the line, −1 to the left."""
+    line, top = (low, high) if sign > 0 else (low[::-1], high[::-1])
+    out.quads(extrude(line, top), material=material, tag=tag, colour=_GREY)
+
+
+def _roof_height(stretch: Stretch) -> Array:
+    """Underside of the roof [m], shape (N,)."""
+    return np.minimum(stretch.left_top_m[:, 2], stretch.right_top_m[:, 2]) - ROOF_M
+
+
+def _outward(stretch: Stretch) -> Array:
+    """Unit vectors to the left of the stretch, shape (N, 3)."""
+    across = stretch.left_m - stretch.right_m
+    across[:, 2] = 0.0
+    result: Array = across / np.sqrt(np.sum(across**2, axis=1, keepdims=True))
+    return result
+
+
+def _ahead(stretch: Stretch) -> Array:
+    left = _outward(stretch)
+    return np.stack([left[:, 1], -left[:, 0], np.zeros(len(left))], axis=-1)
