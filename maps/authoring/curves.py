@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from .newton import PlanError, solve
+
 _NODES, _WEIGHTS = (tuple(float(v) for v in a) for a in np.polynomial.legendre.leggauss(16))
 _SPIRAL_SHARE = 0.18  # part of a corner's heading change that each of its two clothoids takes
-
-
-class PlanError(ValueError):
-    """A town plan asks for geometry that does not exist."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,48 +266,3 @@ def turning_bulb(start: Pose, radius: float, flare_radius: float, spiral_m: floa
 
     first = half(solve(miss, [3.0, 2.0 * radius]))
     return Path(start, (*first, *(Piece(p.length, p.k1, p.k0) for p in reversed(first))))
-
-
-def solve(miss: Callable[[Sequence[float]], list[float]], guess: Sequence[float]) -> list[float]:
-    """Newton's method with a numerical Jacobian for two or three unknowns.
-
-    Raises:
-        PlanError: no solution was reached.
-    """
-    x = list(guess)
-    n = len(x)
-    for _ in range(60):
-        f = miss(x)
-        if max(abs(v) for v in f) < 1e-12:
-            return x
-        rows = [[0.0] * n + [-f[i]] for i in range(n)]
-        for j in range(n):
-            h = 1e-6 * max(1e-2, abs(x[j]))
-            up, down = list(x), list(x)
-            up[j] += h
-            down[j] -= h
-            f_up, f_down = miss(up), miss(down)
-            for i in range(n):
-                rows[i][j] = (f_up[i] - f_down[i]) / (2 * h)
-        step = _eliminate(rows)
-        damp = min(
-            1.0, min(0.5 * max(abs(v), 0.05) / abs(d) if d else 1.0 for v, d in zip(x, step, strict=True))
-        )
-        x = [v + damp * d for v, d in zip(x, step, strict=True)]
-    if max(abs(v) for v in miss(x)) < 1e-9:
-        return x
-    raise PlanError(f"the curve has no solution near {list(guess)}")
-
-
-def _eliminate(rows: list[list[float]]) -> list[float]:
-    n = len(rows)
-    for i in range(n):
-        pivot = max(range(i, n), key=lambda r: abs(rows[r][i]))
-        rows[i], rows[pivot] = rows[pivot], rows[i]
-        if abs(rows[i][i]) < 1e-14:
-            raise PlanError("the curve's equations are singular")
-        for r in range(n):
-            if r != i:
-                factor = rows[r][i] / rows[i][i]
-                rows[r] = [a - factor * b for a, b in zip(rows[r], rows[i], strict=True)]
-    return [rows[i][n] / rows[i][i] for i in range(n)]

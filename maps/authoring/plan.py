@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from . import furniture
-from .curves import Path, PlanError, fillet, turning_bulb
+from .curves import Path, fillet, turning_bulb
 from .idents import JUNCTION, OBJECT, ROAD, Numbers
 from .junctions import Movement, build_junction, connect, setbacks
+from .newton import PlanError
 from .parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, TunnelPart, leg_of
 from .profiles import Climb, Dip, Record, climb, dip, level, smooth
 from .roundabouts import RoundaboutShape, build_roundabout

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, field, replace
 
-from .curves import PlanError
+from .newton import PlanError
 
 Cubic = tuple[float, float, float, float]
 Records = tuple[tuple[float, Cubic], ...]

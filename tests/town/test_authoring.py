@@ -202,7 +202,7 @@ def test_an_odd_town_is_a_whole_network() -> None:
 
 def test_impossible_plans_say_what_does_not_fit() -> None:
     plan, cross = tool("plan"), tool("sections").CrossSection
-    error = tool("curves").PlanError
+    error = tool("newton").PlanError
     town = plan.TownPlan(name="x", projection="")
     town.node("a", 0.0, 0.0)
     town.node("b", 60.0, 0.0)
