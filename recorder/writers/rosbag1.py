@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
+import lz4.frame  # type: ignore[import-untyped]
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as BagFile
 from rosbags.typesys import Stores
@@ -19,6 +20,23 @@ from recorder.writers.topics import profile_by_name
 COMPRESSIONS = ("none", "lz4", "bz2")
 """Ways to compress a bag's chunks."""
 _CLOCK_PERIOD_NS = 10_000_000
+
+
+def compress_lz4_for_ros(data: bytes) -> bytes:
+    """LZ4 frame of the only form that ROS 1's `roslz4` reads.
+
+    It wants independent blocks, no content size and a content checksum; with other flags, among them
+    the defaults of lz4 and rosbags, `rosbag play` stops with "malformed data to decompress".
+    """
+    frame: bytes = lz4.frame.compress(
+        data,
+        block_size=lz4.frame.BLOCKSIZE_MAX1MB,
+        block_linked=False,
+        content_checksum=True,
+        block_checksum=False,
+        store_size=False,
+    )
+    return frame
 
 
 class Rosbag1Writer(Writer):
@@ -67,6 +85,8 @@ class Rosbag1Writer(Writer):
         self._bag = BagFile(part)
         if self._compression != "none":
             self._bag.set_compression(BagFile.CompressionFormat[self._compression.upper()])
+        if self._compression == "lz4":
+            self._bag.compressor = compress_lz4_for_ros
         self._bag.open()
 
     def _put(self, sample: Sample) -> None:

@@ -165,8 +165,17 @@ def test_tum_files_keep_nanoseconds_and_every_digit(tmp_path: Path) -> None:
         time_text, *values = line.split()
         assert int(time_text.replace(".", "")) == DEFAULT_EPOCH_NS + stamps[k]
         assert [float(v) for v in values] == [*motion.position_m[k], *motion.quat_xyzw[k]]
+    file_interface = pytest.importorskip("evo.tools.file_interface")
+    read = file_interface.read_tum_trajectory_file(files[1])
+    assert np.array_equal(read.positions_xyz, motion.position_m)
+    assert np.array_equal(np.roll(read.orientations_quat_wxyz, -1, axis=1), motion.quat_xyzw)
+
+
+def test_existing_tum_file_is_kept(tmp_path: Path) -> None:
+    motion = timeline().ego_motion(STAMPS)
+    path = write_tum(tmp_path / "a.tum", motion)
     with pytest.raises(WriterError, match="exists"):
-        write_tum(files[0], motion)
+        write_tum(path, motion)
 
 
 def test_state_csv_with_biases(tmp_path: Path) -> None:

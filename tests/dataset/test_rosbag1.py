@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import re
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -298,6 +301,54 @@ def test_plain_cloud_alone_is_written(tmp_path: Path) -> None:
         writer.write(cloud(0, False))
     _, messages = read(tmp_path / "a.bag")
     assert messages["/lidar/points"][0][1].point_step == 22
+
+
+def test_lz4_chunks_have_the_flags_that_roslz4_reads(standard: Path) -> None:
+    """Version 1, independent blocks, content checksum, nothing else: rosbags' own frames stop ROS 1."""
+    flags = re.findall(rb"\x04\x22\x4d\x18(.)", standard.read_bytes(), flags=re.DOTALL)
+    assert flags == [bytes([0b0110_0100])]
+
+
+_ROS = """
+import json, sys, rosbag, roslib.message
+import sensor_msgs.point_cloud2 as pc2
+bag = rosbag.Bag(sys.argv[1])
+info = bag.get_type_and_topic_info()
+for kind, md5 in info.msg_types.items():
+    assert roslib.message.get_message_class(kind)._md5sum == md5, kind
+counts, times = {}, []
+for topic, message, time in bag.read_messages():
+    counts[topic] = counts.get(topic, 0) + 1
+    times.append(time.to_nsec())
+    if topic == "/lidar/points":
+        points = list(pc2.read_points(message))
+print(json.dumps([counts, times, points]))
+"""
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "bz2"])
+def test_ros_own_reader_agrees(tmp_path: Path, compression: str) -> None:
+    """ROS 1's rosbag, where Debian's python3-rosbag is installed."""
+    python = "/usr/bin/python3"
+    needed = "import rosbag, sensor_msgs.point_cloud2, nav_msgs.msg, tf2_msgs.msg, rosgraph_msgs.msg"
+    if not Path(python).exists() or subprocess.run([python, "-c", needed], capture_output=True).returncode:
+        pytest.skip("needs Debian's python3-rosbag with its message packages")
+    samples = drive()
+    path = tmp_path / "a.bag"
+    with Rosbag1Writer(path, rig(), streams={s.sensor for s in samples}, compression=compression) as writer:
+        for sample in samples:
+            writer.write(sample)
+    done = subprocess.run([python, "-c", _ROS, str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    counts, times, points = json.loads(done.stdout)
+    _, messages = read(path)
+    assert counts == {topic: len(entries) for topic, entries in messages.items()}
+    assert times == sorted(time_ns for entries in messages.values() for time_ns, _ in entries)
+    last = cloud(150_000_000, True)
+    assert np.array_equal(np.array([p[:3] for p in points], np.float32), last.points_xyz_m)
+    assert [p[4] for p in points] == last.ring.tolist()
+    assert last.instance is not None
+    assert [p[7] for p in points] == last.instance.tolist()
 
 
 def test_refusals(tmp_path: Path) -> None:
