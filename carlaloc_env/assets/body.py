@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -82,13 +83,10 @@ def _stations(shape: BodyShape) -> Array:
     if shape.bed is not None:
         key += [shape.bed[0], shape.bed[0] + 0.01, shape.bed[1] - 0.01, shape.bed[1]]
     radius = 0.5 * shape.tyre_m + shape.arch_m
-    arch = radius * np.array([-1.01, -1.0, -0.94, -0.8, -0.58, -0.3, 0.0, 0.3, 0.58, 0.8, 0.94, 1.0, 1.01])
+    arch = radius * np.array([-1.01, -1.0, -0.92, -0.71, -0.38, 0.0, 0.38, 0.71, 0.92, 1.0, 1.01])
     fixed = np.unique(np.round(np.concatenate([key, *(axle + arch for axle in shape.axles_d)]), 4))
     fixed = fixed[(fixed >= 0.0) & (fixed <= length)]
-    gaps = [
-        np.linspace(a, b, int(np.ceil((b - a) / 0.5)) + 1)[:-1]
-        for a, b in zip(fixed[:-1], fixed[1:], strict=True)
-    ]
+    gaps = [np.linspace(a, b, int(np.ceil((b - a) / 0.6)) + 1)[:-1] for a, b in pairwise(fixed)]
     return np.concatenate([*gaps, fixed[-1:]])
 
 
@@ -108,7 +106,9 @@ def _sections(shape: BodyShape, d: Array) -> Array:
     y_glass = y_belt - np.maximum(shape.tumblehome * 0.84 * upper, 0.05)
     y_rail = y_glass - np.maximum(0.05, 0.10 * np.minimum(upper, 0.5))
     zero = np.zeros_like(d)
-    y = np.stack([zero, 0.86 * half, 0.975 * half, half, 0.99 * half, y_belt, y_glass, y_rail, 0.55 * y_rail, zero], -1)
+    y = np.stack(
+        [zero, 0.86 * half, 0.975 * half, half, 0.99 * half, y_belt, y_glass, y_rail, 0.55 * y_rail, zero], -1
+    )
     z = np.stack(
         [
             bottom, bottom, sill, waist, shoulder, belt,
@@ -173,7 +173,12 @@ def _skin(shape: BodyShape, d: Array, grid: Array, paint: Look, tag: Tag) -> Mes
     return merge(
         [
             make_mesh(
-                flat, cells[owner == k], material=look.material, tag=tag, uv_m=flat[:, [0, 2]], colour=look.colour
+                flat,
+                cells[owner == k],
+                material=look.material,
+                tag=tag,
+                uv_m=flat[:, [0, 2]],
+                colour=look.colour,
             )
             for k, look in enumerate(looks)
         ]
@@ -203,16 +208,20 @@ def _cap(section: Array, bow_m: float, facing: float, paint: Look) -> Mesh:
 
 def _line(points: Points, d: Array) -> Array:
     xs, zs = np.array(points, dtype=np.float64).T
-    return np.interp(d, xs, zs)
+    return np.asarray(np.interp(d, xs, zs), dtype=np.float64)
 
 
 class Decals:
     """Thin parts laid onto a body: lamps, plates, seams, handles."""
 
     def __init__(self, body: Mesh, lift_m: float = 0.008) -> None:
-        self._body = body
+        self.body = body
         self._lift_m = lift_m
         self.meshes: list[Mesh] = []
+
+    def raised(self, lift_m: float) -> Decals:
+        """A further set on the same body at another height."""
+        return Decals(self.body, lift_m)
 
     def front(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
         """Patch on the nose; corners (y, z) from low y, low z on, anticlockwise, shape (4, 2)."""
@@ -240,12 +249,18 @@ class Decals:
     def seam(self, look: Look, line_xz: ArrayLike, width_m: float = 0.012) -> None:
         """Thin line on both sides through points (x, z), e.g. a door gap."""
         line = np.asarray(line_xz, dtype=np.float64)
-        for a, b in zip(line[:-1], line[1:], strict=True):
+        for a, b in pairwise(line):
             along = (b - a) / max(float(np.sqrt(np.sum((b - a) ** 2))), 1e-6)
             across = 0.5 * width_m * np.array([-along[1], along[0]])
             corners = np.stack([a - across, b - across, b + across, a + across])
-            area = np.sum(corners[:, 0] * np.roll(corners[:, 1], -1) - np.roll(corners[:, 0], -1) * corners[:, 1])
-            self.sides(look, corners if area < 0 else corners[::-1], (max(int(np.ceil(np.abs(b - a).max() / 0.2)), 1), 1))
+            area = np.sum(
+                corners[:, 0] * np.roll(corners[:, 1], -1) - np.roll(corners[:, 0], -1) * corners[:, 1]
+            )
+            self.sides(
+                look,
+                corners if area < 0 else corners[::-1],
+                (max(int(np.ceil(np.abs(b - a).max() / 0.2)), 1), 1),
+            )
 
     def _add(
         self,
@@ -262,9 +277,11 @@ class Decals:
         origin = np.zeros((len(flat), 3))
         origin[:, 3 - plane[1] - plane[2]] = plane[0]
         origin[:, plane[1]], origin[:, plane[2]] = flat.T
-        points = project(self._body, origin, direction, self._lift_m)
+        points = project(self.body, origin, direction, self._lift_m)
         width, height = (float(np.sqrt(np.sum((corners[i] - corners[0]) ** 2))) for i in (1, 3))
-        grid = np.broadcast_to(np.concatenate([s * width + 0 * t, t * height + 0 * s], axis=-1), (*t.shape[:1], s.shape[1], 2))
+        grid = np.broadcast_to(
+            np.concatenate([s * width + 0 * t, t * height + 0 * s], axis=-1), (*t.shape[:1], s.shape[1], 2)
+        )
         self.meshes.append(
             make_mesh(
                 points,

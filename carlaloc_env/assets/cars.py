@@ -14,8 +14,10 @@ from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
 
-TAIL_TINT = (110, 110, 110)
+TAIL_TINT = (70, 70, 70)
 """Tint of tail lamps: dimmer than a brake lamp."""
+AMBER_TINT = (180, 70, 4)
+"""Tint of indicators that are off; they are made of plastic."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +51,7 @@ def car(spec: CarSpec) -> Mesh:
     _front(decals, spec)
     _rear(decals, spec)
     _flanks(decals, spec)
-    tyre = wheel(shape.tyre_m, spec.tyre_width_m, spec.tag, sides=20)
+    tyre = wheel(shape.tyre_m, spec.tyre_width_m, spec.tag, sides=16)
     track = 0.5 * shape.width_m * 0.975 - 0.5 * spec.tyre_width_m - 0.015
     wheels = [m for d in shape.axles_d for m in axle_wheels(0.5 * shape.length_m - d, track, tyre)]
     return merge([shell, *decals.meshes, *wheels, *_mirrors(spec), _belly(spec)])
@@ -63,32 +65,48 @@ def _front(decals: Decals, spec: CarSpec) -> None:
     decals.front(dark, _band(0.42 * half, 0.46 * half, low + 0.62 * (high - low), high), (8, 1))
     z0, z1 = spec.lamp_z
     lamp = [(0.52 * half, z0 + 0.03), (0.93 * half, z0), (0.95 * half, z1), (0.50 * half, z1 - 0.03)]
-    decals.pair_front(Look(Material.GLASS, tag, (255, 255, 255)), lamp, (5, 2))
-    inner = [(0.60 * half, z0 + 0.045), (0.78 * half, z0 + 0.035), (0.79 * half, z1 - 0.035), (0.60 * half, z1 - 0.045)]
-    lifted = Decals(decals._body, 0.016)
-    lifted.pair_front(Look(Material.LAMP_WHITE, tag), inner, (2, 1))
-    amber = [(0.84 * half, z0 + 0.03), (0.91 * half, z0 + 0.03), (0.91 * half, z1 - 0.03), (0.84 * half, z1 - 0.03)]
-    lifted.pair_front(Look(Material.PLASTIC, tag, (180, 70, 4)), amber, (1, 1))
+    decals.pair_front(Look(Material.GLASS, tag, (255, 255, 255)), lamp, (7, 3))
+    inner = [
+        (0.60 * half, z0 + 0.045),
+        (0.78 * half, z0 + 0.035),
+        (0.79 * half, z1 - 0.035),
+        (0.60 * half, z1 - 0.045),
+    ]
+    lifted = decals.raised(0.018)
+    lifted.pair_front(Look(Material.LAMP_WHITE, tag), inner, (4, 2))
+    amber = [
+        (0.84 * half, z0 + 0.03),
+        (0.91 * half, z0 + 0.03),
+        (0.91 * half, z1 - 0.03),
+        (0.84 * half, z1 - 0.03),
+    ]
+    lifted.pair_front(Look(Material.PLASTIC, tag, AMBER_TINT), amber, (2, 2))
     decals.meshes.extend(lifted.meshes)
     x = float(decals.meshes[0].vertices_m[:, 0].max()) + 0.012
-    decals.meshes.append(_plate(x, spec.plate_z[0], 1.0, tag))
+    decals.meshes.append(plate(x, spec.plate_z[0], 1.0, tag))
 
 
 def _rear(decals: Decals, spec: CarSpec) -> None:
     half, tag = 0.5 * spec.shape.width_m, spec.tag
     z0, z1 = spec.tail_z
     inner = spec.tail_share * half
-    decals.pair_rear(
-        Look(Material.LAMP_RED, tag, TAIL_TINT), [(0.93 * half, z0), (inner, z0 + 0.02), (inner, z1 - 0.01), (0.93 * half, z1)], (4, 2)
-    )
+    lamps = decals.raised(0.012)
+    split = inner + 0.24 * (0.93 * half - inner)
+    red = [(0.93 * half, z0), (split, z0 + 0.015), (split, z1 - 0.01), (0.93 * half, z1)]
+    lamps.pair_rear(Look(Material.LAMP_RED, tag, TAIL_TINT), red, (5, 3))
+    amber = [(split, z0 + 0.015), (inner, z0 + 0.02), (inner, z1 - 0.01), (split, z1 - 0.01)]
+    lamps.pair_rear(Look(Material.PLASTIC, tag, AMBER_TINT), amber, (2, 3))
+    decals.meshes.extend(lamps.meshes)
     dark = Look(Material.PLASTIC, tag, DARK)
     low = spec.shape.clearance_m + 0.11
-    decals.rear(dark, _band(0.78 * half, 0.72 * half, low, low + 0.14)* np.array([-1, 1]), (8, 1))
+    decals.rear(dark, _band(0.78 * half, 0.72 * half, low, low + 0.14) * np.array([-1, 1]), (8, 1))
     if spec.rear_window is not None:
         a, b = spec.rear_window
-        decals.rear(Look(Material.GLASS, tag), _band(0.76 * half, 0.70 * half, a, b) * np.array([-1, 1]), (6, 3))
-    x = float(decals._body.bounds_m[0, 0]) - 0.012
-    decals.meshes.append(_plate(x, spec.plate_z[1], -1.0, tag))
+        decals.rear(
+            Look(Material.GLASS, tag), _band(0.76 * half, 0.70 * half, a, b) * np.array([-1, 1]), (6, 3)
+        )
+    x = float(decals.body.bounds_m[0, 0]) - 0.012
+    decals.meshes.append(plate(x, spec.plate_z[1], -1.0, tag))
 
 
 def _flanks(decals: Decals, spec: CarSpec) -> None:
@@ -103,7 +121,11 @@ def _flanks(decals: Decals, spec: CarSpec) -> None:
         decals.seam(dark, [(nose - spec.doors[0], sill), (nose - spec.doors[-1], sill)], 0.014)
         for back in spec.doors[1:]:
             x = nose - back + 0.06
-            decals.sides(dark, [(x + 0.19, belt - 0.15), (x, belt - 0.15), (x, belt - 0.115), (x + 0.19, belt - 0.115)], (1, 1))
+            decals.sides(
+                dark,
+                [(x + 0.19, belt - 0.15), (x, belt - 0.15), (x, belt - 0.115), (x + 0.19, belt - 0.115)],
+                (1, 1),
+            )
 
 
 def _mirrors(spec: CarSpec) -> list[Mesh]:
@@ -113,7 +135,9 @@ def _mirrors(spec: CarSpec) -> list[Mesh]:
     size = 0.085 if max(z for _, z in shape.top) < 2.2 else 0.14
     centre = (0.5 * shape.length_m - d, 0.5 * shape.width_m - 0.09, belt + 0.09 + 0.5 * (size - 0.085))
     shell = ellipsoid(Look(Material.CAR_PAINT, spec.tag), centre, (0.07, 0.09, size), 5, 8)
-    arm = box(Look(Material.PLASTIC, spec.tag, DARK), (0.06, 0.16, 0.03), (centre[0], centre[1] - 0.09, belt + 0.02))
+    arm = box(
+        Look(Material.PLASTIC, spec.tag, DARK), (0.06, 0.16, 0.03), (centre[0], centre[1] - 0.09, belt + 0.02)
+    )
     return [m for part in (shell, arm) for m in (part, mirrored(part))]
 
 
@@ -126,13 +150,18 @@ def _belly(spec: CarSpec) -> Mesh:
     low = shape.clearance_m + 0.02
     high = 0.5 * shape.tyre_m + 0.25
     return box(
-        Look(Material.PLASTIC, spec.tag, (5, 5, 5)), (length, width, high - low), (middle, 0.0, 0.5 * (low + high))
+        Look(Material.PLASTIC, spec.tag, (5, 5, 5)),
+        (length, width, high - low),
+        (middle, 0.0, 0.5 * (low + high)),
     )
 
 
-def _plate(x_m: float, z_m: float, facing: float, tag: Tag) -> Mesh:
-    y = 0.26 * facing
-    corners = [(x_m, -y, z_m - 0.055), (x_m, y, z_m - 0.055), (x_m, y, z_m + 0.055), (x_m, -y, z_m + 0.055)]
+def plate(
+    x_m: float, z_m: float, facing: float, tag: Tag, size_m: tuple[float, float] = (0.52, 0.11)
+) -> Mesh:
+    """Licence plate in the middle of nose (facing +1) or tail (−1)."""
+    y, h = 0.5 * size_m[0] * facing, 0.5 * size_m[1]
+    corners = [(x_m, -y, z_m - h), (x_m, y, z_m - h), (x_m, y, z_m + h), (x_m, -y, z_m + h)]
     return quad(Look(Material.SIGN, tag), corners, cell_corners(atlas_uv(Material.SIGN, SignCell.PLATE)))
 
 

@@ -22,7 +22,12 @@ FLEET_TINTS: Tints = (
 )
 """Linear paint colours with their share of the fleet: white, black, grey, silver, blue, red, other."""
 
-CARGO_TINTS: Tints = (((232, 232, 226), 0.7), ((142, 144, 146), 0.15), ((8, 24, 88), 0.1), ((190, 130, 6), 0.05))
+CARGO_TINTS: Tints = (
+    ((232, 232, 226), 0.7),
+    ((142, 144, 146), 0.15),
+    ((8, 24, 88), 0.1),
+    ((190, 130, 6), 0.05),
+)
 BUS_TINTS: Tints = (((150, 8, 10), 0.4), ((10, 50, 120), 0.3), ((225, 225, 220), 0.3))
 CYCLE_TINTS: Tints = (((9, 9, 10), 0.4), ((104, 6, 8), 0.2), ((8, 24, 88), 0.2), ((190, 190, 190), 0.2))
 CLOTH_TINTS: Tints = (
@@ -120,16 +125,40 @@ VEHICLES: dict[str, VehicleModel] = dict(
 
 WALKERS: dict[str, WalkerModel] = {
     "walker_man": WalkerModel(
-        name="walker_man", stature_m=1.76, stride_m=1.46, speed_mps=1.38, width_m=0.56, depth_m=0.70, weight=0.40
+        name="walker_man",
+        stature_m=1.76,
+        stride_m=1.46,
+        speed_mps=1.38,
+        width_m=0.60,
+        depth_m=0.70,
+        weight=0.40,
     ),
     "walker_woman": WalkerModel(
-        name="walker_woman", stature_m=1.63, stride_m=1.34, speed_mps=1.33, width_m=0.50, depth_m=0.64, weight=0.38
+        name="walker_woman",
+        stature_m=1.63,
+        stride_m=1.34,
+        speed_mps=1.33,
+        width_m=0.55,
+        depth_m=0.64,
+        weight=0.38,
     ),
     "walker_elderly": WalkerModel(
-        name="walker_elderly", stature_m=1.68, stride_m=1.08, speed_mps=1.00, width_m=0.54, depth_m=0.58, weight=0.12
+        name="walker_elderly",
+        stature_m=1.68,
+        stride_m=1.08,
+        speed_mps=1.00,
+        width_m=0.57,
+        depth_m=0.58,
+        weight=0.12,
     ),
     "walker_child": WalkerModel(
-        name="walker_child", stature_m=1.28, stride_m=1.06, speed_mps=1.20, width_m=0.42, depth_m=0.52, weight=0.10
+        name="walker_child",
+        stature_m=1.28,
+        stride_m=1.06,
+        speed_mps=1.20,
+        width_m=0.44,
+        depth_m=0.52,
+        weight=0.10,
     ),
 }
 """All walkers by name."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.body import DARK
+from carlaloc_env.assets.cars import TAIL_TINT, plate
 from carlaloc_env.assets.figure import Build, Joints, figure
 from carlaloc_env.assets.shapes import Look, box, ellipsoid, mirrored, placed, rings, tube
 from carlaloc_env.assets.wheels import wheel
@@ -20,7 +21,7 @@ def motorcycle() -> Mesh:
     paint, dark = Look(Material.CAR_PAINT, tag), Look(Material.PLASTIC, tag, DARK)
     metal = Look(Material.METAL_GALVANISED, tag, (200, 200, 200))
     front, rear = (0.75, 0.0), (-0.70, 0.0)
-    tyre = wheel(0.63, 0.15, tag, sides=20, spokes=5, rim=0.70)
+    tyre = wheel(0.63, 0.15, tag, sides=16, spokes=5, rim=0.70)
     parts = [
         _centred(tyre, front[0]), _centred(tyre, rear[0]),
         ellipsoid(paint, (0.16, 0, 0.86), (0.30, 0.15, 0.13), 6, 10),
@@ -31,16 +32,22 @@ def motorcycle() -> Mesh:
         ellipsoid(paint, (0.76, 0, 0.60), (0.30, 0.085, 0.08), 5, 8),
         ellipsoid(dark, (0.56, 0, 0.92), (0.10, 0.13, 0.14), 5, 8),
         ellipsoid(Look(Material.LAMP_WHITE, tag), (0.62, 0, 0.92), (0.06, 0.09, 0.09), 4, 8),
-        box(Look(Material.LAMP_RED, tag, (110, 110, 110)), (0.03, 0.14, 0.06), (-0.96, 0, 0.82)),
-        box(Look(Material.SIGN, tag, (200, 200, 200)), (0.01, 0.18, 0.18), (-0.99, 0, 0.64)),
-        tube(dark, [(-0.85, 0, 0.80), (-0.99, 0, 0.62)], 0.025, 5),
-        tube(dark, [(0.42, -0.36, 1.02), (0.50, -0.18, 1.00), (0.50, 0.18, 1.00), (0.42, 0.36, 1.02)], 0.018, 5),
+        box(Look(Material.LAMP_RED, tag, TAIL_TINT), (0.03, 0.14, 0.06), (-0.96, 0, 0.82)),
+        box(dark, (0.01, 0.20, 0.16), (-1.062, 0, 0.64)),
+        plate(-1.07, 0.64, -1.0, tag, (0.19, 0.13)),
+        tube(dark, [(-0.85, 0, 0.80), (-1.07, 0, 0.62)], 0.025, 5),
+        tube(dark, _bar(0.42, 0.36, 1.02, 0.50, 0.18, 1.00), 0.018, 5),
     ]  # fmt: skip
     for side in (1.0, -1.0):
         parts += [
             tube(metal, [(0.48, 0.10 * side, 0.98), (0.75, 0.10 * side, 0.315)], 0.024, 6),
             tube(metal, [(-0.20, 0.11 * side, 0.36), (-0.70, 0.11 * side, 0.315)], 0.022, 5),
-            tube(metal, [(0.10, 0.16 * side, 0.34), (-0.30, 0.18 * side, 0.30), (-0.95, 0.18 * side, 0.42)], [0.03, 0.04, 0.05], 7),
+            tube(
+                metal,
+                [(0.10, 0.16 * side, 0.34), (-0.30, 0.18 * side, 0.30), (-0.95, 0.18 * side, 0.42)],
+                [0.03, 0.04, 0.05],
+                7,
+            ),
             tube(dark, [(0.40, 0.30 * side, 1.02), (0.38, 0.36 * side, 1.14)], 0.008, 4),
             ellipsoid(dark, (0.38, 0.345 * side, 1.16), (0.02, 0.055, 0.035), 4, 6),
         ]
@@ -64,20 +71,21 @@ def bicycle() -> Mesh:
         parts.append(tube(paint, [a, b], 0.019, 6))
     parts += [
         tube(metal, [head, (0.31, 0, 1.0)], 0.014, 5),
-        tube(metal, [(0.20, -0.28, 1.01), (0.31, -0.10, 1.01), (0.31, 0.10, 1.01), (0.20, 0.28, 1.01)], 0.013, 5),
+        tube(metal, _bar(0.20, 0.294, 1.01, 0.31, 0.10, 1.01), 0.013, 5),
         tube(metal, [seat, (-0.26, 0, 0.94)], 0.014, 5),
         ellipsoid(dark, (-0.29, 0, 0.96), (0.14, 0.075, 0.03), 4, 8),
         tube(metal, [(-0.10, 0.10, 0.30), (-0.10, 0.10, 0.13)], 0.012, 4),
         tube(metal, [(-0.10, -0.10, 0.30), (-0.10, -0.10, 0.47)], 0.012, 4),
-        box(dark, (0.09, 0.10, 0.025), (-0.08, 0.15, 0.13)), box(dark, (0.09, 0.10, 0.025), (-0.08, -0.15, 0.47)),
+        box(dark, (0.09, 0.10, 0.025), (-0.08, 0.15, 0.13)),
+        box(dark, (0.09, 0.10, 0.025), (-0.08, -0.15, 0.47)),
         box(Look(Material.METAL_PAINTED, tag, (30, 30, 30)), (0.40, 0.14, 0.02), (-0.56, 0, 0.73)),
-        box(Look(Material.LAMP_RED, tag, (110, 110, 110)), (0.03, 0.05, 0.04), (-0.77, 0, 0.73)),
+        box(Look(Material.LAMP_RED, tag, TAIL_TINT), (0.03, 0.05, 0.04), (-0.77, 0, 0.73)),
         box(Look(Material.LAMP_WHITE, tag), (0.05, 0.06, 0.06), (0.40, 0, 0.88)),
         _disc_plate(metal, crank, 0.09),
     ]  # fmt: skip
     rider = _rider(
-        pelvis=(-0.28, 0, 1.02), neck=(-0.06, 0, 1.47), head=(-0.01, 0, 1.594), hands=(0.20, 0.27, 1.03),
-        knees=(0.08, 0.12, 0.80), ankles=(-0.14, 0.13, 0.24), spread=0.12,
+        pelvis=(-0.28, 0, 1.02), neck=(-0.06, 0, 1.47), head=(-0.01, 0, 1.594), hands=(0.20, 0.255, 1.03),
+        knees=(0.08, 0.12, 0.80), ankles=(-0.14, 0.13, 0.24), spread=0.08,
     )  # fmt: skip
     rider["knee_r"], rider["ankle_r"] = np.array([0.14, -0.12, 0.94]), np.array([-0.12, -0.13, 0.56])
     rider["toe_r"] = rider["ankle_r"] + (0.17, -0.01, -0.07)
@@ -101,15 +109,27 @@ def _rider(
     joints["head"] = np.asarray(head, dtype=np.float64)
     for side, sign in (("_l", 1.0), ("_r", -1.0)):
         flip = np.array([1.0, sign, 1.0])
-        joints["hip" + side] = low + (0.02, 0.09 * sign, -0.03)
+        joints["hip" + side] = low + _by(0.02, 0.09 * sign, -0.03)
         joints["knee" + side] = np.array(knees) * flip
         joints["ankle" + side] = np.array(ankles) * flip
         joints["toe" + side] = joints["ankle" + side] + (0.18, 0.01 * sign, -0.07)
-        joints["shoulder" + side] = high + (0.0, 0.20 * sign, -0.05)
+        joints["shoulder" + side] = high + _by(0.0, 0.20 * sign, -0.05)
         joints["hand" + side] = np.array(hands) * flip
         middle = 0.5 * (joints["shoulder" + side] + joints["hand" + side])
-        joints["elbow" + side] = middle + (-0.04, (spread - 0.06) * sign, -0.07)
+        joints["elbow" + side] = middle + _by(-0.04, (spread - 0.06) * sign, -0.07)
     return joints
+
+
+def _bar(
+    grip_x: float, grip_y: float, grip_z: float, stem_x: float, stem_y: float, stem_z: float
+) -> NDArray[np.float64]:
+    """Handlebar from grip to grip over the stem, shape (4, 3)."""
+    right = [(grip_x, -grip_y, grip_z), (stem_x, -stem_y, stem_z)]
+    return np.array([*right, (stem_x, stem_y, stem_z), (grip_x, grip_y, grip_z)])
+
+
+def _by(x_m: float, y_m: float, z_m: float) -> NDArray[np.float64]:
+    return np.array([x_m, y_m, z_m])
 
 
 def _centred(mesh: Mesh, x_m: float) -> Mesh:

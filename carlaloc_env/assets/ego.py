@@ -30,5 +30,3 @@ EGO_SPEC = CarSpec(
 def ego_body() -> Mesh:
     """Body of the ego: origin on the ground below the rear axle, x ahead, −0.95 m … 3.75 m."""
     return placed(car(EGO_SPEC), (EGO_REAR_M + 0.5 * EGO_SIZE_M[0], 0.0, 0.0))
-
-

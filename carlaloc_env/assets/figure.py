@@ -15,7 +15,8 @@ from carlaloc_env.semantics import Tag
 
 Array = NDArray[np.float64]
 Joints = dict[str, Array]
-"""Positions [m] of pelvis, chest, neck, head and, with suffix _l and _r, shoulder, elbow, hand, hip, knee, ankle, toe."""
+"""Positions [m] of pelvis, chest, neck, head and, with suffix _l and _r, shoulder, elbow, hand, hip,
+knee, ankle, toe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,13 +58,19 @@ def figure(joints: Joints, build: Build, tag: Tag) -> Mesh:
         parts += [
             capsule(upper, shoulder, elbow, 0.052 * g, 0.042 * g, 6),
             capsule(upper, elbow, wrist, 0.041 * g, 0.033 * g, 6),
-            ellipsoid(skin, 0.45 * wrist + 0.55 * hand + (0, 0, -0.01), (0.042 * g, 0.028 * g, 0.055 * g), 4, 6),
+            ellipsoid(
+                skin, 0.45 * wrist + 0.55 * hand + _by(0, 0, -0.01), (0.042 * g, 0.028 * g, 0.055 * g), 4, 6
+            ),
         ]
     if build.skirt:
         parts.append(_skirt(joints, g, lower))
     if build.bag is not None:
         parts.append(_backpack(joints, g, Look(Material.CLOTH, tag, build.bag)))
     return merge(parts)
+
+
+def _by(x_m: float, y_m: float, z_m: float) -> Array:
+    return np.array([x_m, y_m, z_m])
 
 
 def _torso(joints: Joints, build: Build, upper: Look, lower: Look) -> Mesh:
@@ -75,8 +82,8 @@ def _torso(joints: Joints, build: Build, upper: Look, lower: Look) -> Mesh:
     reach = 0.5 * float(np.sqrt(np.sum(across_high**2)))
     waist = 0.5 * (pelvis + chest)
     levels = [
-        (pelvis + (0, 0, -0.07), across_low, 0.13 * g * h, 0.10 * g),
-        (pelvis + (0, 0, 0.03), across_low, 0.175 * g * h, 0.128 * g),
+        (pelvis + _by(0, 0, -0.07), across_low, 0.13 * g * h, 0.10 * g),
+        (pelvis + _by(0, 0, 0.03), across_low, 0.175 * g * h, 0.128 * g),
         (pelvis + 0.45 * (waist - pelvis), across_low, 0.165 * g * h, 0.122 * g),
         (waist, across_low, 0.150 * g, 0.112 * g),
         (chest, across_high, 0.172 * g, 0.125 * g),
@@ -108,21 +115,23 @@ def _head(joints: Joints, build: Build, skin: Look, tag: Tag) -> list[Mesh]:
     hair = Look(Material.CLOTH, tag, build.hair)
     s = 0.5 * (1.0 + build.girth)
     parts = [
-        capsule(skin, neck - (0, 0, 0.03), head - (0, 0, 0.06), 0.054 * s, 0.052 * s, 6),
+        capsule(skin, neck - _by(0, 0, 0.03), head - _by(0, 0, 0.06), 0.054 * s, 0.052 * s, 6),
         ellipsoid(skin, head, (0.098 * s, 0.076 * s, 0.118 * s), 7, 10),
-        ellipsoid(skin, head + (0.098 * s, 0, -0.012), (0.018, 0.014, 0.022), 3, 5),
+        ellipsoid(skin, head + _by(0.098 * s, 0, -0.012), (0.018, 0.014, 0.022), 3, 5),
     ]
     if build.helmet is not None:
         shell = Look(Material.PLASTIC, tag, build.helmet)
-        parts.append(ellipsoid(shell, head + (-0.012, 0, 0.035), (0.128, 0.108, 0.122), 6, 10))
+        parts.append(ellipsoid(shell, head + _by(-0.012, 0, 0.035), (0.128, 0.108, 0.122), 6, 10))
         return parts
-    parts.append(ellipsoid(hair, head + (-0.022 * s, 0, 0.030 * s), (0.094 * s, 0.084 * s, 0.104 * s), 6, 10))
+    parts.append(
+        ellipsoid(hair, head + _by(-0.022 * s, 0, 0.030 * s), (0.094 * s, 0.084 * s, 0.104 * s), 6, 10)
+    )
     if build.long_hair:
-        parts.append(ellipsoid(hair, head + (-0.062 * s, 0, -0.085), (0.052, 0.082, 0.135), 5, 8))
+        parts.append(ellipsoid(hair, head + _by(-0.062 * s, 0, -0.085), (0.052, 0.082, 0.135), 5, 8))
     if build.hat is not None:
         cloth = Look(Material.CLOTH, tag, build.hat)
-        parts.append(ellipsoid(cloth, head + (-0.008, 0, 0.065), (0.108, 0.095, 0.075), 5, 10))
-        parts.append(ellipsoid(cloth, head + (0.035, 0, 0.052), (0.125, 0.10, 0.014), 3, 10))
+        parts.append(ellipsoid(cloth, head + _by(-0.008, 0, 0.065), (0.108, 0.095, 0.075), 5, 10))
+        parts.append(ellipsoid(cloth, head + _by(0.035, 0, 0.052), (0.125, 0.10, 0.014), 3, 10))
     return parts
 
 
@@ -179,7 +188,7 @@ def _skirt(joints: Joints, g: float, look: Look) -> Mesh:
     grid = np.stack(
         [
             _ring(hem, across, 0.20 * g, 0.14 * g + 0.7 * spread),
-            _ring(pelvis + (0, 0, 0.02), across, 0.18 * g, 0.135 * g),
+            _ring(pelvis + _by(0, 0, 0.02), across, 0.18 * g, 0.135 * g),
         ]
     )
     return rings(look, grid, crease_deg=80.0)

@@ -67,7 +67,11 @@ def _angles(phase: float, scale: float) -> tuple[float, float, float]:
         for table in (_HIP_DEG, _KNEE_DEG, _ANKLE_DEG)
     )
     knee = 4.0 + (knee - 4.0) * min(scale, 1.1)
-    return np.radians(scale * hip), np.radians(knee if scale > 0 else 2.0), np.radians(ankle * min(scale, 1.0))
+    return (
+        np.radians(scale * hip),
+        np.radians(knee if scale > 0 else 2.0),
+        np.radians(ankle * min(scale, 1.0)),
+    )
 
 
 def _ankle_ahead(phase: float, stature_m: float, scale: float) -> float:
@@ -84,8 +88,8 @@ def _figure(phase: float, stature_m: float, scale: float, stoop_deg: float) -> J
     lean = np.sin(np.radians(stoop_deg))
     joints: Joints = {"pelvis": np.array([0.0, sway, 0.0])}
     joints["chest"] = np.array([0.6 * lean * TRUNK * h, 0.6 * sway, 0.55 * TRUNK * h])
-    joints["neck"] = np.array([1.15 * lean * TRUNK * h, 0.4 * sway, 1.05 * TRUNK * h])
-    joints["head"] = joints["neck"] + (0.012 * h + 0.3 * lean * h * 0.1, 0.0, 0.108 * h)
+    joints["neck"] = np.array([1.15 * lean * TRUNK * h, 0.4 * sway, 1.02 * TRUNK * h])
+    joints["head"] = joints["neck"] + (0.012 * h + 0.3 * lean * h * 0.1, 0.0, 0.080 * h)
     for side, sign, offset in (("_l", 1.0, 0.0), ("_r", -1.0, 0.5)):
         _leg(joints, side, sign, phase + offset, h, scale, pelvis_yaw)
         _arm(joints, side, sign, phase + offset, h, swing, trunk_yaw, lean)
@@ -99,13 +103,17 @@ def _leg(joints: Joints, side: str, sign: float, phase: float, h: float, scale: 
     # Hips turn with the pelvis, but the ankle's distance ahead is measured from the pelvis.
     joints["knee" + side] = joints["hip" + side] + THIGH * h * np.array([np.sin(hip), 0.0, -np.cos(hip)])
     shin = hip - knee
-    level = np.array([joints["pelvis"][0] + h * (THIGH * np.sin(hip) + SHANK * np.sin(shin)), 0.9 * half, 0.0])
+    level = np.array(
+        [joints["pelvis"][0] + h * (THIGH * np.sin(hip) + SHANK * np.sin(shin)), 0.9 * half, 0.0]
+    )
     below = joints["knee" + side][2] - SHANK * h * np.cos(shin)
     joints["ankle" + side] = np.array([level[0], level[1], below])
     tilt = shin + ankle + np.radians(2.0) * (scale > 0)
     drop, length = FOOT_HEIGHT * h, 0.72 * FOOT_LENGTH * h
     joints["toe" + side] = joints["ankle" + side] + (
-        length * np.cos(tilt) + drop * np.sin(tilt), 0.06 * length * sign, length * np.sin(tilt) - drop * np.cos(tilt)
+        length * np.cos(tilt) + drop * np.sin(tilt),
+        0.06 * length * sign,
+        length * np.sin(tilt) - drop * np.cos(tilt),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.ego import ego_body
+from carlaloc_env.assets.lamps import lit_lamps
 from carlaloc_env.assets.shapes import Look, disc
 from carlaloc_env.assets.vehicles import vehicle
 from carlaloc_env.assets.walkers import walker_models
@@ -30,9 +31,11 @@ def build_library() -> ModelLibrary:
     """Vehicles, walkers in each phase of their gait, the ego's body and lit signal lenses.
 
     Names: every key of `VEHICLES`; ``walker/00`` … ``walker/15`` and ``walker/stand`` for every key of
-    `WALKERS`; ``ego``; ``signal_red``, ``signal_yellow``, ``signal_green``.
+    `WALKERS`; ``vehicle/brake``, ``vehicle/left``, ``vehicle/right`` (lit lamps);
+    ``ego``; ``signal_red``, ``signal_yellow``, ``signal_green``.
     """
     models: dict[str, Mesh] = {name: vehicle(name) for name in VEHICLES}
+    models.update(lit_lamps(models))
     models.update(walker_models())
     models["ego"] = ego_body()
     for name, material in _LENSES.items():

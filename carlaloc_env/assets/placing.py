@@ -10,8 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.catalog import EGO_TINT, GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.scene import EGO_INSTANCE, Instances, ModelLibrary
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.semantics import Tag
+from carlaloc_env.timeline import LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame
 
+_BLINK_NS = 666_666_666
+"""Period of the indicators [ns]."""
 _STANDING_MPS = 0.05
 """Walkers below this speed [m/s] stand."""
 _LIT = ("signal_red", "signal_yellow", "signal_green")
@@ -51,9 +54,10 @@ def place_actors(catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary
     """
     family, of_actor = np.unique(np.array(catalog.model, dtype=np.str_), return_inverse=True)
     first, stand, stride = (
-        np.array(column)
-        for column in zip(*(_family(str(name), library) for name in family), strict=True)
-    ) if len(family) else (np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0))
+        (np.array(column) for column in zip(*(_family(str(name), library) for name in family), strict=True))
+        if len(family)
+        else (np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0))
+    )
     first, stand, stride = first[of_actor], stand[of_actor], stride[of_actor]
     walks = stride > 0
     turns = frame.travelled_m.astype(np.float64) / np.where(walks, stride, 1.0)
@@ -66,6 +70,41 @@ def place_actors(catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary
         T_world_model=ground_poses(frame.position_m, frame.heading_rad, pitch),
         instance=catalog.id,
         tint=catalog.tint,
+    )
+
+
+def place_lights(catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary, stamp_ns: int) -> Instances:
+    """Lit brake lamps and indicators of vehicles, to be drawn over their bodies by cameras.
+
+    Args:
+        catalog: Who takes part.
+        frame: Their state.
+        library: Models of `assets.library.build_library`.
+        stamp_ns: Time [ns]; indicators blink with it.
+    """
+    blink = (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS
+    lit = {
+        "brake": frame.lights & LIGHT_BRAKE,
+        "left": frame.lights & LIGHT_LEFT,
+        "right": frame.lights & LIGHT_RIGHT,
+    }
+    actor: list[NDArray[np.intp]] = []
+    model: list[NDArray[np.int32]] = []
+    for lamp, bits in lit.items():
+        if lamp != "brake" and not blink:
+            continue
+        chosen = np.flatnonzero((bits > 0) & (catalog.tag != Tag.PEDESTRIAN))
+        names = np.array(catalog.model, dtype=np.str_)[chosen] if len(chosen) else np.zeros(0, np.str_)
+        family, of_actor = np.unique(names, return_inverse=True)
+        index = np.array([library.index(f"{name}/{lamp}") for name in family], dtype=np.int32)
+        actor.append(chosen)
+        model.append(index[of_actor] if len(chosen) else np.zeros(0, np.int32))
+    who = np.concatenate(actor)
+    return Instances(
+        model=np.concatenate(model).astype(np.int32),
+        T_world_model=ground_poses(frame.position_m[who], frame.heading_rad[who], frame.pitch_rad[who]),
+        instance=catalog.id[who],
+        tint=np.full((len(who), 3), 255, np.uint8),
     )
 
 

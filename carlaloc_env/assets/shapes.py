@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,7 +32,11 @@ class Look:
 
 
 def surface(
-    look: Look, vertices_m: ArrayLike, triangles: ArrayLike, uv_m: ArrayLike | None = None, crease_deg: float = 35.0
+    look: Look,
+    vertices_m: ArrayLike,
+    triangles: ArrayLike,
+    uv_m: ArrayLike | None = None,
+    crease_deg: float = 35.0,
 ) -> Mesh:
     """Mesh of one look with normals that are smooth up to an edge angle [deg]."""
     mesh = make_mesh(
@@ -69,7 +74,9 @@ def quad(look: Look, corners_m: ArrayLike, uv_m: ArrayLike | None = None) -> Mes
     return surface(look, c, [(0, 1, 2), (0, 2, 3)], uv_m, 10.0)
 
 
-def panel(look: Look, corners_m: ArrayLike, uv_front: ArrayLike, thickness_m: float, back: Look) -> list[Mesh]:
+def panel(
+    look: Look, corners_m: ArrayLike, uv_front: ArrayLike, thickness_m: float, back: Look
+) -> list[Mesh]:
     """Flat board with a picture on its front and a plain back and rim.
 
     Args:
@@ -88,7 +95,12 @@ def panel(look: Look, corners_m: ArrayLike, uv_front: ArrayLike, thickness_m: fl
 
 
 def tube(
-    look: Look, points_m: ArrayLike, radii_m: ArrayLike, sides: int = 8, caps: bool = True, crease_deg: float = 50.0
+    look: Look,
+    points_m: ArrayLike,
+    radii_m: ArrayLike,
+    sides: int = 8,
+    caps: bool = True,
+    crease_deg: float = 50.0,
 ) -> Mesh:
     """Round bar along a polyline, shape (K, 3), with a radius [m] at each point."""
     p = np.asarray(points_m, dtype=np.float64)
@@ -129,7 +141,11 @@ def rings(look: Look, grid_m: ArrayLike, *, caps: bool = True, crease_deg: float
 
 
 def lathe(
-    look: Look, profile_m: ArrayLike, sides: int = 12, centre_m: ArrayLike = (0.0, 0.0, 0.0), crease_deg: float = 40.0
+    look: Look,
+    profile_m: ArrayLike,
+    sides: int = 12,
+    centre_m: ArrayLike = (0.0, 0.0, 0.0),
+    crease_deg: float = 40.0,
 ) -> Mesh:
     """Body of revolution about the upright axis; profile of (radius, height) from the bottom up."""
     profile = np.asarray(profile_m, dtype=np.float64)
@@ -141,7 +157,9 @@ def lathe(
     return rings(look, grid + np.asarray(centre_m, dtype=np.float64), crease_deg=crease_deg)
 
 
-def ellipsoid(look: Look, centre_m: ArrayLike, radii_m: ArrayLike, ring_count: int = 6, sides: int = 8) -> Mesh:
+def ellipsoid(
+    look: Look, centre_m: ArrayLike, radii_m: ArrayLike, ring_count: int = 6, sides: int = 8
+) -> Mesh:
     """Ellipsoid with axes along x, y, z."""
     latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ring_count + 1)
     angle = 2 * np.pi * np.arange(sides) / sides
@@ -161,7 +179,9 @@ def capsule(look: Look, a_m: ArrayLike, b_m: ArrayLike, ra_m: float, rb_m: float
     """Limb from a to b with rounded ends that reach one radius beyond each."""
     a, b = np.asarray(a_m, dtype=np.float64), np.asarray(b_m, dtype=np.float64)
     axis = (b - a) / max(float(np.sqrt(np.sum((b - a) ** 2))), 1e-6)
-    points = np.stack([a - 0.8 * ra_m * axis, a - 0.3 * ra_m * axis, a, b, b + 0.3 * rb_m * axis, b + 0.8 * rb_m * axis])
+    points = np.stack(
+        [a - 0.8 * ra_m * axis, a - 0.3 * ra_m * axis, a, b, b + 0.3 * rb_m * axis, b + 0.8 * rb_m * axis]
+    )
     radii = np.array([0.35 * ra_m, 0.85 * ra_m, ra_m, rb_m, 0.85 * rb_m, 0.35 * rb_m])
     return tube(look, points[[0, 2, 3, 5]], radii[[0, 2, 3, 5]], sides, crease_deg=100.0)
 
@@ -193,7 +213,9 @@ def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
     )
 
 
-def placed(mesh: Mesh, position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_rad: float = 0.0, pitch_rad: float = 0.0) -> Mesh:
+def placed(
+    mesh: Mesh, position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_rad: float = 0.0, pitch_rad: float = 0.0
+) -> Mesh:
     """The mesh pitched (nose up positive), turned, then shifted [m]."""
     T = pose(position_m, yaw_rad, pitch_rad)
     turn = T.copy()
@@ -303,7 +325,7 @@ def _corner_normals(weld: NDArray[np.int64], face: Array, area: Array, crease_de
     total = np.stack(
         [np.bincount(own[near], face[other[near], axis], minlength=len(weld)) for axis in range(3)], axis=-1
     )
-    return total / np.sqrt(np.sum(total * total, axis=-1, keepdims=True))
+    return np.asarray(total / np.sqrt(np.sum(total * total, axis=-1, keepdims=True)))
 
 
 def _ring_axes(p: Array) -> tuple[Array, Array]:
@@ -320,5 +342,5 @@ def _ring_axes(p: Array) -> tuple[Array, Array]:
     return across, cross(tangent, across)
 
 
-def _fields(mesh: Mesh) -> dict[str, NDArray[np.generic]]:
+def _fields(mesh: Mesh) -> dict[str, Any]:
     return {name: getattr(mesh, name) for name in Mesh.__slots__}

@@ -77,7 +77,9 @@ def _head() -> Mesh:
         box(plate, (0.012, width + 0.26, height + 0.26), (-0.02, 0.0, 0.5 * height)),
     ]
     for y in (-1, 1):
-        parts.append(box(border, (0.016, 0.03, height + 0.26), (-0.02, y * (0.5 * width + 0.13), 0.5 * height)))
+        parts.append(
+            box(border, (0.016, 0.03, height + 0.26), (-0.02, y * (0.5 * width + 0.13), 0.5 * height))
+        )
     for k, look in enumerate(_DARK_LENSES):
         z = height * (5 - 2 * k) / 6
         parts.append(placed(disc(look, 0.145, 16, 0.5 * depth + 0.006), (0.0, 0.0, z)))
@@ -107,9 +109,13 @@ def _mast(post_m: float, arm_z_m: float, arm_m: float) -> list[Mesh]:
         tube(_POST, [(0, 0, 0), (0, 0, post_m)], [0.15, 0.10], 12),
         tube(_POST, arm, [0.10, 0.075, 0.05], 10),
         _foot(0.28),
-        box(_CASE, (0.5, 0.4, 1.1), (-0.45, 0.25, 0.55)) if arm_m > 7 else box(_CASE, (0.12, 0.2, 0.3), (-0.2, 0, 1.2)),
+        box(_CASE, (0.5, 0.4, 1.1), (-0.45, 0.25, 0.55))
+        if arm_m > 7
+        else box(_CASE, (0.12, 0.2, 0.3), (-0.2, 0, 1.2)),
     ]
 
 
 def _foot(radius_m: float) -> Mesh:
-    return lathe(_POST, [(radius_m, 0.0), (radius_m, 0.05), (0.7 * radius_m, 0.22), (0.5 * radius_m, 0.24)], 12)
+    return lathe(
+        _POST, [(radius_m, 0.0), (radius_m, 0.05), (0.7 * radius_m, 0.22), (0.5 * radius_m, 0.24)], 12
+    )

@@ -89,7 +89,7 @@ def _outline(name: str) -> NDArray[np.float64]:
     """Outline in (y, z), anticlockwise seen from +x, inside the square ±0.5."""
     if name == "octagon":
         angle = np.pi / 8 + np.pi / 4 * np.arange(8)
-        return 0.5 / np.cos(np.pi / 8) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return np.asarray(0.5 / np.cos(np.pi / 8) * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
     if name == "circle":
         angle = 2 * np.pi * np.arange(20) / 20
         return 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
@@ -113,4 +113,3 @@ def _street_name(text: str) -> Mesh:
             spot = (0.02 * np.cos(yaw), 0.02 * np.sin(yaw), 2.60 + 0.28 * (step > 0))
             parts.append(placed(plate, spot, yaw))
     return merge(parts)
-

@@ -5,7 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.atlas import PosterCell, atlas_uv, cell_corners
-from carlaloc_env.assets.shapes import Colour, Look, box, ellipsoid, extrude, lathe, panel, placed, rings, tube
+from carlaloc_env.assets.shapes import (
+    Colour,
+    Look,
+    box,
+    ellipsoid,
+    extrude,
+    grid_triangles,
+    lathe,
+    panel,
+    placed,
+    rings,
+    surface,
+    tube,
+)
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
@@ -20,15 +33,27 @@ _GLASS = Look(Material.GLASS, _STATIC)
 def lamp(height_m: float = 9.0, arm_m: float = 2.0, *, colour: Colour = (150, 152, 150)) -> Mesh:
     """Street lamp; its arm reaches out along +x, the light is at (arm, 0, height)."""
     pole = Look(Material.METAL_GALVANISED, Tag.POLE, colour)
-    bend = [(0, 0, 0), (0, 0, height_m - 1.1), (0.12, 0, height_m - 0.5), (0.45, 0, height_m - 0.12), (arm_m - 0.3, 0, height_m + 0.05)]
-    cover = lathe(Look(Material.METAL_PAINTED, Tag.POLE, (70, 72, 72)), [(0.2, 0.0), (0.2, 0.7), (0.13, 0.85)], 10)
+    bend = [
+        (0, 0, 0),
+        (0, 0, height_m - 1.1),
+        (0.12, 0, height_m - 0.5),
+        (0.45, 0, height_m - 0.12),
+        (arm_m - 0.3, 0, height_m + 0.05),
+    ]
+    cover = lathe(
+        Look(Material.METAL_PAINTED, Tag.POLE, (70, 72, 72)), [(0.2, 0.0), (0.2, 0.7), (0.13, 0.85)], 10
+    )
     head = Look(Material.METAL_PAINTED, Tag.POLE, (60, 62, 64))
     return merge(
         [
             tube(pole, bend, [0.105, 0.075, 0.06, 0.05, 0.04], 10),
             cover,
             ellipsoid(head, (arm_m, 0, height_m + 0.06), (0.42, 0.16, 0.07), 5, 10),
-            box(Look(Material.LAMP_WHITE, Tag.POLE, (120, 110, 90)), (0.5, 0.2, 0.02), (arm_m, 0, height_m - 0.005)),
+            box(
+                Look(Material.LAMP_WHITE, Tag.POLE, (120, 110, 90)),
+                (0.5, 0.2, 0.02),
+                (arm_m, 0, height_m - 0.005),
+            ),
         ]
     )
 
@@ -36,11 +61,16 @@ def lamp(height_m: float = 9.0, arm_m: float = 2.0, *, colour: Colour = (150, 15
 def bench() -> Mesh:
     """Bench of 1.6 m with a back rest."""
     parts = [box(_WOOD, (0.10, 1.6, 0.04), (x, 0, 0.45)) for x in (-0.14, -0.02, 0.10, 0.22)]
-    parts += [placed(box(_WOOD, (0.035, 1.6, 0.10)), (-0.24 - 0.02 * k, 0, 0.60 + 0.14 * k), 0, 0.15) for k in range(3)]
+    parts += [
+        placed(box(_WOOD, (0.035, 1.6, 0.10)), (-0.24 - 0.02 * k, 0, 0.60 + 0.14 * k), 0, 0.15)
+        for k in range(3)
+    ]
     for y in (-0.65, 0.65):
         parts += [
-            box(_DARK, (0.05, 0.05, 0.43), (0.18, y, 0.215)), box(_DARK, (0.05, 0.05, 0.43), (-0.16, y, 0.215)),
-            box(_DARK, (0.46, 0.05, 0.04), (0.02, y, 0.41)), tube(_DARK, [(-0.20, y, 0.40), (-0.31, y, 0.95)], 0.022, 5),
+            box(_DARK, (0.05, 0.05, 0.43), (0.18, y, 0.215)),
+            box(_DARK, (0.05, 0.05, 0.43), (-0.16, y, 0.215)),
+            box(_DARK, (0.46, 0.05, 0.04), (0.02, y, 0.41)),
+            tube(_DARK, [(-0.20, y, 0.40), (-0.31, y, 0.95)], 0.022, 5),
             box(_DARK, (0.40, 0.05, 0.03), (0.0, y, 0.66)), box(_DARK, (0.03, 0.05, 0.22), (0.18, y, 0.55)),
         ]  # fmt: skip
     return merge(parts)
@@ -61,7 +91,18 @@ def bin_(*, colour: Colour = (14, 40, 20)) -> Mesh:
 def hydrant(*, colour: Colour = (150, 12, 8)) -> Mesh:
     """Fire hydrant, 0.75 m high."""
     paint = Look(Material.METAL_PAINTED, _STATIC, colour)
-    profile = [(0.16, 0), (0.16, 0.04), (0.10, 0.05), (0.10, 0.48), (0.14, 0.50), (0.14, 0.54), (0.12, 0.58), (0.08, 0.68), (0.03, 0.72), (0.025, 0.75)]
+    profile = [
+        (0.16, 0),
+        (0.16, 0.04),
+        (0.10, 0.05),
+        (0.10, 0.48),
+        (0.14, 0.50),
+        (0.14, 0.54),
+        (0.12, 0.58),
+        (0.08, 0.68),
+        (0.03, 0.72),
+        (0.025, 0.75),
+    ]
     parts = [lathe(paint, profile, 12)]
     for yaw, radius, length in ((0.0, 0.075, 0.19), (0.5 * np.pi, 0.05, 0.17), (-0.5 * np.pi, 0.05, 0.17)):
         end = np.array([np.cos(yaw), np.sin(yaw), 0.0])
@@ -90,7 +131,8 @@ def bus_shelter(poster: int = PosterCell.TRAVEL) -> Mesh:
         box(_GLASS, (0.012, 3.76, 1.05), (-0.65, 0, 1.82)),
         box(_GLASS, (1.15, 0.012, 1.9), (-0.02, 1.9, 1.25)),
         box(_WOOD, (0.36, 2.2, 0.05), (-0.38, 0.4, 0.48)),
-        box(_DARK, (0.06, 0.06, 0.46), (-0.38, -0.5, 0.23)), box(_DARK, (0.06, 0.06, 0.46), (-0.38, 1.3, 0.23)),
+        box(_DARK, (0.06, 0.06, 0.46), (-0.38, -0.5, 0.23)),
+        box(_DARK, (0.06, 0.06, 0.46), (-0.38, 1.3, 0.23)),
     ]  # fmt: skip
     parts += _poster_case(1.2, 1.75, 0.14, poster, (0.0, -1.9, 0.45), -0.5 * np.pi)
     return merge(parts)
@@ -99,7 +141,10 @@ def bus_shelter(poster: int = PosterCell.TRAVEL) -> Mesh:
 def billboard(poster: int = PosterCell.CINEMA, *, width_m: float = 6.0, height_m: float = 3.0) -> Mesh:
     """Billboard on two posts; its face shows a poster, its lower edge is at 2.8 m."""
     frame = Look(Material.METAL_PAINTED, _STATIC, (28, 30, 30))
-    parts = [tube(_STEEL, [(-0.15, y, 0), (-0.15, y, 2.8 + height_m)], 0.12, 8) for y in (-0.28 * width_m, 0.28 * width_m)]
+    parts = [
+        tube(_STEEL, [(-0.15, y, 0), (-0.15, y, 2.8 + height_m)], 0.12, 8)
+        for y in (-0.28 * width_m, 0.28 * width_m)
+    ]
     parts += _picture(width_m, height_m, poster, (0.0, 0.0, 2.8 + 0.5 * height_m), 0.08, frame)
     for z, high in ((2.75, 0.1), (2.85 + height_m, 0.1)):
         parts.append(box(frame, (0.16, width_m + 0.2, high), (-0.02, 0, z)))
@@ -123,7 +168,11 @@ def banner(poster: int = PosterCell.FESTIVAL) -> Mesh:
 def advertising_column(first_poster: int = 0) -> Mesh:
     """Round column with posters, Ø 1.3 m, 3.4 m high."""
     base = lathe(Look(Material.CONCRETE, _STATIC), [(0.70, 0), (0.70, 0.35), (0.64, 0.40)], 16)
-    roof = lathe(Look(Material.METAL_PAINTED, _STATIC, (12, 34, 24)), [(0.64, 3.0), (0.78, 3.02), (0.78, 3.12), (0.5, 3.28), (0.1, 3.42)], 16)
+    roof = lathe(
+        Look(Material.METAL_PAINTED, _STATIC, (12, 34, 24)),
+        [(0.64, 3.0), (0.78, 3.02), (0.78, 3.12), (0.5, 3.28), (0.1, 3.42)],
+        16,
+    )
     sides, parts = 16, [base, roof]
     for k in range(4):
         angle = 2 * np.pi * (k * sides // 4 + np.arange(sides // 4 + 1)) / sides
@@ -139,10 +188,11 @@ def newspaper_box(*, colour: Colour = (150, 14, 10)) -> Mesh:
     """Newspaper vending box, 1.15 m high."""
     paint = Look(Material.METAL_PAINTED, _STATIC, colour)
     parts = [
-        box(paint, (0.42, 0.50, 0.65), (0, 0, 0.82)), box(_DARK, (0.30, 0.06, 0.5), (0, 0, 0.25)), box(_DARK, (0.40, 0.46, 0.04), (0, 0, 0.02)),
+        box(paint, (0.42, 0.50, 0.65), (0, 0, 0.82)), box(_DARK, (0.30, 0.06, 0.5), (0, 0, 0.25)),
+        box(_DARK, (0.40, 0.46, 0.04), (0, 0, 0.02)),
         box(_GLASS, (0.02, 0.40, 0.34), (0.21, 0, 0.92)), box(_STEEL, (0.05, 0.12, 0.10), (0.22, 0.12, 0.66)),
     ]  # fmt: skip
-    parts += [m for m in _picture(0.36, 0.18, PosterCell.RADIO, (0.225, 0, 1.20), 0.01, paint)]
+    parts += _picture(0.36, 0.18, PosterCell.RADIO, (0.225, 0, 1.20), 0.01, paint)
     return merge(parts)
 
 
@@ -150,10 +200,16 @@ def post_box() -> Mesh:
     """Letter box on legs, 1.25 m high, rounded above."""
     blue = Look(Material.METAL_PAINTED, _STATIC, (10, 30, 100))
     angle = np.linspace(0, np.pi, 9)
-    profile = np.concatenate([[(-0.225, 0.18), (0.225, 0.18)], np.stack([0.225 * np.cos(angle), 1.02 + 0.22 * np.sin(angle)], -1)])
-    grid = np.stack([np.stack([profile[:, 0], np.full(len(profile), y), profile[:, 1]], -1) for y in (0.25, -0.25)])
+    profile = np.concatenate(
+        [[(-0.225, 0.18), (0.225, 0.18)], np.stack([0.225 * np.cos(angle), 1.02 + 0.22 * np.sin(angle)], -1)]
+    )
+    grid = np.stack(
+        [np.stack([profile[:, 0], np.full(len(profile), y), profile[:, 1]], -1) for y in (0.25, -0.25)]
+    )
     legs = [box(blue, (0.05, 0.05, 0.2), (x, y, 0.1)) for x in (-0.18, 0.18) for y in (-0.2, 0.2)]
-    return merge([rings(blue, grid, crease_deg=30.0), *legs, box(_STEEL, (0.02, 0.34, 0.05), (0.225, 0, 0.98))])
+    return merge(
+        [rings(blue, grid, crease_deg=30.0), *legs, box(_STEEL, (0.02, 0.34, 0.05), (0.225, 0, 0.98))]
+    )
 
 
 def cabinet() -> Mesh:
@@ -161,14 +217,21 @@ def cabinet() -> Mesh:
     grey = Look(Material.METAL_PAINTED, _STATIC, (110, 116, 106))
     seams = [box(_DARK, (0.01, 0.012, 1.0), (0.2, y, 0.72)) for y in (-0.3, 0.0, 0.3)]
     return merge(
-        [box(Look(Material.CONCRETE, _STATIC), (0.46, 1.26, 0.12), (0, 0, 0.06)), box(grey, (0.40, 1.20, 1.16), (0, 0, 0.70)), box(grey, (0.46, 1.28, 0.05), (0, 0, 1.29)), *seams]
+        [
+            box(Look(Material.CONCRETE, _STATIC), (0.46, 1.26, 0.12), (0, 0, 0.06)),
+            box(grey, (0.40, 1.20, 1.16), (0, 0, 0.70)),
+            box(grey, (0.46, 1.28, 0.05), (0, 0, 1.29)),
+            *seams,
+        ]
     )
 
 
 def planter() -> Mesh:
     """Concrete planter with a shrub's worth of soil, 1.2 m square."""
     stone = Look(Material.CONCRETE, _STATIC)
-    walls = [box(stone, (1.2, 0.08, 0.5), (0, s * 0.56, 0.25)) for s in (1, -1)] + [box(stone, (0.08, 1.04, 0.5), (s * 0.56, 0, 0.25)) for s in (1, -1)]
+    walls = [box(stone, (1.2, 0.08, 0.5), (0, s * 0.56, 0.25)) for s in (1, -1)] + [
+        box(stone, (0.08, 1.04, 0.5), (s * 0.56, 0, 0.25)) for s in (1, -1)
+    ]
     return merge([*walls, box(Look(Material.SOIL, _STATIC), (1.04, 1.04, 0.40), (0, 0, 0.20))])
 
 
@@ -176,9 +239,27 @@ def utility_pole(height_m: float = 10.5) -> Mesh:
     """Wooden pole with a cross-arm along y; wires leave at `utility_wires_m`."""
     wood = Look(Material.WOOD, Tag.POLE, (190, 180, 170))
     arm_z = height_m - 0.6
-    parts = [tube(wood, [(0, 0, 0), (0, 0, height_m)], [0.15, 0.10], 10), box(wood, (0.12, 2.2, 0.14), (0.12, 0, arm_z))]
-    parts += [tube(Look(Material.PLASTIC, Tag.POLE, (70, 40, 24)), [(0.12, y, arm_z + 0.07), (0.12, y, arm_z + 0.22)], [0.05, 0.03], 6) for y in (-1.0, -0.4, 0.4, 1.0)]
-    parts.append(lathe(Look(Material.METAL_PAINTED, Tag.POLE, (120, 124, 124)), [(0.22, 0), (0.22, 0.75), (0.16, 0.82)], 10, (0.36, 0, height_m - 2.4)))
+    parts = [
+        tube(wood, [(0, 0, 0), (0, 0, height_m)], [0.15, 0.10], 10),
+        box(wood, (0.12, 2.2, 0.14), (0.12, 0, arm_z)),
+    ]
+    parts += [
+        tube(
+            Look(Material.PLASTIC, Tag.POLE, (70, 40, 24)),
+            [(0.12, y, arm_z + 0.07), (0.12, y, arm_z + 0.22)],
+            [0.05, 0.03],
+            6,
+        )
+        for y in (-1.0, -0.4, 0.4, 1.0)
+    ]
+    parts.append(
+        lathe(
+            Look(Material.METAL_PAINTED, Tag.POLE, (120, 124, 124)),
+            [(0.22, 0), (0.22, 0.75), (0.16, 0.82)],
+            10,
+            (0.36, 0, height_m - 2.4),
+        )
+    )
     return merge(parts)
 
 
@@ -203,63 +284,143 @@ def fence(length_m: float = 3.0, height_m: float = 1.1, *, kind: str = "bars") -
         parts = [box(look, (length_m, 0.04, 0.04), (0.5 * length_m, 0, z)) for z in (0.12, height_m - 0.12)]
         xs = np.arange(0.06, length_m, 0.13)
         parts += [box(look, (0.022, 0.022, height_m - 0.06), (x, 0, 0.5 * height_m + 0.03)) for x in xs]
-        parts += [box(look, (0.07, 0.07, height_m + 0.08), (x, 0, 0.5 * height_m + 0.04)) for x in (0.0, length_m)]
+        parts += [
+            box(look, (0.07, 0.07, height_m + 0.08), (x, 0, 0.5 * height_m + 0.04)) for x in (0.0, length_m)
+        ]
         return merge(parts)
     wood = Look(Material.WOOD, Tag.FENCE)
-    posts = [box(wood, (0.10, 0.10, height_m + 0.05), (x, 0, 0.5 * height_m)) for x in np.linspace(0, length_m, 3)]
+    posts = [
+        box(wood, (0.10, 0.10, height_m + 0.05), (x, 0, 0.5 * height_m)) for x in np.linspace(0, length_m, 3)
+    ]
     if kind == "rails":
-        return merge([*posts, *(box(wood, (length_m, 0.04, 0.12), (0.5 * length_m, 0.06, z * height_m)) for z in (0.3, 0.6, 0.9))])
+        return merge(
+            [
+                *posts,
+                *(
+                    box(wood, (length_m, 0.04, 0.12), (0.5 * length_m, 0.06, z * height_m))
+                    for z in (0.3, 0.6, 0.9)
+                ),
+            ]
+        )
     count = max(int(length_m / 0.16), 1)
-    boards = [box(wood, (0.145, 0.02, height_m - 0.05 - 0.01 * (k % 3)), (0.08 + k * length_m / count, 0.06, 0.5 * height_m + 0.03)) for k in range(count)]
+    boards = [
+        box(
+            wood,
+            (0.145, 0.02, height_m - 0.05 - 0.01 * (k % 3)),
+            (0.08 + k * length_m / count, 0.06, 0.5 * height_m + 0.03),
+        )
+        for k in range(count)
+    ]
     return merge([*posts, *boards])
 
 
 def guard_rail(length_m: float = 4.0) -> Mesh:
     """Piece of W-beam guard rail along +x from the origin, beam on the side of +y, top at 0.75 m."""
     steel = Look(Material.METAL_GALVANISED, Tag.GUARD_RAIL)
-    section = np.array([(0.0, 0.44), (0.08, 0.50), (0.0, 0.595), (0.08, 0.69), (0.0, 0.75), (-0.006, 0.745), (0.072, 0.69), (-0.008, 0.595), (0.072, 0.50), (-0.006, 0.445)])
-    grid = np.stack([np.stack([np.full(10, x), section[:, 0] + 0.1, section[:, 1]], -1) for x in (0.0, length_m)])
+    section = np.array(
+        [
+            (0.0, 0.44),
+            (0.08, 0.50),
+            (0.0, 0.595),
+            (0.08, 0.69),
+            (0.0, 0.75),
+            (-0.006, 0.745),
+            (0.072, 0.69),
+            (-0.008, 0.595),
+            (0.072, 0.50),
+            (-0.006, 0.445),
+        ]
+    )
+    grid = np.stack(
+        [np.stack([np.full(10, x), section[::-1, 0] + 0.1, section[::-1, 1]], -1) for x in (0.0, length_m)]
+    )
     posts = [box(steel, (0.12, 0.08, 0.72), (x, 0.0, 0.36)) for x in np.arange(0.5, length_m, 2.0)]
-    return merge([rings(steel, grid, crease_deg=15.0), *posts, *(box(steel, (0.1, 0.1, 0.2), (x, 0.06, 0.6)) for x in np.arange(0.5, length_m, 2.0))])
+    return merge(
+        [
+            rings(steel, grid, crease_deg=15.0),
+            *posts,
+            *(box(steel, (0.1, 0.1, 0.2), (x, 0.06, 0.6)) for x in np.arange(0.5, length_m, 2.0)),
+        ]
+    )
 
 
 def barrier(length_m: float = 4.0) -> Mesh:
     """Piece of concrete barrier along +x from the origin, 0.81 m high."""
-    profile = np.array([(0.30, 0), (0.30, 0.08), (0.17, 0.33), (0.08, 0.81), (-0.08, 0.81), (-0.17, 0.33), (-0.30, 0.08), (-0.30, 0)])
+    profile = np.array(
+        [
+            (0.30, 0),
+            (0.30, 0.08),
+            (0.17, 0.33),
+            (0.08, 0.81),
+            (-0.08, 0.81),
+            (-0.17, 0.33),
+            (-0.30, 0.08),
+            (-0.30, 0),
+        ]
+    )
     grid = np.stack([np.stack([np.full(8, x), profile[:, 0], profile[:, 1]], -1) for x in (0.0, length_m)])
     return rings(Look(Material.CONCRETE, Tag.WALL), grid, crease_deg=20.0)
 
 
 def delineator() -> Mesh:
     """White roadside post with a reflector, 1 m high."""
-    post = extrude(Look(Material.PLASTIC, Tag.POLE, (230, 230, 225)), [(-0.06, -0.06), (0.06, 0.0), (-0.06, 0.06)], 1.0)
-    return merge([post, box(Look(Material.SIGN, Tag.POLE, (230, 120, 20)), (0.125, 0.05, 0.18), (-0.002, 0.0, 0.78))])
+    post = extrude(
+        Look(Material.PLASTIC, Tag.POLE, (230, 230, 225)), [(-0.06, -0.06), (0.06, 0.0), (-0.06, 0.06)], 1.0
+    )
+    return merge(
+        [post, box(Look(Material.SIGN, Tag.POLE, (230, 120, 20)), (0.125, 0.05, 0.18), (-0.002, 0.0, 0.78))]
+    )
 
 
-def _picture(width_m: float, height_m: float, poster: int, centre_m: tuple[float, float, float], thickness_m: float, back: Look) -> list[Mesh]:
+def _picture(
+    width_m: float,
+    height_m: float,
+    poster: int,
+    centre_m: tuple[float, float, float],
+    thickness_m: float,
+    back: Look,
+) -> list[Mesh]:
     """Board with a poster, facing +x, centred on a point."""
     x, y, z = centre_m
     w, h = 0.5 * width_m, 0.5 * height_m
     corners = [(x, y - w, z - h), (x, y + w, z - h), (x, y + w, z + h), (x, y - w, z + h)]
-    return panel(Look(Material.POSTER, _STATIC), corners, cell_corners(atlas_uv(Material.POSTER, poster)), thickness_m, back)
+    return panel(
+        Look(Material.POSTER, _STATIC),
+        corners,
+        cell_corners(atlas_uv(Material.POSTER, poster)),
+        thickness_m,
+        back,
+    )
 
 
-def _poster_case(width_m: float, height_m: float, depth_m: float, poster: int, foot_m: tuple[float, float, float], yaw_rad: float) -> list[Mesh]:
+def _poster_case(
+    width_m: float,
+    height_m: float,
+    depth_m: float,
+    poster: int,
+    foot_m: tuple[float, float, float],
+    yaw_rad: float,
+) -> list[Mesh]:
     """Lit case with a poster on both faces."""
     x, y, z = foot_m
     middle = (x, y, z + 0.5 * height_m)
     case = placed(box(_DARK, (depth_m, width_m + 0.16, height_m + 0.16)), middle, yaw_rad)
     faces = []
     for turn, cell in ((0.0, poster), (np.pi, poster + 3)):
-        faces += [placed(m, middle, yaw_rad + turn) for m in _picture(width_m, height_m, cell, (0.5 * depth_m + 0.006, 0, 0), 0.004, _DARK)]
+        faces += [
+            placed(m, middle, yaw_rad + turn)
+            for m in _picture(width_m, height_m, cell, (0.5 * depth_m + 0.006, 0, 0), 0.004, _DARK)
+        ]
     return [case, *faces]
 
 
-def _strip(look: Look, ring: np.ndarray, low_m: float, high_m: float, u: np.ndarray, v: tuple[float, float]) -> Mesh:
+def _strip(
+    look: Look, ring: np.ndarray, low_m: float, high_m: float, u: np.ndarray, v: tuple[float, float]
+) -> Mesh:
     """Upright band over a row of points in the ground plane, seen from the right of their order."""
-    from carlaloc_env.assets.shapes import grid_triangles, surface
-
     count = len(ring)
-    points = np.concatenate([np.concatenate([ring, np.full((count, 1), z)], axis=-1) for z in (low_m, high_m)])
+    points = np.concatenate(
+        [np.concatenate([ring, np.full((count, 1), z)], axis=-1) for z in (low_m, high_m)]
+    )
     uv = np.concatenate([np.stack([u, np.full(count, value)], axis=-1) for value in v])
     return surface(look, points, grid_triangles(2, count), uv, 50.0)

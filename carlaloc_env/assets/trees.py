@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.shapes import Look, tube
+from carlaloc_env.assets.shapes import Look, box, tube
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.geometry import cross
 from carlaloc_env.materials import Material
@@ -51,28 +51,33 @@ class TreeForm:
 
 FORMS: dict[str, TreeForm] = {
     "plane": TreeForm(
-        height_m=(9.0, 13.0), crown_m=(5.5, 7.5), trunk_m=(0.28, 0.42), bare_m=(2.6, 3.4), branches=9, twigs=3,
-        rise=(0.35, 0.85), shape="round", leaf_m=0.25, density=2.0, clumps=110,
+        height_m=(9.0, 13.0), crown_m=(5.5, 7.5), trunk_m=(0.28, 0.42), bare_m=(2.6, 3.4), branches=9,
+        twigs=3,
+        rise=(0.30, 0.85), shape="round", leaf_m=0.28, density=2.4, clumps=120,
     ),
     "lime": TreeForm(
-        height_m=(8.0, 12.0), crown_m=(4.5, 6.0), trunk_m=(0.25, 0.36), bare_m=(2.4, 3.0), branches=10, twigs=3,
-        rise=(0.30, 0.9), shape="tall", leaf_m=0.22, density=2.3, tint=(200, 225, 190), clumps=120,
+        height_m=(8.0, 12.0), crown_m=(4.5, 6.0), trunk_m=(0.25, 0.36), bare_m=(2.4, 3.0), branches=10,
+        twigs=3,
+        rise=(0.30, 0.9), shape="tall", leaf_m=0.26, density=2.7, tint=(205, 230, 195), clumps=130,
     ),
     "park": TreeForm(
-        height_m=(14.0, 19.0), crown_m=(10.0, 13.0), trunk_m=(0.55, 0.85), bare_m=(3.0, 4.0), branches=12, twigs=4,
-        rise=(0.20, 0.8), shape="round", leaf_m=0.38, density=2.0, tint=(190, 205, 180), clumps=170,
+        height_m=(14.0, 19.0), crown_m=(10.0, 13.0), trunk_m=(0.55, 0.85), bare_m=(3.0, 4.0), branches=12,
+        twigs=4,
+        rise=(0.20, 0.8), shape="round", leaf_m=0.44, density=2.4, tint=(190, 205, 180), clumps=190,
     ),
     "conifer": TreeForm(
-        height_m=(12.0, 18.0), crown_m=(4.2, 5.6), trunk_m=(0.30, 0.46), bare_m=(0.8, 1.5), branches=34, twigs=0,
-        rise=(-0.25, 0.25), shape="cone", leaf_m=0.28, density=2.6, tint=(105, 150, 130), clumps=0,
+        height_m=(12.0, 18.0), crown_m=(4.8, 6.0), trunk_m=(0.30, 0.46), bare_m=(0.8, 1.5), branches=60,
+        twigs=0,
+        rise=(-0.30, 0.30), shape="cone", leaf_m=0.36, density=6.0, tint=(120, 165, 140), clumps=0,
     ),
     "young": TreeForm(
         height_m=(3.6, 5.0), crown_m=(2.0, 2.8), trunk_m=(0.08, 0.13), bare_m=(1.2, 1.6), branches=7, twigs=2,
-        rise=(0.5, 0.9), shape="round", leaf_m=0.15, density=1.9, tint=(235, 240, 200), clumps=45,
+        rise=(0.2, 0.8), shape="round", leaf_m=0.17, density=2.5, tint=(235, 240, 200), clumps=60,
     ),
     "autumn": TreeForm(
-        height_m=(7.0, 10.0), crown_m=(4.5, 6.0), trunk_m=(0.22, 0.32), bare_m=(2.2, 2.8), branches=9, twigs=3,
-        rise=(0.35, 0.85), shape="round", leaf_m=0.22, density=1.7, tint=(255, 150, 90), clumps=95,
+        height_m=(7.0, 10.0), crown_m=(4.5, 6.0), trunk_m=(0.22, 0.32), bare_m=(2.2, 2.8), branches=9,
+        twigs=3,
+        rise=(0.35, 0.85), shape="round", leaf_m=0.25, density=2.1, tint=(255, 140, 80), clumps=105,
     ),
 }  # fmt: skip
 """All kinds of trees."""
@@ -108,20 +113,26 @@ def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
     return merge([*wood, leaves])
 
 
-def hedge(length_m: float = 3.0, height_m: float = 1.3, width_m: float = 0.6, seed: int = 0, detail: str = "high") -> Mesh:
+def hedge(
+    length_m: float = 3.0, height_m: float = 1.3, width_m: float = 0.6, seed: int = 0, detail: str = "high"
+) -> Mesh:
     """Clipped hedge along +x from the origin."""
     rng = stream(seed, "hedge")
     core = Look(Material.LEAF, Tag.VEGETATION, (70, 80, 60))
-    from carlaloc_env.assets.shapes import box
-
-    inner = box(core, (length_m - 0.04, width_m - 0.14, height_m - 0.08), (0.5 * length_m, 0.0, 0.5 * (height_m - 0.08)))
+    inner = box(
+        core,
+        (length_m - 0.04, width_m - 0.14, height_m - 0.08),
+        (0.5 * length_m, 0.0, 0.5 * (height_m - 0.08)),
+    )
     size = 0.11 if detail == "high" else 0.3
     area = 1.1 * (2 * length_m * height_m + length_m * width_m)
     count = int(area / (0.43 * size**2))
     side = rng.uniform(0, 1, count)
     share = 2 * height_m / (2 * height_m + width_m)
     on_side = side < share
-    y = np.where(on_side, np.where(side < 0.5 * share, -0.5, 0.5), rng.uniform(-0.5, 0.5, count)) * (width_m - 0.06)
+    y = np.where(on_side, np.where(side < 0.5 * share, -0.5, 0.5), rng.uniform(-0.5, 0.5, count)) * (
+        width_m - 0.06
+    )
     z = np.where(on_side, rng.uniform(0.02, 1, count), 1.0) * (height_m - 0.05)
     x = rng.uniform(0.0, length_m, count)
     points = np.stack([x, y, z], -1) + rng.normal(0, 0.02, (count, 3))
@@ -137,16 +148,31 @@ def shrub(seed: int = 0, detail: str = "high") -> Mesh:
     count = int(5.5 * radius * height / (0.43 * size**2))
     direction = _directions(rng, count)
     direction[:, 2] = np.abs(direction[:, 2])
-    points = direction * np.array([radius, radius, height]) * rng.uniform(0.55, 1.0, (count, 1)) + (0, 0, 0.05)
+    points = direction * np.array([radius, radius, height]) * rng.uniform(0.55, 1.0, (count, 1)) + (
+        0,
+        0,
+        0.05,
+    )
     stems = [
-        tube(Look(Material.BARK, Tag.VEGETATION), [(0, 0, 0), (0.4 * radius * np.cos(a), 0.4 * radius * np.sin(a), 0.6 * height)], [0.03, 0.01], 4)
+        tube(
+            Look(Material.BARK, Tag.VEGETATION),
+            [(0, 0, 0), (0.4 * radius * np.cos(a), 0.4 * radius * np.sin(a), 0.6 * height)],
+            [0.03, 0.01],
+            4,
+        )
         for a in 2 * np.pi * np.arange(5) / 5
     ]
     return merge([*stems, _triangles(rng, points, direction, np.full(count, size), (215, 225, 190))])
 
 
 def _skeleton(
-    form: TreeForm, rng: np.random.Generator, height: float, crown: float, trunk: float, bare: float, detail: str
+    form: TreeForm,
+    rng: np.random.Generator,
+    height: float,
+    crown: float,
+    trunk: float,
+    bare: float,
+    detail: str,
 ) -> tuple[list[Mesh], Array]:
     """Trunk and branches as tubes, and the points where twigs end, shape (K, 3)."""
     bark = Look(Material.BARK, Tag.VEGETATION, (235, 235, 235))
@@ -172,12 +198,29 @@ def _skeleton(
         end = start + reach * np.array([np.cos(turn), np.sin(turn), slope])
         bend = 0.5 * (start + end) + np.array([0, 0, -0.06 * reach if form.shape == "cone" else 0.08 * reach])
         r0 = radius * (0.32 if form.shape == "cone" else 0.5) * (1 - 0.6 * share)
-        if high or k % 3 == 0:
-            wood.append(tube(bark, [start, bend, end], [r0, 0.7 * r0, 0.2 * r0], 5 if high else 3, caps=False, crease_deg=80.0))
-        tips += [end, bend + 0.4 * (end - bend)] if form.shape != "cone" else list(start + np.linspace(0.15, 1, 6)[:, None] * (end - start))
+        if k % 4 == 0 or (high and (form.shape != "cone" or k % 2 == 0)):
+            wood.append(
+                tube(
+                    bark,
+                    [start, bend, end],
+                    [r0, 0.7 * r0, 0.2 * r0],
+                    (3 if form.shape == "cone" else 5) if high else 3,
+                    caps=False,
+                    crease_deg=80.0,
+                )
+            )
+        tips += (
+            [end, bend + 0.4 * (end - bend)]
+            if form.shape != "cone"
+            else list(start + np.linspace(0.15, 1, 6)[:, None] * (end - start))
+        )
         for _ in range(form.twigs):
             at = bend + rng.uniform(0.0, 0.8) * (end - bend)
-            tip = at + 0.45 * reach * _directions(rng, 1)[0] * np.array([1, 1, 0.6]) + np.array([0, 0, 0.2 * reach])
+            tip = (
+                at
+                + 0.45 * reach * _directions(rng, 1)[0] * np.array([1, 1, 0.6])
+                + np.array([0, 0, 0.2 * reach])
+            )
             r1 = r0 * 0.7 * max(form.twigs, 1) ** (-1 / 2.3)
             if high:
                 wood.append(tube(bark, [at, tip], [r1, 0.3 * r1], 3, caps=False, crease_deg=80.0))
@@ -190,7 +233,9 @@ def _reach(shape: str, share: float) -> float:
     if shape == "cone":
         return 1.02 - 0.97 * share
     middle = 0.35 if shape == "round" else 0.30
-    return float(np.sqrt(max(1.0 - ((share - middle) / (1.08 - middle if share > middle else 0.75)) ** 2, 0.05)))
+    return float(
+        np.sqrt(max(1.0 - ((share - middle) / (1.08 - middle if share > middle else 0.75)) ** 2, 0.05))
+    )
 
 
 def _foliage_points(
@@ -198,9 +243,9 @@ def _foliage_points(
 ) -> tuple[Array, Array]:
     """Centres of leaf clumps (K, 3) and their radii (K,)."""
     if form.shape == "cone":
-        return tips, np.full(len(tips), 0.075 * crown)
+        return tips, np.full(len(tips), 0.09 * crown)
     extra = max(form.clumps - len(tips), 0)
-    direction = _directions(rng, extra) * rng.uniform(0.45, 0.95, (extra, 1)) ** 0.6
+    direction = _directions(rng, extra) * rng.uniform(0.12, 0.98, (extra, 1)) ** 0.5
     half = 0.5 * (height - bare)
     spots = direction * np.array([0.47 * crown, 0.47 * crown, 0.96 * half]) + (0, 0, bare + half)
     points = np.concatenate([tips, spots])
@@ -208,14 +253,28 @@ def _foliage_points(
 
 
 def _leaves(
-    form: TreeForm, rng: np.random.Generator, centres: Array, spread: Array, middle: Array, area_m2: float, detail: str
+    form: TreeForm,
+    rng: np.random.Generator,
+    centres: Array,
+    spread: Array,
+    middle: Array,
+    area_m2: float,
+    detail: str,
 ) -> Mesh:
     size = form.leaf_m * (1.0 if detail == "high" else np.sqrt(_LOW_SHARE))
     count = int(area_m2 / (0.433 * size**2))
-    clump = rng.integers(0, len(centres), count)
+    # Long boughs carry more needles than the leader.
+    weight = (
+        0.25 + np.sqrt(np.sum(centres[:, :2] ** 2, axis=-1))
+        if form.shape == "cone"
+        else np.ones(len(centres))
+    )
+    clump = np.searchsorted(np.cumsum(weight), rng.uniform(0, float(weight.sum()), count)).clip(
+        0, len(centres) - 1
+    )
     offset = _directions(rng, count) * spread[clump, None] * rng.uniform(0.3, 1.0, (count, 1))
     if form.shape == "cone":
-        offset *= np.array([1.25, 1.25, 0.45])
+        offset *= np.array([1.2, 1.2, 0.7])
     points = centres[clump] + offset
     points[:, 2] = np.maximum(points[:, 2], 0.3)
     out = points - middle
@@ -241,7 +300,9 @@ def _triangles(
     shade = shade / np.maximum(np.sqrt(np.sum(shade * shade, axis=-1, keepdims=True)), 1e-6)
     light = rng.uniform(0.72, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.06, (count, 3)), 0.8, 1.2)
     colour = np.clip(np.array(tint) * light, 0, 255).astype(np.uint8)
-    uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack(
+        [np.cos(angle), np.sin(angle)], -1
+    )
     return make_mesh(
         vertices.reshape(-1, 3),
         np.arange(3 * count).reshape(-1, 3),

@@ -37,14 +37,18 @@ class Canvas:
         """Width over height."""
         return self._width / self._height
 
-    def rectangle(self, x0: float, y0: float, x1: float, y1: float, colour: Rgb, roughness: float | None = None) -> None:
+    def rectangle(
+        self, x0: float, y0: float, x1: float, y1: float, colour: Rgb, roughness: float | None = None
+    ) -> None:
         """Filled rectangle."""
         a, b = self._pixel(x0, y1), self._pixel(x1, y0)
         cv2.rectangle(self._image, a, b, colour, -1)
         if roughness is not None:
             cv2.rectangle(self._gloss, a, b, roughness, -1)
 
-    def shade(self, x0: float, y0: float, x1: float, y1: float, low: Rgb, high: Rgb, roughness: float | None = None) -> None:
+    def shade(
+        self, x0: float, y0: float, x1: float, y1: float, low: Rgb, high: Rgb, roughness: float | None = None
+    ) -> None:
         """Rectangle that goes from one colour at its lower edge to another at its upper edge."""
         (left, top), (right, bottom) = self._pixel(x0, y1), self._pixel(x1, y0)
         rows = max(bottom - top, 1)
@@ -70,7 +74,9 @@ class Canvas:
         corners = np.array([self._pixel(float(x), float(y)) for x, y in np.asarray(points)], dtype=np.int32)
         cv2.polylines(self._image, [corners], False, colour, max(round(width * self._height), 1), cv2.LINE_AA)
 
-    def text(self, words: str, x: float, y: float, width: float, height: float, colour: Rgb, weight: float = 0.16) -> None:
+    def text(
+        self, words: str, x: float, y: float, width: float, height: float, colour: Rgb, weight: float = 0.16
+    ) -> None:
         """Words centred on a point, as large as fits into width and height (shares of the picture).
 
         Args:

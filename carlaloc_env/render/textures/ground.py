@@ -66,7 +66,11 @@ def pavement(rng: np.random.Generator, size: int) -> Layer:
     joint_m = np.minimum(side * 2.4 / columns, bed * 2.4 / rows)
     joint = smoothstep(0.007, 0.003, joint_m)
     bevel = smoothstep(0.03, 0.008, joint_m)
-    log = per_cell(rng, index, 0.12) + 0.07 * fbm(rng, size, 0.3, 0.02) + 0.08 * fbm(rng, size, 0.015, 0.004, 1.0)
+    log = (
+        per_cell(rng, index, 0.12)
+        + 0.07 * fbm(rng, size, 0.3, 0.02)
+        + 0.08 * fbm(rng, size, 0.015, 0.004, 1.0)
+    )
     log += -0.10 * bevel - 0.75 * joint
     log += np.log(0.60) * _spots(rng, size, 7, 0.010, 0.016)
     log += np.log(0.55) * _pits(rng, size, 90, 0.03, 0.12)
@@ -77,7 +81,7 @@ def pavement(rng: np.random.Generator, size: int) -> Layer:
 def kerb(rng: np.random.Generator, size: int) -> Layer:
     """Granite kerb stones of 1 m, joined every metre along both axes."""
     index, side, _ = blocks(size, 2, 2, 0.0)
-    speckle = per_cell(rng, worley(rng, size, 120, 120).index, 0.16)
+    speckle = per_cell(rng, worley(rng, size, 120, 120).owner, 0.16)
     log = per_cell(rng, index, 0.09) + speckle + 0.08 * fbm(rng, size, 0.3, 0.02)
     log += -0.9 * smoothstep(0.006, 0.003, side)
     log += -0.12 * smoothstep(0.2, 1.8, fbm(rng, size, 0.2, 0.02, 0.7))
@@ -97,7 +101,7 @@ def grass(rng: np.random.Generator, size: int) -> Layer:
 def soil(rng: np.random.Generator, size: int) -> Layer:
     """Bare earth with clods, furrows and straw."""
     clods, crumbs = worley(rng, size, 34, 34), worley(rng, size, 95, 95)
-    log = 0.30 * (0.45 - clods.nearest) + per_cell(rng, clods.index, 0.12) + 0.25 * (0.45 - crumbs.nearest)
+    log = 0.30 * (0.45 - clods.nearest) + per_cell(rng, clods.owner, 0.12) + 0.25 * (0.45 - crumbs.nearest)
     log += 0.14 * fbm(rng, size, 0.5, 0.03, 0.7)
     log += 0.55 * np.maximum(_strokes(rng, size, 260, (0.010, 0.03)), 0)
     return layer((0.150, 0.108, 0.072), log, 0.95, 0.06 * fbm(rng, size, 0.3, 0.03))
@@ -106,11 +110,11 @@ def soil(rng: np.random.Generator, size: int) -> Layer:
 def gravel(rng: np.random.Generator, size: int) -> Layer:
     """Round pebbles of two sizes in grey and brown."""
     big, small = worley(rng, size, 44, 44), worley(rng, size, 90, 90)
-    top = smoothstep(0.20, 0.45, big.edge + 0.15 * per_cell(rng, big.index, 1.0))
-    fine = 0.35 * (0.5 - small.nearest) + per_cell(rng, small.index, 0.20) - 0.35
-    coarse = 0.45 * (0.5 - big.nearest) + per_cell(rng, big.index, 0.26)
+    top = smoothstep(0.20, 0.45, big.edge + 0.15 * per_cell(rng, big.owner, 1.0))
+    fine = 0.35 * (0.5 - small.nearest) + per_cell(rng, small.owner, 0.20) - 0.35
+    coarse = 0.45 * (0.5 - big.nearest) + per_cell(rng, big.owner, 0.26)
     log = fine + top * (coarse - fine) + 0.05 * fbm(rng, size, 0.5, 0.05)
-    return layer((0.27, 0.25, 0.22), log, 0.92, per_cell(rng, big.index, 0.12))
+    return layer((0.27, 0.25, 0.22), log, 0.92, per_cell(rng, big.owner, 0.12))
 
 
 def water(rng: np.random.Generator, size: int) -> Layer:
@@ -131,10 +135,10 @@ def roof_flat(rng: np.random.Generator, size: int) -> Layer:
 def _aggregate(rng: np.random.Generator, size: int, mortar: float, stones: float) -> Field:
     """Stones in bitumen from coarse to fine, with bright ones and pits."""
     coarse, fine = worley(rng, size, 110, 110), worley(rng, size, 210, 210)
-    log = per_cell(rng, coarse.index, stones) * smoothstep(0.0, 0.25, coarse.edge)
-    log += 0.6 * per_cell(rng, fine.index, stones) - 0.25 * smoothstep(0.10, 0.0, coarse.edge)
+    log = per_cell(rng, coarse.owner, stones) * smoothstep(0.0, 0.25, coarse.edge)
+    log += 0.6 * per_cell(rng, fine.owner, stones) - 0.25 * smoothstep(0.10, 0.0, coarse.edge)
     log += mortar * fbm(rng, size, 0.45, 0.02, 0.8)
-    rare = rng.random(int(coarse.index.max()) + 1).astype(np.float32)[coarse.index]
+    rare = rng.random(int(coarse.owner.max()) + 1).astype(np.float32)[coarse.owner]
     log += np.log(1.8) * (rare > 0.985) * smoothstep(0.5, 0.3, coarse.nearest)
     log += np.log(0.5) * (rare < 0.020) * smoothstep(0.5, 0.3, coarse.nearest)
     # Wheels polish along the road, which lies along u or v; both leave a faint grain.
@@ -178,7 +182,7 @@ def _line(rng: np.random.Generator, size: int, at: float, width: float) -> Field
 def _pits(rng: np.random.Generator, size: int, cells: int, share: float, radius: float) -> Field:
     """Small round holes in some cells of a grid."""
     net = worley(rng, size, cells, cells, 0.6)
-    chosen = rng.random(cells * cells)[net.index] < share
+    chosen = rng.random(cells * cells)[net.owner] < share
     return np.asarray(chosen * smoothstep(radius * 1.5, radius, net.nearest), dtype=np.float32)
 
 

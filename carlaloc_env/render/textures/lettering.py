@@ -29,7 +29,7 @@ _BILLS: dict[PosterCell, tuple[str, str, Rgb, Rgb, str]] = {
     PosterCell.FESTIVAL: ("FESTIVAL", "JUNE 12-20", (210, 50, 110), (252, 244, 90), "rays"),
     PosterCell.MARKET: ("MARKET", "EVERY SUNDAY", (240, 236, 220), (40, 120, 50), "discs"),
     PosterCell.RADIO: ("RADIO 5", "98.4 FM", (250, 120, 30), (24, 24, 30), "waves"),
-    PosterCell.ZOO: ("ZOO", "NEW BABY BEAR", (120, 170, 70), (60, 36, 20), "portrait"),
+    PosterCell.ZOO: ("ZOO", "NEW BABY BEAR", (120, 170, 70), (60, 36, 20), "bear"),
     PosterCell.THEATRE: ("THEATRE", "HAMLET", (40, 40, 44), (230, 226, 214), "strips"),
     PosterCell.SALE: ("SALE", "UP TO 70%", (214, 24, 30), (255, 255, 250), "blocks"),
 }
@@ -102,7 +102,10 @@ def _no_entry(size: int) -> Canvas:
 
 def _one_way(size: int) -> Canvas:
     c = Canvas(size, 3.0, _BLACK)
-    c.polygon([(0.04, 0.26), (0.80, 0.26), (0.80, 0.08), (0.97, 0.5), (0.80, 0.92), (0.80, 0.74), (0.04, 0.74)], _WHITE)
+    c.polygon(
+        [(0.04, 0.26), (0.80, 0.26), (0.80, 0.08), (0.97, 0.5), (0.80, 0.92), (0.80, 0.74), (0.04, 0.74)],
+        _WHITE,
+    )
     c.text("ONE WAY", 0.43, 0.5, 0.66, 0.30, _BLACK, 0.2)
     return c
 
@@ -191,13 +194,19 @@ def _motif(c: Canvas, name: str, ground: Rgb, ink: Rgb, rng: np.random.Generator
     if name == "rays":
         for k in range(18):
             a, b = 2 * np.pi * k / 18, 2 * np.pi * (k + 0.5) / 18
-            c.polygon([(0.5, 0.46), (0.5 + np.cos(a), 0.46 + np.sin(a)), (0.5 + np.cos(b), 0.46 + np.sin(b))], ink)
+            c.polygon(
+                [(0.5, 0.46), (0.5 + np.cos(a), 0.46 + np.sin(a)), (0.5 + np.cos(b), 0.46 + np.sin(b))], ink
+            )
         c.disc(0.5, 0.46, 0.12, mid)
         c.disc(0.5, 0.46, 0.07, ground)
     elif name == "waves":
-        x = np.linspace(0, 1, 40)
+        t = np.linspace(0, 1, 40)
         for k in range(7):
-            c.line(np.stack([x, 0.24 + 0.075 * k + 0.03 * np.sin(9 * x + k)], axis=-1), 0.022, ink if k % 2 else mid)
+            c.line(
+                np.stack([t, 0.24 + 0.075 * k + 0.03 * np.sin(9 * t + k)], axis=-1),
+                0.022,
+                ink if k % 2 else mid,
+            )
     elif name == "sun":
         c.rectangle(0.0, 0.19, 1.0, 0.36, (20, 80, 130))
         c.disc(0.66, 0.56, 0.11, ink)
@@ -209,14 +218,19 @@ def _motif(c: Canvas, name: str, ground: Rgb, ink: Rgb, rng: np.random.Generator
         c.disc(0.72, 0.46, 0.035, ground)
         for x in (0.38, 0.48, 0.58):
             c.line([(x, 0.61), (x + 0.03, 0.65), (x - 0.01, 0.69), (x + 0.02, 0.72)], 0.012, mid)
-    elif name == "portrait":
+    elif name in ("portrait", "bear"):
         c.disc(0.5, 0.40, 0.21, mid)
         c.disc(0.5, 0.50, 0.115, ink, 1.25)
         for x in (0.42, 0.58):
             c.disc(x, 0.53, 0.018, ground)
         c.line([(0.43, 0.43), (0.5, 0.41), (0.57, 0.43)], 0.014, ground)
-        c.disc(0.30, 0.63, 0.05, ink)
-        c.disc(0.70, 0.63, 0.05, ink)
+        if name == "bear":
+            c.disc(0.30, 0.63, 0.05, ink)
+            c.disc(0.70, 0.63, 0.05, ink)
+        else:
+            c.polygon(
+                [(0.30, 0.62), (0.36, 0.71), (0.64, 0.71), (0.70, 0.62), (0.62, 0.64), (0.38, 0.64)], mid
+            )
     elif name == "arches":
         for x in (0.18, 0.5, 0.82):
             c.rectangle(x - 0.12, 0.19, x + 0.12, 0.50, ink)

@@ -17,7 +17,7 @@ class Cells(NamedTuple):
 
     nearest: Field
     second: Field
-    index: NDArray[np.int64]
+    owner: NDArray[np.int64]
 
     @property
     def edge(self) -> Field:
@@ -154,4 +154,6 @@ def layer(
 def with_roughness(rgb: Field, roughness: ArrayLike) -> Layer:
     """Layer of a picture and its roughness."""
     alpha = np.broadcast_to(np.asarray(roughness, dtype=np.float32), rgb.shape[:2])
-    return np.concatenate([np.clip(rgb, 0.02, 0.85), np.clip(alpha, 0.02, 1.0)[..., None]], axis=-1).astype(np.float32)
+    return np.concatenate([np.clip(rgb, 0.02, 0.85), np.clip(alpha, 0.02, 1.0)[..., None]], axis=-1).astype(
+        np.float32
+    )

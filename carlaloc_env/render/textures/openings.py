@@ -16,6 +16,11 @@ _SHOPS: dict[ShopCell, tuple[str, str, Rgb, Rgb, Rgb]] = {
     ShopCell.FASHION: ("NOVA MODE", "new season", (26, 26, 30), (240, 240, 244), (130, 36, 90)),
 }
 """Name, line below, board colour, letter colour, awning colour."""
+_FRUIT: tuple[Rgb, ...] = (
+    (206, 36, 30), (236, 140, 24), (240, 206, 40), (96, 160, 44), (150, 190, 60), (120, 40, 84),
+    (250, 176, 60),
+    (170, 24, 40), (226, 220, 190),
+)  # fmt: skip
 
 
 def windows(rng: np.random.Generator, size: int) -> Layer:
@@ -44,11 +49,25 @@ def _window(cell: WindowCell, rng: np.random.Generator, size: int) -> Layer:
     frame: Rgb = (62, 52, 44) if dark_frame else (206, 202, 192)
     c = Canvas(size, 0.72, frame)
     base = int(rng.integers(34, 52))
-    c.shade(0.07, 0.05, 0.93, 0.95, (base, base + 3, base + 6), (base + 22, base + 28, base + 34), _GLASS_ROUGHNESS)
+    c.shade(
+        0.07,
+        0.05,
+        0.93,
+        0.95,
+        (base, base + 3, base + 6),
+        (base + 22, base + 28, base + 34),
+        _GLASS_ROUGHNESS,
+    )
     _behind(c, cell, rng)
     for x in (0.5,):
         c.rectangle(x - 0.03, 0.03, x + 0.03, 0.97, frame, 0.5)
-    if cell in (WindowCell.PLAIN, WindowCell.NET, WindowCell.CURTAIN_WHITE, WindowCell.PLANT, WindowCell.LAMP):
+    if cell in (
+        WindowCell.PLAIN,
+        WindowCell.NET,
+        WindowCell.CURTAIN_WHITE,
+        WindowCell.PLANT,
+        WindowCell.LAMP,
+    ):
         for y in (0.36, 0.66):
             c.rectangle(0.05, y - 0.012, 0.95, y + 0.012, frame, 0.5)
     else:
@@ -97,7 +116,9 @@ def _behind(c: Canvas, cell: WindowCell, rng: np.random.Generator) -> None:
             c.rectangle(0.09, y, 0.91, y + 0.018, (112, 80, 54))
             for x in np.arange(0.10, 0.88, 0.045):
                 high = rng.uniform(0.08, 0.15)
-                c.rectangle(float(x), y + 0.018, float(x) + 0.036, y + 0.018 + high, _random_colour(rng, 60, 170))
+                c.rectangle(
+                    float(x), y + 0.018, float(x) + 0.036, y + 0.018 + high, _random_colour(rng, 60, 170)
+                )
     if cell is WindowCell.OPEN_SASH:
         c.rectangle(0.07, 0.05, 0.47, 0.66, (16, 16, 18), 0.9)
         c.polygon([(0.07, 0.05), (0.20, 0.12), (0.20, 0.74), (0.07, 0.66)], (188, 186, 180))
@@ -139,7 +160,13 @@ def _shop(cell: ShopCell, rng: np.random.Generator, size: int) -> Layer:
     c.text(line, 0.20, 0.70, 0.28, 0.04, (240, 236, 220), 0.14)
     for k in range(14):
         c.polygon(
-            [(k / 14, 0.84), ((k + 1) / 14, 0.84), ((k + 1) / 14, 0.755), ((k + 0.5) / 14, 0.735), (k / 14, 0.755)],
+            [
+                (k / 14, 0.84),
+                ((k + 1) / 14, 0.84),
+                ((k + 1) / 14, 0.755),
+                ((k + 0.5) / 14, 0.735),
+                (k / 14, 0.755),
+            ],
             awning if k % 2 else (232, 228, 214),
         )
     return c.cell(rng, 0.05)
@@ -151,17 +178,22 @@ def _goods(c: Canvas, cell: ShopCell, rng: np.random.Generator) -> None:
             colour = _random_colour(rng, 60, 220)
             c.disc(x, 0.60, 0.024, (214, 180, 150), 1.2)
             c.polygon([(x - 0.05, 0.55), (x + 0.05, 0.55), (x + 0.035, 0.40), (x - 0.035, 0.40)], colour)
-            c.polygon([(x - 0.035, 0.40), (x + 0.035, 0.40), (x + 0.065, 0.16), (x - 0.065, 0.16)], _random_colour(rng, 40, 200))
+            c.polygon(
+                [(x - 0.035, 0.40), (x + 0.035, 0.40), (x + 0.065, 0.16), (x - 0.065, 0.16)],
+                _random_colour(rng, 40, 200),
+            )
         return
     rows = (0.14, 0.30, 0.46, 0.60)
     for y in rows:
         c.rectangle(0.05, y - 0.012, 0.69, y, (120, 88, 58))
         x = 0.06
-        while x < 0.66:
+        while x < 0.61:
             if cell is ShopCell.GROCER:
-                colour = _random_colour(rng, 70, 235)
+                colour = _FRUIT[int(rng.integers(len(_FRUIT)))]
                 for _ in range(7):
-                    c.disc(x + float(rng.uniform(0.01, 0.06)), y + float(rng.uniform(0.01, 0.05)), 0.014, colour)
+                    c.disc(
+                        x + float(rng.uniform(0.01, 0.06)), y + float(rng.uniform(0.01, 0.05)), 0.014, colour
+                    )
                 x += 0.075
             elif cell is ShopCell.BOOKS:
                 w, h = float(rng.uniform(0.010, 0.022)), float(rng.uniform(0.07, 0.12))
@@ -222,7 +254,15 @@ def _garage(rng: np.random.Generator, size: int) -> Layer:
             c.rectangle(float(x) + 0.012, y + 0.05, float(x) + 0.158, y + 0.13, (190, 186, 174))
         c.rectangle(0.03, y + 0.18, 0.97, y + 0.192, (84, 82, 76))
     for x in np.linspace(0.06, 0.76, 4):
-        c.shade(float(x) + 0.012, 0.02 + 0.576 + 0.05, float(x) + 0.158, 0.02 + 0.576 + 0.13, (40, 44, 48), (80, 86, 92), 0.06)
+        c.shade(
+            float(x) + 0.012,
+            0.02 + 0.576 + 0.05,
+            float(x) + 0.158,
+            0.02 + 0.576 + 0.13,
+            (40, 44, 48),
+            (80, 86, 92),
+            0.06,
+        )
     c.rectangle(0.46, 0.06, 0.54, 0.085, (40, 40, 40))
     return c.cell(rng, 0.05)
 

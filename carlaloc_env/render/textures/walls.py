@@ -28,7 +28,9 @@ def brick(rng: np.random.Generator, size: int, colour: tuple[float, float, float
     burnt = np.log(0.6) * (rng.random(_BRICK_COLUMNS * _BRICK_ROWS) < 0.05)[index]
     log = per_cell(rng, index, 0.19) + burnt + 0.09 * fbm(rng, size, 0.03, 0.004, 0.95)
     hue = per_cell(rng, index, 0.16)
-    face = np.array(colour, np.float32) * np.exp(log[..., None] + hue[..., None] * np.array([0.4, -0.1, -0.4], np.float32))
+    face = np.array(colour, np.float32) * np.exp(
+        log[..., None] + hue[..., None] * np.array([0.4, -0.1, -0.4], np.float32)
+    )
     mortar = np.array([0.31, 0.29, 0.255], np.float32) * np.exp(0.12 * fbm(rng, size, 0.03, 0.005))[..., None]
     rgb = face + joint[..., None] * (mortar - face)
     bloom = 0.30 * smoothstep(0.9, 2.6, fbm(rng, size, 0.45, 0.02, 0.7))
@@ -55,9 +57,13 @@ def ashlar(rng: np.random.Generator, size: int) -> Layer:
     index, side, bed = blocks(size, 6, 12, 0.5, 0.015 * fbm(rng, size, 0.2, 0.03))
     joint_m = np.minimum(side * 3.6 / 6, bed * 3.6 / 12)
     pores = worley(rng, size, 150, 150)
-    log = per_cell(rng, index, 0.13) + 0.09 * fbm(rng, size, 0.12, 0.01, 0.8) + 0.05 * fbm(rng, size, 0.01, 0.004, 1.0)
+    log = (
+        per_cell(rng, index, 0.13)
+        + 0.09 * fbm(rng, size, 0.12, 0.01, 0.8)
+        + 0.05 * fbm(rng, size, 0.01, 0.004, 1.0)
+    )
     log += -0.55 * smoothstep(0.008, 0.003, joint_m) - 0.12 * smoothstep(0.03, 0.008, joint_m)
-    log += -0.35 * (rng.random(150 * 150)[pores.index] < 0.05) * smoothstep(0.4, 0.2, pores.nearest)
+    log += -0.35 * (rng.random(150 * 150)[pores.owner] < 0.05) * smoothstep(0.4, 0.2, pores.nearest)
     log += -0.18 * smoothstep(0.3, 2.2, fbm(rng, size, 0.2, 0.012, 0.7, (1.0, 6.0)))
     return layer((0.40, 0.375, 0.32), log, 0.8, per_cell(rng, index, 0.07))
 
@@ -71,7 +77,11 @@ def concrete_panel(rng: np.random.Generator, size: int) -> Layer:
     for x, y in ((0.15, 0.2), (0.85, 0.2), (0.15, 0.8), (0.85, 0.8)):
         du, dv = (np.mod(u * 2, 1) - x) * 3.0, (np.mod(v * 4, 1) - y) * 1.5
         holes = np.maximum(holes, smoothstep(0.030, 0.022, np.sqrt(du * du + dv * dv)))
-    log = per_cell(rng, index, 0.10) + 0.08 * fbm(rng, size, 0.3, 0.01, 0.75) + 0.06 * fbm(rng, size, 0.01, 0.004, 1.0)
+    log = (
+        per_cell(rng, index, 0.10)
+        + 0.08 * fbm(rng, size, 0.3, 0.01, 0.75)
+        + 0.06 * fbm(rng, size, 0.01, 0.004, 1.0)
+    )
     log += -0.9 * smoothstep(0.022, 0.014, joint_m) - 0.6 * holes
     streak = smoothstep(0.2, 2.0, fbm(rng, size, 0.08, 0.006, 0.75, (1.0, 8.0)))
     log += -0.20 * streak * smoothstep(0.0, 0.6, np.mod(v * 4, 1) + 0 * u)
@@ -94,7 +104,10 @@ def curtain_wall(rng: np.random.Generator, size: int) -> Layer:
     ceiling = 0.10 * smoothstep(0.05, 0.02, np.abs(height - 0.82)) * (np.mod(index, 3) == 0)
     covered = smoothstep(-0.01, 0.01, height - (1 - blind)) * (blind > 0)
     value = glass + ceiling + covered * (0.26 * slat - glass) * 0.8
-    rgb = value[..., None] * np.array([0.86, 1.0, 1.12], np.float32) + 0.006 * np.abs(fbm(rng, size, 0.2, 0.01))[..., None]
+    rgb = (
+        value[..., None] * np.array([0.86, 1.0, 1.12], np.float32)
+        + 0.006 * np.abs(fbm(rng, size, 0.2, 0.01))[..., None]
+    )
     frame = np.maximum(smoothstep(0.034, 0.028, side_m), smoothstep(0.045, 0.038, bed_m))
     metal = np.array([0.25, 0.25, 0.255], np.float32) * np.exp(0.10 * fbm(rng, size, 0.1, 0.01))[..., None]
     spandrel = (height < 0.20).astype(np.float32)
