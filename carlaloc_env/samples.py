@@ -6,7 +6,7 @@ of measurement since the drive began.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -35,6 +35,20 @@ class Sample:
     """Coordinate frame of the data, e.g. ``camera_left``."""
     stamp_ns: int
     """Time of measurement since the drive began [ns]."""
+
+    def __eq__(self, other: object) -> bool:
+        """Whether kind, names, stamp and every number are the same."""
+        if type(self) is not type(other):
+            return NotImplemented
+        return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _same(a: object, b: object) -> bool:
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.dtype == b.dtype and np.array_equal(a, b)
+    return bool(a == b)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

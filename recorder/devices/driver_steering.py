@@ -41,8 +41,10 @@ class SteeringStyle:
     """Least time between the beginnings of two pulses."""
     threshold: float = 0.55
     """Added-up error [° of the steering wheel × s] that triggers a pulse."""
-    busy_deg: float = 12.0
+    busy_deg: float = 10.0
     """Errors above this [° of the steering wheel] are steered out without pause."""
+    brisk_mps: float = 10.0
+    """Below this speed, errors of the wheel's angle matter less."""
     hand_radps: float = 16.0
     """Natural frequency of arm and hand."""
 
@@ -107,19 +109,21 @@ class DriverSteering:
         if speed_mps > 0.4:
             self._follow_bend(road, s_m, speed_mps)
             error_deg = degrees(abs(wanted - self._correction_rad)) * self._params.steering_ratio
-            self._is_busy = turning > 0.3 or error_deg > (4.0 if self._is_busy else style.busy_deg)
+            calm = max(1.0, style.brisk_mps / speed_mps)
+            limit_deg = style.busy_deg * calm
+            self._is_busy = error_deg > (0.3 * limit_deg if self._is_busy else limit_deg)
             if self._is_busy:
                 self._correction_rad += (wanted - self._correction_rad) * TICK_S / 0.10
                 self._sum = 0.0
             else:
-                self._decide(tick, wanted)
+                self._decide(tick, wanted, style.threshold * min(calm * calm, 6.0))
         self._run_pulses(tick)
         return self._move_hand(self._bend_rad + self._correction_rad)
 
     def _wanted_rad(self, turning: float, offset_m: float, heading_rad: float, speed_mps: float) -> float:
         """Road-wheel angle that would bring the car to the lane's centre within the preview."""
         style, p = self._style, self._params
-        far = max(9.0, speed_mps * style.preview_s)
+        far = max(12.0, speed_mps * style.preview_s)
         near = max(6.5, speed_mps * style.turn_preview_s)
         ahead = far + turning * (near - far)
         offset = offset_m + (1.0 - turning) * self._noise_m
@@ -135,7 +139,7 @@ class DriverSteering:
         play = 0.5 / degrees(1.0) / p.steering_ratio
         self._bend_rad = min(max(self._bend_rad, angle - play), angle + play)
 
-    def _decide(self, tick: int, wanted_rad: float) -> None:
+    def _decide(self, tick: int, wanted_rad: float, threshold: float) -> None:
         style = self._style
         pending = sum(self._remaining(pulse, tick) for pulse in self._pulses)
         error = wanted_rad - self._correction_rad - pending
@@ -144,12 +148,12 @@ class DriverSteering:
         if self._rest_ticks > 0:
             self._rest_ticks -= 1
             return
-        if abs(self._sum) < style.threshold:
+        if abs(self._sum) < threshold:
             return
         gain = style.gain * (1.0 + 0.15 * float(self._random.normal()))
         length_s = style.pulse_s + 0.06 * float(self._random.uniform(-1.0, 1.0))
         self._pulses.append((gain * error, length_s, tick))
-        self._sum = 0.25 * float(self._random.normal()) * style.threshold
+        self._sum = 0.25 * float(self._random.normal()) * threshold
         self._rest_ticks = round(style.refractory_s * TICK_HZ)
 
     def _run_pulses(self, tick: int) -> None:

@@ -128,6 +128,33 @@ def read_tum(path: str | Path) -> Trajectory:
     )
 
 
+def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
+    """Write a trajectory as "time tx ty tz qx qy qz qw" lines; an older file is replaced.
+
+    Raises:
+        EvaluationError: the file cannot be written.
+    """
+    path = Path(path)
+    rows = zip(
+        trajectory.stamp_ns.tolist(),
+        trajectory.position_m.tolist(),
+        trajectory.quat_xyzw.tolist(),
+        strict=True,
+    )
+    lines = [
+        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(repr(value) for value in (*position, *quat))
+        for stamp, position, quat in rows
+    ]
+    part = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text("\n".join(["# timestamp tx ty tz qx qy qz qw", *lines]) + "\n", encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise EvaluationError(f"cannot write {path}: {error.strerror}; choose another folder") from error
+    return path
+
+
 def _nanoseconds(text: str) -> int:
     value = Decimal(text)
     return round(value if abs(value) >= _NANOSECONDS_FROM else value * 1_000_000_000)

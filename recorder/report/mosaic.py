@@ -81,6 +81,8 @@ def _panel(picture: Picture | None, size_px: tuple[int, int], text: str) -> Pict
 
 
 def _label(picture: Picture, text: str, place_px: tuple[int, int]) -> None:
-    font = cv2.FONT_HERSHEY_SIMPLEX
-    cv2.putText(picture, text, place_px, font, 0.6, (0, 0, 0), 4, cv2.LINE_AA)
-    cv2.putText(picture, text, place_px, font, 0.6, (255, 255, 255), 1, cv2.LINE_AA)
+    font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.6
+    (width, height), below = cv2.getTextSize(text, font, scale, 1)
+    x, y = place_px
+    cv2.rectangle(picture, (x - 5, y - height - 5), (x + width + 5, y + below), (0, 0, 0), -1)
+    cv2.putText(picture, text, place_px, font, scale, (255, 255, 255), 1, cv2.LINE_AA)

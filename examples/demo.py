@@ -1,0 +1,146 @@
+"""The main job from end to end: drive, replay, write datasets, run a SLAM system, score it.
+
+Records a drive through Town03 among traffic, replays it as ClearNoon and FoggyNoon, static and
+dynamic, runs KISS-ICP over the LiDAR of both traffic levels, and prints its errors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+from tqdm import tqdm
+
+from carlaloc_env.errors import CarlaLocError
+from recorder.evaluation.evaluate import EvaluationResult, evaluate
+from recorder.evaluation.metrics import Metric
+from recorder.evaluation.trajectory import read_tum, write_tum
+from recorder.record import RecordConfig, record
+from recorder.replay import ReplayConfig, ReplayResult, replay
+from recorder.report.trajectory_plot import plot_trajectories
+from recorder.slam.kiss_icp import kiss_icp_odometry
+
+WEATHERS = ("ClearNoon", "FoggyNoon")
+TRAFFIC = ("static", "dynamic")
+SWEEP_S = 0.05
+
+
+def main(out: Path, duration_s: float = 60.0, camera_start_s: float = 20.0, camera_s: float = 10.0) -> Path:
+    """Run the demo and return the folder that holds its results."""
+    began = time.monotonic()
+    out = _free(out)
+    drive = _record(out / "drive.mcap", duration_s)
+    result = _replay(drive, out / "data", camera_start_s, camera_s)
+    scores = [_score(result, level, out) for level in TRAFFIC]
+    plot = plot_trajectories(scores, out / "trajectories.png")
+    mosaic = _mosaic(result, out / "mosaic.png")
+    _report(out, drive, result, scores, [plot, mosaic], time.monotonic() - began)
+    return out
+
+
+def _free(out: Path) -> Path:
+    """The folder itself, or the first of its name with a number that does not exist yet."""
+    candidate, number = out, 2
+    while candidate.exists():
+        candidate, number = out.with_name(f"{out.name}-{number}"), number + 1
+    candidate.mkdir(parents=True)
+    return candidate
+
+
+def _record(path: Path, duration_s: float) -> Path:
+    with tqdm(total=duration_s, desc="1/3 driving through Town03", unit="s") as bar:
+
+        def progress(driven_s: float, route_m: float) -> None:
+            bar.set_postfix_str(f"{route_m:.0f} m")
+            bar.update(driven_s - bar.n)
+
+        config = RecordConfig(map="Town03", out=path, device="scripted", duration_s=duration_s, seed=3)
+        return record(config, progress=progress).path
+
+
+def _replay(drive: Path, out: Path, camera_start_s: float, camera_s: float) -> ReplayResult:
+    with tqdm(desc="2/3 replaying 2 weathers × 2 traffic levels", unit="s") as bar:
+
+        def progress(done_s: float, total_s: float) -> None:
+            bar.total = total_s
+            bar.update(done_s - bar.n)
+
+        config = ReplayConfig(
+            episode=drive,
+            out=out,
+            weathers=WEATHERS,
+            traffic=TRAFFIC,
+            rig="flu",
+            formats=("rosbag1", "euroc"),
+            topics="slam",
+            camera_start_s=camera_start_s,
+            camera_duration_s=camera_s,
+        )
+        return replay(config, progress)
+
+
+def _score(result: ReplayResult, level: str, out: Path) -> EvaluationResult:
+    folder = next(path for path in result.sequences if path.name == f"{WEATHERS[0]}_{level}")
+    bag = folder / f"{folder.name}.bag"
+    with tqdm(desc=f"3/3 KISS-ICP, {level}", unit="scan") as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        estimate = kiss_icp_odometry(
+            bag, "/lidar/points", SWEEP_S, progress=progress, name=f"KISS-ICP {level}"
+        )
+    write_tum(out / f"kiss_icp_{level}.tum", estimate)
+    return evaluate(read_tum(result.ground_truth / "lidar.tum"), estimate)
+
+
+def _mosaic(result: ReplayResult, path: Path) -> Path:
+    stills = [cv2.imread(str(folder / "preview.png")) for folder in result.sequences]
+    rows = [np.hstack(stills[k : k + 2]) for k in range(0, len(stills), 2)]
+    picture = np.vstack(rows)
+    cv2.imwrite(str(path), cv2.resize(picture, None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA))
+    return path
+
+
+def _report(
+    out: Path,
+    drive: Path,
+    result: ReplayResult,
+    scores: list[EvaluationResult],
+    pictures: list[Path],
+    took_s: float,
+) -> None:
+    print("\nKISS-ICP against the true motion of the LiDAR:")
+    for score in scores:
+        print(f"  {score.estimate.name}: {score.matched} of {score.expected} poses")
+        for metric in (Metric.APE_TRANSLATION, Metric.RPE_PAPER, Metric.RPE_TRANSLATION):
+            statistics = score.statistics[metric]
+            print(f"    {metric.value:<60} rmse {statistics.rmse:.3f} {metric.unit}")
+    print(f"\nThe drive      {drive}")
+    for folder in result.sequences:
+        print(f"A sequence     {folder}   (bag, EuRoC mav0/, preview.mp4)")
+    print(f"Calibration    {result.ground_truth.parent / 'calibration'}")
+    print(f"Ground truth   {result.ground_truth}")
+    for picture in pictures:
+        print(f"A picture      {picture}")
+    print(f"Everything     {out}   in {took_s / 60:.1f} min")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results")
+    parser.add_argument("--duration", type=float, default=60.0, help="length of the drive [s]")
+    parser.add_argument("--camera-start", type=float, default=20.0, help="pictures begin here [s]")
+    parser.add_argument("--camera-duration", type=float, default=10.0, help="length of the pictures [s]")
+    arguments = parser.parse_args()
+    try:
+        main(arguments.out, arguments.duration, arguments.camera_start, arguments.camera_duration)
+    except CarlaLocError as error:
+        sys.exit(f"demo: {error}")
