@@ -13,8 +13,11 @@ from carlaloc_env.town.network import LaneNetwork
 
 LANE_CHANGE_COST_M = 60.0
 """A lane change is worth this detour."""
-LANE_CHANGE_ROOM_M = 20.0
+LANE_CHANGE_ROOM_M = 8.0
 """Least length of lane for one change."""
+EASY_ROOM_M = 35.0
+HASTE_COST = 5.0
+"""Each metre of lane short of an easy change counts as so many metres of detour."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,9 +105,14 @@ def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
         if network.lanes[n].type in DRIVABLE_TYPES
     ]
     if lane.junction_id is None and rest >= LANE_CHANGE_ROOM_M * (len(visit.changes) + 1):
+        haste = HASTE_COST * max(EASY_ROOM_M * (len(visit.changes) + 1) - rest, 0.0)
         ways += [
             _Visit(
-                visit.cost_m + LANE_CHANGE_COST_M, n, visit.share, (*visit.changes, visit.lane), visit.before
+                visit.cost_m + LANE_CHANGE_COST_M + haste,
+                n,
+                visit.share,
+                (*visit.changes, visit.lane),
+                visit.before,
             )
             for n in (lane.left, lane.right)
             if n is not None and n not in visit.changes

@@ -16,7 +16,7 @@ from carlaloc_env.town.opendrive.surface import RoadSurface, SurfaceCurve
 
 TABLE_STEP_M = 0.5
 """Spacing of the samples; each lane uses the next smaller one that divides its length."""
-LANE_LIMIT_M = 2.0e6
+LANE_LIMIT_M = 1.0e6
 """Maps with more metres of lanes are refused: their tables would fill the memory."""
 POSITION_LIMIT_M = 1.0e7
 """Lane points farther out can only come from broken polynomials."""
@@ -110,6 +110,7 @@ def build_tables(
     end_s_m: Array,
     forward: NDArray[np.bool_],
     limits: Sequence[Sequence[tuple[float, float]]],
+    rank: Index,
     labels: Sequence[str],
 ) -> LaneTables:
     """Samples all lanes.
@@ -120,6 +121,7 @@ def build_tables(
         end_s_m: s at its end, (N,).
         forward: True where traffic runs with growing s, (N,).
         limits: Per lane, ascending (s, speed limit [m/s]); the first holds from the start.
+        rank: Per lane, |lane id|.
         labels: Per lane, its name for errors.
 
     Raises:
@@ -133,7 +135,9 @@ def build_tables(
     fine_s, cumulative, fine_first, fine_count = _arc_length(surface, start_s_m, spans)
     length = cumulative[fine_first + fine_count - 1]
     if not np.all(np.isfinite(length)) or length.sum() > 10.0 * LANE_LIMIT_M:
-        worst = int(np.argmax(np.where(np.isfinite(length), length, np.inf)))
+        # A broken width shifts all lanes outside of it: the innermost is to blame.
+        broken = ~(length < 10.0 * LANE_LIMIT_M)
+        worst = int(np.argmin(np.where(broken, rank, np.inf))) if broken.any() else int(np.argmax(length))
         raise MapError(f"{labels[worst]} has no finite length; correct its geometry and width polynomials")
     intervals = np.maximum(np.ceil(length / TABLE_STEP_M - 1e-9), 1.0).astype(np.int64)
     count = intervals + 1
@@ -147,7 +151,7 @@ def build_tables(
     fine_owner = np.repeat(np.arange(len(count)), fine_count)
     s = np.interp(base[owner] + station, base[fine_owner] + cumulative, fine_s)
     curve = _centre(surface, owner, s)
-    _refuse_broken(curve.position_m, owner, labels)
+    _refuse_broken(curve.position_m, owner, rank, labels)
     sign = np.where(forward[owner], 1.0, -1.0)
     heading = _continuous(curve.heading_rad + np.where(forward[owner], 0.0, np.pi), first)
     travel_start = np.where(forward, start_s_m, start_s_m + spans)
@@ -175,13 +179,21 @@ def _arc_length(surface: RoadSurface, start_s_m: Array, spans: Array) -> tuple[A
     k = np.arange(len(owner)) - first[owner]
     step = (spans / pieces)[owner]
     s = start_s_m[owner] + k * step
-    at_points = _centre(surface, owner, s).stretch
-    at_middles = _centre(surface, owner, s + 0.5 * step).stretch
+    at_points, at_middles = _stretch(surface, owner, s), _stretch(surface, owner, s + 0.5 * step)
     after = np.append(at_points[1:], 0.0)
     grown = step * (at_points + 4.0 * at_middles + after) / 6.0
     grown[first + pieces] = 0.0
     total = np.cumsum(grown) - grown
     return s, total - total[first][owner], first, count
+
+
+def _stretch(surface: RoadSurface, lane: Index, s_m: Array) -> Array:
+    """Metres of lane centre per metre of s, in chunks."""
+    out = np.empty(len(lane))
+    for k in range(0, len(lane), _CHUNK):
+        own = slice(k, k + _CHUNK)
+        out[own] = surface.lane_centre(lane[own], s_m[own]).stretch
+    return out
 
 
 def _centre(surface: RoadSurface, lane: Index, s_m: Array) -> SurfaceCurve:
@@ -193,10 +205,10 @@ def _centre(surface: RoadSurface, lane: Index, s_m: Array) -> SurfaceCurve:
     return SurfaceCurve(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _refuse_broken(position_m: NDArray[np.float64], owner: Index, labels: Sequence[str]) -> None:
+def _refuse_broken(position_m: NDArray[np.float64], owner: Index, rank: Index, labels: Sequence[str]) -> None:
     bad = ~(np.abs(position_m) < POSITION_LIMIT_M).all(axis=1)
     if bad.any():
-        label = labels[int(owner[np.argmax(bad)])]
+        label = labels[int(owner[np.argmin(np.where(bad, rank[owner], np.iinfo(np.int64).max))])]
         raise MapError(
             f"{label} runs out of the world; correct its geometry, elevation and width polynomials"
         )

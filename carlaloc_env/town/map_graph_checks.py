@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 from typing import Literal
 
@@ -80,6 +81,7 @@ def reciprocity_problems(xodr: OpenDrive) -> list[Row]:
                 rows.append(
                     ("error", "road", road.id, road.line, f"its link to road {other.id} has no contactPoint")
                 )
+        rows += _section_links(road)
     for junction in xodr.junctions:
         if junction.type == "direct":
             continue
@@ -108,6 +110,27 @@ def reciprocity_problems(xodr: OpenDrive) -> list[Row]:
                             message,
                         )
                     )
+    return rows
+
+
+def _section_links(road: Road) -> list[Row]:
+    """Links between two sections of a road that one of the two lanes does not state."""
+    rows: list[Row] = []
+    for before, after in itertools.pairwise(road.sections):
+        forth = {
+            (lane.id, n) for lane in before.lanes if lane.type in DRIVABLE_TYPES for n in lane.successors
+        }
+        back = {
+            (n, lane.id) for lane in after.lanes if lane.type in DRIVABLE_TYPES for n in lane.predecessors
+        }
+        for a, b in sorted(forth ^ back):
+            silent = after.lane(b) if (a, b) in forth else before.lane(a)
+            if silent is not None and silent.type in DRIVABLE_TYPES:
+                other = a if (a, b) in forth else b
+                message = (
+                    f"does not link back to lane {other} of the section {'before' if other == a else 'after'}"
+                )
+                rows.append(("error", "lane", f"{silent.id} of road {road.id}", silent.line, message))
     return rows
 
 

@@ -19,6 +19,7 @@ HEADING_RAD = 1e-6
 HEADING_ERROR_RAD = 0.01
 CURVATURE_JUMP_RADPM = 0.01
 LENGTH_M = 1e-6
+POLYNOMIAL_LENGTH_M = 1e-3
 MIN_RADIUS_M = 6.0
 GRADE = 0.12
 CLEARANCE_M = 4.5
@@ -157,6 +158,7 @@ def plan_view_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
             message = f"curvature jumps by up to {max(jumps):.3g} 1/m; join pieces by spirals"
             rows.append(("warning", "geometry", f"{k} of road {road.id}", road.geometry[k].line, message))
         rows += _nan_in_carla(road)
+        rows += _stated_length(network, n, road)
     return rows
 
 
@@ -177,6 +179,20 @@ def _nan_in_carla(road: Road) -> list[Row]:
         if g.kind == "spiral" and abs(g.curvature_start_radpm - g.curvature_end_radpm) < 1e-9:
             message = "has equal curvatures, which CARLA turns into NaN; write an arc or a line"
             rows.append(("warning", "spiral", label, g.line, message))
+    return rows
+
+
+def _stated_length(network: LaneNetwork, n: int, road: Road) -> list[Row]:
+    """paramPoly3 pieces whose curve is longer or shorter than they say."""
+    rows: list[Row] = []
+    for k, g in enumerate(road.geometry):
+        if g.kind != "paramPoly3" or g.length_m == 0.0:
+            continue
+        middle = np.array([g.s_m + 0.5 * g.length_m])
+        rate = float(network.surface.plan_view.evaluate(np.array([n]), middle).rate[0])
+        if abs(rate - 1.0) * g.length_m > POLYNOMIAL_LENGTH_M:
+            message = f"length is {g.length_m:.9g} m, its curve has {rate * g.length_m:.9g} m"
+            rows.append(("warning", "geometry", f"{k} of road {road.id}", g.line, message))
     return rows
 
 

@@ -84,7 +84,10 @@ class LaneNetwork:
                 for lane, road in zip(edges.lanes, roads, strict=True)
             ]
             limits = _speed_limits(self.surface, xodr.roads, links.predecessors)
-            self.tables: LaneTables = build_tables(self.surface, start, end, self.forward, limits, labels)
+            rank = np.array([abs(lane.id) for lane in edges.lanes], dtype=np.int64)
+            self.tables: LaneTables = build_tables(
+                self.surface, start, end, self.forward, limits, rank, labels
+            )
             self.lanes: tuple[Lane, ...] = self._lanes(links)
             self._searches: dict[tuple[tuple[str, ...], int], LaneSearch] = {}
             self.signals: tuple[SignalHead, ...]

@@ -240,19 +240,28 @@ def _sampled(network: LaneNetwork, line: RouteLine, loop: bool) -> Route:
         - tangent[row + 1] * (span * f * f * g)[:, None]
     )
     heading = line.heading_rad[row] + f * turn[row]
-    same = line.lane[row] == line.lane[row + 1]
-    station = line.station_m[row] + np.where(same, f * (line.station_m[row + 1] - line.station_m[row]), 0.0)
+    lane, station = _lane_of(network, line, row, f * span, g * span)
     return Route(
         position_m=position,
         heading_rad=wrap_angle(heading),
         slope=line.slope[row] * g + line.slope[row + 1] * f,
         curvature_radpm=_curvature(heading, length / intervals, loop),
-        speed_limit_mps=network.speed_limit_mps(line.lane[row], station),
-        lane=line.lane[row],
+        speed_limit_mps=network.speed_limit_mps(lane, station),
+        lane=lane,
         lane_station_m=station,
         length_m=length,
         closed=loop,
     )
+
+
+def _lane_of(
+    network: LaneNetwork, line: RouteLine, row: Index, behind_m: Array, ahead_m: Array
+) -> tuple[Index, Array]:
+    """Lane and station of samples between two points; past the end of a lane, the next one."""
+    lane, station = line.lane[row], line.station_m[row] + behind_m
+    over = (line.lane[row + 1] != lane) & (station > network.tables.length_m[lane])
+    after = np.maximum(line.station_m[row + 1] - ahead_m, 0.0)
+    return np.where(over, line.lane[row + 1], lane), np.where(over, after, station)
 
 
 def _curvature(heading_rad: Array, step_m: float, loop: bool) -> Array:

@@ -5,14 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+
 from carlaloc_env.geometry import wrap_angle
 from carlaloc_env.town.network import LaneNetwork
-from numpy.typing import NDArray
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")
 
 ROOT = pathlib.Path(__file__).parents[2]
-MAPS = sorted([*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")])
+MAPS = sorted(
+    [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
+)
 if not MAPS:
     pytest.skip("no maps at hand", allow_module_level=True)
 STEP_M = 2.0

@@ -25,7 +25,9 @@ class LinePose(NamedTuple):
     """Anticlockwise from east; not wrapped."""
     curvature_radpm: Array
     curvature_slope: Array
-    """Derivative of curvature by s [1/m²]."""
+    """Derivative of curvature by arc length [1/m²]."""
+    rate: Array
+    """Metres of arc per metre of s: 1 but for a paramPoly3 whose stated length is not its own."""
 
 
 class PlanView:
@@ -73,12 +75,13 @@ class PlanView:
         rest = ds - inside
         u += rest * np.cos(turn)
         v += rest * np.sin(turn)
+        rate = self._curves.rate(row)
         straight = rest != 0.0
-        k[straight], slope[straight] = 0.0, 0.0
+        k[straight], slope[straight], rate[straight] = 0.0, 0.0, 1.0
         c, s = np.cos(self._h[row]), np.sin(self._h[row])
         x = self._x[row] + c * u - s * v
         y = self._y[row] + s * u + c * v
-        return LinePose(x, y, self._h[row] + turn, k, slope)
+        return LinePose(x, y, self._h[row] + turn, k, slope, rate)
 
     def _local(self, row: Index, ds: Array) -> tuple[Array, Array, Array, Array, Array]:
         u, v, turn = ds.copy(), np.zeros(len(ds)), np.zeros(len(ds))
@@ -164,8 +167,15 @@ class PolynomialCurves:
         slot = self._slot[piece]
         return float(self._arc_m[self._first[slot] + self._count[slot] - 1])
 
+    def rate(self, piece: Index) -> Array:
+        """Metres of arc per metre of s on any pieces of the map, (M,)."""
+        slot = self._slot[piece]
+        if not len(self._scale):
+            return np.ones(len(piece))
+        return np.where(slot >= 0, self._scale[np.maximum(slot, 0)], 1.0)
+
     def evaluate(self, piece: Index, ds: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """u, v [m], turn [rad], curvature [1/m] and its derivative by s at ds [m] from the start."""
+        """u, v [m], turn [rad], curvature [1/m] and its derivative by arc at ds [m] from the start."""
         slot = self._slot[piece]
         arc = ds * self._scale[slot]
         count = np.maximum(self._count[slot] - 1, 1)

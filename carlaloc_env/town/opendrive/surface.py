@@ -67,7 +67,7 @@ class RoadSurface:
     ) -> SurfaceCurve:
         """Points and true tangents of curves t(s), h(s) on roads.
 
-        With τ the plan-view offset, the tangent is ((1 − κτ)·e_s + τ'·e_t) (facts of Frenet frames).
+        With τ the plan-view offset, the tangent is (1 − κτ)·e_s + τ'·e_t.
         """
         line = self.plan_view.evaluate(road, s_m)
         z, z1, _ = self._elevation.evaluate(road, s_m)
@@ -80,11 +80,11 @@ class RoadSurface:
         across1 = t1 * c - h1 * s - (t * s + h * c) * tilt1
         # The rest of τ'' needs third-order detail of tilted roads and changes no heading.
         across2 = t2 * c - 2.0 * t1 * s * tilt1
-        k = line.curvature_radpm
-        along = 1.0 - k * across
-        along1 = -line.curvature_slope * across - k * across1
+        k, rate = line.curvature_radpm, line.rate
+        along = rate * (1.0 - k * across)
+        along1 = -rate * (rate * line.curvature_slope * across + k * across1)
         stretch = np.maximum(np.sqrt(along * along + across1 * across1), 1e-9)
-        turn = k + (along * across2 - across1 * along1) / (stretch * stretch)
+        turn = k * rate + (along * across2 - across1 * along1) / (stretch * stretch)
         rise = z1 + t1 * s + h1 * c + (t * c - h * s) * tilt1
         heading = line.heading_rad
         position = np.stack(

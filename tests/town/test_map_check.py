@@ -1,0 +1,132 @@
+"""Faults put into a sound map are found, at their line."""
+
+import csv
+import math
+import pathlib
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from carlaloc_env.town.map_check import MapReport, check_map, write_waypoints_csv
+from carlaloc_env.town.network import LaneNetwork
+
+CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
+TEXT = CROSSING.read_text(encoding="utf-8")
+SHARED = pathlib.Path(__file__).parents[2].parent / "shared/data/carla_xodr"
+
+
+def check(tmp_path: pathlib.Path, text: str) -> MapReport:
+    path = tmp_path / "map.xodr"
+    path.write_text(text, encoding="utf-8")
+    return check_map(path)
+
+
+def test_sound_parts_are_not_accused() -> None:
+    """Besides its open ends, the crossing has no errors."""
+    found = check_map(CROSSING)
+    assert {p.message for p in found.errors} == {"is a dead end: no lane follows"}
+    assert (found.roads, found.junctions, found.signals, found.crosswalks) == (16, 1, 4, 4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "element", "part"),
+    [
+        ('<geometry s="20.0" x="32.0"', '<geometry s="20.0" x="32.5"', "geometry", "starts 0.5 m"),
+        ('<geometry s="20.0" x="32.0"', '<geometry s="21.0" x="32.0"', "geometry", "the piece before ends"),
+        ('length="70.0" id="1"', 'length="71.0" id="1"', "road", "adds up to 70"),
+        ('<laneLink from="1" to="-1"/>', '<laneLink from="1" to="-2"/>', "connection", "does not lead onto"),
+        ('<link><predecessor id="1"/></link>', "", "lane", "does not link back"),
+        ('<predecessor id="1"/><successor id="-1"/>', "", "connection", "does not link back"),
+        (
+            'elementType="junction" elementId="100"',
+            'elementType="junction" elementId="7"',
+            "road",
+            "junction 7",
+        ),
+        ('connectingRoad="1012"', 'connectingRoad="9"', "connection", "road 9, which does not exist"),
+        ('<width sOffset="0" a="3.5"', '<width sOffset="0" a="-1"', "lane", "width falls to -1"),
+        ('<width sOffset="0" a="3.5"', '<width sOffset="2" a="3.5"', "width", "begin at 0"),
+        ('signalId="103"', 'signalId="999"', "controller", "signal 999"),
+        ('<signalReference id="101"', '<signalReference id="77"', "signalReference", "does not exist"),
+        ('<signal id="102"', '<signal id="101"', "signal", "share this id"),
+        ('curvature="0.02"', 'curvature="0"', "arc", "NaN"),
+        ('curvEnd="0.02"', 'curvEnd="0.0"', "spiral", "NaN"),
+        ('<object id="31"', '<object id="31" s="900" name2="', "object", "lies beyond road 1"),
+        ('a="0" b="0" c="0.001" d="0"/>', 'a="0" b="0.3" c="0.001" d="0"/>', "lane", "grade reaches"),
+    ],
+)
+def test_fault_is_found(tmp_path: pathlib.Path, old: str, new: str, element: str, part: str) -> None:
+    assert old in TEXT
+    text = TEXT.replace(old, new, 1)
+    if 'name2="' in new:
+        text = TEXT.replace('type="crosswalk" s="3"', 'type="crosswalk" s="900"', 1)
+        old = 'type="crosswalk" s="3"'
+    line = TEXT.count("\n", 0, TEXT.index(old)) + 1
+    found = [p for p in check(tmp_path, text).problems if p.element == element and part in p.message]
+    assert found
+    # A connection is told at its own line, wherever the lane stands that does not answer.
+    assert element == "connection" or min(abs(p.line - line) for p in found) <= 12
+    assert "\n" not in str(found[0])
+
+
+def two_roads(rise_m: float) -> str:
+    """A road east and a road north that cross at (50, 0), the second `rise_m` higher."""
+    roads = ""
+    for n, (x, y, hdg, z) in enumerate(((0, 0, 0, 0), (50, -50, np.pi / 2, rise_m)), start=1):
+        roads += (
+            f'<road id="{n}" length="100" junction="-1"><planView>'
+            f'<geometry s="0" x="{x}" y="{y}" hdg="{hdg}" length="100"><line/></geometry></planView>'
+            f'<elevationProfile><elevation s="0" a="{z}" b="0" c="0" d="0"/></elevationProfile>'
+            '<lanes><laneSection s="0"><center><lane id="0"/></center><right><lane id="-1" type="driving">'
+            '<width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane></right></laneSection></lanes></road>'
+        )
+    return f'<OpenDRIVE><header revMajor="1" revMinor="7"/>{roads}</OpenDRIVE>'
+
+
+@pytest.mark.parametrize(("rise_m", "bad"), [(0.0, True), (3.0, True), (6.3, False)])
+def test_crossing_roads_need_clearance(tmp_path: pathlib.Path, rise_m: float, bad: bool) -> None:
+    found = [p for p in check(tmp_path, two_roads(rise_m)).problems if "crosses road" in p.message]
+    assert bool(found) == bad
+
+
+def test_curve_of_another_length_is_named(tmp_path: pathlib.Path) -> None:
+    shape = '<paramPoly3 pRange="normalized" aU="0" bU="100" cU="0" dU="0" aV="0" bV="0" cV="9" dV="0"/>'
+    length = quad(lambda p: math.hypot(100.0, 18.0 * p), 0.0, 1.0)[0]
+    text = two_roads(6.3).replace("<line/>", shape, 1)
+    assert any(f"its curve has {length:.6f}" in p.message for p in check(tmp_path, text).problems)
+
+
+@pytest.mark.parametrize(
+    ("name", "lane_km", "junction_lane_km", "junctions"),
+    [("Town01", 4.96 + 1.44, 1.44, 12), ("Town07", 4.47 + 2.68, 2.68, 31)],
+)
+def test_carla_maps(name: str, lane_km: float, junction_lane_km: float, junctions: int) -> None:
+    """Lane kilometres and junctions as measured by others; the one broken link of Town07 is known."""
+    path = SHARED / f"{name}.xodr"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    found = check_map(path)
+    assert found.lane_km == pytest.approx(lane_km, abs=0.02)
+    assert found.junction_lane_km == pytest.approx(junction_lane_km, abs=0.02)
+    assert found.junctions == junctions
+    assert len(found.errors) == (1 if name == "Town07" else 0)
+
+
+def test_waypoints_csv(tmp_path: pathlib.Path) -> None:
+    """The columns that users rely on, and the values of the network."""
+    network = LaneNetwork.from_opendrive(CROSSING)
+    path = tmp_path / "waypoints.csv"
+    count = write_waypoints_csv(network, 2.0, path)
+    with path.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == count
+    assert list(rows[0]) == ["road_id", "section", "lane_id", "s", "x", "y", "z", "heading"]
+    lane = next(n for n in network.lanes if (n.road_id, n.lane_id) == ("1", 1))
+    row = next(
+        r for r in rows if (r["road_id"], r["lane_id"]) == ("1", "1") and abs(float(r["s"]) - 40.0) < 1e-6
+    )
+    pose = network.exact_pose([lane.index], network.station_m([lane.index], [40.0]))
+    assert [float(row[k]) for k in "xyz"] == pytest.approx(pose.position_m[0].tolist(), abs=1e-6)
+    assert float(row["heading"]) == pytest.approx(pose.heading_rad[0], abs=1e-6)
+    assert list(tmp_path.iterdir()) == [path]
