@@ -75,7 +75,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | name | meaning | default |
     |---|---|---|
     | `map` | town, or path of an OpenDRIVE file | `"Town03"` |
-    | `rig` | `"paper"`, `"flu"`, `"minimal"`, `"lidar"`, `"state"`, a YAML file or a `SensorRig` | `"paper"` |
+    | `rig` | `"paper"`, `"flu"`, `"minimal"`, `"lidar"`, `"state"`, a YAML file, a `SensorRig` | `"paper"` |
     | `weather` | name of a preset or `WeatherParameters` | `"ClearNoon"` |
     | `traffic` | `"dynamic"`, `"static"` or a fraction of the town's traffic | `"dynamic"` |
     | `quality` | `"low"`, `"medium"`, `"high"`: effort per picture | `"medium"` |
@@ -106,7 +106,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.stage = SensorStage(self.town, seed=0, weather=self.weather, quality=quality)
         self._rig = self.rig_config.build(self.stage)
         self._observer = Observer(self._rig)
-        self.observation_space = self._observer.space
+        self.observation_space = self._observer.space  # type: ignore[assignment]
         self.action_space = spaces.Box(
             np.array([-1, 0, 0, 0, 0], np.float32), np.ones(5, np.float32), dtype=np.float32
         )

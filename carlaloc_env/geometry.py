@@ -35,13 +35,15 @@ def quat_multiply(a_xyzw: ArrayLike, b_xyzw: ArrayLike) -> Array:
 
 def quat_conjugate(quat_xyzw: ArrayLike) -> Array:
     """Inverse of unit quaternions, shape (..., 4)."""
-    return np.asarray(quat_xyzw, dtype=np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
+    conjugate: Array = np.asarray(quat_xyzw, dtype=np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
+    return conjugate
 
 
 def quat_normalise(quat_xyzw: ArrayLike) -> Array:
     """Unit quaternions of the same rotation, shape (..., 4)."""
     q = np.asarray(quat_xyzw, dtype=np.float64)
-    return q / np.sqrt(np.sum(q * q, axis=-1, keepdims=True))
+    unit: Array = q / np.sqrt(np.sum(q * q, axis=-1, keepdims=True))
+    return unit
 
 
 def quat_to_matrix(quat_xyzw: ArrayLike) -> Array:

@@ -71,11 +71,10 @@ def mosaic(
 
 def _panel(picture: Picture | None, size_px: tuple[int, int], text: str) -> Picture:
     if picture is None:
-        panel = np.zeros((size_px[1], size_px[0], 3), np.uint8)
-    else:
-        shrink = picture.shape[1] > size_px[0]
-        panel = cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA if shrink else cv2.INTER_NEAREST)
-    panel = np.ascontiguousarray(panel)
+        picture = np.zeros((size_px[1], size_px[0], 3), np.uint8)
+    shrink = picture.shape[1] > size_px[0]
+    resized = cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA if shrink else cv2.INTER_NEAREST)
+    panel: Picture = np.ascontiguousarray(resized, dtype=np.uint8)
     _label(panel, text, (12, 24))
     return panel
 

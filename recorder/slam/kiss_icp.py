@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,23 +92,21 @@ def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
         connections = [connection for connection in reader.connections if connection.topic == topic]
         count = sum(connection.msgcount for connection in connections)
         for connection, _, raw in reader.messages(connections=connections):
-            message = reader.deserialize(raw, connection.msgtype)
-            dtype = np.dtype(
-                {
-                    "names": ["x", "y", "z", "time"],
-                    "formats": ["<f4"] * 4,
-                    "offsets": [next(f.offset for f in message.fields if f.name == n) for n in "xyz"]
-                    + [next(f.offset for f in message.fields if f.name == "time")],
-                    "itemsize": message.point_step,
-                }
-            )
-            rows = np.frombuffer(message.data, dtype=dtype)
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            offset = {field.name: field.offset for field in message.fields}
+            data = np.asarray(message.data).reshape(-1, message.point_step)
+            column = {name: _float32(data, offset[name]) for name in ("x", "y", "z", "time")}
             stamp = message.header.stamp
             yield (
                 count,
                 Scan(
                     stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
-                    points_xyz_m=np.stack([rows["x"], rows["y"], rows["z"]], axis=-1).astype(np.float64),
-                    time_s=rows["time"].astype(np.float64),
+                    points_xyz_m=np.stack([column["x"], column["y"], column["z"]], axis=-1),
+                    time_s=column["time"],
                 ),
             )
+
+
+def _float32(data: NDArray[np.uint8], offset: int) -> NDArray[np.float64]:
+    """One float32 field of all points, as float64."""
+    return np.ascontiguousarray(data[:, offset : offset + 4]).view("<f4")[:, 0].astype(np.float64)

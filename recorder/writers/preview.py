@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
-import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.errors import WriterError
@@ -32,7 +32,7 @@ class PreviewWriter(Writer):
         self._film: cv2.VideoWriter | None = None
         self._shown: dict[str, Sample] = {}
         self._cloud: PointCloud | None = None
-        self._still: NDArray[np.uint8] | None = None
+        self._still: NDArray[Any] | None = None
         self._count = 0
 
     def _begin(self, part: Path) -> None:
