@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -36,12 +37,20 @@ _SOLID = np.zeros(256, dtype=bool)
 _SOLID[
     [
         Material.ASPHALT, Material.ASPHALT_OLD, Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW,
-        Material.PAVEMENT, Material.KERB, Material.GRASS, Material.SOIL, Material.GRAVEL,
-        Material.BRICK_RED, Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR,
-        Material.CONCRETE_PANEL, Material.CURTAIN_WALL, Material.ROOF_FLAT,
+        Material.PAVEMENT, Material.KERB, Material.SOIL, Material.GRAVEL, Material.BRICK_RED,
+        Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR, Material.CONCRETE_PANEL,
+        Material.CURTAIN_WALL, Material.WINDOW, Material.SHOP_FRONT, Material.DOOR, Material.ROOF_TILE,
+        Material.ROOF_FLAT, Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD,
     ]
 ] = True  # fmt: skip
-"""Materials of closed bodies and of the ground: their backs are never seen and need not be drawn."""
+"""Materials of closed bodies and of roads: their backs are never seen and need not be drawn."""
+
+COARSE_FROM_M = 150.0
+"""Distance of a chunk from which its `coarse` version is drawn [m]; LiDARs reach less far."""
+_COARSE_EDGE_M = 0.15
+"""Loose triangles with no longer edge are left out of it [m]: less than 0.7 px there."""
+_LEAF_SHARE = 4
+"""One leaf of so many is kept in it, enlarged to the same total area."""
 
 
 def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
@@ -177,6 +186,30 @@ def split_backs(mesh: Mesh) -> tuple[Mesh, Mesh]:
     """The mesh in two: triangles whose backs need no drawing, and those seen from both sides."""
     solid = _SOLID[mesh.material[mesh.triangles[:, 2]]] if len(mesh.triangles) else np.zeros(0, bool)
     return _part(mesh, solid), _part(mesh, ~solid)
+
+
+def coarse(mesh: Mesh) -> Mesh:
+    """The same from afar: fewer and larger leaves, and no crumbs."""
+    corners = mesh.vertices_m[mesh.triangles]
+    longest = np.sqrt(
+        np.max(np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2), axis=1, initial=0.0)
+    )
+    leaf = mesh.material[mesh.triangles[:, 2]] == Material.LEAF
+    chosen = np.cumsum(leaf) % _LEAF_SHARE == 0
+    leaves = _part(mesh, leaf & chosen)
+    own = leaves.vertices_m[leaves.triangles]
+    centre = own.mean(axis=1, keepdims=True)
+    flat = leaves.triangles.reshape(-1)
+    grown = replace(
+        leaves,
+        **{
+            name: getattr(leaves, name)[flat]
+            for name in ("normals", "uv_m", "colour", "material", "tag", "instance")
+        },
+        vertices_m=(centre + np.sqrt(_LEAF_SHARE) * (own - centre)).reshape(-1, 3).astype(np.float32),
+        triangles=np.arange(len(flat), dtype=np.uint32).reshape(-1, 3),
+    )
+    return merge([_part(mesh, ~leaf & (longest > _COARSE_EDGE_M)), grown])
 
 
 def _part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:

@@ -69,8 +69,8 @@ class View:
         normals /= np.sqrt(np.sum(normals**2, axis=1, keepdims=True))
         return np.concatenate([normals, -np.sum(normals * self.position_m, axis=1, keepdims=True)], axis=1)
 
-    def visible(self, low_m: Array, high_m: Array) -> NDArray[np.intp]:
-        """Indices of boxes (N, 3), (N, 3) that may be seen, nearest first."""
+    def visible(self, low_m: Array, high_m: Array) -> tuple[NDArray[np.intp], Array]:
+        """Indices of boxes (N, 3), (N, 3) that may be seen, nearest first, and their distances [m]."""
         planes = self.planes()
         forward = self.R_camera_world[2]
         normals = np.concatenate([planes[:, :3], forward[None]])
@@ -80,4 +80,5 @@ class View:
         gap = np.maximum(np.maximum(low_m - self.position_m, self.position_m - high_m), 0.0)
         distance = np.sqrt(np.sum(gap**2, axis=1))
         seen = np.flatnonzero(inside.all(axis=0) & (distance < FAR_M))
-        return seen[np.lexsort((seen, distance[seen]))]
+        seen = seen[np.lexsort((seen, distance[seen]))]
+        return seen, distance[seen]

@@ -15,7 +15,7 @@ from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import Programs, create_context, is_software, set_uniforms
 from carlaloc_env.render.gbuffer import SKY_ID, GBuffer, TargetPool, Targets
-from carlaloc_env.render.geometry import Geometry, InstanceBuffer, split_backs
+from carlaloc_env.render.geometry import COARSE_FROM_M, Geometry, InstanceBuffer, coarse, split_backs
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.surfaces import surface_table, upload_textures
@@ -87,6 +87,7 @@ class SceneRenderer:
         halves = [split_backs(chunk) for chunk in chunks]
         self._solid = Geometry(self._context, [half[0] for half in halves])
         self._open = Geometry(self._context, [half[1] for half in halves])
+        self._coarse = Geometry(self._context, [coarse(half[1]) for half in halves])
         self._library = Geometry(self._context, library.meshes)
         self._poses = InstanceBuffer(self._context, len(library))
         reach = [
@@ -158,7 +159,7 @@ class SceneRenderer:
         # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
         context.front_face = "cw"
         context.cull_face = "back"
-        order = view.visible(self._low_m, self._high_m)
+        order, distance = view.visible(self._low_m, self._high_m)
         drawn = self._visible_instances(view, instances)
         if len(drawn):
             self._poses.fill(instances, drawn)
@@ -168,7 +169,8 @@ class SceneRenderer:
         context.enable(moderngl.CULL_FACE)
         self._solid.draw(program, order)
         context.disable(moderngl.CULL_FACE)
-        self._open.draw(program, order)
+        self._open.draw(program, order[distance < COARSE_FROM_M])
+        self._coarse.draw(program, order[distance >= COARSE_FROM_M])
         context.front_face = "ccw"
 
     def _gbuffer_program(self, view: View, *features: str) -> moderngl.Program:
@@ -216,7 +218,7 @@ class SceneRenderer:
         with self._context:
             self._shader.release()
             self._pool.release()
-            for geometry in (self._solid, self._open, self._library):
+            for geometry in (self._solid, self._open, self._coarse, self._library):
                 geometry.release()
             self._poses.buffer.release()
             self._textures.release()

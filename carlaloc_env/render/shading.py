@@ -23,16 +23,18 @@ Array = NDArray[np.float64]
 
 LAMPS = 12
 """Street lamps that light a picture: the nearest ones to a point ahead of the camera."""
+GLOWS = 6
+"""Lamps of these whose light is seen in the air."""
 LAMP_FOCUS_M = 18.0
 LAMP_RANGE_M = 90.0
-LAMP_CD = 1050.0
-"""Intensity of a street lamp straight down [cd]: 12 klm in a full cut-off beam."""
+LAMP_CD = 260.0
+"""Intensity of a street lamp straight down [cd]: 3 klm in a full cut-off beam, an old dim street."""
 LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
 """Linear colour of unit luminance, about 3000 K."""
 HEADLAMPS_M = (3.65, 0.0, 0.65)
 """Between the ego's headlamps, in `base_link` [m]."""
-HEADLAMP_COLOUR = np.array([1.10, 0.99, 0.80])
-"""Linear colour of unit luminance, about 4000 K."""
+HEADLAMP_LIGHT = 0.4 * np.array([1.10, 0.99, 0.80])
+"""Colour of about 4000 K; dimmed, so that the fixed exposure does not blow out the car ahead."""
 CACHED_WEATHERS = 8
 
 # Ramamoorthi and Hanrahan 2001, equation 13.
@@ -127,8 +129,8 @@ class Shader:
         self._context.enable_only(moderngl.DEPTH_TEST)
         self._context.depth_func = ">"
         self._triangle(program)
-        plain = ("LINEAR",) if linear else ()
-        program = self._programs.get("screen.vert", "sky.frag", *plain)
+        shared = [name for name in features if name not in ("SUN", "WET")]
+        program = self._programs.get("screen.vert", "sky.frag", *shared)
         self._screen_uniforms(program, view)
         self._light_uniforms(program, gbuffer, weather, light, key)
         self._context.depth_func = "=="
@@ -145,7 +147,7 @@ class Shader:
             "LINEAR": linear,
             "RESOLVED": resolved,
         }
-        return (f"LAMPS {LAMPS}", *(name for name, on in wanted.items() if on))
+        return (f"LAMPS {LAMPS}", f"GLOWS {GLOWS}", *(name for name, on in wanted.items() if on))
 
     def _sky(self, weather: WeatherParameters) -> tuple[SkyLight, moderngl.Texture]:
         if weather in self._skies:
@@ -213,7 +215,8 @@ class Shader:
             u_lamp_light=tuple(LAMP_COLOUR * (LAMP_CD * e / np.pi)),
         )
         if weather.is_night:
-            set_uniforms(program, u_lamps=self._nearest_lamps(view).astype("<f4").tobytes())
+            lamps = self._nearest_lamps(view).astype("<f4")
+            set_uniforms(program, u_lamps=lamps.tobytes(), u_glows=lamps[:GLOWS].tobytes())
             self._headlamp_uniforms(program, gbuffer, e)
 
     def _headlamp_uniforms(self, program: moderngl.Program, gbuffer: GBuffer, exposure: float) -> None:
@@ -221,7 +224,7 @@ class Shader:
         ego = np.flatnonzero(gbuffer.actors.instance == EGO_INSTANCE)
         T = gbuffer.actors.T_world_model[ego[0]] if len(ego) else np.eye(4)
         place = np.sum(T[:3, :3] * np.array(HEADLAMPS_M), axis=1) + T[:3, 3]
-        light = HEADLAMP_COLOUR * (exposure / np.pi if len(ego) else 0.0)
+        light = HEADLAMP_LIGHT * (exposure / np.pi if len(ego) else 0.0)
         set_uniforms(
             program,
             u_beam=T[:3, :3].astype("<f4").tobytes(),

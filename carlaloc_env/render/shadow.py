@@ -26,7 +26,7 @@ STATIC_AHEAD_M = 80.0
 """How far its centre lies ahead of the camera [m]."""
 ACTOR_SIZE_PX = 1024
 ACTOR_EXTENT_M = 80.0
-CACHED_MAPS = 3
+CACHED_MAPS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

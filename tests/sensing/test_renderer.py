@@ -13,6 +13,8 @@ from carlaloc_env.errors import ConfigError, RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
+from carlaloc_env.render.geometry import coarse, lit_windows
+from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.shading import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.render.surfaces import plain_albedo
@@ -336,6 +338,53 @@ def test_street_lamp_lights_the_ground_by_the_inverse_square() -> None:
         assert lit[90, 160] - dark[90, 160] == pytest.approx(expected, rel=0.1)
     # 24 m aside of a lamp at 4 m is 80.5° from its axis.
     assert low[90, 320 - 2] - dark[90, 320 - 2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_no_visible_box_is_culled() -> None:
+    """A box is kept whenever one of its random points projects into the picture."""
+    random = np.random.default_rng(11)
+    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.05, -0.1, 2.0))
+    view = View.of(CAMERA, geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
+    low = random.uniform(-150, 150, (400, 3))
+    high = low + random.uniform(1, 30, (400, 3))
+    points = low[:, None] + random.random((400, 60, 3)) * (high - low)[:, None]
+    local = (points - view.position_m) @ view.R_camera_world.T
+    uv = CAMERA.project(local.reshape(-1, 3)).reshape(400, 60, 2)
+    shown = ((uv > -0.4) & (uv < np.array([319.4, 179.4]))).all(axis=2) & (local[..., 2] > 0.5)
+    kept, distance_m = view.visible(low, high)
+    assert set(np.flatnonzero(shown.any(axis=1))) <= set(kept)
+    assert len(kept) < 200
+    assert np.all(np.diff(distance_m) >= 0)
+
+
+def test_leaves_keep_their_area_from_afar() -> None:
+    random = np.random.default_rng(2)
+    corners = random.normal(0, 3, (4000, 1, 3)) + random.normal(0, 0.1, (4000, 3, 3))
+    crown = make_mesh(
+        corners.reshape(-1, 3), np.arange(12000).reshape(-1, 3), material=Material.LEAF, tag=Tag.VEGETATION
+    )
+
+    def area_m2(mesh: Mesh) -> float:
+        a, b, c = (mesh.vertices_m[mesh.triangles[:, i]] for i in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+    far = coarse(crown)
+    assert len(far.triangles) == 1000
+    assert area_m2(far) == pytest.approx(area_m2(crown), rel=0.05)
+
+
+def test_both_halves_of_a_pane_are_lit_alike() -> None:
+    random = np.random.default_rng(5)
+    panes = []
+    for x, y, z in random.uniform(-50, 50, (300, 3)):
+        corners = [[x, y, z], [x + 1.2, y, z], [x + 1.2, y, z + 1.6], [x, y, z + 1.6]]
+        panes += [
+            make_mesh([corners[i] for i in half], [[0, 1, 2]], material=Material.WINDOW, tag=Tag.BUILDING)
+            for half in ((0, 1, 2), (0, 2, 3))
+        ]
+    code = lit_windows(merge(panes)).reshape(300, 6)
+    assert np.all(code == code[:, :1])
+    assert 0.08 < (code[:, 0] > 0).mean() < 0.3
 
 
 def test_unknown_quality_names_the_nearest() -> None:

@@ -28,8 +28,7 @@ uniform float u_shadow_step;   // of the static map, 1 = its edge
 uniform vec2 u_wet;            // wetness 0..1, level of the puddles
 #endif
 #ifdef NIGHT
-uniform vec4 u_lamps[LAMPS];   // position relative to the eye [m], 1 = lit
-uniform vec3 u_lamp_light;     // exposed intensity / pi
+uniform vec4 u_lamps[LAMPS];   // as u_glows
 uniform mat3 u_beam;           // world axes to the car's: forward, left, up
 uniform vec3 u_beam_eye;       // headlamps relative to the eye [m]
 uniform vec3 u_beam_light;     // exposed light per candela / pi; zero without headlamps
@@ -57,6 +56,11 @@ layout(location = 0) out vec4 o_colour;
 
 // Lamp light of about 3000 K with unit luminance.
 const vec3 WARM = vec3(1.28, 0.97, 0.50);
+
+// Exposed light of a lamp, cut where a picture would lose its colour.
+float glare(float code) {
+    return min((exp2(16.0 * code) - 1.0) * u_exposure, 3.0);
+}
 
 vec3 ambient(vec3 n) {
     return u_ambient[0] + u_ambient[1] * n.y + u_ambient[2] * n.z + u_ambient[3] * n.x
@@ -112,16 +116,16 @@ void main() {
 
     vec3 emitted = albedo / max(max(albedo.r, max(albedo.g, albedo.b)), 0.02);
 #ifdef NIGHT
-    emitted *= (exp2(16.0 * surface.z) - 1.0) * u_exposure;
-    emitted += WARM * ((exp2(16.0 * surface.w) - 1.0) * u_exposure * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0)));
+    emitted *= glare(surface.z);
+    emitted += WARM * (glare(surface.w) * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0)));
 #else
-    emitted *= (exp2(16.0 * surface.z) - 1.0) * u_exposure;
+    emitted *= glare(surface.z);
 #endif
 
 #ifdef WET
     float soak = u_wet.x * surface.y;
     albedo *= mix(1.0, mix(1.0, 0.35, surface.y), u_wet.x);
-    roughness = mix(roughness, 0.36, soak);
+    roughness = mix(roughness, 0.30, soak);
     vec2 ground = (u_eye + offset).xy;
     float hollow = 0.62 * noise(ground * 0.21) + 0.28 * noise(ground * 0.63 + 5.1) + 0.10 * noise(ground * 2.3);
     float water = smoothstep(u_wet.y, u_wet.y + 0.10, hollow)
@@ -162,7 +166,8 @@ void main() {
 #endif
 
     float nv = max(dot(n, v), 0.0);
-    float fresnel = f0 + (max(1.0 - roughness, f0) - f0) * pow(1.0 - nv, 5.0);
+    float smooth_part = (1.0 - roughness) * (1.0 - roughness);
+    float fresnel = f0 * (1.0 - roughness) + smooth_part * pow(1.0 - nv, 5.0);
     vec3 mirror = reflect(direction, n);
     vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
     // Walls across the street stand before the lowest part of the sky.
@@ -170,6 +175,9 @@ void main() {
 
     vec3 exposed = albedo * light + shine + reflection * fresnel + emitted;
     exposed = through_air(exposed, direction, length_m);
+#ifdef NIGHT
+    exposed += lamp_glow(direction, length_m);
+#endif
 #ifdef RESOLVED
     vec3 look = normalize(v_ray);
     vec3 sky = sky_through_air(textureLod(u_sky, sky_uv(look), 0.0).rgb, look);

@@ -5,5 +5,9 @@ layout(location = 0) out vec4 o_colour;
 
 void main() {
     vec3 direction = normalize(v_ray);
-    o_colour = develop(sky_through_air(textureLod(u_sky, sky_uv(direction), 0.0).rgb, direction));
+    vec3 exposed = sky_through_air(textureLod(u_sky, sky_uv(direction), 0.0).rgb, direction);
+#ifdef NIGHT
+    exposed += lamp_glow(direction, 1000.0);
+#endif
+    o_colour = develop(exposed);
 }
