@@ -111,6 +111,7 @@ MINIBUS = CarSpec(
         cowl_d=0.80, roof_front_d=1.62, roof_rear_d=4.78, deck_d=4.96,
         windows=((1.05, 2.02), (2.12, 3.26), (3.36, 4.62)),
         axles_d=(0.92, 4.02), tyre_m=0.68, clearance_m=0.18, tumblehome=0.18, tail_bow_m=0.06,
+        plan_rear=((0.0, 0.95), (0.1, 0.98), (0.5, 1.0)),
     ),
     nose_z=(0.34, 0.74), lamp_z=(0.72, 0.92), tail_z=(0.80, 1.25), tail_share=0.82, plate_z=(0.44, 0.86),
     doors=(1.0, 2.07, 3.31),

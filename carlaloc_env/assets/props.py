@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from carlaloc_env.assets import street
+from carlaloc_env.assets import roadside, street
 from carlaloc_env.assets.signals import pedestrian_head, traffic_light
 from carlaloc_env.assets.signs import sign
 from carlaloc_env.assets.trees import hedge, shrub, tree
@@ -25,11 +25,11 @@ PROPS: dict[str, Callable[[], Mesh]] = {
     "post_box": street.post_box,
     "cabinet": street.cabinet,
     "planter": street.planter,
-    "utility_pole": street.utility_pole,
-    "fence": street.fence,
-    "guard_rail": street.guard_rail,
-    "barrier": street.barrier,
-    "delineator": street.delineator,
+    "utility_pole": roadside.utility_pole,
+    "fence": roadside.fence,
+    "guard_rail": roadside.guard_rail,
+    "barrier": roadside.barrier,
+    "delineator": roadside.delineator,
     "pedestrian_head": pedestrian_head,
     "shrub": shrub,
     "hedge": hedge,
