@@ -234,16 +234,14 @@ def _pose(network: LaneNetwork, road: Road, signal: Signal, stops: Sequence[_Eff
         station = np.array([e.station_m for e in stops])
         heading = network.tables.pose(lane, station).heading_rad
         looking = T[0, 0] * np.cos(heading).sum() + T[1, 0] * np.sin(heading).sum()
+    elif network.xodr.vendor == "VectorZero":
+        # RoadRunner's poles without lanes already look at their drivers.
+        looking = 0.0
     else:
-        lane_forward = signal.orientation != "-"
-        heading_s = network.surface.heading(np.array([network.road_index[road.id]]), np.array([signal.s_m]))[
-            0
-        ]
+        road_number, s = np.array([network.road_index[road.id]]), np.array([signal.s_m])
+        heading_s = float(network.surface.heading(road_number, s)[0])
         along = T[0, 0] * math.cos(heading_s) + T[1, 0] * math.sin(heading_s)
-        # A sign of RoadRunner without lanes keeps its hOffset, which already looks at its drivers.
-        looking = along if network.xodr.vendor != "VectorZero" and lane_forward else 0.0
-        if network.xodr.vendor != "VectorZero" and not lane_forward:
-            looking = -along
+        looking = -along if signal.orientation == "-" else along
     if looking > 0.0:
         T[:3, :2] *= -1.0
     return T

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from typing import Any, NoReturn
+from xml.parsers import expat
 
 from lxml import etree
 
@@ -29,7 +30,9 @@ class Document:
             MapError: The file cannot be read, is too large, holds a DTD, or is not well-formed.
         """
         self.name = source.name if isinstance(source, Path) else "<bytes>"
-        self.root: Element = self._parse(self._load(source))
+        data = self._load(source)
+        self.root: Element = self._parse(data)
+        self._lines = _far_lines(data, self.root)
 
     def _load(self, source: Path | bytes) -> bytes:
         if isinstance(source, bytes):
@@ -77,9 +80,14 @@ class Document:
             )
         return root
 
+    def line(self, element: Element) -> int:
+        """Line of an element in the file, from 1."""
+        found = self._lines.get(element) if self._lines else None
+        return found if found is not None else int(element.sourceline or 0)
+
     def fail(self, element: Element, problem: str, advice: str) -> NoReturn:
         """Raises the one-line MapError for an element."""
-        raise MapError(f"{self.name}: line {element.sourceline}: {describe(element)} {problem}; {advice}")
+        raise MapError(f"{self.name}: line {self.line(element)}: {describe(element)} {problem}; {advice}")
 
     def text(self, element: Element, name: str, default: str | None = None) -> str:
         """A string attribute; without default it must exist and not be empty."""
@@ -127,6 +135,21 @@ class Document:
         if value != math.floor(value):
             self.fail(element, f"has {name}={value:g}", "write a whole number")
         return int(value)
+
+
+def _far_lines(data: bytes, root: Element) -> dict[Element, int]:
+    """Lines of all elements of a file that has more lines than libxml2 counts (65535)."""
+    if data.count(b"\n") < 65_534:
+        return {}
+    lines: list[int] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda *_: lines.append(parser.CurrentLineNumber)
+    try:
+        parser.Parse(data, True)
+    except (expat.ExpatError, LookupError, ValueError):
+        return {}
+    elements = list(root.iter(etree.Element))
+    return dict(zip(elements, lines, strict=True)) if len(elements) == len(lines) else {}
 
 
 def describe(element: Element) -> str:

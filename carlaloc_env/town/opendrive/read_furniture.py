@@ -29,7 +29,7 @@ def read_signal_references(document: Document, road: Element) -> tuple[SignalRef
             t_m=document.number(e, "t", 0.0),
             orientation=e.get("orientation", "none"),
             validity=_validity(document, e),
-            line=e.sourceline,
+            line=document.line(e),
         )
         for e in road.findall("signals/signalReference")
     )
@@ -69,7 +69,7 @@ def _signal(document: Document, element: Element) -> Signal:
         width_m=document.number(element, "width", 0.0),
         height_m=document.number(element, "height", 0.0),
         validity=_validity(document, element),
-        line=element.sourceline,
+        line=document.line(element),
     )
 
 
@@ -94,7 +94,7 @@ def _object(document: Document, element: Element) -> RoadObject:
         outlines=tuple(_outline(document, e) for e in outlines),
         repeats=tuple(_repeat(document, e) for e in element.findall("repeat")),
         validity=_validity(document, element),
-        line=element.sourceline,
+        line=document.line(element),
     )
 
 

@@ -11,7 +11,7 @@ from carlaloc_env.town.opendrive.model import Cubic, Geometry, ShapeRecord
 COEFFICIENT_LIMIT = 1.0e12
 """Polynomial coefficients beyond this are refused; real files reach 1e9 on pieces of 1e-7 m."""
 CURVATURE_LIMIT_RADPM = 1.0e4
-SPIRAL_TURN_LIMIT_RAD = 100.0
+SPIRAL_TURN_LIMIT_RAD = 30.0
 """A spiral that may turn further is refused: it would cost unbounded time to integrate."""
 SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
@@ -60,7 +60,7 @@ def _geometry(document: Document, element: Element) -> Geometry:
         heading_rad=document.number(element, "hdg"),
         length_m=document.length(element, "length"),
         kind="line",
-        line=element.sourceline,
+        line=document.line(element),
     )
     if shape.tag == "line":
         return place
@@ -71,7 +71,7 @@ def _geometry(document: Document, element: Element) -> Geometry:
         k0 = document.number(shape, "curvStart", limit=CURVATURE_LIMIT_RADPM)
         k1 = document.number(shape, "curvEnd", limit=CURVATURE_LIMIT_RADPM)
         if max(abs(k0), abs(k1)) * place.length_m > SPIRAL_TURN_LIMIT_RAD:
-            document.fail(shape, "turns more than 100 rad", "split it or correct its curvature")
+            document.fail(shape, "turns more than 30 rad", "split it or correct its curvature")
         return replace(place, kind="spiral", curvature_start_radpm=k0, curvature_end_radpm=k1)
     return _polynomial(document, shape, place)
 

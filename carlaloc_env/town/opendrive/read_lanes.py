@@ -58,7 +58,7 @@ def _section(document: Document, element: Element, s: float, end: float) -> Lane
             document.fail(source, "repeats a lane id of its section", "give it another id")
         seen.add(lane.id)
     lanes.sort(key=lambda lane: -lane.id)
-    return LaneSection(s_m=s, end_m=end, lanes=tuple(lanes), line=element.sourceline)
+    return LaneSection(s_m=s, end_m=end, lanes=tuple(lanes), line=document.line(element))
 
 
 def _lane(document: Document, element: Element, start_m: float) -> Lane:
@@ -87,7 +87,7 @@ def _lane(document: Document, element: Element, start_m: float) -> Lane:
         ),
         speeds=tuple(sorted(speeds, key=lambda r: r.s_m)),
         heights=tuple(sorted(heights, key=lambda r: r.s_m)),
-        line=element.sourceline,
+        line=document.line(element),
     )
 
 

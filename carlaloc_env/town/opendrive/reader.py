@@ -127,7 +127,7 @@ def _road(
         objects=read_objects(document, element),
         signals=read_signals(document, element),
         signal_references=read_signal_references(document, element),
-        line=element.sourceline,
+        line=document.line(element),
     )
 
 
@@ -180,7 +180,7 @@ def _junction(document: Document, element: Element) -> Junction:
                 connecting_road=connecting,
                 contact=_contact(document, e),
                 lane_links=links,
-                line=e.sourceline,
+                line=document.line(e),
             )
         )
     controllers = tuple(
@@ -193,7 +193,7 @@ def _junction(document: Document, element: Element) -> Junction:
         type=element.get("type", "default"),
         connections=tuple(connections),
         controllers=controllers,
-        line=element.sourceline,
+        line=document.line(element),
     )
 
 
@@ -205,5 +205,5 @@ def _controller(document: Document, element: Element) -> Controller:
         name=element.get("name", ""),
         sequence=document.integer(element, "sequence", 0),
         signal_ids=tuple(ids),
-        line=element.sourceline,
+        line=document.line(element),
     )

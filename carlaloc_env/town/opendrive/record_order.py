@@ -40,6 +40,6 @@ def _sequence(
         elif last is not None and s < last:
             problem = f"{name}={s:g} after {last:g}; write records in ascending order"
         if problem is not None:
-            line = element.sourceline
+            line = document.line(element)
             yield Note(severity="error", element=str(element.tag), id=place, line=line, message=problem)
         last = s
