@@ -34,24 +34,20 @@ class ScriptedDriver:
         params: The car that it is used to.
     """
 
+    _route: Route | None
+    _road: DriverRoute | None
+    _leader: Leader | None
+    _free_since: int | None
+    _passing_s_m: float | None
+    _s_m: float
+    _steer: float
+    _standing: bool
+
     def __init__(self, seed: int, params: VehicleParams | None = None) -> None:
         self._params = params if params is not None else VehicleParams()
         self._seed = seed
-        self._random = rng.stream(seed, "driver/decisions")
-        self._limit_share = 0.94 + 0.05 * float(self._random.uniform())
-        self._steering = DriverSteering(self._params, seed)
-        self._pedals = DriverPedals(self._params)
-        self._speed = DriverSpeed()
-        self._route: Route | None = None
-        self._road: DriverRoute | None = None
-        self._s_m = 0.0
-        self._standing = True
-        self._is_launching = False
-        self._go_tick = round(STANDSTILL_S * TICK_HZ)
-        self._free_since: int | None = None
-        self._passing_s_m: float | None = None
-        self._leader: Leader | None = None
-        self._steer = 0.0
+        self._last_tick = -1
+        self._begin()
 
     @property
     def name(self) -> str:
@@ -62,7 +58,10 @@ class ScriptedDriver:
         """Nothing to let go."""
 
     def read(self, view: DriverView) -> Controls:
-        """Controls for the coming tick."""
+        """Controls for the coming tick; a tick that is not later than the last begins a new drive."""
+        if view.tick <= self._last_tick:
+            self._begin()
+        self._last_tick = view.tick
         road = self._know_route(view)
         x, y = float(view.position_m[0]), float(view.position_m[1])
         if abs(view.route_s_m - self._s_m) > _RESYNC_M:
@@ -101,6 +100,23 @@ class ScriptedDriver:
             speed_mps=v,
         )
         return Controls(steer=self._steer, throttle=throttle, brake=brake)
+
+    def _begin(self) -> None:
+        """Sit down in a standing car."""
+        self._random = rng.stream(self._seed, "driver/decisions")
+        self._limit_share = 0.94 + 0.05 * float(self._random.uniform())
+        self._steering = DriverSteering(self._params, self._seed)
+        self._pedals = DriverPedals(self._params)
+        self._speed = DriverSpeed()
+        self._route = None
+        self._road = None
+        self._s_m = 0.0
+        self._standing, self._is_launching = True, False
+        self._free_since = None
+        self._go_tick = 0
+        self._passing_s_m = None
+        self._leader = None
+        self._steer = 0.0
 
     def _know_route(self, view: DriverView) -> DriverRoute:
         if self._road is None or view.route is not self._route:
