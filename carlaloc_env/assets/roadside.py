@@ -108,12 +108,12 @@ def guard_rail(length_m: float = 4.0) -> Mesh:
         ]
     )
     grid = np.stack(
-        [np.stack([np.full(10, x), section[::-1, 0] + 0.1, section[::-1, 1]], -1) for x in (0.0, length_m)]
+        [np.stack([np.full(10, x), section[:, 0] + 0.1, section[:, 1]], -1) for x in (0.0, length_m)]
     )
     posts = [box(steel, (0.12, 0.08, 0.72), (x, 0.0, 0.36)) for x in np.arange(0.5, length_m, 2.0)]
     return merge(
         [
-            rings(steel, grid, crease_deg=15.0),
+            rings(steel, grid, caps=False, crease_deg=15.0),
             *posts,
             *(box(steel, (0.1, 0.1, 0.2), (x, 0.06, 0.6)) for x in np.arange(0.5, length_m, 2.0)),
         ]
