@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -101,11 +102,13 @@ def _axis(
     """End points and width of the way across: the longer side, or where equal, square to the road."""
     centre = points.mean(axis=0)
     xy = points[:, :2] - centre[:2]
-    spread = np.sum(xy[:, :, None] * xy[:, None, :], axis=0)
-    values, vectors = np.linalg.eigh(spread)
-    axis = vectors[:, 1]
-    if values[1] < 1.7 * max(values[0], 1e-12):
-        axis = np.array([-np.sin(road_heading_rad), np.cos(road_heading_rad)])
+    xx, yy, xy_sum = (float(np.sum(k)) for k in (xy[:, 0] ** 2, xy[:, 1] ** 2, xy[:, 0] * xy[:, 1]))
+    # Principal axis of the corners, in closed form.
+    turn = 0.5 * math.atan2(2.0 * xy_sum, xx - yy)
+    spread = math.hypot(xx - yy, 2.0 * xy_sum)
+    if xx + yy + spread < 1.7 * (xx + yy - spread):
+        turn = road_heading_rad + 0.5 * math.pi
+    axis = np.array([math.cos(turn), math.sin(turn)])
     along = xy[:, 0] * axis[0] + xy[:, 1] * axis[1]
     across = xy[:, 1] * axis[0] - xy[:, 0] * axis[1]
     middle = 0.5 * (across.max() + across.min())

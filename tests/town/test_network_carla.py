@@ -124,3 +124,49 @@ def test_widths_agree(pair: tuple[LaneNetwork, Any]) -> None:
         w = map_.get_waypoint_xodr(int(record.road_id), record.lane_id, s)
         ours = float(network.width_m([record.index], [0.5 * record.length_m])[0])
         assert ours == pytest.approx(w.lane_width, abs=2e-3)
+
+
+def test_lights_act_on_the_same_lanes(pair: tuple[LaneNetwork, Any]) -> None:
+    """Per traffic light, CARLA's landmark lanes are our junction lanes or our approach lanes."""
+    network, map_ = pair
+    theirs: dict[str, set[tuple[int, int]]] = {}
+    for mark in map_.get_all_landmarks():
+        if mark.type == "1000001":
+            spans = [(min(v), max(v)) for v in mark.get_lane_validities()]
+            named = {(mark.road_id, n) for low, high in spans for n in range(low, high + 1) if n != 0}
+            theirs.setdefault(mark.id, set()).update(named)
+
+    def own(lanes: tuple[int, ...]) -> set[tuple[int, int]]:
+        return {(int(network.lanes[n].road_id), network.lanes[n].lane_id) for n in lanes}
+
+    heads = {head.id: head for head in network.signals if head.type == "1000001"}
+    assert set(theirs) <= set(heads)
+    for label, lanes in theirs.items():
+        assert lanes in (own(heads[label].junction_lanes), own(heads[label].lanes))
+    for head in heads.values():
+        assert head.lanes
+        for n, station in zip(head.lanes, head.stop_station_m, strict=True):
+            assert network.lanes[n].junction_id is None
+            assert 0.0 <= network.lanes[n].length_m - station < 15.0
+
+
+def test_crosswalks_stand_in_the_same_places(pair: tuple[LaneNetwork, Any]) -> None:
+    """As many outlines; CARLA widens each by a metre, which keeps its middle."""
+    network, map_ = pair
+    points = [(p.x, -p.y) for p in map_.get_crosswalks()]
+    outlines: list[list[tuple[float, float]]] = [[]]
+    for point in points:
+        outlines[-1].append(point)
+        if len(outlines[-1]) > 1 and np.hypot(*np.subtract(point, outlines[-1][0])) < 1e-3:
+            outlines.append([])
+    theirs = np.array([np.mean(outline[:-1], axis=0) for outline in outlines if outline])
+    assert len(theirs) == len(network.crosswalks)
+    places = {(road.id, item.id): item.s_m for road in network.xodr.roads for item in road.objects}
+    for crosswalk in network.crosswalks:
+        # CARLA measures an object's t from the lane-offset line, the standard from the reference line.
+        road = np.array([network.road_index[crosswalk.road_id]])
+        s = np.array([places[crosswalk.road_id, crosswalk.id]])
+        shift, heading = network.surface.edges.lane_offset(road, s).t_m, network.surface.heading(road, s)
+        middle = crosswalk.polygon_m[:, :2].mean(axis=0)
+        middle = middle + shift * np.array([-np.sin(heading[0]), np.cos(heading[0])])
+        assert np.hypot(*(theirs - middle).T).min() < 0.3
