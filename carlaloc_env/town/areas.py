@@ -10,13 +10,16 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.town.opendrive.model import Road
-from carlaloc_env.town.polygons import Area, areas_only, fill_holes, strip_polygon, union
-from carlaloc_env.town.sections import Strip
+from carlaloc_env.town.polygons import Area, areas_only, fill_holes, polygons_of, strip_polygon, union
+from carlaloc_env.town.sections import KERB_M, Strip
 
 Array = NDArray[np.float64]
 
 FILLED_HOLE_M2 = 90.0
 """Gaps between the turning paths of a junction up to this size are asphalt [m²]."""
+
+LARGEST_ISLAND_M2 = 2500.0
+"""Larger enclosed areas are blocks of the town, not islands [m²]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,6 +34,8 @@ class JunctionArea:
     """Asphalt, the union of all connecting lanes."""
     pavement: Area
     """Raised corners between the roads that meet here."""
+    kerb_m: float
+    """Height of the corners above the road [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +48,8 @@ class TownAreas:
     """Pavements, medians and corners."""
     junctions: tuple[JunctionArea, ...]
     """Junctions in the order of their first road in the file."""
+    islands: Area
+    """Ground enclosed by roads, such as the middle of a roundabout; raised as well."""
 
     @property
     def paved(self) -> Area:
@@ -77,11 +84,22 @@ def town_areas(strips: Sequence[Strip], roads: Sequence[Road]) -> TownAreas:
     taken = shapely.union(roadway, plain_raised)
     junctions = []
     for name, group in groups.items():
-        corners = _corners(group, asphalt[name], taken, plain_raised, widths.get(name, 0.0))
+        width, kerb = widths.get(name, (0.0, KERB_M))
+        corners = _corners(group, asphalt[name], taken, plain_raised, width)
         taken = shapely.union(taken, corners)
-        junctions.append(JunctionArea(id=name, strips=tuple(group), roadway=asphalt[name], pavement=corners))
+        junctions.append(
+            JunctionArea(
+                id=name,
+                strips=tuple(group),
+                roadway=asphalt[name],
+                pavement=corners,
+                kerb_m=kerb,
+            )
+        )
     raised = union([plain_raised, *(junction.pavement for junction in junctions)])
-    return TownAreas(roadway=roadway, raised=raised, junctions=tuple(junctions))
+    islands = _islands(roadway, raised)
+    raised = shapely.union(raised, islands)
+    return TownAreas(roadway=roadway, raised=raised, junctions=tuple(junctions), islands=islands)
 
 
 def _asphalt(group: Sequence[Strip], plain_road: Area, plain_raised: Area) -> Area:
@@ -90,9 +108,23 @@ def _asphalt(group: Sequence[Strip], plain_road: Area, plain_raised: Area) -> Ar
     return areas_only(shapely.difference(filled, shapely.union(plain_road, plain_raised)), 1e-2)
 
 
-def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, float]:
-    """Widest pavement [m] that arrives at each junction."""
-    widths: dict[str, float] = {}
+def _islands(roadway: Area, raised: Area) -> Area:
+    """Holes in everything paved that are bounded by carriageways alone."""
+    found = []
+    walks = shapely.buffer(raised, 0.05)
+    shapely.prepare(walks)
+    for part in polygons_of(shapely.union(roadway, raised)):
+        for ring in part.interiors:
+            hole = shapely.Polygon(ring)
+            rim = shapely.length(shapely.intersection(ring, walks))
+            if 2.0 < hole.area < LARGEST_ISLAND_M2 and rim < 0.1 * ring.length:
+                found.append(hole)
+    return shapely.MultiPolygon(found)
+
+
+def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, tuple[float, float]]:
+    """Width of the widest pavement that arrives at each junction, and its height [m]."""
+    widths: dict[str, tuple[float, float]] = {}
     for strip in plain:
         road = roads[strip.road]
         ends = []
@@ -103,7 +135,8 @@ def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, f
             for lane in range(len(strip.lanes)):
                 if strip.kind(lane) == "walkway":
                     width = float(strip.t_m[lane, at] - strip.t_m[lane + 1, at])
-                    widths[junction] = max(widths.get(junction, 0.0), width)
+                    kerb = float(strip.raised_m[lane, :, at].mean())
+                    widths[junction] = max(widths.get(junction, (0.0, KERB_M)), (width, kerb))
     return widths
 
 

@@ -9,13 +9,14 @@ import os
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 _log = logging.getLogger(__name__)
 
-Arrays = dict[str, NDArray[np.generic]]
+Arrays = dict[str, NDArray[Any]]
 
 
 def default_cache_dir() -> Path:
@@ -33,7 +34,7 @@ def content_hash(*parts: bytes) -> str:
     return digest.hexdigest()
 
 
-def arrays_hash(arrays: Mapping[str, NDArray[np.generic]]) -> str:
+def arrays_hash(arrays: Mapping[str, NDArray[Any]]) -> str:
     """Hash of named arrays with their types and shapes, 32 hexadecimal digits."""
     digest = hashlib.blake2b(digest_size=16)
     for name in sorted(arrays):
@@ -43,7 +44,7 @@ def arrays_hash(arrays: Mapping[str, NDArray[np.generic]]) -> str:
     return digest.hexdigest()
 
 
-def save(path: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
     """Write named arrays and their hash; the name `path` never holds a half-written file."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")

@@ -64,7 +64,7 @@ def facade(
     style = look.style
     bays = max(1, round((wall.width_m - 0.8) / style.bay_m))
     pitch = (wall.width_m - 0.8) / bays
-    centre = 0.4 + pitch * (np.arange(bays) + 0.5)
+    centre: Array = 0.4 + pitch * (np.arange(bays, dtype=np.float64) + 0.5)
     width = min(style.window_m[0], pitch - 0.3)
     storeys = len(levels_m) - 1
     first = 1 if front and style.ground != "hall" else 0

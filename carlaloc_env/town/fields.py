@@ -29,7 +29,8 @@ class EdgeField:
         """Height of the nearest line [m] and distance to it [m], shapes (M,)."""
         if self._tree is None:
             return np.zeros(len(xy_m)), np.full(len(xy_m), np.inf)
-        distance, index = self._tree.query(xy_m[:, :2], k=2)
+        found = self._tree.query(xy_m[:, :2], k=2)
+        distance, index = np.asarray(found[0]), np.asarray(found[1])
         index = np.minimum(index, len(self.points_m) - 1)
         weight = 1.0 / (distance + 1e-6)
         weight[~np.isfinite(weight)] = 0.0

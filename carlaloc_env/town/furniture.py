@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -36,6 +36,8 @@ NARROW_M = 2.2
 """Pavements narrower than this carry no trees [m]."""
 PROTOTYPES = 5
 """Different trees of each kind."""
+DETAIL_M = 22.0
+"""Trees this near to the ego's route are detailed [m]."""
 TREE_KINDS: dict[str, tuple[str, ...]] = {
     "downtown": ("plane", "lime"),
     "skyscraper": ("lime", "plane"),
@@ -83,6 +85,7 @@ class Furnisher:
         keep_clear_m: Array,
         route_m: Array | None,
         footprints: Sequence[Area],
+        roofed: Area,
         seed: int,
     ) -> None:
         """Prepare.
@@ -90,12 +93,15 @@ class Furnisher:
         Args:
             zones: Kinds of scenery with their areas.
             keep_clear_m: Points that stay free for 2.5 m [m], shape (K, 2).
-            route_m: The ego's route, along which trees are detailed [m], shape (N, 2); None: everywhere.
+            route_m: The ego's route, along which trees are detailed [m], shape (N, 2); None: in all streets.
             footprints: Buildings, before whose walls no hedge grows.
+            roofed: Where something passes overhead; nothing stands there.
             seed: Seed of the town.
         """
         self._zones = zones
         self._footprints = shapely.STRtree(list(footprints))
+        self._roofed = shapely.buffer(roofed, 4.0)
+        shapely.prepare(self._roofed)
         self._clear = cKDTree(keep_clear_m) if len(keep_clear_m) else None
         self._route = cKDTree(route_m) if route_m is not None and len(route_m) else None
         self._seed = seed
@@ -128,7 +134,7 @@ class Furnisher:
         if not len(xy):
             return
         for (x, y), z in zip(xy, ground.height(xy), strict=True):
-            self._tree(np.array([x, y, z - 0.05]), kind, draw)
+            self._tree(np.array([x, y, z - 0.05]), kind, draw, street=False)
 
     def meshes(self, first_instance: int) -> list[Mesh]:
         """All props as meshes; instance ids count up from `first_instance`."""
@@ -194,12 +200,12 @@ class Furnisher:
         if zone in ("downtown", "skyscraper") and draw.random() < 0.6:
             self.placed.put("banner", foot, row.yaw + np.pi / 2, int(draw.integers(0, 16)))
 
-    def _tree(self, foot: Array, zone: str, draw: np.random.Generator) -> None:
+    def _tree(self, foot: Array, zone: str, draw: np.random.Generator, *, street: bool = True) -> None:
         kinds = TREE_KINDS[zone]
         if not kinds or draw.random() < 0.12:
             return
         kind = kinds[int(draw.integers(len(kinds)))]
-        near = self._route is None or self._route.query(foot[:2])[0] < 22.0
+        near = street if self._route is None else self._route.query(foot[:2])[0] < DETAIL_M
         self.placed.put(
             f"tree {kind}",
             foot,
@@ -245,6 +251,8 @@ class Furnisher:
                 self.placed.put("hedge", foot, row.yaw + np.pi / 2, int(draw.integers(0, 3)))
 
     def _free(self, foot: Array, radius_m: float = 2.5) -> bool:
+        if shapely.intersects_xy(self._roofed, foot[0], foot[1]):
+            return False
         return self._clear is None or bool(self._clear.query(foot[:2])[0] > radius_m)
 
     def _zone(self, point: Array) -> str:
@@ -269,7 +277,8 @@ class _Row:
 
     def at(self, distance_m: float, rise_m: float = 0.0) -> Array:
         """Point [m] that far from the kerb."""
-        return self._kerb + self._away * distance_m + [0.0, 0.0, self._slope * distance_m + rise_m]
+        point: Array = self._kerb + self._away * distance_m + [0.0, 0.0, self._slope * distance_m + rise_m]
+        return point
 
 
 def _equal_steps(kerb: Array, outer: Array) -> tuple[Array, Array]:
@@ -284,7 +293,7 @@ def _equal_steps(kerb: Array, outer: Array) -> tuple[Array, Array]:
 def _prop(name: str, variant: int, detail: str) -> Mesh:
     if name.startswith("tree "):
         return tree(name.removeprefix("tree "), variant, detail)
-    makers = {
+    makers: dict[str, Callable[[], Mesh]] = {
         "lamp": lambda: street.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
         "banner": lambda: street.banner(variant),
         "bench": street.bench,

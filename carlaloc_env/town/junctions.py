@@ -13,7 +13,7 @@ from carlaloc_env.town.areas import JunctionArea, TownAreas
 from carlaloc_env.town.fields import EdgeField, JunctionField
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.pavements import BELOW_M, KERB_STONE_M
-from carlaloc_env.town.polygons import Area, areas_only, rings, triangulate
+from carlaloc_env.town.polygons import Area, areas_only, polygons_of, rings, triangulate
 from carlaloc_env.town.sections import KERB_M
 
 Array = NDArray[np.float64]
@@ -22,6 +22,8 @@ SURFACE_CELL_M = 1.5
 """Side of the triangles of a junction's surface [m]."""
 CORNER_CELL_M = 3.0
 """Side of the triangles of its pavements [m]."""
+GRASS_ISLAND_M2 = 25.0
+"""Islands larger than this carry grass [m²]."""
 
 
 def add_junction_surface(out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int) -> None:
@@ -43,39 +45,51 @@ def add_junction_surface(out: MeshBuilder, junction: JunctionArea, field: Juncti
 
 def add_corners(out: MeshBuilder, junction: JunctionArea, areas: TownAreas, edge: EdgeField) -> None:
     """Raised pavements of one junction with their kerbs and outer edges."""
-    if junction.pavement.is_empty:
-        return
+    if not junction.pavement.is_empty:
+        _raise(out, junction.pavement, areas.roadway, edge, junction.kerb_m, Material.PAVEMENT)
+
+
+def add_islands(out: MeshBuilder, areas: TownAreas, edge: EdgeField) -> None:
+    """Grass on a ring of kerb stones wherever carriageways enclose a piece of ground."""
+    for island in polygons_of(areas.islands):
+        material = Material.GRASS if island.area > GRASS_ISLAND_M2 else Material.PAVEMENT
+        _raise(out, island, areas.roadway, edge, KERB_M, material)
+
+
+def _raise(
+    out: MeshBuilder, area: Area, roadway: Area, edge: EdgeField, kerb_m: float, top: Material
+) -> None:
     # Only roads close by matter; cutting first keeps the polygon work small.
-    window = shapely.box(*shapely.bounds(shapely.buffer(junction.pavement, 1.0)))
-    near = shapely.intersection(areas.roadway, window)
-    stone_area = areas_only(shapely.intersection(junction.pavement, shapely.buffer(near, KERB_STONE_M)))
-    slabs = areas_only(shapely.difference(junction.pavement, shapely.buffer(near, KERB_STONE_M)))
-    for area, material, colour in (
-        (slabs, Material.PAVEMENT, (232, 230, 226)),
-        (stone_area, Material.KERB, (225, 225, 222)),
+    window = shapely.box(*shapely.bounds(shapely.buffer(area, 1.0)))
+    near = shapely.intersection(roadway, window)
+    beside = shapely.buffer(near, KERB_STONE_M)
+    grass = top == Material.GRASS
+    for part, material, tag, colour in (
+        (shapely.difference(area, beside), top, Tag.TERRAIN if grass else Tag.SIDEWALK, (232, 230, 226)),
+        (shapely.intersection(area, beside), Material.KERB, Tag.SIDEWALK, (225, 225, 222)),
     ):
-        xy, triangles = triangulate(area, CORNER_CELL_M)
+        xy, triangles = triangulate(areas_only(part), CORNER_CELL_M)
         if len(xy):
-            points = np.column_stack([xy, edge.nearest(xy)[0] + KERB_M])
-            out.triangles(points, triangles, material=material, tag=Tag.SIDEWALK, colour=colour)
-    _rims(out, junction.pavement, near, edge)
+            points = np.column_stack([xy, edge.nearest(xy)[0] + kerb_m])
+            out.triangles(points, triangles, material=material, tag=tag, colour=colour)
+    _rims(out, area, kerb_m, near, edge)
 
 
 def corner_edges(junction: JunctionArea, edge: EdgeField) -> list[Array]:
     """Boundary lines (N, 3) of a junction's pavements at their top."""
     lines = []
     for ring in rings(junction.pavement, 0.5):
-        lines.append(np.column_stack([ring, edge.nearest(ring)[0] + KERB_M]))
+        lines.append(np.column_stack([ring, edge.nearest(ring)[0] + junction.kerb_m]))
     return lines
 
 
-def _rims(out: MeshBuilder, pavement: Area, roadway: Area, edge: EdgeField) -> None:
+def _rims(out: MeshBuilder, area: Area, kerb_m: float, roadway: Area, edge: EdgeField) -> None:
     shapely.prepare(roadway)
-    for ring in rings(pavement, 1.0):
-        top = np.column_stack([ring, edge.nearest(ring)[0] + KERB_M])
+    for ring in rings(area, 1.0):
+        top = np.column_stack([ring, edge.nearest(ring)[0] + kerb_m])
         middle = 0.5 * (ring[1:] + ring[:-1])
         kerb = shapely.dwithin(roadway, shapely.points(middle), 0.05)
-        drop = np.where(kerb, KERB_M + BELOW_M, KERB_M + BELOW_M + 0.25)
+        drop = kerb_m + BELOW_M + np.where(kerb, 0.0, 0.25)
         down = np.zeros((len(middle), 3))
         down[:, 2] = drop
         quads = np.stack([top[:-1] - down, top[1:] - down, top[1:], top[:-1]], axis=1)

@@ -22,6 +22,8 @@ LINE_M = 0.13
 """Width of a line where the map does not say [m]."""
 DOUBLE_GAP_M = 0.12
 """Clear distance between the two lines of a double mark [m]."""
+KERB_LINE_M = 0.08
+"""Distance of edge lines from kerbs [m]."""
 DASHES: dict[str, tuple[float, float]] = {
     "default": (3.0, 6.0),
     "motorway": (3.05, 9.15),
@@ -106,6 +108,7 @@ def _paint(
     start, end = span
     if end - start < 0.05 or not _flat(strip, edge):
         return
+    shift = line.offset_m + _away_from_kerb(strip, edge, line.width_m)
     if line.dash_m > 0.0:
         begin = np.arange(start, end - 0.3, line.dash_m + line.gap_m)
         pieces = [(s, min(s + line.dash_m, end)) for s in begin]
@@ -118,8 +121,8 @@ def _paint(
         s = np.concatenate([[low], inner, [high]])
         rows = np.stack(
             [
-                _beside(strip, edge, s, line.offset_m - line.width_m / 2),
-                _beside(strip, edge, s, line.offset_m + line.width_m / 2),
+                _beside(strip, edge, s, shift - line.width_m / 2),
+                _beside(strip, edge, s, shift + line.width_m / 2),
             ],
             axis=1,
         )
@@ -133,6 +136,16 @@ def _flat(strip: Strip, edge: int) -> bool:
     """Whether the edge touches the roadway on at least one side."""
     near = [lane for lane in (edge - 1, edge) if 0 <= lane < len(strip.lanes)]
     return any(strip.kind(lane) == "roadway" for lane in near)
+
+
+def _away_from_kerb(strip: Strip, edge: int, width_m: float) -> float:
+    """How far a line moves to the left so that it lies beside a kerb instead of half below it [m]."""
+    kinds = [strip.kind(lane) if 0 <= lane < len(strip.lanes) else "none" for lane in (edge - 1, edge)]
+    if kinds[0] in ("walkway", "median") and kinds[1] == "roadway":
+        return -(width_m / 2 + KERB_LINE_M)
+    if kinds[1] in ("walkway", "median") and kinds[0] == "roadway":
+        return width_m / 2 + KERB_LINE_M
+    return 0.0
 
 
 def _beside(strip: Strip, edge: int, s: Array, offset_m: float) -> Array:

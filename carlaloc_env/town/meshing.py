@@ -146,11 +146,16 @@ class MeshBuilder:
         tag: Tag,
         instance: NDArray[np.uint32],
     ) -> None:
+        normal = np.asarray(normals, dtype=np.float32)
+        # Slivers have no direction of their own; a zero normal would turn pictures black.
+        normal = np.where(
+            np.sum(normal**2, axis=1, keepdims=True) > 0.5, normal, np.array([0.0, 0.0, 1.0], np.float32)
+        )
         self._parts.append(
             Mesh(
                 vertices_m=vertices.astype(np.float32),
                 triangles=triangles,
-                normals=np.asarray(normals, dtype=np.float32),
+                normals=normal,
                 uv_m=uv.astype(np.float32),
                 colour=np.clip(np.asarray(colour), 0, 255).astype(np.uint8),
                 material=material,
@@ -189,9 +194,19 @@ def box_quads(low_m: ArrayLike, high_m: ArrayLike, *, bottom: bool = False) -> A
     return np.concatenate(faces)
 
 
-def extrude(line_m: Array, top_m: Array) -> Array:
-    """Upright quads between a polyline (N, 3) and the line above it (N, 3); outside = its right-hand side."""
-    return np.stack([line_m[:-1], line_m[1:], top_m[1:], top_m[:-1]], axis=1)
+def extrude(line_m: Array, top_m: Array) -> tuple[Array, Array]:
+    """Upright quads between a polyline and the line above it, both (N, 3); outside = its right-hand side.
+
+    Returns:
+        Corners (N − 1, 4, 3) [m], and texture coordinates (N − 1, 4, 2) [m]: along the line and up.
+    """
+    step = np.sqrt(np.sum(np.diff(line_m[:, :2], axis=0) ** 2, axis=1))
+    u = np.concatenate([[0.0], np.cumsum(step)])
+    low, high = np.stack([u, line_m[:, 2]], axis=-1), np.stack([u, top_m[:, 2]], axis=-1)
+    corners, uv = (
+        np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1) for a, b in ((line_m, top_m), (low, high))
+    )
+    return corners, uv
 
 
 def _per_corner(colour: ArrayLike, count: int) -> NDArray[np.float64]:

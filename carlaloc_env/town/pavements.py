@@ -71,15 +71,16 @@ def _raised_run(
     tag = Tag.TERRAIN if grass else Tag.SIDEWALK
     _top(out, strip, a, b, material, tag, (235.0, 235.0, 235.0) if grass else colour)
     for edge, inner, side, kerb in ((left, a, 1, kerb_left), (right, b, -1, kerb_right)):
-        rim = (edge, inner) if side > 0 else (inner, edge)
+        outer, within = (edge, inner) if side > 0 else (inner, edge)
         if kerb:
-            _top(out, strip, *rim, Material.KERB, Tag.SIDEWALK, (225.0, 225.0, 222.0))
+            _top(out, strip, outer, within, Material.KERB, Tag.SIDEWALK, (225.0, 225.0, 222.0))
         low = edge.copy()
         lane = first if side > 0 else last
         low[:, 2] -= strip.raised_m[lane, 0 if side > 0 else 1] + BELOW_M + (0.0 if kerb else 0.25)
         line, top = (low[::-1], edge[::-1]) if side > 0 else (low, edge)
         face = Material.KERB if kerb else Material.CONCRETE
-        out.quads(extrude(line, top), material=face, tag=Tag.SIDEWALK, colour=(215, 215, 212))
+        corners, uv = extrude(line, top)
+        out.quads(corners, uv_m=uv, material=face, tag=Tag.SIDEWALK, colour=(215, 215, 212))
     _ends(out, left, right)
 
 

@@ -69,7 +69,8 @@ def _outer_skirts(out: MeshBuilder, strip: Strip) -> None:
             low = edge - np.array([0.0, 0.0, SKIRT_M])
             # The outside lies left of the left edge and right of the right edge.
             line, top = (low[::-1], edge[::-1]) if side > 0 else (low, edge)
-            out.quads(extrude(line, top), material=Material.GRAVEL, tag=Tag.ROAD)
+            corners, uv = extrude(line, top)
+            out.quads(corners, uv_m=uv, material=Material.GRAVEL, tag=Tag.ROAD)
 
 
 def _outer_lanes(strip: Strip) -> list[tuple[int, int]]:

@@ -22,7 +22,7 @@ from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.furniture import Furnisher, Placement
-from carlaloc_env.town.junctions import add_corners, add_junction_surface, corner_edges
+from carlaloc_env.town.junctions import add_corners, add_islands, add_junction_surface, corner_edges
 from carlaloc_env.town.levels import Levels, find_levels
 from carlaloc_env.town.lots import Lot, place_lots
 from carlaloc_env.town.markings import add_markings
@@ -85,6 +85,7 @@ def build_scenery(
     for junction in areas.junctions:
         add_junction_surface(raised, junction, JunctionField(junction.strips, network.surface), seed)
         add_corners(raised, junction, areas, kerb_field)
+    add_islands(raised, areas, kerb_field)
     ground = _ground(strips, areas, kerb_field, levels, box)
     add_terrain(raised, bounds, levels.ground_paving(areas.paved), zones, ground)
     tunnel_lamps = add_structures(raised, levels)
@@ -103,7 +104,8 @@ def build_scenery(
     signs, sign_feet = add_signs(network, floor.height, number + len(lights))
     clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
     footprints = [lot.footprint() for lot in lots]
-    furnisher = Furnisher(zones, np.concatenate(clear), route_m, footprints, seed)
+    roofed = shapely.union_all([s.area(s.detached) for s in levels.stretches if s.sunken])
+    furnisher = Furnisher(zones, np.concatenate(clear), route_m, footprints, roofed, seed)
     for strip in strips:
         if strip.junction_id is None:
             furnisher.pavement(strip)

@@ -26,7 +26,7 @@ WALKWAY = frozenset({"sidewalk", "walking", "curb"})
 MEDIAN = frozenset({"median"})
 """Lane types between the carriageways."""
 
-KERB_M = 0.13
+KERB_M = 0.15
 """Height of pavements and medians above the road where the map does not say [m]."""
 CHORD_M = 0.003
 """Largest distance between the surface and the straight edges of its triangles [m]."""

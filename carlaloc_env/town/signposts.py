@@ -29,7 +29,8 @@ def add_signals(
     network: LaneNetwork, floor: HeightOf, first_instance: int
 ) -> tuple[list[Mesh], SignalLenses, Array]:
     """Meshes of all traffic lights, their lenses, and the feet of their posts [m] (S, 3)."""
-    meshes, lens_poses, signal, state, instance = [], [], [], [], []
+    meshes: list[Mesh] = []
+    lens_poses, signal, state, instance = [], [], [], []
     feet = np.zeros((len(network.signals), 3))
     for number, head in enumerate(network.signals):
         position = head.T_world_signal[:3, 3]
@@ -56,7 +57,8 @@ def add_signals(
 
 def add_signs(network: LaneNetwork, floor: HeightOf, first_instance: int) -> tuple[list[Mesh], Array]:
     """Meshes of all signs, and the feet of their posts [m] (K, 3)."""
-    meshes, feet = [], []
+    meshes: list[Mesh] = []
+    feet = []
     for item in network.static_signs:
         kind = _kind(item)
         if kind is None:

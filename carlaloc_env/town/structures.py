@@ -96,7 +96,8 @@ def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> 
         [middle - along + side, middle + along + side, middle + along - side, middle - along - side], axis=1
     )
     out.quads(tubes - drop, material=Material.LAMP_WHITE, tag=Tag.STATIC)
-    return middle - 10 * drop
+    lamps: Array = middle - 10 * drop
+    return lamps
 
 
 def _bridge(out: MeshBuilder, stretch: Stretch) -> None:
@@ -135,7 +136,8 @@ def _piers(out: MeshBuilder, line: Array, ground_z: Array) -> None:
 def _face(out: MeshBuilder, low: Array, high: Array, sign: float, material: Material, tag: Tag) -> None:
     """Upright faces; +1 looks to the right of the line, −1 to the left."""
     line, top = (low, high) if sign > 0 else (low[::-1], high[::-1])
-    out.quads(extrude(line, top), material=material, tag=tag, colour=_GREY)
+    corners, uv = extrude(line, top)
+    out.quads(corners, uv_m=uv, material=material, tag=tag, colour=_GREY)
 
 
 def _roof_height(stretch: Stretch) -> Array:

@@ -55,7 +55,8 @@ class Ground:
         near, distance = self.edge.nearest(xy_m)
         share = np.clip(distance / BLEND_M, 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)
-        return near + (self.grid.height(xy_m) - near) * share
+        result: Array = near + (self.grid.height(xy_m) - near) * share
+        return result
 
 
 def zone_areas(config: TownConfig, bounds: Area) -> list[tuple[str, Area]]:
@@ -88,7 +89,8 @@ def add_terrain(
 def _mottle(xy: Array) -> Array:
     """Slow variation between −1 and 1 without randomness, shape (M,)."""
     x, y = xy.T
-    return np.sin(0.11 * x + 1.3 * np.sin(0.05 * y)) * np.sin(0.09 * y + 1.1 * np.sin(0.04 * x))
+    wave: Array = np.sin(0.11 * x + 1.3 * np.sin(0.05 * y)) * np.sin(0.09 * y + 1.1 * np.sin(0.04 * x))
+    return wave
 
 
 def _far_land(out: MeshBuilder, bounds: Area, ground: Ground) -> None:

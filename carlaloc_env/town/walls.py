@@ -32,9 +32,11 @@ class Wall:
 
     def points(self, a: ArrayLike, b: ArrayLike, z: ArrayLike) -> Array:
         """Points [m] of wall coordinates, shape (..., 3)."""
-        a, b, z = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (a, b, z)))
-        up = np.array([0.0, 0.0, 1.0])
-        return self.origin_m + a[..., None] * self.along + b[..., None] * self.outward + z[..., None] * up
+        a, b, z = (np.asarray(x, dtype=np.float64) for x in (a, b, z))
+        c, s = float(self.along[0]), float(self.along[1])
+        x = self.origin_m[0] + a * c + b * s
+        y = self.origin_m[1] + a * s - b * c
+        return np.stack(np.broadcast_arrays(x, y, self.origin_m[2] + z), axis=-1)
 
     def front(self, a0: ArrayLike, a1: ArrayLike, z0: ArrayLike, z1: ArrayLike, b: ArrayLike = 0.0) -> Array:
         """Faces that look outwards."""
@@ -89,9 +91,12 @@ class Wall:
         )
 
     def _faces(self, corners: list[tuple[ArrayLike, ArrayLike, ArrayLike]]) -> Array:
-        arrays = np.broadcast_arrays(*(np.atleast_1d(x) for corner in corners for x in corner))
-        points = [self.points(*arrays[3 * i : 3 * i + 3]) for i in range(4)]
-        return np.stack(points, axis=1)
+        columns = [np.atleast_1d(np.asarray(x, dtype=np.float64)) for corner in corners for x in corner]
+        count = max(len(column) for column in columns)
+        a, b, z = (np.empty((count, 4)) for _ in range(3))
+        for k in range(4):
+            a[:, k], b[:, k], z[:, k] = columns[3 * k : 3 * k + 3]
+        return self.points(a, b, z)
 
 
 def around(width_m: float, depth_m: float, base_m: float = 0.0) -> list[Wall]:

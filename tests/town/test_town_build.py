@@ -1,0 +1,164 @@
+"""Finding, building and caching of towns, on a map small enough to build in a second."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from carlaloc_env.errors import ConfigError, MapError
+from carlaloc_env.town.build import find_town, load_town
+from carlaloc_env.town.cache import arrays_hash, load, save
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.town import Town
+
+SHARED_MAPS = Path(__file__).parents[2].parent / "shared/data/carla_xodr"
+
+ROAD = """<?xml version="1.0"?>
+<OpenDRIVE><header revMajor="1" revMinor="7" name="small"/>
+<road name="Main" length="90.0" id="1" junction="-1"><link/>
+<planView>
+<geometry s="0" x="0" y="0" hdg="0" length="50"><line/></geometry>
+<geometry s="50" x="50" y="0" hdg="0" length="40"><arc curvature="0.03"/></geometry>
+</planView>
+<elevationProfile><elevation s="0" a="1" b="0.02" c="0.0002" d="0"/></elevationProfile>
+<lanes><laneSection s="0">
+<left>
+<lane id="2" type="sidewalk" level="false"><width sOffset="0" a="2.5" b="0" c="0" d="0"/></lane>
+<lane id="1" type="driving" level="false"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>
+</left>
+<center><lane id="0" type="none" level="false">
+<roadMark sOffset="0" type="broken" weight="standard" color="yellow" width="0.12"/></lane></center>
+<right>
+<lane id="-1" type="driving" level="false"><width sOffset="0" a="3.5" b="0" c="0" d="0"/>
+<roadMark sOffset="0" type="solid" weight="standard" color="white" width="0.12"/></lane>
+<lane id="-2" type="sidewalk" level="false"><width sOffset="0" a="2.5" b="0" c="0" d="0"/></lane>
+</right>
+</laneSection></lanes>
+</road></OpenDRIVE>
+"""
+TOML = '[town]\nname = "small"\ndefault_zone = "downtown"\n[traffic]\nvehicles = 7\n'
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A maps folder with one town."""
+    town = tmp_path / "maps" / "Small"
+    town.mkdir(parents=True)
+    (town / "town.xodr").write_text(ROAD)
+    (town / "town.toml").write_text(TOML)
+    return town
+
+
+def _bytes(town: Town) -> str:
+    arrays = {"collision": town.collision_vertices_m, "triangles": town.collision_triangles}
+    for number, chunk in enumerate(town.chunks):
+        for name in ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance"):
+            arrays[f"{number}/{name}"] = getattr(chunk, name)
+    return arrays_hash(arrays)
+
+
+def test_builds_are_equal_byte_for_byte(folder: Path, tmp_path: Path) -> None:
+    first = load_town(folder / "town.xodr", cache_dir=tmp_path / "a")
+    second = load_town(folder / "town.xodr", cache_dir=tmp_path / "b")
+    cached = load_town(folder / "town.xodr", cache_dir=tmp_path / "a")
+    assert len(first.chunks) > 1
+    assert _bytes(first) == _bytes(second) == _bytes(cached)
+    assert first.content_hash == second.content_hash
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.999])
+def test_a_truncated_cache_is_built_again(folder: Path, tmp_path: Path, share: float) -> None:
+    first = load_town(folder, cache_dir=tmp_path / "cache")
+    (stored,) = (tmp_path / "cache").iterdir()
+    content = stored.read_bytes()
+    stored.write_bytes(content[: int(len(content) * share)])
+    again = load_town(folder, cache_dir=tmp_path / "cache")
+    assert _bytes(again) == _bytes(first)
+    assert load(stored) is not None
+
+
+def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path) -> None:
+    first = load_town(folder, cache_dir=tmp_path / "cache")
+    (stored,) = (tmp_path / "cache").iterdir()
+    content = bytearray(stored.read_bytes())
+    content[len(content) // 2] ^= 0x40
+    stored.write_bytes(content)
+    assert load(stored) is None
+    assert _bytes(load_town(folder, cache_dir=tmp_path / "cache")) == _bytes(first)
+
+
+def test_another_toml_gives_another_town(folder: Path, tmp_path: Path) -> None:
+    first = load_town(folder, cache_dir=tmp_path / "cache")
+    (folder / "town.toml").write_text(TOML.replace("downtown", "rural"))
+    second = load_town(folder, cache_dir=tmp_path / "cache")
+    assert first.content_hash != second.content_hash
+    assert _bytes(first) != _bytes(second)
+    assert len(list((tmp_path / "cache").iterdir())) == 2
+
+
+def test_nothing_half_written_stands_under_the_final_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(os, "replace", fail)
+    monkeypatch.setattr(Path, "replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        save(tmp_path / "town.npz", {"a": np.zeros(3)})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_written_does_not_stop_a_town(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    assert load_town(folder, cache_dir=tmp_path / "file" / "cache").chunks
+
+
+def test_towns_are_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CARLALOC_MAPS", str(folder.parent))
+    assert find_town("small") == folder / "town.xodr"
+    assert find_town("Town03").parent.name == "Town03"
+    with pytest.raises(MapError, match=r"no town 'Twon03'; did you mean 'Town03'\?"):
+        find_town("Twon03")
+    with pytest.raises(MapError, match="there is no file"):
+        load_town("missing.xodr")
+
+
+def test_a_toml_with_an_unknown_key_names_the_nearest(folder: Path, tmp_path: Path) -> None:
+    for wrong, message in (
+        ("[traffic]\nvehicle = 3\n", "did you mean 'vehicles'"),
+        ("[trafic]\nvehicles = 3\n", "did you mean 'traffic'"),
+        ('[[zone]]\nkind = "downtwon"\npolygon = [[0, 0], [1, 0], [1, 1]]\n', "did you mean 'downtown'"),
+        ("[town\n", "town.toml"),
+        ("[[zone]]\nkind = 'park'\n", "not complete"),
+    ):
+        (folder / "town.toml").write_text(wrong)
+        with pytest.raises(ConfigError, match=message):
+            load_town(folder, cache_dir=tmp_path / "cache")
+
+
+def test_configuration_keeps_what_the_file_says() -> None:
+    config = TownConfig.from_mapping(
+        {
+            "geo": {"latitude_deg": 49.0, "longitude_deg": 8.4},
+            "route": {"points": [[0, 1], [2, 3]], "loop": True},
+            "zone": [{"kind": "park", "polygon": [[0, 0], [1, 0], [1, 1]]}],
+        }
+    )
+    assert config.route.points == ((0, 1), (2, 3))
+    assert config.geo.latitude_deg == 49.0
+    assert config.zones[0].kind == "park"
+    assert config.traffic.vehicles == 50
+
+
+def test_any_map_without_a_toml_becomes_a_town(tmp_path: Path) -> None:
+    if not SHARED_MAPS.is_dir():
+        pytest.skip("CARLA's own maps are not on this machine")
+    town = load_town(SHARED_MAPS / "Town01.xodr", cache_dir=tmp_path)
+    assert town.name == "Town01"
+    assert town.route is None
+    assert len(town.network.signals) == 36
+    assert sum(len(chunk.triangles) for chunk in town.chunks) > 200_000
