@@ -47,8 +47,10 @@ _SOLID[
 
 COARSE_FROM_M = 150.0
 """Distance of a chunk from which its `coarse` version is drawn [m]; LiDARs reach less far."""
-_COARSE_EDGE_M = 0.15
-"""Loose triangles with no longer edge are left out of it [m]: less than 0.7 px there."""
+_CRUMB_M2 = 0.012
+"""Loose triangles of less area are left out of it [m²]: a quarter of a pixel there."""
+_LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Material.PLASTIC, Material.BARK)
+"""Materials of railings, furniture and twigs, which leave no hole in a wall."""
 _LEAF_SHARE = 4
 """One leaf of so many is kept in it, enlarged to the same total area."""
 
@@ -190,11 +192,11 @@ def split_backs(mesh: Mesh) -> tuple[Mesh, Mesh]:
 
 def coarse(mesh: Mesh) -> Mesh:
     """The same from afar: fewer and larger leaves, and no crumbs."""
-    corners = mesh.vertices_m[mesh.triangles]
-    longest = np.sqrt(
-        np.max(np.sum((corners - np.roll(corners, 1, axis=1)) ** 2, axis=2), axis=1, initial=0.0)
-    )
-    leaf = mesh.material[mesh.triangles[:, 2]] == Material.LEAF
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]] for i in range(3))
+    area_m2 = 0.5 * np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=1))
+    material = mesh.material[mesh.triangles[:, 2]]
+    leaf = material == Material.LEAF
+    crumb = np.isin(material, _LOOSE) & (area_m2 < _CRUMB_M2)
     chosen = np.cumsum(leaf) % _LEAF_SHARE == 0
     leaves = _part(mesh, leaf & chosen)
     own = leaves.vertices_m[leaves.triangles]
@@ -209,7 +211,7 @@ def coarse(mesh: Mesh) -> Mesh:
         vertices_m=(centre + np.sqrt(_LEAF_SHARE) * (own - centre)).reshape(-1, 3).astype(np.float32),
         triangles=np.arange(len(flat), dtype=np.uint32).reshape(-1, 3),
     )
-    return merge([_part(mesh, ~leaf & (longest > _COARSE_EDGE_M)), grown])
+    return merge([_part(mesh, ~leaf & ~crumb), grown])
 
 
 def _part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:

@@ -87,7 +87,8 @@ class SceneRenderer:
         halves = [split_backs(chunk) for chunk in chunks]
         self._solid = Geometry(self._context, [half[0] for half in halves])
         self._open = Geometry(self._context, [half[1] for half in halves])
-        self._coarse = Geometry(self._context, [coarse(half[1]) for half in halves])
+        self._solid_coarse = Geometry(self._context, [coarse(half[0]) for half in halves])
+        self._open_coarse = Geometry(self._context, [coarse(half[1]) for half in halves])
         self._library = Geometry(self._context, library.meshes)
         self._poses = InstanceBuffer(self._context, len(library))
         reach = [
@@ -167,10 +168,12 @@ class SceneRenderer:
             self._library.draw(program, self._poses.used, instances=self._poses)
         program = self._gbuffer_program(view)
         context.enable(moderngl.CULL_FACE)
-        self._solid.draw(program, order)
+        near, far = order[distance < COARSE_FROM_M], order[distance >= COARSE_FROM_M]
+        self._solid.draw(program, near)
+        self._solid_coarse.draw(program, far)
         context.disable(moderngl.CULL_FACE)
-        self._open.draw(program, order[distance < COARSE_FROM_M])
-        self._coarse.draw(program, order[distance >= COARSE_FROM_M])
+        self._open.draw(program, near)
+        self._open_coarse.draw(program, far)
         context.front_face = "ccw"
 
     def _gbuffer_program(self, view: View, *features: str) -> moderngl.Program:
@@ -218,7 +221,7 @@ class SceneRenderer:
         with self._context:
             self._shader.release()
             self._pool.release()
-            for geometry in (self._solid, self._open, self._coarse, self._library):
+            for geometry in (self._solid, self._open, self._solid_coarse, self._open_coarse, self._library):
                 geometry.release()
             self._poses.buffer.release()
             self._textures.release()
