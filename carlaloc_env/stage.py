@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from carlaloc_env.assets.library import build_library
+from carlaloc_env.errors import RenderError
 from carlaloc_env.geodesy import GeoReference
 from carlaloc_env.scene import ModelLibrary
 from carlaloc_env.town.town import SignalLenses, Town
@@ -62,7 +63,10 @@ class SensorStage:
             RenderError: OpenGL is missing on this machine.
         """
         if self._renderer is None:
-            from carlaloc_env.render.renderer import SceneRenderer
+            try:
+                from carlaloc_env.render.renderer import SceneRenderer
+            except ImportError as error:
+                raise RenderError(f"pictures need moderngl ({error}); pip install moderngl") from error
 
             self._renderer = SceneRenderer(
                 self._town.chunks, self.library, lamps_m=self._town.lamps_m, quality=self._quality

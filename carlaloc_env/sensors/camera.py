@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
@@ -12,7 +12,6 @@ from gymnasium import spaces
 from carlaloc_env.assets.placing import place_actors, place_ego, place_signals
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.samples import DepthImage, Image, Sample, SemanticImage
 from carlaloc_env.scene import Instances, concatenate_instances
@@ -20,6 +19,9 @@ from carlaloc_env.semantics import Tag
 from carlaloc_env.sensors.base import Camera, Mount, SensorConfig, World
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather import WeatherParameters
+
+if TYPE_CHECKING:
+    from carlaloc_env.render.gbuffer import GBuffer
 
 OUTPUTS = ("rgb", "depth", "semantic")
 """What a camera can give; stream names are ``<output>_<name>``."""

@@ -49,3 +49,18 @@ def _number(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text} is not finite")
     return value
+
+
+def shared_options(*, nested: bool = False) -> argparse.ArgumentParser:
+    """Parent parser of the options that every command takes.
+
+    Args:
+        nested: For the actions of a command that has them: what stands before the action counts too.
+    """
+    default = argparse.SUPPRESS if nested else False
+    parser = argparse.ArgumentParser(add_help=False)
+    parser.add_argument(
+        "--json", action="store_true", default=default, help="print a machine-readable result"
+    )
+    parser.add_argument("--verbose", action="store_true", default=default, help="log what happens")
+    return parser

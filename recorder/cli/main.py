@@ -14,6 +14,7 @@ from typing import Any
 
 from carlaloc_env import __version__
 from carlaloc_env.errors import CarlaLocError
+from recorder.cli.arguments import shared_options
 
 COMMANDS = ("doctor", "maps", "record", "info", "replay", "evaluate")
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
@@ -81,9 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"carlaloc {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    shared = argparse.ArgumentParser(add_help=False)
-    shared.add_argument("--json", action="store_true", help="print a machine-readable result")
-    shared.add_argument("--verbose", action="store_true", help="log what happens")
+    shared = shared_options()
     for name in COMMANDS:
         module = import_module(f"recorder.cli.{name}")
         summary = (module.__doc__ or "").strip().splitlines()[0]

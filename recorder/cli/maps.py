@@ -12,17 +12,18 @@ import argparse
 from typing import Any
 
 from carlaloc_env.errors import ConfigError
-from recorder.cli.arguments import path_argument, positive_seconds
+from recorder.cli.arguments import path_argument, positive_seconds, shared_options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Sub-commands of `carlaloc maps`."""
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
-    actions.add_parser("list", help="names and sizes of all towns")
-    preview = actions.add_parser("preview", help="picture of a town from above")
+    shared = [shared_options(nested=True)]
+    actions.add_parser("list", parents=shared, help="names and sizes of all towns")
+    preview = actions.add_parser("preview", parents=shared, help="picture of a town from above")
     preview.add_argument("town", help="town, or a .xodr file")
     preview.add_argument("--out", type=path_argument, required=True, help="PNG to write")
-    check = actions.add_parser("check", help="problems of an OpenDRIVE file")
+    check = actions.add_parser("check", parents=shared, help="problems of an OpenDRIVE file")
     check.add_argument("file", type=path_argument, help="OpenDRIVE file")
     check.add_argument("--waypoints", type=positive_seconds, metavar="STEP_M", help="list waypoints [m]")
     check.add_argument("--csv", type=path_argument, metavar="OUT", help="where waypoints go")

@@ -7,7 +7,8 @@ from carlaloc_env.physics.params import GRAVITY_MPS2, VehicleParams
 from carlaloc_env.physics.powertrain import motor_force_n
 
 _CHANGE_S = 0.35
-_FOOT_RADPS = 9.0
+_PRESS_RADPS, _RELEASE_RADPS = 9.0, 18.0
+_LIFTED = 0.02
 _HYSTERESIS_MPS2 = 0.15
 _HOLD_BRAKE = 0.25
 
@@ -68,13 +69,14 @@ class DriverPedals:
         )
         margin = _HYSTERESIS_MPS2 * p.mass_kg
         if self._change_ticks > 0:
-            self._change_ticks -= 1
+            # The way over begins when the old pedal is up.
+            self._change_ticks -= max(self._pedal) < _LIFTED
         elif self._on_brake and soon > coast_soon + margin and force > coast - 2.0 * margin:
             self._on_brake, self._change_ticks = False, round(_CHANGE_S * TICK_HZ)
         elif not self._on_brake and soon < coast_soon - margin:
             self._on_brake, self._change_ticks = True, round(_CHANGE_S * TICK_HZ)
         if self.is_changing:
-            return self._press(0.0, 0.0)
+            return self._press(0.0, 0.0, _RELEASE_RADPS)
         if self._on_brake:
             return self._press(0.0, max(0.0, coast - force) / (p.brake_mps2 * p.mass_kg))
         full = motor_force_n(p, 1.0, speed_mps)
@@ -88,10 +90,10 @@ class DriverPedals:
         roll = p.rolling * p.mass_kg * GRAVITY_MPS2 if speed_mps > 0.0 else 0.0
         return self._inert_kg * wanted_mps2 + slope + drag + roll, motor_force_n(p, 0.0, speed_mps)
 
-    def _press(self, throttle: float, brake: float) -> tuple[float, float]:
+    def _press(self, throttle: float, brake: float, foot_radps: float = _PRESS_RADPS) -> tuple[float, float]:
         """Move both pedals towards their targets like a critically damped foot."""
         for k, target in enumerate((throttle, brake)):
-            pull = _FOOT_RADPS**2 * (min(1.0, target) - self._pedal[k]) - 2.0 * _FOOT_RADPS * self._rate[k]
+            pull = foot_radps**2 * (min(1.0, target) - self._pedal[k]) - 2.0 * foot_radps * self._rate[k]
             self._rate[k] += pull * TICK_S
             self._pedal[k] = min(1.0, max(0.0, self._pedal[k] + self._rate[k] * TICK_S))
         return self._pedal[0], self._pedal[1]

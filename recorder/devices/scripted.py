@@ -24,6 +24,8 @@ _YELLOW_BRAKE_MPS2 = 2.3
 _RED_BRAKE_MPS2 = 4.5
 _STANDING_MPS = 0.06
 _RESYNC_M = 4.0
+_HILL_GRADE = 0.015
+_HILL_HOLD_S = 0.45
 
 
 class ScriptedDriver:
@@ -74,8 +76,9 @@ class ScriptedDriver:
             throttle, brake = self._pedals.hold()
             self._speed.rest()
             return Controls(steer=self._steer, throttle=throttle, brake=brake)
+        handbrake = self._hold_hill(road)
         on_throttle = not (self._pedals.is_on_brake or self._pedals.is_changing)
-        if on_throttle or v > 0.5:
+        if not handbrake and (on_throttle or v > 0.5):
             self._is_launching = False
         if not self._is_launching:
             # A person waits with speeding up until the foot has found the pedal.
@@ -99,7 +102,7 @@ class ScriptedDriver:
             heading_rad=_wrapped(view.heading_rad - road.heading(self._s_m)),
             speed_mps=v,
         )
-        return Controls(steer=self._steer, throttle=throttle, brake=brake)
+        return Controls(steer=self._steer, throttle=throttle, brake=brake, handbrake=handbrake)
 
     def _begin(self) -> None:
         """Sit down in a standing car."""
@@ -113,7 +116,7 @@ class ScriptedDriver:
         self._s_m = 0.0
         self._standing, self._is_launching = True, False
         self._free_since = None
-        self._go_tick = 0
+        self._go_tick = self._hill_ticks = 0
         self._passing_s_m = None
         self._leader = None
         self._steer = 0.0
@@ -124,6 +127,16 @@ class ScriptedDriver:
             self._road = DriverRoute(view.route, self._limit_share)
             self._s_m = view.route_s_m
         return self._road
+
+    def _hold_hill(self, road: DriverRoute) -> bool:
+        """Handbrake for starting uphill: held until the throttle carries the car."""
+        if not self._is_launching:
+            return False
+        if self._pedals.is_on_brake or self._pedals.is_changing:
+            self._hill_ticks = round(_HILL_HOLD_S * TICK_HZ)
+        else:
+            self._hill_ticks -= 1
+        return self._hill_ticks > 0 and road.grade(self._s_m + 1.4) > _HILL_GRADE
 
     def _watch_leader(self, view: DriverView) -> None:
         """Smooth what is seen of the leader, which comes in steps of 50 ms."""

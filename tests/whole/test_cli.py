@@ -1,0 +1,178 @@
+"""The `carlaloc` command as a user meets it: results, exit codes, one-line errors, JSON."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from recorder.cli.main import main
+
+Capture = pytest.CaptureFixture[str]
+
+
+def run_json(capfd: Capture, *words: str, code: int = 0) -> Any:
+    """Run a command with --json and parse what stands on stdout."""
+    assert main([*words, "--json"]) == code
+    return json.loads(capfd.readouterr().out)
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six seconds of the scripted driver, recorded by the command."""
+    path = tmp_path_factory.mktemp("episode") / "drive.mcap"
+    assert main(["record", "--map", "Town03", "--out", str(path), "--duration", "6", "--seed", "2"]) == 0
+    return path
+
+
+def test_record_and_info_agree(episode: Path, capfd: Capture) -> None:
+    """`info` tells the length, the actors and the health of what `record` wrote."""
+    info = run_json(capfd, "info", str(episode))
+    assert info["duration_s"] == pytest.approx(6.0, abs=0.02)
+    assert (info["vehicles"], info["walkers"], info["device"]) == (50, 10, "scripted")
+    assert info["complete"] is True
+    assert info["length_m"] > 1.0
+    assert main(["info", str(episode)]) == 0
+    text = capfd.readouterr().out
+    assert "50 vehicles, 10 walkers" in text
+    assert "complete" in text
+
+
+def test_recording_twice_gives_the_same_drive(episode: Path, tmp_path: Path) -> None:
+    """The same command records the same motion, bit for bit."""
+    from recorder.episode import Episode
+
+    again = tmp_path / "again.mcap"
+    assert main(["record", "--out", str(again), "--duration", "6", "--seed", "2"]) == 0
+    first, second = Episode.load(episode), Episode.load(again)
+    assert first.ego.tobytes() == second.ego.tobytes()
+    assert first.steps.tobytes() == second.steps.tobytes()
+
+
+def test_replay_and_evaluate(episode: Path, tmp_path: Path, capfd: Capture) -> None:
+    """A replay without cameras writes a bag; its truth, shifted by 3-4-0 m, scores zero after alignment."""
+    out = tmp_path / "data"
+    result = run_json(
+        capfd, "replay", str(episode), "--out", str(out), "--rig", "state", "--format", "rosbag1"
+    )
+    assert result["samples"]["imu"] == pytest.approx(1200, abs=5)
+    truth = out / "Town03" / "ground_truth" / "imu.tum"
+    rows = np.loadtxt(truth)
+    rows[:, 1:4] += (3.0, 4.0, 0.0)
+    estimate = tmp_path / "shifted.tum"
+    np.savetxt(estimate, rows, fmt="%.9f")
+    for align, error_m in (("none", 5.0), ("se3", 0.0)):
+        scores = run_json(
+            capfd, "evaluate", "--truth", str(truth), str(estimate), "--align", align, "--plot", str(tmp_path)
+        )
+        ape = scores["results"][0]["metrics"]["ape_translation"]
+        assert ape["rmse"] == pytest.approx(error_m, abs=1e-6)
+    assert (tmp_path / "trajectories.png").stat().st_size > 10_000
+
+
+def test_maps(tmp_path: Path, capfd: Capture) -> None:
+    """Towns are listed with their sizes; a good map has no problems; waypoints are written."""
+    towns = run_json(capfd, "maps", "list")["towns"]
+    town = next(town for town in towns if town["name"] == "Town03")
+    assert town["junctions"] >= 10
+    csv = tmp_path / "waypoints.csv"
+    report = run_json(capfd, "maps", "check", town["path"], "--waypoints", "5", "--csv", str(csv))
+    assert report["report"]["problems"] == []
+    lines = csv.read_text(encoding="utf-8").splitlines()
+    assert lines[0] == "road_id,section,lane_id,s,x,y,z,heading"
+    assert len(lines) > 1000
+
+
+def test_doctor_finds_what_works_here(capfd: Capture) -> None:
+    """Python and PyBullet work wherever these tests run, and every finding says something."""
+    main(["doctor", "--json"])
+    report = json.loads(capfd.readouterr().out)
+    findings = {finding["name"]: finding for finding in report["findings"]}
+    assert findings["Python"]["works"]
+    assert findings["physics"]["works"]
+    assert all(finding["detail"] for finding in findings.values())
+    assert all(finding["remedy"] for finding in findings.values() if not finding["works"])
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (["record", "--map", "Tawn03", "--out", "{tmp}/a.mcap"], "did you mean 'Town03'"),
+        (["record", "--device", "scriptd", "--out", "{tmp}/a.mcap"], "did you mean 'scripted'"),
+        (["record", "--traffic", "dinamic", "--out", "{tmp}/a.mcap"], "did you mean 'dynamic'"),
+        (["replay", "{episode}", "--out", "{tmp}/o", "--rig", "papr"], "did you mean 'paper'"),
+        (["replay", "{episode}", "--out", "{tmp}/o", "--weather", "Clearnoon2"], "did you mean 'ClearNoon'"),
+        (["replay", "{episode}", "--out", "{tmp}/o", "--format", "eurok"], "did you mean 'euroc'"),
+        (["replay", "{tmp}/none.mcap", "--out", "{tmp}/o"], "none.mcap"),
+        (["info", "{tmp}/none.mcap"], "none.mcap"),
+        (["evaluate", "--truth", "{tmp}/none.tum", "{tmp}/none.tum"], "none.tum"),
+        (["maps", "check", "{tmp}/none.xodr"], "none.xodr"),
+    ],
+)
+def test_errors_are_one_line_and_leave_nothing(
+    words: list[str], hint: str, episode: Path, tmp_path: Path, capfd: Capture
+) -> None:
+    """A named error: exit code 1, one line on stderr, no file under a final name."""
+    assert main([word.format(tmp=tmp_path, episode=episode) for word in words]) == 1
+    captured = capfd.readouterr()
+    lines = [line for line in captured.err.splitlines() if line.startswith("carlaloc")]
+    assert len(lines) == 1
+    assert hint in lines[0]
+    assert captured.out == ""
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_an_episode_is_not_overwritten(episode: Path, capfd: Capture) -> None:
+    """Recording over an episode needs --force."""
+    before = episode.read_bytes()
+    assert main(["record", "--out", str(episode), "--duration", "1"]) == 1
+    assert "--force" in capfd.readouterr().err
+    assert episode.read_bytes() == before
+
+
+def test_a_truncated_episode_names_its_last_good_time(episode: Path, tmp_path: Path, capfd: Capture) -> None:
+    """A cut-off file is not replayed; `info` tells until when it is good, and repair saves that."""
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(episode.read_bytes()[: int(0.7 * episode.stat().st_size)])
+    assert main(["replay", str(cut), "--out", str(tmp_path / "o")]) == 1
+    assert "last good time" in capfd.readouterr().err
+    info = run_json(capfd, "info", str(cut))
+    assert info["complete"] is False
+    assert 2.0 < info["duration_s"] < 6.0
+    repaired = run_json(capfd, "info", "--repair", str(cut))
+    assert repaired["complete"] is True
+    assert repaired["duration_s"] == pytest.approx(info["duration_s"], abs=1.0)
+
+
+def test_usage_errors_exit_with_2(capfd: Capture) -> None:
+    """Unknown commands and missing arguments are usage errors."""
+    assert main(["recrod"]) == 2
+    assert main(["record"]) == 2
+    assert main(["record", "--out", "x.mcap", "--duration", "-3"]) == 2
+    capfd.readouterr()
+
+
+@pytest.mark.parametrize("blocked", ["moderngl", "open3d"])
+def test_what_needs_no_graphics_works_without(blocked: str, tmp_path: Path) -> None:
+    """Without OpenGL or Open3D all the rest works; what needs them says so in one line."""
+    code = (
+        "import sys\n"
+        f"sys.modules[{blocked!r}] = None\n"
+        "from recorder.cli.main import main\n"
+        f"out = {str(tmp_path)!r}\n"
+        "assert main(['record', '--out', out + '/d.mcap', '--duration', '1']) == 0\n"
+        "assert main(['replay', out + '/d.mcap', '--out', out + '/s', '--rig', 'state']) == 0\n"
+        "paper = ['--out', out + '/p', '--rig', 'paper', '--workers', '1']\n"
+        "assert main(['replay', out + '/d.mcap', *paper]) == 1\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    errors = [line for line in done.stderr.splitlines() if line.startswith("carlaloc replay")]
+    assert len(errors) == 1
+    assert "apt-get install" in errors[0] or "pip install" in errors[0]
+    assert not (tmp_path / "p" / "Town03" / "ClearNoon_dynamic").exists()
