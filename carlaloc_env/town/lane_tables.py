@@ -132,13 +132,12 @@ def build_tables(
         raise MapError(
             f"the map has {spans.sum() / 1e3:.0f} km of lanes; split it below {LANE_LIMIT_M / 1e3:.0f} km"
         )
-    fine_s, cumulative, fine_first, fine_count = _arc_length(surface, start_s_m, spans)
+    fine_s, grown, fine_first, fine_count = _arc_steps(surface, start_s_m, spans)
+    total = np.add.reduceat(grown, fine_first)
+    _refuse_long(total, spans, rank, labels)
+    cumulative = np.cumsum(grown) - grown
+    cumulative -= np.repeat(cumulative[fine_first], fine_count)
     length = cumulative[fine_first + fine_count - 1]
-    if not np.all(np.isfinite(length)) or length.sum() > 10.0 * LANE_LIMIT_M:
-        # A broken width shifts all lanes outside of it: the innermost is to blame.
-        broken = ~(length < 10.0 * LANE_LIMIT_M)
-        worst = int(np.argmin(np.where(broken, rank, np.inf))) if broken.any() else int(np.argmax(length))
-        raise MapError(f"{labels[worst]} has no finite length; correct its geometry and width polynomials")
     intervals = np.maximum(np.ceil(length / TABLE_STEP_M - 1e-9), 1.0).astype(np.int64)
     count = intervals + 1
     first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
@@ -170,8 +169,8 @@ def build_tables(
     )
 
 
-def _arc_length(surface: RoadSurface, start_s_m: Array, spans: Array) -> tuple[Array, Array, Index, Index]:
-    """s and arc length by Simpson's rule every quarter metre, then first row and rows per lane."""
+def _arc_steps(surface: RoadSurface, start_s_m: Array, spans: Array) -> tuple[Array, Array, Index, Index]:
+    """s every quarter metre, arc length to the next by Simpson's rule, then first row and rows per lane."""
     pieces = np.maximum(np.ceil(spans / (0.5 * TABLE_STEP_M)), 1.0).astype(np.int64)
     count = pieces + 1
     first = np.concatenate([[0], np.cumsum(count)[:-1]]).astype(np.int64)
@@ -183,8 +182,18 @@ def _arc_length(surface: RoadSurface, start_s_m: Array, spans: Array) -> tuple[A
     after = np.append(at_points[1:], 0.0)
     grown = step * (at_points + 4.0 * at_middles + after) / 6.0
     grown[first + pieces] = 0.0
-    total = np.cumsum(grown) - grown
-    return s, total - total[first][owner], first, count
+    return s, grown, first, count
+
+
+def _refuse_long(length: Array, spans: Array, rank: Index, labels: Sequence[str]) -> None:
+    """Refuses lanes that wild polynomials make endless, before tables are made for them."""
+    allowed = 1.5 * LANE_LIMIT_M
+    broken = ~(length < allowed)
+    if broken.any() or length.sum() > allowed:
+        # A broken width shifts all lanes outside of it: the innermost is to blame.
+        worst = int(np.argmin(np.where(broken, rank, np.inf))) if broken.any() else int(np.argmax(length))
+        grown = f"{labels[worst]} grows to {length[worst]:.3g} m over {spans[worst]:.3g} m of road"
+        raise MapError(f"{grown}; correct its geometry and width polynomials")
 
 
 def _stretch(surface: RoadSurface, lane: Index, s_m: Array) -> Array:
