@@ -41,6 +41,7 @@ class ScriptedDriver:
     _leader: Leader | None
     _free_since: int | None
     _passing_s_m: float | None
+    _stopping_s_m: float | None
     _s_m: float
     _steer: float
     _standing: bool
@@ -117,7 +118,7 @@ class ScriptedDriver:
         self._standing, self._is_launching = True, False
         self._free_since = None
         self._go_tick = self._hill_ticks = 0
-        self._passing_s_m = None
+        self._passing_s_m = self._stopping_s_m = None
         self._leader = None
         self._steer = 0.0
 
@@ -167,7 +168,7 @@ class ScriptedDriver:
     def _way_to_line(self, view: DriverView) -> float | None:
         distance = view.stop_line_distance_m
         if distance is None or view.signal_state not in (SignalState.RED, SignalState.YELLOW):
-            self._passing_s_m = None
+            self._passing_s_m = self._stopping_s_m = None
             return None
         # The distance was measured at the view's own place on the route.
         left = distance + view.route_s_m - self._s_m
@@ -175,11 +176,15 @@ class ScriptedDriver:
         v = max(0.0, view.speed_mps)
         if self._passing_s_m is not None and abs(self._passing_s_m - line_s) < 3.0:
             return None
-        too_hard = _YELLOW_BRAKE_MPS2 if view.signal_state == SignalState.YELLOW else _RED_BRAKE_MPS2
+        # Who has begun to brake for a yellow light does not think again.
+        decided = self._stopping_s_m is not None and abs(self._stopping_s_m - line_s) < 3.0
+        may_pass = view.signal_state == SignalState.YELLOW and not decided
+        too_hard = _YELLOW_BRAKE_MPS2 if may_pass else _RED_BRAKE_MPS2
         crossed = left < -0.3 and v > 0.3
         if crossed or (v > 1.0 and v * v > 2.0 * too_hard * max(left, 0.1)):
             self._passing_s_m = line_s
             return None
+        self._stopping_s_m = line_s
         return left - _STOP_BEFORE_LINE_M
 
     def _drives_off(self, view: DriverView, stop_m: float | None) -> bool:
