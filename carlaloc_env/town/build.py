@@ -26,6 +26,8 @@ _log = logging.getLogger(__name__)
 
 BUILDER_VERSION = 1
 """Raised whenever the same map gives another town, so that cached towns are built again."""
+KEPT_FILES = 4
+"""Cached files kept of each town."""
 ALIASES = {"Town10HD": "Town10"}
 """Other names of towns."""
 _MESH_FIELDS = ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance")
@@ -74,7 +76,8 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     content = source.read_bytes()
     key = content_hash(str(BUILDER_VERSION).encode(), content, toml.read_bytes() if has_toml else b"")
     network = LaneNetwork(read_opendrive(source))
-    stored = (cache_dir or default_cache_dir()) / f"{name}-{key}.npz"
+    build_key = content_hash(key.encode(), _builder_sources())
+    stored = (cache_dir or default_cache_dir()) / f"{name}-{build_key}.npz"
     route = _route(network, config)
     scenery = _scenery(network, config, route, key, stored)
     return Town(
@@ -127,9 +130,27 @@ def _scenery(
     _log.info("built %s in %.1f s", stored.name, time.perf_counter() - begin)
     try:
         save(stored, arrays)
+        _drop_old(stored)
     except OSError as error:
         _log.warning("the town cannot be cached in %s (%s)", stored.parent, error)
     return scenery
+
+
+def _drop_old(stored: Path) -> None:
+    """Keep the newest few files of a town; older ones belong to earlier versions of it."""
+    name = stored.name[: -len("-.npz") - 32]
+    others = sorted(stored.parent.glob(f"{name}-*.npz"), key=lambda path: path.stat().st_mtime)
+    for path in others[:-KEPT_FILES]:
+        path.unlink(missing_ok=True)
+
+
+def _builder_sources() -> bytes:
+    """Sources of everything that shapes a town: when they change, cached towns are built again."""
+    package = importlib.resources.files("carlaloc_env")
+    files = [package / name for name in ("materials.py", "scene.py", "semantics.py", "rng.py")]
+    for folder in ("town", "town/opendrive", "assets"):
+        files += [entry for entry in (package / folder).iterdir() if entry.name.endswith(".py")]
+    return b"".join(entry.read_bytes() for entry in sorted(files, key=str))
 
 
 def _to_arrays(scenery: Scenery) -> Arrays:
