@@ -112,7 +112,10 @@ class Shader:
         program = self._programs.get("screen.vert", "shade.frag", *features)
         view = gbuffer.view
         if "SUN" in features:
-            self._shadow_uniforms(program, view, light, casters)
+            self._sun_uniforms(program, view, light)
+        if "ACTORS" in features:
+            direction = light.sun_direction if "SUN" in features else np.array([0.0, 0.0, 1.0])
+            self._actor_uniforms(program, view, direction, casters)
         self._bind(program, gbuffer.shaded)
         sky.use(4)
         self._roofs.texture.use(7)
@@ -140,8 +143,12 @@ class Shader:
     def _features(
         self, weather: WeatherParameters, light: SkyLight, *, linear: bool, resolved: bool
     ) -> tuple[str, ...]:
+        sunny = bool(light.sun_lx.any()) and self._shadows is not None
+        overcast = not sunny and not weather.is_night and self._shadows is not None
         wanted = {
-            "SUN": bool(light.sun_lx.any()) and self._shadows is not None,
+            "SUN": sunny,
+            "OVERCAST": overcast,
+            "ACTORS": sunny or overcast,
             "WET": weather.surface_wetness > 0.05,
             "NIGHT": weather.is_night,
             "LINEAR": linear,
@@ -244,28 +251,29 @@ class Shader:
         out[: len(order), 3] = np.clip((LAMP_RANGE_M - distance[order]) / 20.0, 0.0, 1.0)
         return out
 
-    def _shadow_uniforms(
+    def _sun_uniforms(self, program: moderngl.Program, view: View, light: SkyLight) -> None:
+        assert self._shadows is not None
+        static = self._shadows.static(view, light.sun_direction, self._scenery)
+        static.texture.use(5)
+        matrix, offset = static.lookup(view.position_m)
+        set_uniforms(program, u_shadow=5, u_light=matrix.T.astype("<f4").tobytes(), u_light_eye=tuple(offset))
+
+    def _actor_uniforms(
         self,
         program: moderngl.Program,
         view: View,
-        light: SkyLight,
+        direction: Array,
         casters: tuple[Geometry, InstanceBuffer],
     ) -> None:
         assert self._shadows is not None
-        static = self._shadows.static(view, light.sun_direction, self._scenery)
-        actors = self._shadows.actors(view, light.sun_direction, *casters)
-        static.texture.use(5)
+        actors = self._shadows.actors(view, direction, *casters)
         actors.texture.use(6)
-        matrix, offset = static.lookup(view.position_m)
-        matrix_actors, offset_actors = actors.lookup(view.position_m)
+        matrix, offset = actors.lookup(view.position_m)
         set_uniforms(
             program,
-            u_shadow=5,
             u_shadow_actors=6,
-            u_light=matrix.T.astype("<f4").tobytes(),
-            u_light_eye=tuple(offset),
-            u_light_actors=matrix_actors.T.astype("<f4").tobytes(),
-            u_light_actors_eye=tuple(offset_actors),
+            u_light_actors=matrix.T.astype("<f4").tobytes(),
+            u_light_actors_eye=tuple(offset),
         )
 
     def _output(self, gbuffer: GBuffer, *, linear: bool) -> tuple[moderngl.Texture, moderngl.Framebuffer]:

@@ -387,6 +387,37 @@ def test_both_halves_of_a_pane_are_lit_alike() -> None:
     assert 0.08 < (code[:, 0] > 0).mean() < 0.3
 
 
+@pytest.mark.parametrize(("weather", "beside_m"), [(PRESETS["ClearNoon"], 11.0), (SUNLESS, 12.0)])
+def test_the_road_under_a_car_is_darker(weather: WeatherParameters, beside_m: float) -> None:
+    """A floating slab darkens the road below it, in sunlight and under an even sky."""
+    corners = [[-2, -1, 0], [2, -1, 0], [2, 1, 0], [-2, 1, 0]]
+    slab = make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=Material.CAR_PAINT, tag=Tag.CAR)
+    one = Instances(
+        model=np.zeros(1, np.int32),
+        T_world_model=geometry.transform([[12.0, 0.0, 1.3]], [[0.0, 0.0, 0.0, 1.0]]),
+        instance=np.ones(1, np.uint32),
+        tint=np.full((1, 3), 99, np.uint8),
+    )
+    with scene(ground(), library=ModelLibrary({"slab": slab})) as renderer:
+        bare, under = (
+            renderer.radiance_cd_m2(renderer.draw(CAMERA, FORWARD, i), weather)[..., 1]
+            for i in (Instances(), one)
+        )
+    spot = geometry.apply(geometry.invert(FORWARD), [beside_m, 0.0, 0.0])
+    u, v = CAMERA.project(spot[None])[0].round().astype(int)
+    assert under[v, u] < 0.6 * bare[v, u]
+    assert under[170, 160] == pytest.approx(bare[170, 160], rel=1e-3)
+
+
+def test_missing_opengl_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: object) -> None:
+        raise Exception("libEGL.so.1 not loaded")
+
+    monkeypatch.setattr("moderngl.create_context", refuse)
+    with pytest.raises(RenderError, match="apt-get install libegl1 libgl1 libgl1-mesa-dri"):
+        create_context()
+
+
 def test_unknown_quality_names_the_nearest() -> None:
     with pytest.raises(ConfigError, match="did you mean 'medium'"):
         scene(ground(), quality="mediun")

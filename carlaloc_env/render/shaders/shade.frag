@@ -12,13 +12,15 @@ uniform vec3 u_ground;         // exposed radiance of the ground far away
 uniform float u_exposure;
 uniform sampler2D u_roofs;     // blurred height of the highest surfaces [m]
 uniform vec4 u_roofs_frame;    // its coordinates: xy * u_roofs_frame.xy + u_roofs_frame.zw, relative to the eye
+#ifdef ACTORS
+uniform sampler2DShadow u_shadow_actors;
+uniform mat3 u_light_actors;   // world axes to coordinates 0..1 of the actors' map
+uniform vec3 u_light_actors_eye;
+#endif
 #ifdef SUN
 uniform sampler2DShadow u_shadow;
-uniform sampler2DShadow u_shadow_actors;
-uniform mat3 u_light;          // world axes to coordinates 0..1 of the static map
-uniform vec3 u_light_eye;      // the eye in these coordinates
-uniform mat3 u_light_actors;
-uniform vec3 u_light_actors_eye;
+uniform mat3 u_light;          // the same for the static map
+uniform vec3 u_light_eye;      // the eye in its coordinates
 uniform vec3 u_sun;
 uniform vec3 u_sun_light;      // exposed illuminance / pi
 uniform float u_texel;         // of the static map [m]
@@ -59,7 +61,7 @@ const vec3 WARM = vec3(1.28, 0.97, 0.50);
 
 // Exposed light of a lamp, cut where a picture would lose its colour.
 float glare(float code) {
-    return min((exp2(16.0 * code) - 1.0) * u_exposure, 3.0);
+    return min((exp2(16.0 * code) - 1.0) * u_exposure, 2.0);
 }
 
 vec3 ambient(vec3 n) {
@@ -78,6 +80,19 @@ float gloss(vec3 n, vec3 v, vec3 l, float alpha, float f0) {
     float fresnel = f0 + (1.0 - f0) * pow(1.0 - lh, 5.0);
     return a2 / (d * d) * fresnel / (4.0 * lh * lh * (0.5 + alpha));
 }
+
+#ifdef OVERCAST
+// Share of the overcast sky that cars and walkers leave: their outline from above, blurred.
+float uncovered(vec3 offset, vec3 n) {
+    vec3 a = u_light_actors * (offset + n * 0.15) + u_light_actors_eye;
+    const float r = 0.0035;
+    float lit = 0.25 * (texture(u_shadow_actors, a + vec3(r, 0.4 * r, 0.0))
+        + texture(u_shadow_actors, a + vec3(-0.4 * r, r, 0.0))
+        + texture(u_shadow_actors, a + vec3(-r, -0.4 * r, 0.0))
+        + texture(u_shadow_actors, a + vec3(0.4 * r, -r, 0.0)));
+    return any(greaterThan(abs(a.xy - 0.5), vec2(0.495))) ? 1.0 : lit;
+}
+#endif
 
 #ifdef SUN
 float sunlit(vec3 offset, vec3 n) {
@@ -139,6 +154,9 @@ void main() {
     // What lies below its surroundings sees less of the sky: foot of walls, courts, underpasses.
     float below = texture(u_roofs, offset.xy * u_roofs_frame.xy + u_roofs_frame.zw).x - u_eye.z - offset.z;
     float open = 0.35 + 0.65 * exp(-0.22 * max(below, 0.0));
+#ifdef OVERCAST
+    open *= 0.35 + 0.65 * uncovered(offset, n);
+#endif
     vec3 light = ambient(n) * open;
     float alpha = max(roughness * roughness, 0.004);
     vec3 shine = vec3(0.0);
