@@ -106,16 +106,19 @@ def _sections(shape: BodyShape, d: Array) -> Array:
     y_glass = y_belt - np.maximum(shape.tumblehome * 0.84 * upper, 0.05)
     y_rail = y_glass - np.maximum(0.05, 0.10 * np.minimum(upper, 0.5))
     zero = np.zeros_like(d)
-    y = np.stack(
-        [zero, 0.86 * half, 0.975 * half, half, 0.99 * half, y_belt, y_glass, y_rail, 0.55 * y_rail, zero], -1
+    # Before the windscreen the upper rows spread over a crowned bonnet.
+    bonnet = np.clip((shape.cowl_d - d) / 0.45, 0.0, 1.0)
+    y_glass = y_glass + bonnet * (0.87 * half - y_glass)
+    y_rail, y_roof = (
+        y_rail + bonnet * (0.66 * half - y_rail),
+        0.55 * y_rail * (1 - bonnet) + bonnet * 0.36 * half,
     )
-    z = np.stack(
-        [
-            bottom, bottom, sill, waist, shoulder, belt,
-            belt + 0.84 * upper, belt + 0.945 * upper, belt + 0.985 * upper, top,
-        ],
-        axis=-1,
-    )  # fmt: skip
+    rise = [full + bonnet * (low - full) for full, low in ((0.84, 0.42), (0.945, 0.72), (0.985, 0.92))]
+    y = np.stack(
+        [zero, 0.86 * half, 0.975 * half, half, 0.99 * half, y_belt, y_glass, y_rail, y_roof, zero], -1
+    )
+    lower = [bottom, bottom, sill, waist, shoulder, belt]
+    z = np.stack([*lower, *(belt + share * upper for share in rise), top], axis=-1)
     if shape.bed is not None:
         inside = (d > shape.bed[0]) & (d < shape.bed[1])
         z[inside, 6] = belt[inside]

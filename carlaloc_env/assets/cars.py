@@ -18,6 +18,8 @@ TAIL_TINT = (70, 70, 70)
 """Tint of tail lamps: dimmer than a brake lamp."""
 AMBER_TINT = (180, 70, 4)
 """Tint of indicators that are off; they are made of plastic."""
+STOP_TINT = (42, 3, 3)
+"""Tint of the high stop lamp that is off; it is made of plastic."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +74,8 @@ def _front(decals: Decals, spec: CarSpec) -> None:
         (0.79 * half, z1 - 0.035),
         (0.60 * half, z1 - 0.045),
     ]
-    lifted = decals.raised(0.018)
-    lifted.pair_front(Look(Material.LAMP_WHITE, tag), inner, (4, 2))
+    lifted = decals.raised(0.022)
+    lifted.pair_front(Look(Material.LAMP_WHITE, tag), inner, (6, 3))
     amber = [
         (0.84 * half, z0 + 0.03),
         (0.91 * half, z0 + 0.03),
@@ -96,6 +98,12 @@ def _rear(decals: Decals, spec: CarSpec) -> None:
     lamps.pair_rear(Look(Material.LAMP_RED, tag, TAIL_TINT), red, (5, 3))
     amber = [(split, z0 + 0.015), (inner, z0 + 0.02), (inner, z1 - 0.01), (split, z1 - 0.01)]
     lamps.pair_rear(Look(Material.PLASTIC, tag, AMBER_TINT), amber, (2, 3))
+    high = float(np.interp(spec.shape.roof_rear_d, *np.array(spec.shape.top).T)) - 0.08
+    lamps.rear(
+        Look(Material.PLASTIC, tag, STOP_TINT),
+        [(0.2, high - 0.04), (-0.2, high - 0.04), (-0.2, high), (0.2, high)],
+        (4, 2),
+    )
     decals.meshes.extend(lamps.meshes)
     dark = Look(Material.PLASTIC, tag, DARK)
     low = spec.shape.clearance_m + 0.11

@@ -171,5 +171,5 @@ EGO_REAR_M = -0.95
 """Where the ego's body begins along x of `base_link` [m]."""
 EGO_WHEELBASE_M = 2.875
 """Distance between the ego's axles [m]."""
-EGO_TINT: Colour = (22, 24, 27)
+EGO_TINT: Colour = (10, 11, 12)
 """Linear tint of the ego's dark grey paint."""

@@ -7,6 +7,8 @@ of human movement".
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,6 +52,7 @@ def standing(stature_m: float, *, stoop_deg: float = 2.0) -> Joints:
     return _grounded(_figure(0.0, stature_m, 0.0, stoop_deg), 0.0)
 
 
+@lru_cache(maxsize=64)
 def _amplitude(stature_m: float, stride_m: float) -> float:
     """Factor on the leg angles that makes a step half the stride long, by bisection."""
     low, high = 0.2, 2.0

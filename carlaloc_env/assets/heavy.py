@@ -93,11 +93,22 @@ def bus() -> Mesh:
         Look(Material.LAMP_WHITE, tag), [(0.86, 0.58), (1.14, 0.58), (1.14, 0.74), (0.86, 0.74)], (3, 1)
     )
     decals.front(dark, [(-1.16, 0.40), (1.16, 0.40), (1.16, 0.52), (-1.16, 0.52)], (8, 1))
-    decals.front(
-        Look(Material.LAMP_AMBER, tag, (90, 90, 90)),
-        [(-0.8, 2.62), (0.8, 2.62), (0.8, 2.80), (-0.8, 2.80)],
-        (8, 1),
-    )
+    decals.front(dark, [(-0.85, 2.60), (0.85, 2.60), (0.85, 2.82), (-0.85, 2.82)], (8, 4))
+    board = decals.raised(0.022)
+    for low, high in (
+        (-0.72, -0.50),
+        (-0.38, -0.20),
+        (-0.16, 0.02),
+        (0.06, 0.30),
+        (0.34, 0.44),
+        (0.48, 0.70),
+    ):
+        board.front(
+            Look(Material.LAMP_AMBER, tag, (90, 90, 90)),
+            [(low, 2.66), (high, 2.66), (high, 2.76), (low, 2.76)],
+            (2, 2),
+        )
+    decals.meshes.extend(board.meshes)
     decals.rear(glass, [(1.0, 1.75), (-1.0, 1.75), (-1.0, 2.62), (1.0, 2.62)], (6, 2))
     decals.rear(dark, [(1.0, 0.62), (-1.0, 0.62), (-1.0, 1.30), (1.0, 1.30)], (6, 2))
     decals.pair_rear(

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.cars import AMBER_TINT
+from carlaloc_env.assets.cars import AMBER_TINT, STOP_TINT
 from carlaloc_env.assets.shapes import Look
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, make_mesh
@@ -22,10 +22,10 @@ def lit_lamps(vehicles: Mapping[str, Mesh]) -> dict[str, Mesh]:
     models: dict[str, Mesh] = {}
     for name, mesh in vehicles.items():
         corner = mesh.triangles[:, 0]
-        red = mesh.material[corner] == Material.LAMP_RED
-        amber = (mesh.material[corner] == Material.PLASTIC) & np.all(
-            mesh.colour[corner] == AMBER_TINT, axis=-1
-        )
+        plastic = mesh.material[corner] == Material.PLASTIC
+        stop = plastic & np.all(mesh.colour[corner] == STOP_TINT, axis=-1)
+        red = (mesh.material[corner] == Material.LAMP_RED) | stop
+        amber = plastic & np.all(mesh.colour[corner] == AMBER_TINT, axis=-1)
         y = mesh.vertices_m[mesh.triangles, 1].mean(axis=1)
         tag = Tag(int(mesh.tag[0]))
         models[f"{name}/brake"] = _cut(mesh, red, Look(Material.LAMP_RED, tag))

@@ -283,7 +283,7 @@ def test_lit_lamps_follow_brake_and_blinker(library: ModelLibrary) -> None:
     assert sorted(library.names[m] for m in dark.model) == ["bicycle/brake", "saloon/brake"]
     left = model(library, "saloon/left")
     assert left.vertices_m[:, 1].min() > 0
-    assert model(library, "saloon/brake").vertices_m[:, 0].max() < -1.5
+    assert model(library, "saloon/brake").vertices_m[:, 0].max() < -1.0
 
 
 def test_signals_light_the_lens_of_their_state(library: ModelLibrary) -> None:

@@ -20,7 +20,7 @@ from carlaloc_env.render.textures.noise import (
 
 def asphalt(rng: np.random.Generator, size: int) -> Layer:
     """Worn asphalt: aggregate, bright stones, pits, a few cracks."""
-    log = _aggregate(rng, size, 0.13, 0.17)
+    log = _aggregate(rng, size, 0.10, 0.18)
     log += np.log(0.45) * _cracks(rng, size, 3, 0.30)
     return layer((0.105, 0.103, 0.100), log, 0.9 - 0.03 * fbm(rng, size, 0.5, 0.05))
 
@@ -137,7 +137,7 @@ def _aggregate(rng: np.random.Generator, size: int, mortar: float, stones: float
     coarse, fine = worley(rng, size, 110, 110), worley(rng, size, 210, 210)
     log = per_cell(rng, coarse.owner, stones) * smoothstep(0.0, 0.25, coarse.edge)
     log += 0.6 * per_cell(rng, fine.owner, stones) - 0.25 * smoothstep(0.10, 0.0, coarse.edge)
-    log += mortar * fbm(rng, size, 0.45, 0.02, 0.8)
+    log += mortar * fbm(rng, size, 0.3, 0.02, 0.85)
     rare = rng.random(int(coarse.owner.max()) + 1).astype(np.float32)[coarse.owner]
     log += np.log(1.8) * (rare > 0.985) * smoothstep(0.5, 0.3, coarse.nearest)
     log += np.log(0.5) * (rare < 0.020) * smoothstep(0.5, 0.3, coarse.nearest)

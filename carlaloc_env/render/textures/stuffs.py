@@ -97,7 +97,7 @@ def leaf(rng: np.random.Generator, size: int) -> Layer:
     log = per_cell(rng, cells.owner, 0.16) + 0.12 * fbm(rng, size, 0.15, 0.01, 0.8) - 0.2 * vein
     hue = per_cell(rng, cells.owner, 0.16)
     tint = np.stack([log + hue, log, log - 0.5 * hue], axis=-1)
-    return layer((0.085, 0.148, 0.038), tint, 0.5)
+    return layer((0.085, 0.148, 0.038), tint, 0.85)
 
 
 def wood(rng: np.random.Generator, size: int) -> Layer:
