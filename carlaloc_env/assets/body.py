@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.assets.shapes import Look, crease, grid_triangles, mirrored, project
+from carlaloc_env.assets.facets import crease, project
+from carlaloc_env.assets.shapes import Look, grid_triangles, mirrored
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, make_mesh, merge
 from carlaloc_env.semantics import Tag

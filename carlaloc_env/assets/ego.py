@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from carlaloc_env.assets.body import BodyShape
 from carlaloc_env.assets.cars import CarSpec, car
-from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M, EGO_WHEELBASE_M
+from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M, EGO_TINT, EGO_WHEELBASE_M
 from carlaloc_env.assets.shapes import placed
+from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
 
 _NOSE_D = EGO_SIZE_M[0] + EGO_REAR_M
@@ -29,4 +34,11 @@ EGO_SPEC = CarSpec(
 
 def ego_body() -> Mesh:
     """Body of the ego: origin on the ground below the rear axle, x ahead, −0.95 m … 3.75 m."""
-    return placed(car(EGO_SPEC), (EGO_REAR_M + 0.5 * EGO_SIZE_M[0], 0.0, 0.0))
+    body = placed(car(EGO_SPEC), (EGO_REAR_M + 0.5 * EGO_SIZE_M[0], 0.0, 0.0))
+    painted = body.material == Material.CAR_PAINT
+    return replace(
+        body,
+        # Matt, so that the bonnet stays dark under a bright sky.
+        material=np.where(painted, Material.METAL_PAINTED, body.material).astype(np.uint8),
+        colour=np.where(painted[:, None], np.array(EGO_TINT), body.colour).astype(np.uint8),
+    )

@@ -9,6 +9,7 @@ import pytest
 
 from carlaloc_env.assets.atlas import atlas_uv, street_name_uv
 from carlaloc_env.assets.catalog import EGO_SIZE_M, GAIT_PHASES, VEHICLES, WALKERS
+from carlaloc_env.assets.facets import signed_volume_m3
 from carlaloc_env.assets.figure import shoe_sole
 from carlaloc_env.assets.gait import posture, standing
 from carlaloc_env.assets.library import build_library
@@ -21,7 +22,7 @@ from carlaloc_env.assets.placing import (
     place_signals,
 )
 from carlaloc_env.assets.props import PROPS, prop
-from carlaloc_env.assets.shapes import Look, box, lathe, mirrored, signed_volume_m3, tube
+from carlaloc_env.assets.shapes import Look, box, lathe, mirrored, tube
 from carlaloc_env.assets.signals import traffic_light
 from carlaloc_env.assets.signs import SIGNS, sign
 from carlaloc_env.assets.trees import FORMS, hedge, tree

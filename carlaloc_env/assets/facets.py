@@ -1,0 +1,98 @@
+"""Faces of meshes: smooth normals, the volume inside, and points thrown onto them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.geometry import cross
+from carlaloc_env.scene import Mesh
+
+Array = NDArray[np.float64]
+
+
+def crease(mesh: Mesh, crease_deg: float) -> Mesh:
+    """The mesh with normals averaged over neighbouring faces that meet below an angle [deg].
+
+    Degenerate triangles are dropped; corners are split where the normal differs.
+    """
+    tri = mesh.triangles.astype(np.int64)
+    a, b, c = (mesh.vertices_m[tri[:, i]].astype(np.float64) for i in range(3))
+    face = cross(b - a, c - a)
+    area = np.sqrt(np.sum(face * face, axis=-1))
+    keep = area > 1e-9
+    tri, face, area = tri[keep], face[keep], area[keep]
+    corner = tri.ravel()
+    if not len(corner):
+        return mesh
+    place = np.round(mesh.vertices_m[corner].astype(np.float64) * 1e4).astype(np.int64)
+    _, weld = np.unique(_packed(place, 21), return_inverse=True)
+    normals = _corner_normals(weld, np.repeat(face, 3, axis=0), np.repeat(area, 3), crease_deg)
+    key = (corner << 33) + _packed(np.round(normals * 500).astype(np.int64), 11)
+    _, first, index = np.unique(key, return_index=True, return_inverse=True)
+    taken = corner[first]
+    return Mesh(
+        vertices_m=mesh.vertices_m[taken],
+        triangles=index.reshape(-1, 3).astype(np.uint32),
+        normals=normals[first].astype(np.float32),
+        uv_m=mesh.uv_m[taken],
+        colour=mesh.colour[taken],
+        material=mesh.material[taken],
+        tag=mesh.tag[taken],
+        instance=mesh.instance[taken],
+    )
+
+
+def signed_volume_m3(mesh: Mesh) -> float:
+    """Volume inside a closed mesh [m³], negative when it is inside out."""
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
+    return float(np.sum(a * cross(b, c)) / 6.0)
+
+
+def project(mesh: Mesh, points_m: ArrayLike, direction: Sequence[float], lift_m: float) -> Array:
+    """Where rays from points (N, 3) along a direction first meet the mesh, lifted back by `lift_m`.
+
+    Points whose ray misses take the depth of the nearest point that hits.
+    """
+    p, d = np.asarray(points_m, dtype=np.float64), np.asarray(direction, dtype=np.float64)
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
+    e1, e2 = b - a, c - a
+    h = cross(np.broadcast_to(d, e2.shape), e2)
+    det = np.sum(e1 * h, axis=-1)
+    inverse = 1.0 / np.where(np.abs(det) > 1e-12, det, np.inf)
+    s = p[:, None] - a[None]
+    u = np.sum(s * h, axis=-1) * inverse
+    q = cross(s, np.broadcast_to(e1, s.shape))
+    v = np.sum(q * d, axis=-1) * inverse
+    t = np.sum(q * e2, axis=-1) * inverse
+    hit = (u >= -1e-6) & (v >= -1e-6) & (u + v <= 1 + 1e-6) & (t > 0) & (np.abs(det) > 1e-12)
+    depth = np.where(hit, t, np.inf).min(axis=1)
+    missing = ~np.isfinite(depth)
+    if missing.any() and not missing.all():
+        gap = np.sum((p[missing, None] - p[None, ~missing]) ** 2, axis=-1)
+        depth[missing] = depth[~missing][np.argmin(gap, axis=1)]
+    return p + (np.where(np.isfinite(depth), depth, 0.0) - lift_m)[:, None] * d
+
+
+def _packed(rows: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+    """Three whole numbers of a few bits in one, so that sorting is fast, shape (N,)."""
+    shifted = (rows + (1 << (bits - 1))) & ((1 << bits) - 1)
+    packed: NDArray[np.int64] = (shifted[:, 0] << (2 * bits)) | (shifted[:, 1] << bits) | shifted[:, 2]
+    return packed
+
+
+def _corner_normals(weld: NDArray[np.int64], face: Array, area: Array, crease_deg: float) -> Array:
+    order = np.argsort(weld, kind="stable")
+    count = np.bincount(weld)
+    start = np.cumsum(count) - count
+    own = np.repeat(np.arange(len(weld)), count[weld])
+    within = np.arange(len(own)) - np.repeat(np.cumsum(count[weld]) - count[weld], count[weld])
+    other = order[start[weld[own]] + within]
+    unit = face / area[:, None]
+    near = np.sum(unit[own] * unit[other], axis=-1) > np.cos(np.radians(crease_deg))
+    total = np.stack(
+        [np.bincount(own[near], face[other[near], axis], minlength=len(weld)) for axis in range(3)], axis=-1
+    )
+    return np.asarray(total / np.sqrt(np.sum(total * total, axis=-1, keepdims=True)))
