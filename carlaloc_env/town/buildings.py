@@ -72,7 +72,7 @@ def draw_plan(
     look = None
     for _ in range(12):
         style = STYLES[entries[int(rng.choice(len(entries), p=weights / weights.sum()))][0]]
-        look = _draw_look(style, rng)
+        look = draw_look(style, rng)
         if all((look.material, look.tint) != (other.material, other.tint) for other in before):
             break
     assert look is not None
@@ -106,7 +106,8 @@ def building_mesh(plan: BuildingPlan, rng: np.random.Generator, instance: int) -
     return out.build().with_instance(instance)
 
 
-def _draw_look(style: Style, rng: np.random.Generator) -> Look:
+def draw_look(style: Style, rng: np.random.Generator) -> Look:
+    """Choose material and tints of a building."""
     material, tint = style.walls[int(rng.integers(len(style.walls)))]
     shade = float(rng.uniform(0.86, 1.0))
     return Look(

@@ -27,7 +27,7 @@ ZONE_KINDS = (
     "water",
 )
 """Kinds of scenery that a zone can ask for."""
-FEATURE_KINDS = ("filling_station", "monument", "viaduct", "building", "car_park", "bus_stop", "fountain")
+FEATURE_KINDS = ("filling_station", "monument", "viaduct", "building")
 """Single things that can be asked for at a place."""
 
 Point = tuple[float, float]
@@ -96,7 +96,7 @@ class Feature:
     heading_deg: float = 0.0
     """Where its front looks [deg], anticlockwise from east."""
     size: tuple[float, ...] = ()
-    """Its own measures [m], by kind; empty for its usual ones."""
+    """Viaduct: length [m]; building: width [m], depth [m], storeys; empty for the usual ones."""
 
     def __post_init__(self) -> None:
         if self.kind not in FEATURE_KINDS:

@@ -24,6 +24,8 @@ DOUBLE_GAP_M = 0.12
 """Clear distance between the two lines of a double mark [m]."""
 KERB_LINE_M = 0.08
 """Distance of edge lines from kerbs [m]."""
+NEAR_END_M = 9.0
+"""Stop lines and crosswalks this near to a road's end belong to the junction there [m]."""
 DASHES: dict[str, tuple[float, float]] = {
     "default": (3.0, 6.0),
     "motorway": (3.05, 9.15),
@@ -84,8 +86,40 @@ def mark_lines(mark: RoadMark, road_type: str, side: int) -> tuple[Line, ...]:
     )
 
 
+def crossing_spans(road: Road) -> list[tuple[float, float]]:
+    """Stations [m] that lines leave to crosswalks: these, and from the stop line to the road's end."""
+    spans = []
+    for item in road.objects:
+        crosswalk, stop = item.type == "crosswalk", "StopLine" in item.name
+        if not (crosswalk or stop):
+            continue
+        half = max(item.length_m / 2, 0.1) + (0.15 if crosswalk else 0.0)
+        low, high = item.s_m - half, item.s_m + half
+        if high > road.length_m - NEAR_END_M:
+            high = road.length_m + 1.0
+        if low < NEAR_END_M:
+            low = -1.0
+        if crosswalk or high - low > 3 * half:
+            spans.append((low, high))
+    return spans
+
+
+def _outside(span: tuple[float, float], holes: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Parts of a span that lie in no hole."""
+    parts = [span]
+    for low, high in holes:
+        parts = [
+            piece
+            for a, b in parts
+            for piece in ((a, min(b, low)), (max(a, high), b))
+            if piece[1] - piece[0] > 1e-6
+        ]
+    return parts
+
+
 def _strip_marks(out: MeshBuilder, strip: Strip, road: Road) -> None:
     section = road.sections[strip.section]
+    crossings = crossing_spans(road)
     left_count = sum(1 for lane in strip.lanes if lane.id > 0)
     for lane in section.lanes:
         if lane.id > 0:
@@ -99,7 +133,8 @@ def _strip_marks(out: MeshBuilder, strip: Strip, road: Road) -> None:
             after = lane.road_marks[index + 1].s_offset_m if index + 1 < len(lane.road_marks) else np.inf
             end = min(strip.s_m[-1], strip.s_m[0] + after)
             for line in mark_lines(mark, road.type, side):
-                _paint(out, strip, edge, line, (start, end), mark.colour)
+                for span in _outside((start, end), crossings):
+                    _paint(out, strip, edge, line, span, mark.colour)
 
 
 def _paint(
@@ -121,8 +156,8 @@ def _paint(
         s = np.concatenate([[low], inner, [high]])
         rows = np.stack(
             [
-                _beside(strip, edge, s, shift - line.width_m / 2),
-                _beside(strip, edge, s, shift + line.width_m / 2),
+                beside(strip, edge, s, shift - line.width_m / 2),
+                beside(strip, edge, s, shift + line.width_m / 2),
             ],
             axis=1,
         )
@@ -148,11 +183,11 @@ def _away_from_kerb(strip: Strip, edge: int, width_m: float) -> float:
     return 0.0
 
 
-def _beside(strip: Strip, edge: int, s: Array, offset_m: float) -> Array:
-    """Points on the triangles of the road, `offset_m` to the left of an edge, (K, 3)."""
+def beside(strip: Strip, edge: int, s: Array, offset_m: Array | float) -> Array:
+    """Points (K, 3) on the triangles of the road, `offset_m` [m] to the left of a lane edge."""
     line = np.stack([np.interp(s, strip.s_m, strip.edges_m[edge, :, k]) for k in range(3)], axis=-1)
     first, last = strip.edges_m[0], strip.edges_m[-1]
     across = np.stack([np.interp(s, strip.s_m, (first - last)[:, k]) for k in range(3)], axis=-1)
     length = np.sqrt(np.sum(across[:, :2] ** 2, axis=1, keepdims=True))
-    result: Array = line + across / np.maximum(length, 1e-6) * offset_m
+    result: Array = line + across / np.maximum(length, 1e-6) * np.reshape(offset_m, (-1, 1))
     return result

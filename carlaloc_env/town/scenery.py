@@ -20,6 +20,7 @@ from carlaloc_env.town.buildings import building_mesh
 from carlaloc_env.town.chunks import split_chunks
 from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.features import feature_mesh, sites
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.furniture import Furnisher, Placement
 from carlaloc_env.town.junctions import add_corners, add_islands, add_junction_surface, corner_edges
@@ -31,6 +32,7 @@ from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.painted import RoadPainter
 from carlaloc_env.town.pavements import add_pavements
 from carlaloc_env.town.polygons import Area
+from carlaloc_env.town.road_details import add_road_details
 from carlaloc_env.town.roads import add_roads
 from carlaloc_env.town.sections import KERB_M, Strip, road_strips
 from carlaloc_env.town.signposts import add_signals, add_signs
@@ -80,6 +82,7 @@ def build_scenery(
     lanes, raised, solid = MeshBuilder(), MeshBuilder(), MeshBuilder()
     add_roads(lanes, strips, seed)
     add_plain_lanes(solid, strips)
+    add_road_details(lanes, strips, roads, seed)
     add_pavements(raised, strips, seed)
     kerb_field = EdgeField(_road_edges(strips))
     for junction in areas.junctions:
@@ -93,7 +96,9 @@ def build_scenery(
     add_markings(paint, strips, roads)
     RoadPainter(network, strips, areas).add_all(paint)
 
-    lots = place_lots(strips, shapely.union(areas.paved, _cuts(levels)), zones, seed)
+    taken = sites(config.features)
+    reserved = shapely.union_all([_cuts(levels), *(site.ground for site in taken)])
+    lots = place_lots(strips, shapely.union(areas.paved, reserved), zones, seed)
     bases = _base_heights(lots, ground)
     buildings = _buildings(lots, bases, seed)
     solid.quads(lot_boxes(lots, bases), material=Material.PLAIN, tag=Tag.BUILDING)
@@ -114,12 +119,18 @@ def build_scenery(
     )
     for kind, zone in zones:
         furnisher.scatter(shapely.difference(zone, built), kind, ground)
-    props = furnisher.meshes(number + len(lights) + len(signs))
+    number += len(lights) + len(signs)
+    features = [
+        feature_mesh(site, areas.paved, floor.height, seed, number + k) for k, site in enumerate(taken)
+    ]
+    for feature in features:
+        solid.add(feature)
+    props = furnisher.meshes(number + len(features))
     _add_posts(solid, furnisher.placed, light_feet)
 
     land = raised.build()
     vertices, triangles = weld([solid.build(), land])
-    parts = [lanes.build(), land, paint.build(), *buildings, *lights, *signs, *props]
+    parts = [lanes.build(), land, paint.build(), *buildings, *lights, *signs, *features, *props]
     return Scenery(
         chunks=split_chunks(merge(parts)),
         collision_vertices_m=vertices,

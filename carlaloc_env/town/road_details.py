@@ -1,0 +1,133 @@
+"""Repairs, manhole covers and drains: what makes one metre of road unlike the next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import rng
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.markings import beside
+from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.opendrive.model import Road
+from carlaloc_env.town.sections import Strip
+
+Array = NDArray[np.float64]
+Spans = list[tuple[float, float]]
+
+PATCH_M = 0.002
+"""Height of repairs above the road [m]; paint lies higher."""
+COVER_M = 0.003
+"""Height of covers and drains above the road [m]."""
+PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 14.0, 38.0, 22.0
+"""Mean distances of repairs and covers on one lane, and of drains along a kerb [m]."""
+
+
+def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
+    """Details of all roads outside junctions."""
+    for strip in strips:
+        if strip.junction_id is not None or strip.s_m[-1] - strip.s_m[0] < 8.0:
+            continue
+        draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
+        painted = _painted_spans(roads[strip.road])
+        for lane in range(len(strip.lanes)):
+            if strip.kind(lane) == "roadway" and strip.lanes[lane].type == "driving":
+                _patches(out, strip, lane, painted, draw)
+                _covers(out, strip, lane, painted, draw)
+            _drains(out, strip, lane, draw)
+
+
+def _patches(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
+    for start in _places(strip, PATCH_STEP_M, draw):
+        length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
+        room = _width_at(strip, lane, start, start + length) - width - 0.5
+        side = 0.25 + float(draw.random()) * max(room, 0.0)
+        fresh, shade = draw.random() < 0.6, float(draw.uniform(0.72, 1.0))
+        if room <= 0.0 or start + length > strip.s_m[-1] - 0.5 or _meets(painted, start, start + length):
+            continue
+        grey = 255.0 * shade
+        material = Material.ASPHALT if fresh else Material.ASPHALT_OLD
+        _sheet(out, strip, lane, (start, start + length), (side, side + width), PATCH_M, material, grey)
+
+
+def _covers(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
+    """Round covers as twelve-sided plates."""
+    for start in _places(strip, COVER_STEP_M, draw):
+        room = _width_at(strip, lane, start - 0.5, start + 0.5)
+        across = float(draw.uniform(0.35, 0.65)) * room
+        if (
+            room < 2.0
+            or _meets(painted, start - 0.4, start + 0.4)
+            or not strip.s_m[0] + 1.0 < start < strip.s_m[-1] - 1.0
+        ):
+            continue
+        angle = np.arange(12) * (np.pi / 6)
+        rim = beside(strip, lane + 1, start + 0.33 * np.sin(angle), across + 0.33 * np.cos(angle))
+        rim[:, 2] += COVER_M
+        fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
+        # Angles run from left to forward: clockwise seen from above.
+        out.triangles(rim, fan[:, ::-1], material=Material.METAL_PAINTED, tag=Tag.ROAD, colour=(24, 23, 22))
+
+
+def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+    """Gratings in the roadway along kerbs."""
+    if strip.kind(lane) != "roadway":
+        return
+    width = strip.t_m[lane] - strip.t_m[lane + 1]
+    for other, left in ((lane - 1, True), (lane + 1, False)):
+        if not 0 <= other < len(strip.lanes) or strip.kind(other) != "walkway" or width.min() < 0.25:
+            continue
+        low, high = (width.min() - 0.38, width.min() - 0.04) if left else (0.04, 0.38)
+        low, high = max(low, 0.02), min(high, width.min() - 0.02)
+        for start in _places(strip, DRAIN_STEP_M, draw):
+            if start + 0.6 < strip.s_m[-1] - 0.5:
+                span = (start, start + 0.55)
+                _sheet(out, strip, lane, span, (low, high), COVER_M, Material.METAL_GALVANISED, 48.0)
+
+
+def _sheet(
+    out: MeshBuilder,
+    strip: Strip,
+    lane: int,
+    span_m: tuple[float, float],
+    across_m: tuple[float, float],
+    height_m: float,
+    material: Material,
+    grey: float,
+) -> None:
+    """A thin rectangle on a lane; `across_m` counts from the lane's right edge to the left."""
+    inner = strip.s_m[(strip.s_m > span_m[0] + 1e-3) & (strip.s_m < span_m[1] - 1e-3)]
+    s = np.concatenate([[span_m[0]], inner, [span_m[1]]])
+    rows = np.stack([beside(strip, lane + 1, s, offset) for offset in across_m], axis=1)
+    rows[..., 2] += height_m
+    uv = np.stack(np.broadcast_arrays(np.array(across_m)[None] + 0.7, s[:, None] + 0.4), axis=-1)
+    out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv, colour=(grey, grey, grey))
+
+
+def _places(strip: Strip, step_m: float, draw: np.random.Generator) -> Array:
+    """Stations about one per `step_m`, at random."""
+    length = strip.s_m[-1] - strip.s_m[0]
+    count = int(draw.poisson(length / step_m))
+    places: Array = np.sort(strip.s_m[0] + 0.5 + draw.random(count) * (length - 1.0))
+    return places
+
+
+def _painted_spans(road: Road) -> Spans:
+    """Stations [m] of crosswalks, stop lines and arrows, whose paint needs the bare road."""
+    return [
+        (item.s_m - item.length_m / 2 - 0.6, item.s_m + item.length_m / 2 + 0.6)
+        for item in road.objects
+        if item.type in ("crosswalk", "roadMark", "-1")
+    ]
+
+
+def _meets(spans: Spans, start: float, end: float) -> bool:
+    return any(low < end and start < high for low, high in spans)
+
+
+def _width_at(strip: Strip, lane: int, start: float, end: float) -> float:
+    width = np.interp([start, 0.5 * (start + end), end], strip.s_m, strip.t_m[lane] - strip.t_m[lane + 1])
+    return float(width.min())
