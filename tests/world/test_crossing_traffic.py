@@ -1,0 +1,99 @@
+"""Crossing traffic seen from a straight road: who is in the way, and who is not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from carlaloc_env.crossing_traffic import crossing_traffic
+from carlaloc_env.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
+from carlaloc_env.town.route import Route
+
+FRONT_M = 3.75
+
+
+def eastward() -> Route:
+    """A straight route of 200 m along the x axis."""
+    count = 401
+    zero = np.zeros(count)
+    return Route(
+        position_m=np.stack([np.arange(count) * 0.5, zero, zero], axis=-1),
+        heading_rad=zero,
+        slope=zero,
+        curvature_radpm=zero,
+        speed_limit_mps=zero + 13.9,
+        lane=np.zeros(count, np.int64),
+        lane_station_m=np.arange(count) * 0.5,
+        length_m=200.0,
+        closed=False,
+    )
+
+
+def car(
+    x_m: float, y_m: float, heading_rad: float, speed_mps: float, z_m: float = 0.0
+) -> tuple[ActorFrame, ActorCatalog]:
+    """One saloon."""
+    one = np.ones(1, np.float32)
+    frame = ActorFrame(
+        position_m=np.array([[x_m, y_m, z_m]], np.float32),
+        heading_rad=one * np.float32(heading_rad),
+        pitch_rad=0 * one,
+        speed_mps=one * np.float32(speed_mps),
+        travelled_m=0 * one,
+        steer_rad=0 * one,
+        lights=np.zeros(1, np.uint8),
+    )
+    catalog = ActorCatalog(
+        id=np.array([1 << 24], np.uint32),
+        model=("saloon",),
+        tag=np.zeros(1, np.uint8),
+        size_m=np.array([[4.5, 1.8, 1.5]], np.float32),
+        tint=np.zeros((1, 3), np.uint8),
+    )
+    return frame, catalog
+
+
+def test_a_car_that_crosses_at_the_same_time_counts() -> None:
+    """25 m ahead, from the right, there in 2 s; the ego at 10 m/s as well."""
+    found = crossing_traffic(eastward(), 20.0, 10.0, *car(45.0, -16.0, math.pi / 2, 8.0))
+    assert found is not None
+    gap, speed = found
+    assert gap == pytest.approx(25.0 - FRONT_M - 0.9, abs=1.5)
+    assert speed == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_car_that_merges_brings_its_speed() -> None:
+    """At 30° to the route: a leader to be, with cos 30° of its speed."""
+    found = crossing_traffic(eastward(), 20.0, 8.0, *car(30.0, -7.0, math.radians(30.0), 7.0))
+    assert found is not None
+    assert found[1] == pytest.approx(7.0 * math.cos(math.radians(30.0)), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "heading_rad", "speed_mps", "z_m"),
+    [
+        (50.0, 3.5, math.pi, 13.0, 0.0),
+        (40.0, 3.5, 0.0, 10.0, 0.0),
+        (10.0, 0.0, 0.0, 12.0, 0.0),
+        (45.0, -16.0, math.pi / 2, 0.0, 0.0),
+        (45.0, 6.0, math.pi / 2, 8.0, 0.0),
+        (55.0, -16.0, math.pi / 2, 8.0, 6.0),
+    ],
+    ids=["oncoming", "next lane", "behind", "waiting", "already across", "on a bridge"],
+)
+def test_others_do_not_count(
+    x_m: float, y_m: float, heading_rad: float, speed_mps: float, z_m: float
+) -> None:
+    assert crossing_traffic(eastward(), 20.0, 10.0, *car(x_m, y_m, heading_rad, speed_mps, z_m)) is None
+
+
+def test_well_before_or_well_after_does_not_count() -> None:
+    """The ego passes 5 s before a far car; a near car has crossed long before the ego comes."""
+    assert crossing_traffic(eastward(), 20.0, 14.0, *car(30.0, -26.0, math.pi / 2, 8.0)) is None
+    assert crossing_traffic(eastward(), 20.0, 4.0, *car(58.0, -5.0, math.pi / 2, 10.0)) is None
+
+
+def test_empty_road() -> None:
+    assert crossing_traffic(eastward(), 20.0, 10.0, empty_frame(), empty_catalog()) is None
