@@ -1,0 +1,49 @@
+"""Score an estimate: how far is the path of raw GNSS fixes from the truth?"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from carlaloc_env.presets import state_rig
+from carlaloc_env.samples import GnssFix
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.weather import weather_by_name
+from recorder.episode import Episode
+from recorder.evaluation.align import Alignment
+from recorder.evaluation.evaluate import EvaluationResult, evaluate
+from recorder.evaluation.metrics import Metric
+from recorder.evaluation.trajectory import Trajectory
+
+
+def main(drive: Path, seed: int = 0) -> EvaluationResult:
+    """Compare the fixes of a recorded drive with where the antenna really was."""
+    episode = Episode.load(drive)
+    town, timeline = load_town(episode.header.map_name), episode.timeline()
+    stage = SensorStage(town, seed=seed, weather=weather_by_name("ClearNoon"))
+    rig = state_rig().build(stage)
+    fixes = [s for s in rig.measure(timeline, -1, timeline.end_ns) if isinstance(s, GnssFix)]
+
+    stamps = np.array([fix.stamp_ns for fix in fixes])
+    geodetic = np.array([(fix.latitude_deg, fix.longitude_deg, fix.altitude_m) for fix in fixes])
+    level = np.tile([0.0, 0.0, 0.0, 1.0], (len(fixes), 1))
+    estimate = Trajectory(
+        stamp_ns=stamps, position_m=town.geo.geodetic_to_enu(geodetic), quat_xyzw=level, name="raw GNSS"
+    )
+    motion = timeline.ego_motion(stamps).at_mount(state_rig().frames["gnss"])
+    truth = Trajectory(
+        stamp_ns=stamps, position_m=motion.position_m, quat_xyzw=motion.quat_xyzw, name="antenna"
+    )
+
+    positions_only = (Metric.APE_TRANSLATION, Metric.RPE_PAPER, Metric.RPE_POINT_DISTANCE)
+    result = evaluate(truth, estimate, alignment=Alignment.NONE, metrics=positions_only)
+    for metric, statistics in result.statistics.items():
+        print(f"{metric.value:<72} rmse {statistics.rmse:8.3f} {metric.unit}")
+    return result
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,38 @@
+"""Measure a recorded drive with a kind of sensor that the package does not have: `barometer.py`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from barometer import BarometerConfig, Pressure
+
+from carlaloc_env.rig import SensorRig
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.weather import weather_by_name
+from recorder.episode import Episode
+
+RIG = """
+name: weather_station
+sensors:
+- {kind: barometer, rate_hz: 10, noise_pa: 2}
+"""
+
+
+def main(drive: Path, rig_yaml: str = RIG) -> list[Pressure]:
+    """Register the sensor, build a rig that names it, and read it over the whole drive."""
+    SENSOR_KINDS["barometer"] = BarometerConfig
+    episode = Episode.load(drive)
+    timeline = episode.timeline()
+    stage = SensorStage(load_town(episode.header.map_name), seed=1, weather=weather_by_name("ClearNoon"))
+    rig = SensorRig.from_yaml(rig_yaml).build(stage)
+    readings = [s for s in rig.measure(timeline, -1, timeline.end_ns) if isinstance(s, Pressure)]
+    for reading in readings[:: max(len(readings) // 5, 1)]:
+        print(f"{reading.stamp_ns / 1e9:6.2f} s  {reading.pressure_pa:.1f} Pa")
+    return readings
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

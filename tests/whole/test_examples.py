@@ -1,0 +1,108 @@
+"""Every example runs, and what it shows is true."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import cv2
+import numpy as np
+import pytest
+
+from carlaloc_env.errors import RaycastError, RenderError
+from carlaloc_env.rig import SensorRig
+from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+from recorder.episode import Episode
+from recorder.evaluation.metrics import Metric
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def load(name: str) -> ModuleType:
+    """An example as a module."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+def test_examples_are_short_and_callable(path: Path) -> None:
+    """Sixty lines at most (the demo is a program), with a `main` to call."""
+    text = path.read_text(encoding="utf-8")
+    if path.name != "demo.py":
+        assert len(text.splitlines()) <= 60
+    if path.name != "barometer.py":
+        assert "\ndef main(" in text
+
+
+def test_the_env_is_driven_along_its_route() -> None:
+    """Three seconds of full attention bring the car forward, not off the road."""
+    distance_m = load("01_step_the_env").main(steps=60, rig="state")
+    assert 2.0 < distance_m < 30.0
+
+
+def test_a_rig_of_yaml_is_used(tmp_path: Path) -> None:
+    """The file's four sensors are built, the LiDAR with changed columns, and the picture is not blank."""
+    out = tmp_path / "rear.png"
+    try:
+        rig = load("02_custom_rig").main(out=out)
+    except (RenderError, RaycastError) as error:
+        pytest.skip(str(error))
+    assert [sensor.name for sensor in rig.sensors] == ["rear", "roof", "imu", "gnss"]
+    assert rig.of_kind("lidar") == (
+        LidarConfig(
+            name="roof",
+            mount=rig.sensors[1].mount,
+            rate_hz=10.0,
+            elevations_deg=(-20.0, -15.0, -10.0, -7.5, -5.0, -2.5, 0.0, 2.5),
+            columns=450,
+            outputs=("cloud",),
+        ),
+    )
+    picture = cv2.imread(str(out))
+    assert picture is not None
+    assert picture.shape == (180, 320, 3)
+    assert picture.std() > 5.0
+
+
+def test_a_device_of_ones_own_drives_and_its_drive_is_replayed(tmp_path: Path) -> None:
+    """Counts are rate × time, and the device's name stands in the episode."""
+    counts = load("03_drive_and_replay").main(out=tmp_path / "cruise", duration_s=3.0, rig="state")
+    assert counts["/imu/data"] == pytest.approx(600, abs=2)
+    assert counts["/gnss/fix"] == pytest.approx(15, abs=1)
+    assert "/lidar/points" not in counts
+    episode = Episode.load(tmp_path / "cruise" / "drive.mcap")
+    assert episode.header.device == "cruise"
+    assert episode.ego["speed_mps"].max() == pytest.approx(2.0, abs=0.3)
+
+
+def test_raw_gnss_scores_what_its_noise_says(short_drive: Path) -> None:
+    """σ of 3, 3, 5 m give an APE of √43 = 6.56 m, and steps √2 times that."""
+    results = [load("04_evaluate").main(short_drive, seed=seed) for seed in range(3)]
+    ape, rpe = (
+        np.sqrt(np.mean([result.statistics[metric].rmse ** 2 for result in results]))
+        for metric in (Metric.APE_TRANSLATION, Metric.RPE_PAPER)
+    )
+    # Three draws of 31 fixes: four standard errors of an RMS of 3 × 93 numbers.
+    assert ape == pytest.approx(np.sqrt(43.0), rel=0.2)
+    assert rpe == pytest.approx(np.sqrt(86.0), rel=0.3)
+
+
+def test_a_sensor_from_outside(short_drive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The barometer can be named in a rig, and reads the standard atmosphere at 116 m above the ellipsoid."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+    monkeypatch.delitem(SENSOR_KINDS, "barometer", raising=False)
+    readings = load("05_new_sensor").main(short_drive)
+    assert len(readings) == pytest.approx(61, abs=1)
+    pressure_pa = np.array([reading.pressure_pa for reading in readings])
+    # ISO 2533: 101 325 Pa at sea level, 12.0 Pa less per metre; the noise is 2 Pa.
+    assert pressure_pa.mean() == pytest.approx(101325.0 - 12.0 * 116.0, abs=15.0)
+    assert 1.2 < np.diff(pressure_pa).std() / np.sqrt(2) < 3.0
+    monkeypatch.delitem(SENSOR_KINDS, "barometer")
+    text = (EXAMPLES / "02_custom_rig.yaml").read_text(encoding="utf-8")
+    assert SensorRig.from_yaml(text).name == "roof_and_rear"
