@@ -16,6 +16,7 @@ from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import Programs, create_context, is_software, set_uniforms
 from carlaloc_env.render.gbuffer import SKY_ID, GBuffer, TargetPool, Targets
 from carlaloc_env.render.geometry import COARSE_FROM_M, Geometry, InstanceBuffer, coarse, split_backs
+from carlaloc_env.render.occlusion import Occlusion
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.surfaces import surface_table, upload_textures
@@ -27,6 +28,8 @@ QUALITIES = ("low", "medium", "high")
 """One sample per pixel; the same with a lens blur of 0.5 px; 2×2 samples resolved before shading."""
 
 ACTOR_SHADOW_RANGE_M = 90.0
+DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
+"""Clip depth = first · z + second."""
 
 
 class SceneRenderer:
@@ -66,6 +69,7 @@ class SceneRenderer:
         with self._context:
             self._programs = Programs(self._context)
             self._pool = TargetPool(self._context)
+            self._occlusion = Occlusion(self._context, self._programs)
             self._upload(chunks, library, albedo)
             lamps = np.zeros((0, 3)) if lamps_m is None else np.asarray(lamps_m, np.float64).reshape(-1, 3)
             self._shader = Shader(
@@ -170,6 +174,11 @@ class SceneRenderer:
         context.enable(moderngl.CULL_FACE)
         near, far = order[distance < COARSE_FROM_M], order[distance >= COARSE_FROM_M]
         self._solid.draw(program, near)
+        context.disable(moderngl.CULL_FACE)
+        far = far[
+            self._occlusion.seen(targets.framebuffer, view, DEPTH_RANGE, self._low_m[far], self._high_m[far])
+        ]
+        context.enable(moderngl.CULL_FACE)
         self._solid_coarse.draw(program, far)
         context.disable(moderngl.CULL_FACE)
         self._open.draw(program, near)
@@ -186,14 +195,13 @@ class SceneRenderer:
         )
         program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines)
         self._textures.use(0)
-        far, near = FAR_M, NEAR_M
         set_uniforms(
             program,
             u_textures=0,
             u_eye=tuple(view.position_m),
             u_rotation=view.R_camera_world.T.astype("<f4").tobytes(),
             u_clip=view.clip_scale,
-            u_range=((far + near) / (far - near), -2.0 * far * near / (far - near)),
+            u_range=DEPTH_RANGE,
             u_surface=self._surface.tobytes(),
         )
         return program
@@ -221,6 +229,7 @@ class SceneRenderer:
         with self._context:
             self._shader.release()
             self._pool.release()
+            self._occlusion.release()
             for geometry in (self._solid, self._open, self._solid_coarse, self._open_coarse, self._library):
                 geometry.release()
             self._poses.buffer.release()

@@ -418,6 +418,22 @@ def test_missing_opengl_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> N
         create_context()
 
 
+def test_chunks_behind_a_wall_cost_nothing_and_change_nothing() -> None:
+    """Far boxes peep over and past a wall: each pixel shows what one undivided mesh shows."""
+    random = np.random.default_rng(8)
+    blocks = [ground(), wall(30.0, (-25.0, 0.0), (12.0, 9.0), tag=Tag.WALL)]
+    for number, (x, y) in enumerate(random.uniform((170, -150), (500, 150), (60, 2))):
+        height = random.uniform(5, 90)
+        blocks.append(
+            wall(x, (y - 8, 0.0), (y + 8, height), material=Material.PLAIN, tag=Tag.BUILDING, instance=number)
+        )
+    with scene(*blocks) as divided, scene(merge(blocks)) as whole:
+        a, b = (renderer.draw(CAMERA, FORWARD, Instances()) for renderer in (divided, whole))
+        np.testing.assert_array_equal(a.labels()[1], b.labels()[1])
+        np.testing.assert_array_equal(a.depth_m(), b.depth_m())
+        assert len(np.unique(a.labels()[1])) > 10
+
+
 def test_unknown_quality_names_the_nearest() -> None:
     with pytest.raises(ConfigError, match="did you mean 'medium'"):
         scene(ground(), quality="mediun")
