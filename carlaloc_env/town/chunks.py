@@ -8,6 +8,8 @@ from carlaloc_env.scene import Mesh
 
 CHUNK_M = 60.0
 """Side of a square [m]."""
+FAR_CHUNK_M = 240.0
+"""Side of a square in the town's surroundings [m]."""
 
 
 def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:

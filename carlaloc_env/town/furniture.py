@@ -153,6 +153,11 @@ class Furnisher:
             number += len(feet)
         return found
 
+    @property
+    def count(self) -> int:
+        """Number of props placed."""
+        return sum(len(feet) for feet in self.placed.feet.values())
+
     def lamps_m(self) -> Array:
         """Light sources of the lamps [m], shape (K, 3)."""
         key = ("lamp", 0, "")

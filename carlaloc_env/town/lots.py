@@ -50,8 +50,6 @@ def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
     """
     lines = []
     for strip in strips:
-        if strip.junction_id is not None:
-            continue
         span = strip.span(("roadway", "walkway", "median"))
         if span is None:
             continue
@@ -59,7 +57,11 @@ def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
         left, right = strip.lane_edges(span[0])[0], strip.lane_edges(span[1] - 1)[1]
         both = ((left[::-1], span[0], "left"), (right, span[1] - 1, "right"))
         for line, lane, side in both:
-            extra = 0.0 if strip.kind(lane) == "walkway" else VERGE_M
+            walk = strip.kind(lane) == "walkway"
+            # Connecting roads overlap; only their pavements bound a block.
+            if strip.junction_id is not None and not walk:
+                continue
+            extra = 0.0 if walk else VERGE_M
             lines.append((f"{name}/{side}", densify(line, 1.0), extra))
     return lines
 
@@ -80,7 +82,9 @@ def place_lots(
         shapely.prepare(area)
     placed: list[Lot] = []
     footprints: list[Area] = []
-    for name, line, extra in frontages(strips):
+    inside = [strip for strip in strips if strip.junction_id is None]
+    joints = [strip for strip in strips if strip.junction_id is not None]
+    for name, line, extra in frontages([*inside, *joints]):
         _along(name, line, extra, blocked, zones, seed, placed, footprints)
     return placed
 

@@ -17,7 +17,7 @@ from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import TownAreas, town_areas
 from carlaloc_env.town.buildings import building_mesh
-from carlaloc_env.town.chunks import split_chunks
+from carlaloc_env.town.chunks import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.features import feature_mesh, sites
@@ -36,6 +36,7 @@ from carlaloc_env.town.road_details import add_road_details
 from carlaloc_env.town.roads import add_roads
 from carlaloc_env.town.sections import KERB_M, Strip, road_strips
 from carlaloc_env.town.signposts import add_signals, add_signs
+from carlaloc_env.town.skyline import add_skyline
 from carlaloc_env.town.structures import add_structures
 from carlaloc_env.town.terrain import MARGIN_M, Ground, add_terrain, zone_areas
 
@@ -126,13 +127,15 @@ def build_scenery(
     for feature in features:
         solid.add(feature)
     props = furnisher.meshes(number + len(features))
+    number += len(features) + furnisher.count
+    far = add_skyline(bounds, zones, ground, seed, number)
     _add_posts(solid, furnisher.placed, light_feet)
 
     land = raised.build()
     vertices, triangles = weld([solid.build(), land])
     parts = [lanes.build(), land, paint.build(), *buildings, *lights, *signs, *features, *props]
     return Scenery(
-        chunks=split_chunks(merge(parts)),
+        chunks=split_chunks(merge(parts)) + split_chunks(merge(far), FAR_CHUNK_M),
         collision_vertices_m=vertices,
         collision_triangles=triangles,
         lenses=lenses,

@@ -68,16 +68,15 @@ def test_normals_are_unit_vectors_and_nothing_is_infinite(mesh: Mesh) -> None:
 
 def test_chunks_are_small_squares(town: Town) -> None:
     spans = np.array([np.ptp(chunk.bounds_m, axis=0)[:2].max() for chunk in town.chunks])
-    assert (spans > 121.0).sum() <= 1
+    near = np.array([np.abs(chunk.bounds_m[:, :2].mean(axis=0)).max() < 250.0 for chunk in town.chunks])
+    assert (spans[near] > 121.0).sum() <= 1
+    assert len(town.chunks) < 300
 
 
 def test_no_building_reaches_over_a_road_or_pavement(mesh: Mesh, areas: TownAreas) -> None:
-    """Walls below 2.5 m; awnings, canopies and balconies may hang over a pavement higher up."""
+    """Nothing reaches over a road; over pavements only doorsteps, awnings and balconies do."""
     triangles = _of_tag(mesh, Tag.BUILDING)
     centre = mesh.vertices_m[triangles].astype(np.float64).mean(axis=1)
-    ground = {}
-    for instance in np.unique(mesh.instance[triangles]):
-        ground[int(instance)] = 0.0
     paved = shapely.buffer(shapely.union(areas.roadway, areas.raised), -0.3)
     shapely.prepare(paved)
     down = np.abs(mesh.normals[triangles[:, 0], 2]) < 0.5
