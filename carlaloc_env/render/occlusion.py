@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -46,17 +48,21 @@ class Occlusion:
         )
         low = low_m - view.position_m - MARGIN_M
         high = high_m - view.position_m + MARGIN_M
-        mask = framebuffer.color_mask
-        framebuffer.color_mask = [(False,) * 4] * len(framebuffer.color_attachments)
+        attachments = len(framebuffer.color_attachments)
+        _set_colour_mask(framebuffer, attachments, False)
         framebuffer.depth_mask = False
         for query, a, b in zip(self._queries, low, high, strict=False):
             set_uniforms(self._program, u_low=tuple(a), u_high=tuple(b))
             with query:
                 self._array.render(moderngl.TRIANGLE_STRIP, vertices=14)
-        framebuffer.color_mask = mask
+        _set_colour_mask(framebuffer, attachments, True)
         framebuffer.depth_mask = True
         return np.array([query.samples > 0 for query in self._queries[: len(low)]], dtype=bool)
 
     def release(self) -> None:
         """Free the queries."""
         self._array.release()
+
+
+def _set_colour_mask(framebuffer: Any, attachments: int, write: bool) -> None:
+    framebuffer.color_mask = [(write,) * 4] * attachments
