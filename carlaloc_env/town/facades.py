@@ -10,32 +10,15 @@ from numpy.typing import NDArray
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.cells import cell_uv
+from carlaloc_env.town.looks import Look, trim_faces, wall_faces
 from carlaloc_env.town.meshing import MeshBuilder
-from carlaloc_env.town.styles import Style, Tint
+from carlaloc_env.town.shopfronts import GARAGE_DOOR, street_storey
 from carlaloc_env.town.walls import Wall
 
 Array = NDArray[np.float64]
 
-GARAGE_DOOR = 3
-"""The door picture that is a garage's; those before it are for people."""
 FULL_DETAIL_M = 24.0
 """Above this height windows lose sills and reveals: from the street nobody sees them [m]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
-    """What one building chose from its style."""
-
-    style: Style
-    """The style."""
-    material: Material
-    """Material of the walls."""
-    tint: Tint
-    """Linear tint of the walls."""
-    trim: Tint
-    """Linear tint of sills, cornices and frames."""
-    sign: Tint
-    """Linear tint of shop signs and awnings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +54,7 @@ def facade(
     if style.ground == "hall":
         first = 0
     if front and style.ground in ("shop", "lobby"):
-        _street_storey(out, wall, look, centre, pitch, float(levels_m[0]), float(levels_m[1]), rng)
+        street_storey(out, wall, look, centre, pitch, float(levels_m[0]), float(levels_m[1]), rng)
     elif front and style.ground == "dwelling":
         _entrance_storey(out, wall, look, centre, width, float(levels_m[0]), float(levels_m[1]), rng)
     if first < storeys:
@@ -104,10 +87,10 @@ def _window_storeys(
     )
     band_z0 = np.append(levels[0], head)
     band_z1 = np.append(sill, levels[-1])
-    _wall_faces(out, look, wall.front(0.0, wall.width_m, band_z0, band_z1))
+    wall_faces(out, look, wall.front(0.0, wall.width_m, band_z0, band_z1))
     pier_a0, pier_a1 = np.append(0.0, a1), np.append(a0, wall.width_m)
     piers = (len(floor), len(pier_a0))
-    _wall_faces(
+    wall_faces(
         out,
         look,
         wall.front(
@@ -117,7 +100,7 @@ def _window_storeys(
             np.broadcast_to(head[:, None], piers).ravel(),
         ),
     )
-    _wall_faces(out, look, wall.front(0.0, wall.width_m, levels[0], levels[-1], -style.recess_m - 0.05))
+    wall_faces(out, look, wall.front(0.0, wall.width_m, levels[0], levels[-1], -style.recess_m - 0.05))
     _windows(out, wall, look, grid, rng, front=front)
 
 
@@ -130,7 +113,7 @@ def _windows(
     out.quads(pane, material=Material.WINDOW, tag=Tag.BUILDING, uv_m=cell_uv(Material.WINDOW, pick))
     near = w.z0 < FULL_DETAIL_M
     a0, a1, z0, z1 = (x[near] for x in (w.a0, w.a1, w.z0, w.z1))
-    _wall_faces(out, look, wall.reveal(a0, a1, z0, z1, style.recess_m))
+    wall_faces(out, look, wall.reveal(a0, a1, z0, z1, style.recess_m))
     if not front:
         return
     sill = wall.box(a0 - 0.06, a1 + 0.06, z0 - 0.08, z0, 0.09)
@@ -159,114 +142,6 @@ def _balconies(out: MeshBuilder, wall: Wall, look: Look, a0: Array, a1: Array, f
     out.quads(np.concatenate(rail), material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=(45, 47, 50))
 
 
-def _street_storey(
-    out: MeshBuilder,
-    wall: Wall,
-    look: Look,
-    centre: Array,
-    pitch: float,
-    z0: float,
-    z1: float,
-    rng: np.random.Generator,
-) -> None:
-    """Ground floor of glass between piers: shops with sign bands and awnings, or a lobby."""
-    shop = look.style.ground == "shop"
-    group = max(1, round((4.2 if shop else 3.2) / pitch))
-    edges = np.append(np.arange(0, len(centre), group), len(centre)) * pitch + 0.4
-    pier = 0.28
-    a0, a1 = edges[:-1] + pier, edges[1:] - pier
-    riser, head = z0 + (0.4 if shop else 0.15), z1 - (0.95 if shop else 0.6)
-    recess = 0.25
-    door = int(rng.integers(0, len(a0)))
-    low = np.full(len(a0), riser)
-    low[door] = z0
-    _wall_faces(out, look, wall.front(0.0, wall.width_m, head, z1))
-    ends0, ends1 = np.append(0.0, a1), np.append(a0, wall.width_m)
-    _wall_faces(out, look, wall.front(ends0, ends1, z0, head))
-    others = np.arange(len(a0)) != door
-    _trim_faces(out, look, wall.front(a0[others], a1[others], z0, riser))
-    _wall_faces(out, look, wall.front(0.0, wall.width_m, z0, z1, -recess - 0.05))
-    _trim_faces(out, look, wall.reveal(a0, a1, low, head, recess))
-    pane = wall.front(a0[others], a1[others], riser, head, -recess)
-    pick = rng.integers(0, 1 << 16, int(others.sum()))
-    material = Material.SHOP_FRONT if shop else Material.CURTAIN_WALL
-    uv = cell_uv(material, pick) if shop else None
-    out.quads(pane, material=material, tag=Tag.BUILDING, uv_m=uv)
-    _door_bay(out, wall, look, float(a0[door]), float(a1[door]), z0, head, recess, rng)
-    if shop:
-        _shop_signs(out, wall, look, a0, a1, head, rng)
-
-
-def _door_bay(
-    out: MeshBuilder,
-    wall: Wall,
-    look: Look,
-    a0: float,
-    a1: float,
-    z0: float,
-    head: float,
-    recess: float,
-    rng: np.random.Generator,
-) -> None:
-    middle, half = (a0 + a1) / 2, min(0.55, (a1 - a0) / 2 - 0.05)
-    top = min(z0 + 2.25, head)
-    door = wall.front(middle - half, middle + half, z0, top, -recess)
-    out.quads(
-        door,
-        material=Material.DOOR,
-        tag=Tag.BUILDING,
-        uv_m=cell_uv(Material.DOOR, rng.integers(0, GARAGE_DOOR, 1)),
-    )
-    sides = wall.front(
-        np.array([a0, middle + half, middle - half]),
-        np.array([middle - half, a1, middle + half]),
-        np.array([z0, z0, top]),
-        np.array([head, head, head]),
-        -recess,
-    )
-    out.quads(
-        sides,
-        material=Material.WINDOW,
-        tag=Tag.BUILDING,
-        uv_m=cell_uv(Material.WINDOW, rng.integers(0, 1 << 16, 3)),
-    )
-    _trim_faces(
-        out,
-        look,
-        wall.box(middle - half - 0.08, middle + half + 0.08, top, top + 0.1, -recess + 0.1, -recess),
-    )
-
-
-def _shop_signs(
-    out: MeshBuilder, wall: Wall, look: Look, a0: Array, a1: Array, head: float, rng: np.random.Generator
-) -> None:
-    band = wall.box(a0, a1, head + 0.08, head + 0.78, 0.12)
-    out.quads(band, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.sign)
-    plate = wall.front(a0 + 0.08, a1 - 0.08, head + 0.14, head + 0.72, 0.13)
-    pick = rng.integers(0, 1 << 16, len(a0))
-    out.quads(
-        plate, material=Material.POSTER, tag=Tag.BUILDING, uv_m=cell_uv(Material.POSTER, pick, aspect=5.0)
-    )
-    awned = rng.random(len(a0)) < 0.45
-    if awned.any():
-        left, right = a0[awned], a1[awned]
-        low, high, depth = head - 0.45, head + 0.05, 1.15
-        slope = np.stack(
-            [
-                wall.points(left, depth, low),
-                wall.points(right, depth, low),
-                wall.points(right, 0.02, high),
-                wall.points(left, 0.02, high),
-            ],
-            axis=1,
-        )
-        valance = wall.front(left, right, low - 0.2, low, depth)
-        both = np.concatenate([slope, slope[:, ::-1], valance, valance[:, ::-1]])
-        out.quads(
-            both, material=Material.CLOTH, tag=Tag.BUILDING, colour=tuple(max(1, c - 20) for c in look.sign)
-        )
-
-
 def _entrance_storey(
     out: MeshBuilder,
     wall: Wall,
@@ -288,17 +163,17 @@ def _entrance_storey(
     a0[door], a1[door] = d0, d1
     ceiling = max(high, top)
     piers0, piers1 = np.append(0.0, a1), np.append(a0, wall.width_m)
-    _wall_faces(out, look, wall.front(piers0, piers1, z0, ceiling))
-    _wall_faces(out, look, wall.front(0.0, wall.width_m, ceiling, z1))
-    _wall_faces(out, look, wall.front(a0[others], a1[others], z0, low))
+    wall_faces(out, look, wall.front(piers0, piers1, z0, ceiling))
+    wall_faces(out, look, wall.front(0.0, wall.width_m, ceiling, z1))
+    wall_faces(out, look, wall.front(a0[others], a1[others], z0, low))
     if ceiling > high + 1e-6:
-        _wall_faces(out, look, wall.front(a0[others], a1[others], high, ceiling))
+        wall_faces(out, look, wall.front(a0[others], a1[others], high, ceiling))
     if ceiling > top + 1e-6:
-        _wall_faces(out, look, wall.front(d0, d1, top, ceiling))
-    _wall_faces(out, look, wall.front(0.0, wall.width_m, z0, z1, -style.recess_m - 0.05))
+        wall_faces(out, look, wall.front(d0, d1, top, ceiling))
+    wall_faces(out, look, wall.front(0.0, wall.width_m, z0, z1, -style.recess_m - 0.05))
     w = Openings(a0=a0[others], a1=a1[others], z0=np.full(others.sum(), low), z1=np.full(others.sum(), high))
     _windows(out, wall, look, w, rng, front=True)
-    _wall_faces(out, look, wall.reveal(d0, d1, z0, top, style.recess_m))
+    wall_faces(out, look, wall.reveal(d0, d1, z0, top, style.recess_m))
     pick = rng.integers(0, GARAGE_DOOR, 1)
     panel = wall.front(d0, d1, z0, top, -style.recess_m)
     out.quads(panel, material=Material.DOOR, tag=Tag.BUILDING, uv_m=cell_uv(Material.DOOR, pick))
@@ -311,26 +186,18 @@ def _entrance_storey(
 def _mouldings(out: MeshBuilder, wall: Wall, look: Look, levels: Array, pitch: float, *, front: bool) -> None:
     style = look.style
     if style.courses:
-        _trim_faces(out, look, wall.box(0.0, wall.width_m, levels[1:-1] - 0.14, levels[1:-1] + 0.06, 0.07))
+        trim_faces(out, look, wall.box(0.0, wall.width_m, levels[1:-1] - 0.14, levels[1:-1] + 0.06, 0.07))
     elif len(levels) > 2 and style.ground in ("shop", "lobby"):
-        _trim_faces(out, look, wall.box(0.0, wall.width_m, levels[1] - 0.12, levels[1] + 0.12, 0.1))
+        trim_faces(out, look, wall.box(0.0, wall.width_m, levels[1] - 0.12, levels[1] + 0.12, 0.1))
     if style.pilaster_m > 0.0 and front and len(levels) > 2:
         bays = round((wall.width_m - 0.8) / pitch)
         a = 0.4 + pitch * np.arange(bays + 1)
         half = min(style.pilaster_m, pitch - style.window_m[0]) / 2
-        _wall_faces(out, look, wall.box(a - half, a + half, levels[1], levels[-1] - 0.01, 0.16))
+        wall_faces(out, look, wall.box(a - half, a + half, levels[1], levels[-1] - 0.01, 0.16))
     reach, height = style.cornice_m
     if reach > 0.0:
         top = float(levels[-1])
-        _trim_faces(
+        trim_faces(
             out, look, wall.box(-reach, wall.width_m + reach, top - height, top - height / 2, reach / 2)
         )
-        _trim_faces(out, look, wall.box(-reach, wall.width_m + reach, top - height / 2, top, reach))
-
-
-def _wall_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
-    out.quads(quads, material=look.material, tag=Tag.BUILDING, colour=look.tint)
-
-
-def _trim_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
-    out.quads(quads, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
+        trim_faces(out, look, wall.box(-reach, wall.width_m + reach, top - height / 2, top, reach))

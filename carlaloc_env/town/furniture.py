@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -11,21 +10,18 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env import rng
-from carlaloc_env.assets import street
-from carlaloc_env.assets.trees import hedge, tree
 from carlaloc_env.scene import Mesh
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.pavements import raised_runs, run_edges
 from carlaloc_env.town.polygons import Area
 from carlaloc_env.town.sections import Strip
+from carlaloc_env.town.street_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
 from carlaloc_env.town.terrain import Ground
 
 Array = NDArray[np.float64]
 
 LAMP_STEP_M = 30.0
 """Distance of lamps on one side of a street [m]."""
-LAMP_HEIGHT_M, LAMP_ARM_M = 8.5, 2.0
-"""Height of a lamp's light, and how far it reaches over the road [m]."""
 TREE_STEP_M = 9.0
 """Distance of street trees [m]."""
 KERB_DISTANCE_M = 0.75
@@ -53,27 +49,6 @@ TREE_KINDS: dict[str, tuple[str, ...]] = {
 
 SCATTER_STEP_M: dict[str, float] = {"park": 10.0, "residential": 17.0, "small_town": 19.0, "rural": 28.0}
 """Distance of the trees that stand away from streets [m], in zones that have any."""
-
-
-@dataclass(slots=True, eq=False)
-class Placement:
-    """Props chosen so far: name → feet and directions; and what the posts block."""
-
-    feet: dict[tuple[str, int, str], list[Array]] = field(default_factory=dict)
-    """Feet [m] by prop, variant and detail."""
-    yaws: dict[tuple[str, int, str], list[float]] = field(default_factory=dict)
-    """Directions of the x axes [rad]."""
-
-    def put(self, name: str, foot: Array, yaw: float, variant: int = 0, detail: str = "") -> None:
-        """Choose one prop."""
-        key = (name, variant, detail)
-        self.feet.setdefault(key, []).append(foot)
-        self.yaws.setdefault(key, []).append(yaw)
-
-    def feet_of(self, name: str) -> Array:
-        """Feet of all props of one name [m], shape (K, 3)."""
-        found = [foot for key, feet in self.feet.items() if key[0] == name for foot in feet]
-        return np.array(found, dtype=np.float64).reshape(-1, 3)
 
 
 class Furnisher:
@@ -148,7 +123,7 @@ class Furnisher:
             if name.startswith("tree "):
                 scale = draw.uniform(0.85, 1.15, len(feet))
                 tint = draw.uniform(0.75, 1.1, (len(feet), 1)) * draw.uniform(0.93, 1.07, (len(feet), 3))
-            mesh = _prop(name, variant, detail)
+            mesh = prop_mesh(name, variant, detail)
             found.append(copies(mesh, poses(feet, yaws, scale), number, tint))
             number += len(feet)
         return found
@@ -293,23 +268,3 @@ def _equal_steps(kerb: Array, outer: Array) -> tuple[Array, Array]:
     line = np.stack([np.interp(at, length, kerb[:, k]) for k in range(3)], axis=-1)
     far = np.stack([np.interp(at, length, outer[:, k]) for k in range(3)], axis=-1)
     return line, far
-
-
-def _prop(name: str, variant: int, detail: str) -> Mesh:
-    if name.startswith("tree "):
-        return tree(name.removeprefix("tree "), variant, detail)
-    makers: dict[str, Callable[[], Mesh]] = {
-        "lamp": lambda: street.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
-        "banner": lambda: street.banner(variant),
-        "bench": street.bench,
-        "bin": street.bin_,
-        "hydrant": street.hydrant,
-        "newspaper_box": street.newspaper_box,
-        "post_box": street.post_box,
-        "cabinet": street.cabinet,
-        "planter": street.planter,
-        "column": lambda: street.advertising_column(variant),
-        "bus_shelter": lambda: street.bus_shelter(variant),
-        "hedge": lambda: hedge(3.0, 1.2 + 0.1 * variant, 0.6, variant, "low"),
-    }
-    return makers[name]()

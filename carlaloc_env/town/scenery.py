@@ -22,7 +22,7 @@ from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.features import feature_mesh, sites
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
-from carlaloc_env.town.furniture import Furnisher, Placement
+from carlaloc_env.town.furniture import Furnisher
 from carlaloc_env.town.junctions import add_corners, add_islands, add_junction_surface, corner_edges
 from carlaloc_env.town.levels import Levels, find_levels
 from carlaloc_env.town.lots import Lot, place_lots
@@ -37,6 +37,7 @@ from carlaloc_env.town.roads import add_roads
 from carlaloc_env.town.sections import KERB_M, Strip, road_strips
 from carlaloc_env.town.signposts import add_signals, add_signs
 from carlaloc_env.town.skyline import add_skyline
+from carlaloc_env.town.street_props import Placement
 from carlaloc_env.town.structures import add_structures
 from carlaloc_env.town.terrain import MARGIN_M, Ground, add_terrain, zone_areas
 

@@ -1,0 +1,41 @@
+"""What one building chose from its style, and faces in its materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.styles import Style, Tint
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """What one building chose from its style."""
+
+    style: Style
+    """The style."""
+    material: Material
+    """Material of the walls."""
+    tint: Tint
+    """Linear tint of the walls."""
+    trim: Tint
+    """Linear tint of sills, cornices and frames."""
+    sign: Tint
+    """Linear tint of shop signs and awnings."""
+
+
+def wall_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
+    """Add faces in the building's wall material."""
+    out.quads(quads, material=look.material, tag=Tag.BUILDING, colour=look.tint)
+
+
+def trim_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
+    """Add faces in the colour of its sills and cornices."""
+    out.quads(quads, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)

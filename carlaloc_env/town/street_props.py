@@ -1,0 +1,60 @@
+"""Props chosen for the pavements of a town, and their meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets import street
+from carlaloc_env.assets.trees import hedge, tree
+from carlaloc_env.scene import Mesh
+
+Array = NDArray[np.float64]
+
+LAMP_HEIGHT_M, LAMP_ARM_M = 8.5, 2.0
+"""Height of a lamp's light, and how far it reaches over the road [m]."""
+
+
+@dataclass(slots=True, eq=False)
+class Placement:
+    """Props chosen so far: name → feet and directions; and what the posts block."""
+
+    feet: dict[tuple[str, int, str], list[Array]] = field(default_factory=dict)
+    """Feet [m] by prop, variant and detail."""
+    yaws: dict[tuple[str, int, str], list[float]] = field(default_factory=dict)
+    """Directions of the x axes [rad]."""
+
+    def put(self, name: str, foot: Array, yaw: float, variant: int = 0, detail: str = "") -> None:
+        """Choose one prop."""
+        key = (name, variant, detail)
+        self.feet.setdefault(key, []).append(foot)
+        self.yaws.setdefault(key, []).append(yaw)
+
+    def feet_of(self, name: str) -> Array:
+        """Feet of all props of one name [m], shape (K, 3)."""
+        found = [foot for key, feet in self.feet.items() if key[0] == name for foot in feet]
+        return np.array(found, dtype=np.float64).reshape(-1, 3)
+
+
+def prop_mesh(name: str, variant: int, detail: str) -> Mesh:
+    """Mesh of a placed prop."""
+    if name.startswith("tree "):
+        return tree(name.removeprefix("tree "), variant, detail)
+    makers: dict[str, Callable[[], Mesh]] = {
+        "lamp": lambda: street.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
+        "banner": lambda: street.banner(variant),
+        "bench": street.bench,
+        "bin": street.bin_,
+        "hydrant": street.hydrant,
+        "newspaper_box": street.newspaper_box,
+        "post_box": street.post_box,
+        "cabinet": street.cabinet,
+        "planter": street.planter,
+        "column": lambda: street.advertising_column(variant),
+        "bus_shelter": lambda: street.bus_shelter(variant),
+        "hedge": lambda: hedge(3.0, 1.2 + 0.1 * variant, 0.6, variant, "low"),
+    }
+    return makers[name]()
