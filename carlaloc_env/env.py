@@ -11,7 +11,6 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.assets.placing import place_actors, place_signals
 from carlaloc_env.clock import STEP_TICKS
 from carlaloc_env.controls import Controls
 from carlaloc_env.driving import DrivingWorld
@@ -23,7 +22,7 @@ from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
-from carlaloc_env.scene import concatenate_instances
+from carlaloc_env.sensors.camera import instances_at
 from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
@@ -156,14 +155,8 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         if self.render_mode != "rgb_array":
             return None
         timeline, now = self.world.timeline, self.world.now_ns
-        library = self.stage.library
         renderer = self.stage.renderer()
-        instances = concatenate_instances(
-            [
-                place_actors(timeline.catalog, timeline.actors_at(now), library),
-                place_signals(self.stage.lenses, timeline.signals_at(now), library),
-            ]
-        )
+        instances = instances_at(self.stage, timeline, now)
         T_world_base = timeline.ego_motion([now]).T_world_frame[0]
         picture = renderer.draw(Pinhole.from_fov(640, 360, 90.0), T_world_base @ _T_BASE_SEAT, instances)
         return renderer.shade(picture, self.weather, stamp_ns=now, seed=self.stage.seed)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env.assets.placing import place_actors, place_ego, place_signals
+from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.projection import FAR_M
@@ -141,12 +141,14 @@ class CameraSensor(Camera):
 
 
 def instances_at(world: World, timeline: Timeline, stamp_ns: int) -> Instances:
-    """Ego, actors and lit signal lenses at one time [ns]."""
+    """Ego, actors, their lit lamps and lit signal lenses at one time [ns]."""
     T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
+    actors = timeline.actors_at(stamp_ns)
     return concatenate_instances(
         [
             place_ego(T_world_base, world.library),
-            place_actors(timeline.catalog, timeline.actors_at(stamp_ns), world.library),
+            place_actors(timeline.catalog, actors, world.library),
+            place_lights(timeline.catalog, actors, world.library, stamp_ns),
             place_signals(world.lenses, timeline.signals_at(stamp_ns), world.library),
         ]
     )
