@@ -72,7 +72,7 @@ class DrivingWorld:
             self.traffic_config = replace(self.traffic_config, seed=seed)
         self._listener = listener
         start = self.route.at(0.0)
-        self._ego.reset(start.position_m, float(start.heading_rad))
+        self._ego.reset(start.position_m[0], float(start.heading_rad[0]))
         self._traffic = TrafficWorld(self.town.network, self.traffic_config, self._tables)
         self.timeline = Timeline(self._traffic.catalog)
         if listener is not None:
@@ -125,7 +125,7 @@ class DrivingWorld:
         self._speeds.append(self.state.speed_mps)
         self.timeline.ego.append(self.state.position_m, self.state.quat_xyzw)
         self._tell_tick(controls)
-        contacts = self._ego.contacts()
+        contacts = self._physics.contacts()
         if self._listener is not None:
             for contact in contacts:
                 self._listener.on_contact(self._tick, contact)

@@ -69,7 +69,7 @@ class RoadAhead:
             route=route,
             route_s_m=self.progress_m,
             offset_m=self.offset_m,
-            speed_limit_mps=float(route.at(s).speed_limit_mps),
+            speed_limit_mps=float(route.at(s).speed_limit_mps[0]),
             stop_line_distance_m=stop_distance,
             signal_state=stop_state,
             leader_gap_m=gap,
@@ -135,8 +135,11 @@ def _stop_lines(network: LaneNetwork, route: Route) -> tuple[Array, list[list[in
                 continue
             # A closed route may pass a lane twice; each run of samples is one passing.
             for run in np.split(on_lane, np.flatnonzero(np.diff(on_lane) > 1) + 1):
+                onward = int(route.lane[(run[-1] + 1) % len(route.lane)])
+                if head.junction_lanes and onward not in head.junction_lanes:
+                    continue
                 k = run[np.argmin(np.abs(route.lane_station_m[run] - stop))]
-                s = float(route.s_m[k] + (stop - route.lane_station_m[k]))
+                s = float(k * route.step_m + (stop - route.lane_station_m[k]))
                 found.setdefault(round(s, 2), []).append(index)
     stops = sorted(found)
     return np.array(stops), [found[s] for s in stops]
