@@ -69,7 +69,7 @@ def _covers(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np.
         rim[:, 2] += COVER_M
         fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
         # Angles run from left to forward: clockwise seen from above.
-        out.triangles(rim, fan[:, ::-1], material=Material.METAL_PAINTED, tag=Tag.ROAD, colour=(24, 23, 22))
+        out.triangles(rim, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(34, 31, 28))
 
 
 def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
@@ -85,7 +85,7 @@ def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator
         for start in _places(strip, DRAIN_STEP_M, draw):
             if start + 0.6 < strip.s_m[-1] - 0.5:
                 span = (start, start + 0.55)
-                _sheet(out, strip, lane, span, (low, high), COVER_M, Material.METAL_GALVANISED, 48.0)
+                _sheet(out, strip, lane, span, (low, high), COVER_M, Material.PLAIN, 28.0)
 
 
 def _sheet(

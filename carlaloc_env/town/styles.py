@@ -1,4 +1,4 @@
-"""Building styles: measures, materials and tints (ranges after facade practice, see docs/towns.md)."""
+"""Building styles: measures, materials and tints, after common building practice."""
 
 from __future__ import annotations
 
