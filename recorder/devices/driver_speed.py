@@ -17,7 +17,9 @@ from recorder.devices.driver_route import DriverRoute
 
 _SIGHT_M = 130.0
 _SCAN_M = 2.0
-_SHORTEST_S = 0.8
+_SHORTEST_S = 1.6
+_STOP_RESERVE_M = 1.0
+_LATENCY_S = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,13 +113,15 @@ class DriverSpeed:
             jerk = min(jerk, self._follow(leader, v))
             closing = max(0.0, v - leader.speed_mps)
             danger = closing * closing / (2.0 * max(0.3, leader.gap_m - 1.0))
+        if self._stopping and stop_m is not None:
+            danger = max(danger, v * v / (2.0 * max(0.3, stop_m + _STOP_RESERVE_M)))
         if danger > style.hardest_mps2:
             self.jerk_mps3 = -12.0 if self.wanted_mps2 > -1.3 * danger else 0.0
             self.wanted_mps2 = max(-9.0, self.wanted_mps2 + self.jerk_mps3 * TICK_S)
             return
-        jerk = max(
-            -style.jerk_down_mps3, min(style.jerk_up_mps3 * (2.0 if self.wanted_mps2 < 0 else 1.0), jerk)
-        )
+        # Brakes are let go faster than the throttle is pressed, most of all just before standing.
+        ease = 1.0 if self.wanted_mps2 > 0.0 else 2.0 if v > 1.2 else 3.0
+        jerk = max(-style.jerk_down_mps3, min(ease * style.jerk_up_mps3, jerk))
         before = self.wanted_mps2
         after = min(before + jerk * TICK_S, max(0.7, 2.0 - 0.05 * v))
         if before >= -style.hardest_mps2:
@@ -131,13 +135,22 @@ class DriverSpeed:
         near = ahead <= 2.0 + 0.6 * v
         self._target_mps = float(speeds[near].min())
         self._bends = [b for b in self._bends if b.s_m > s_m + 0.5 and b.speed_mps < v - 0.1]
-        peak = np.where(speeds < v - 0.3, 0.75 * (v * v - speeds * speeds) / np.maximum(ahead, 1.0), 0.0)
+        later, used = self._after_lifting(v)
+        left = np.maximum(ahead - used, 1.0)
+        peak = np.where(speeds < v - 0.3, 0.75 * (later * later - speeds * speeds) / left, 0.0)
         worst = int(np.argmax(peak))
         if peak[worst] < self.style.brake_from_mps2:
             return
         s, speed = s_m + float(ahead[worst]), float(speeds[worst])
         if all(abs(b.s_m - s) > 1.5 * _SCAN_M or speed < b.speed_mps - 0.2 for b in self._bends):
             self._bends = [*self._bends[-3:], _Bend(s, speed)]
+
+    def _after_lifting(self, v: float) -> tuple[float, float]:
+        """Speed [m/s] and way used [m] until an acceleration under way has been taken back."""
+        a = max(0.0, self.wanted_mps2)
+        seconds = a / self.style.jerk_down_mps3
+        later = v + 0.5 * a * seconds
+        return later, v * (seconds + min(1.0, a) * _LATENCY_S) + a * seconds * seconds / 3.0
 
     def _cruise(self, v: float) -> float:
         """Jerk towards the speed that is right here."""
@@ -167,7 +180,8 @@ class DriverSpeed:
             self._stopping = False
             return inf
         way = max(stop_m, 0.05)
-        if 0.75 * v * v / way > self.style.brake_from_mps2:
+        later, used = self._after_lifting(v)
+        if 0.75 * later * later / max(way - used, 0.05) > self.style.brake_from_mps2:
             self._stopping = True
         # Without latching, a goal far ahead would be braked for from where it comes in sight.
         return self._jerk_to(0.0, way, v) if self._stopping else inf

@@ -176,12 +176,11 @@ class ScriptedDriver:
         v = max(0.0, view.speed_mps)
         if self._passing_s_m is not None and abs(self._passing_s_m - line_s) < 3.0:
             return None
-        # Who has begun to brake for a yellow light does not think again.
+        # Who has decided to stop does not think again.
         decided = self._stopping_s_m is not None and abs(self._stopping_s_m - line_s) < 3.0
-        may_pass = view.signal_state == SignalState.YELLOW and not decided
-        too_hard = _YELLOW_BRAKE_MPS2 if may_pass else _RED_BRAKE_MPS2
+        too_hard = _YELLOW_BRAKE_MPS2 if view.signal_state == SignalState.YELLOW else _RED_BRAKE_MPS2
         crossed = left < -0.3 and v > 0.3
-        if crossed or (v > 1.0 and v * v > 2.0 * too_hard * max(left, 0.1)):
+        if crossed or (not decided and v > 1.0 and v * v > 2.0 * too_hard * max(left, 0.1)):
             self._passing_s_m = line_s
             return None
         self._stopping_s_m = line_s

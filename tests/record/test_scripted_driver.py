@@ -294,6 +294,18 @@ def test_yellow_light(turns_yellow_s: float) -> None:
         assert log["speed"][log["time"] > 10.0].min() > 5.0
 
 
+@pytest.mark.parametrize("line_m", [8.0, 20.0])
+def test_a_red_light_near_the_start(line_m: float) -> None:
+    """Drives up to it and stands before it, softly: the last jerk stays below 3 m/s³."""
+    log = drive(
+        route_of([(200.0, 0.0)], 8.3), 17.0, line_s_m=line_m + FRONT_M, light=lambda t: SignalState.RED
+    )
+    assert log["speed"].max() > 1.5
+    assert abs(log["speed"][-1]) < 0.01
+    assert 0.3 < log["line"][-1] < 3.0
+    assert np.abs(jerk(log["acceleration"])).max() < 3.0
+
+
 def following(
     gap_m: float, times: list[float], speeds: list[float]
 ) -> Callable[[float], tuple[float, float]]:
