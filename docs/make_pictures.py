@@ -1,0 +1,92 @@
+"""Draw docs/pictures/sensors.jpg, the README's picture, from a drive: `python docs/make_pictures.py`.
+
+Without an episode it records one first, 45 s of the scripted driver in Town03.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.clock import STEP_NS
+from carlaloc_env.presets import flu_rig
+from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
+from carlaloc_env.sensors.base import Camera
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.weather import weather_by_name
+from recorder.episode import Episode
+from recorder.record import RecordConfig, record
+from recorder.report.mosaic import depth_picture, lidar_picture, semantic_picture
+
+PICTURE = Path(__file__).parent / "pictures" / "sensors.jpg"
+WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
+PANEL_PX = (560, 315)
+LARGEST_BYTES = 600_000
+
+
+def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
+    """Six panels of one instant, sRGB: the left camera in three weathers, depth, semantics, LiDAR."""
+    town, timeline = load_town(episode.header.map_name), episode.timeline()
+    at_ns = min(round(at_s * 1e9), timeline.end_ns - STEP_NS) // STEP_NS * STEP_NS
+    weathers = [weather_by_name(name) for name in WEATHERS]
+    stage = SensorStage(town, seed=episode.header.seed, weather=weathers[0], quality=quality)
+    rig = flu_rig().build(stage)
+    left = next(s for s in rig.sensors if isinstance(s, Camera) and s.config.name == "left")
+    lidar = next(s for s in rig.sensors if s.config.kind == "lidar")
+    shots = left.measure_conditions(timeline, at_ns, weathers)
+    cloud = next(
+        s for s in lidar.measure(timeline, [at_ns]) if isinstance(s, PointCloud) and s.tag is not None
+    )
+    stage.close()
+    pictures = [
+        *(
+            (name, s.rgb)
+            for name, shot in zip(WEATHERS, shots, strict=True)
+            for s in shot
+            if isinstance(s, Image)
+        ),
+        *(("depth", depth_picture(s)) for s in shots[0] if isinstance(s, DepthImage)),
+        *(("semantics", semantic_picture(s)) for s in shots[0] if isinstance(s, SemanticImage)),
+        ("LiDAR from above", lidar_picture(cloud, *PANEL_PX)),
+    ]
+    panels = [_panel(picture, label) for label, picture in pictures]
+    return np.vstack([np.hstack(panels[:3]), np.hstack(panels[3:])])
+
+
+def _panel(picture: NDArray[np.uint8], label: str) -> NDArray[Any]:
+    small = np.ascontiguousarray(cv2.resize(picture, PANEL_PX, interpolation=cv2.INTER_AREA))
+    for colour, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
+        cv2.putText(small, label, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, colour, thickness, cv2.LINE_AA)
+    return small
+
+
+def main(drive: Path | None, at_s: float, quality: str, out: Path = PICTURE) -> Path:
+    """Draw the picture, as good as 600 kB allow."""
+    with tempfile.TemporaryDirectory() as folder:
+        if drive is None:
+            drive = record(RecordConfig(out=Path(folder) / "drive.mcap", duration_s=45.0, seed=3)).path
+        picture = cv2.cvtColor(draw(Episode.load(drive), at_s, quality), cv2.COLOR_RGB2BGR)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for percent in range(92, 20, -4):
+        cv2.imwrite(str(out), picture, [cv2.IMWRITE_JPEG_QUALITY, percent])
+        if out.stat().st_size <= LARGEST_BYTES:
+            break
+    return out
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("episode", type=Path, nargs="?", help="a recorded drive (.mcap)")
+    parser.add_argument("--at", type=float, default=40.0, help="instant to draw [s]")
+    parser.add_argument("--quality", default="high", help="low, medium or high")
+    arguments = parser.parse_args()
+    main(arguments.episode, arguments.at, arguments.quality)

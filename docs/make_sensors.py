@@ -1,0 +1,126 @@
+"""Write docs/sensors.md out of the docstrings of sensors and samples: `python docs/make_sensors.py`."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import textwrap
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from gymnasium import spaces
+
+from carlaloc_env import samples
+from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.yaml_config import to_mapping
+
+PAGE = Path(__file__).with_name("sensors.md")
+HEAD = """\
+# Sensors
+
+Written by `docs/make_sensors.py` out of the docstrings; change those, not this page.
+
+A rig is a list of the configurations below, in Python (`carlaloc_env.rig.SensorRig`) or in YAML
+([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
+divides 200. Frames, units and signs: [conventions](conventions.md). Topics: [topics](topics.md).
+"""
+PARTS = {"Mount": Mount, "Pinhole": Pinhole}
+"""Configurations that others hold."""
+
+
+def page() -> str:
+    """Text of the page."""
+    parts = [HEAD, "## Kinds of sensors\n"]
+    parts += [_sensor(kind, config) for kind, config in SENSOR_KINDS.items()]
+    parts.append("## Parts of configurations\n")
+    parts += [f"### {name}\n\n{_doc(cls)}\n\n{_parameters(cls)}" for name, cls in PARTS.items()]
+    parts.append('## Samples\n\nWhat `Rig.measure` and `info["samples"]` give (`carlaloc_env.samples`).\n')
+    parts += [_sample(cls) for cls in sample_classes()]
+    return "\n".join(parts)
+
+
+def sample_classes() -> list[type[samples.Sample]]:
+    """`Sample` and all kinds of samples, in the order of their module."""
+    found = [cls for _, cls in inspect.getmembers(samples, inspect.isclass)]
+    mine = [cls for cls in found if issubclass(cls, samples.Sample)]
+    return sorted(mine, key=lambda cls: inspect.getsourcelines(cls)[1])
+
+
+def field_docs(cls: type[Any]) -> dict[str, str]:
+    """Docstring of every dataclass field, those of base classes included; empty where there is none."""
+    docs: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        if not dataclasses.is_dataclass(base):
+            continue
+        body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for node, after in zip(body.body, [*body.body[1:], None], strict=True):
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                literal = after.value if isinstance(after, ast.Expr) else None
+                text = literal.value if isinstance(literal, ast.Constant) else ""
+                docs[node.target.id] = " ".join(str(text).split())
+    return {field.name: docs.get(field.name, "") for field in dataclasses.fields(cls)}
+
+
+def _sensor(kind: str, cls: type[SensorConfig]) -> str:
+    config = cls()  # type: ignore[call-arg]  # every kind has a default name
+    world: Any = SimpleNamespace(seed=0, geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0))
+    sensor = config.build(world)
+    streams = [
+        f"| `{name}` | {space.dtype} | {_shape(space, name in sensor.padded_streams)} |"
+        for name, space in sensor.streams().items()
+        if isinstance(space, spaces.Box)
+    ]
+    source = f"{cls.__module__.replace('.', '/')}.py"
+    return "\n".join(
+        [
+            f"### {kind}\n\n{_doc(cls)}",
+            f"\n{_doc(type(sensor))}\n",
+            f"Source: [`{source}`](../{source}); frame `{config.frame_id}`, axes `{config.mount.axes}`; "
+            f"in YAML `kind: {kind}`.\n",
+            "| stream | dtype | shape |",
+            "|---|---|---|",
+            *streams,
+            f"\nValues: {_doc(type(sensor).streams)}\n",
+            _parameters(cls),
+        ]
+    )
+
+
+def _sample(cls: type[samples.Sample]) -> str:
+    common = () if cls is samples.Sample else field_docs(samples.Sample)
+    rows = [f"| `{name}` | {doc} |" for name, doc in field_docs(cls).items() if name not in common]
+    return "\n".join([f"### {cls.__name__}\n\n{_doc(cls)}\n", "| field | meaning |", "|---|---|", *rows, ""])
+
+
+def _parameters(cls: type[Any]) -> str:
+    plain = to_mapping(cls())
+    rows = [f"| `{name}` | {_value(plain[name])} | {doc} |" for name, doc in field_docs(cls).items()]
+    return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows, ""])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_value(item)}" for key, item in value.items())
+    if isinstance(value, list) and len(value) > 6:
+        return f"{len(value)} values, {value[0]:g} … {value[-1]:g}"
+    if isinstance(value, list):
+        return f"[{', '.join(_value(item) for item in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _shape(space: spaces.Box, padded: bool) -> str:
+    return f"(N ≤ {space.shape[0]}, {space.shape[1]})" if padded else str(tuple(space.shape))
+
+
+def _doc(thing: Any) -> str:
+    return (inspect.getdoc(thing) or "").strip()
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
