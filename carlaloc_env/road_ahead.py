@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.crossing_traffic import crossing_traffic
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline import ActorCatalog, ActorFrame
@@ -60,6 +61,9 @@ class RoadAhead:
         s = self.progress_m % route.length_m if route.closed else self.progress_m
         stop_distance, stop_state = self._next_stop(s, signals)
         gap, leader_speed = self._leader(s, actors, catalog)
+        crossing = crossing_traffic(route, s, state.speed_mps, actors, catalog)
+        if crossing is not None and (gap is None or crossing[0] < gap):
+            gap, leader_speed = crossing
         return DriverView(
             tick=tick,
             position_m=state.position_m,
