@@ -1,6 +1,6 @@
 """Draw docs/pictures/sensors.jpg, the README's picture, from a drive: `python docs/make_pictures.py`.
 
-Without an episode it records one first, 45 s of the scripted driver in Town03.
+Without an episode it records one first, two minutes of the scripted driver in Town03.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.clock import STEP_NS
+from carlaloc_env.geometry import quat_conjugate, quat_rotate
 from carlaloc_env.presets import flu_rig
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
 from carlaloc_env.sensors.base import Camera
@@ -60,19 +61,34 @@ def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
     return np.vstack([np.hstack(panels[:3]), np.hstack(panels[3:])])
 
 
+def busiest_s(episode: Episode) -> float:
+    """Second of the drive in which most others stand or move within 40 m before the moving car [s]."""
+    ego, others = episode.ego[:-200:200], episode.steps["position_m"]
+    others = others[: 20 * len(ego) : 20]
+    ego = ego[: len(others)]
+    ahead = quat_rotate(
+        quat_conjugate(ego["quat_xyzw"])[:, None], others.astype(np.float64) - ego["position_m"][:, None]
+    )
+    seen = (ahead[..., 0] > 5) & (ahead[..., 0] < 40) & (np.abs(ahead[..., 1]) < ahead[..., 0])
+    return float(np.argmax(seen.sum(axis=1) + 100 * (ego["speed_mps"] > 3.0)))
+
+
 def _panel(picture: NDArray[np.uint8], label: str) -> NDArray[Any]:
     small = np.ascontiguousarray(cv2.resize(picture, PANEL_PX, interpolation=cv2.INTER_AREA))
-    for colour, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
-        cv2.putText(small, label, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, colour, thickness, cv2.LINE_AA)
+    width = cv2.getTextSize(label, cv2.FONT_HERSHEY_SIMPLEX, 0.65, 1)[0][0]
+    cv2.rectangle(small, (6, 6), (18 + width, 34), (0, 0, 0), -1)
+    cv2.putText(small, label, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
     return small
 
 
-def main(drive: Path | None, at_s: float, quality: str, out: Path = PICTURE) -> Path:
+def main(drive: Path | None, at_s: float | None, quality: str, out: Path = PICTURE) -> Path:
     """Draw the picture, as good as 600 kB allow."""
     with tempfile.TemporaryDirectory() as folder:
         if drive is None:
-            drive = record(RecordConfig(out=Path(folder) / "drive.mcap", duration_s=45.0, seed=3)).path
-        picture = cv2.cvtColor(draw(Episode.load(drive), at_s, quality), cv2.COLOR_RGB2BGR)
+            drive = record(RecordConfig(out=Path(folder) / "drive.mcap", duration_s=120.0, seed=3)).path
+        episode = Episode.load(drive)
+        at_s = busiest_s(episode) if at_s is None else at_s
+        picture = cv2.cvtColor(draw(episode, at_s, quality), cv2.COLOR_RGB2BGR)
     out.parent.mkdir(parents=True, exist_ok=True)
     for percent in range(92, 20, -4):
         cv2.imwrite(str(out), picture, [cv2.IMWRITE_JPEG_QUALITY, percent])
@@ -86,7 +102,7 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("episode", type=Path, nargs="?", help="a recorded drive (.mcap)")
-    parser.add_argument("--at", type=float, default=40.0, help="instant to draw [s]")
+    parser.add_argument("--at", type=float, help="instant to draw [s]; else the busiest")
     parser.add_argument("--quality", default="high", help="low, medium or high")
     arguments = parser.parse_args()
     main(arguments.episode, arguments.at, arguments.quality)
