@@ -18,6 +18,7 @@ F32 = NDArray[np.float32]
 
 LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, LIGHT_LOW_BEAM, LIGHT_REVERSE = 1, 2, 4, 8, 16
 """Bits of `ActorFrame.lights`."""
+_KEPT_MOTIONS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,6 +115,7 @@ class Timeline:
         self._frames: list[ActorFrame] = []
         self._signals: list[NDArray[np.uint8]] = []
         self._first_step = 0
+        self._motions: dict[bytes, Motion] = {}
 
     @property
     def end_ns(self) -> int:
@@ -142,7 +144,14 @@ class Timeline:
 
     def ego_motion(self, stamps_ns: ArrayLike) -> Motion:
         """Motion of the ego's `base_link` at M times [ns]."""
-        return self.ego.motion(stamps_ns)
+        stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
+        key = stamps.tobytes()
+        if key not in self._motions:
+            # Several sensors ask for the same times; what is known of a time never changes.
+            if len(self._motions) >= _KEPT_MOTIONS:
+                self._motions.pop(next(iter(self._motions)))
+            self._motions[key] = self.ego.motion(stamps)
+        return self._motions[key]
 
     def actors_at(self, stamp_ns: int) -> ActorFrame:
         """State of all actors at one time [ns]."""

@@ -184,18 +184,20 @@ def _attitude(quats: Array, u: Array) -> tuple[Array, Array, Array]:
         ((1 + 3 * u + 3 * u**2 - 2 * u**3) / 6, (3 + 6 * u - 6 * u**2) / 6, (6 - 12 * u) / 6),
         (u**3 / 6, 3 * u**2 / 6, u),
     )
+    between = geometry.quat_multiply(geometry.quat_conjugate(quats[:, :3]), quats[:, 1:])
+    steps = geometry.quat_to_rotvec(between)
+    turns = geometry.rotvec_to_quat(np.stack([b for b, _, _ in basis], axis=1) * steps)
+    backs = geometry.quat_conjugate(turns)
     q = quats[:, 0]
-    omega = np.zeros((len(q), 3))
-    alpha = np.zeros((len(q), 3))
-    for k, (b, db, ddb) in enumerate(basis):
-        step = geometry.quat_to_rotvec(
-            geometry.quat_multiply(geometry.quat_conjugate(quats[:, k]), quats[:, k + 1])
-        )
-        turn = geometry.rotvec_to_quat(b * step)
-        back = geometry.quat_conjugate(turn)
+    omega = alpha = np.zeros((len(q), 3))
+    for k, (_, db, ddb) in enumerate(basis):
+        step, back = steps[:, k], backs[:, k]
         db, ddb = db / TICK_S, ddb / TICK_S**2
-        carried = geometry.quat_rotate(back, omega)
-        alpha = geometry.quat_rotate(back, alpha) + db * geometry.cross(carried, step) + ddb * step
-        omega = carried + db * step
-        q = geometry.quat_multiply(q, turn)
+        if k == 0:
+            omega, alpha = db * step, ddb * step
+        else:
+            carried = geometry.quat_rotate(back, omega)
+            alpha = geometry.quat_rotate(back, alpha) + db * geometry.cross(carried, step) + ddb * step
+            omega = carried + db * step
+        q = geometry.quat_multiply(q, turns[:, k])
     return geometry.quat_normalise(q), omega, alpha
