@@ -67,8 +67,8 @@ class JunctionTable:
             for b, lane_b in enumerate(members):
                 if a == b:
                     continue
-                near_a = trees[b].query(points[a])[0] < _CLEAR_M
-                near_b = trees[a].query(points[b])[0] < _CLEAR_M
+                near_a = np.asarray(trees[b].query(points[a])[0]) < _CLEAR_M
+                near_b = np.asarray(trees[a].query(points[b])[0]) < _CLEAR_M
                 if near_a.any() and near_b.any():
                     found[lane_a].append(
                         Conflict(

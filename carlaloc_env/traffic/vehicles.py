@@ -429,7 +429,8 @@ class Vehicles:
         pose = self._network.pose(lane, np.clip(station, 0.0, self._length[lane]))
         overshoot = station - np.clip(station, 0.0, self._length[lane])
         along = np.stack([np.cos(pose.heading_rad), np.sin(pose.heading_rad), 0 * station], axis=-1)
-        return pose.position_m + overshoot[:, None] * along
+        point: Array = pose.position_m + overshoot[:, None] * along
+        return point
 
 
 def _lanes_that_go_on(network: LaneNetwork) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather import weather_by_name
 
-_FOV_DEG = 40.0
+_FOV_DEG = 60.0
 
 
 def draw_town(town: Town, out: Path, *, width_px: int = 1600, height_px: int = 1200) -> Path:
@@ -33,11 +33,13 @@ def draw_town(town: Town, out: Path, *, width_px: int = 1600, height_px: int = 1
     """
     if out.exists():
         raise WriterError(f"{out} exists; choose another --out or delete it first")
-    bounds = np.array([chunk.bounds_m for chunk in town.chunks])
-    low, high = np.percentile(bounds[:, 0], 5, axis=0), np.percentile(bounds[:, 1], 95, axis=0)
+    driving = [lane.index for lane in town.network.lanes if lane.type == "driving"]
+    tables = town.network.tables
+    roads = tables.position_m[np.isin(np.repeat(np.arange(len(tables.count)), tables.count), driving)]
+    low, high = roads.min(axis=0), roads.max(axis=0)
     centre, reach = 0.5 * (low + high), float(np.max((high - low)[:2]))
-    distance = 0.62 * reach / np.tan(np.radians(_FOV_DEG / 2))
-    down = np.radians(52.0)
+    distance = 0.56 * reach / np.tan(np.radians(_FOV_DEG / 2))
+    down = np.radians(50.0)
     forward = np.array([0.0, np.cos(down), -np.sin(down)])
     right = np.array([1.0, 0.0, 0.0])
     pose = from_rotation(
