@@ -252,21 +252,24 @@ class _Surface:
 
     def trace(self, rays: F32, range_max_m: float) -> Hits:
         """First hits of rays given as origins [m] and directions, shape (N, 6)."""
-        hits = Hits.none(len(rays))
         if self._scene is None or len(rays) == 0:
-            return hits
+            return Hits.none(len(rays))
         answer = self._scene.cast_rays(self._tensor(rays))
-        reached = answer["t_hit"].numpy()
-        rows = np.flatnonzero(reached <= np.float32(range_max_m))
-        triangle = answer["primitive_ids"].numpy()[rows]
-        normal = answer["primitive_normals"].numpy()[rows]
-        d = rays[rows, 3:]
-        cosine = np.abs(normal[:, 0] * d[:, 0] + normal[:, 1] * d[:, 1] + normal[:, 2] * d[:, 2])
-        hits.range_m[rows] = reached[rows]
-        hits.material[rows] = self._material[triangle]
-        hits.tag[rows] = self._tag[triangle]
-        hits.instance[rows] = self._instance[triangle]
-        hits.cos_incidence[rows] = np.minimum(cosine, np.float32(1.0))
+        # The arrays belong to the answer, which lives no longer than this call.
+        distance = answer["t_hit"].numpy().copy()
+        missed = np.flatnonzero(~(distance <= np.float32(range_max_m)))
+        triangle = answer["primitive_ids"].numpy().astype(np.intp)
+        triangle[missed] = 0
+        normal = answer["primitive_normals"].numpy()
+        cosine = np.abs(normal[:, 0] * rays[:, 3] + normal[:, 1] * rays[:, 4] + normal[:, 2] * rays[:, 5])
+        hits = Hits(
+            range_m=distance,
+            tag=self._tag[triangle],
+            instance=self._instance[triangle],
+            material=self._material[triangle],
+            cos_incidence=np.minimum(cosine, np.float32(1.0)),
+        )
+        hits.put(missed, Hits.none(len(missed)))
         return hits
 
 

@@ -6,6 +6,7 @@ plain and the semantic cloud come from the same rays and carry the same noise.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -131,12 +132,13 @@ class LidarSensor(Sensor):
         self._offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1)
         self._ring = np.tile(order.astype(np.uint16), config.columns)
         self._directions = self._make_directions(order)
+        self._rays = self._directions.reshape(3, -1).T
         self._reflectance = materials.table("reflectance")
         self._retro = materials.table("retro")
         self._own_body: Hits | None = None
 
     def _make_directions(self, order: NDArray[np.intp]) -> Array:
-        """Unit directions of all rays in the sensor frame, shape (columns, beams, 3)."""
+        """Unit directions of all rays in the sensor frame, shape (3, columns, beams)."""
         config = self.config
         elevation = np.radians(np.array(config.elevations_deg)[order] + config.elevation_offset_deg)
         turned = (
@@ -149,8 +151,7 @@ class LidarSensor(Sensor):
                 flat * np.cos(azimuth),
                 flat * np.sin(azimuth),
                 np.broadcast_to(np.sin(elevation), azimuth.shape),
-            ],
-            axis=-1,
+            ]
         )
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
@@ -180,16 +181,18 @@ class LidarSensor(Sensor):
 
     def _sweep(self, timeline: Timeline, stamp_ns: int) -> list[Sample]:
         config = self.config
-        hits = self._cast(timeline, stamp_ns)
+        rays, hits = self._cast(timeline, stamp_ns)
         # One number for every ray that is fired, so that a car in the way of some rays does not
         # change the noise of the others.
         noise = white(self._world.seed, f"{config.name}/range", stamp_ns, config.rays)
-        seen = np.flatnonzero((hits.range_m >= config.range_min_m) & (hits.range_m <= config.range_max_m))
+        kept = np.flatnonzero((hits.range_m >= config.range_min_m) & (hits.range_m <= config.range_max_m))
         if config.drop_weak:
-            seen = seen[self._is_detected(hits.take(seen))]
-        hits = hits.take(seen)
+            kept = kept[self._is_detected(hits.take(kept))]
+        hits, seen = hits.take(kept), rays[kept]
         distance = hits.range_m + config.range_noise_m * noise[seen]
-        points = (self._directions.reshape(-1, 3)[seen] * distance[:, None]).astype(np.float32)
+        points = np.empty((len(seen), 3), np.float32)
+        for axis in range(3):
+            points[:, axis] = self._rays[:, axis][seen] * distance
         intensity = self._intensity(hits)
         clouds: list[Sample] = []
         for output, stream in self._stream_names().items():
@@ -211,51 +214,54 @@ class LidarSensor(Sensor):
             )
         return clouds
 
-    def _cast(self, timeline: Timeline, stamp_ns: int) -> Hits:
-        """First hits of all rays of a sweep, those that the own body stops included."""
+    def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[NDArray[np.intp], Hits]:
+        """Rays that may return something in a sweep, and their first hits."""
         config = self.config
         own = self._own_body_hits()
         free = np.flatnonzero(~np.isfinite(own.range_m))
         origins, directions = self._world_rays(timeline, stamp_ns)
         found = self._world.rays().cast(
-            origins[free],
-            directions[free],
+            origins[:, free].T,
+            directions[:, free].T,
             stamp_ns + self._offset_ns[free],
             timeline,
             config.range_max_m,
             ego=False,
         )
-        hits = Hits.none(config.rays)
+        if not config.ego_returns:
+            return free, found
+        hits = dataclasses.replace(own, **{name: getattr(own, name).copy() for name in own.__slots__})
         hits.put(free, found)
-        if config.ego_returns:
-            stopped = np.flatnonzero(np.isfinite(own.range_m))
-            hits.put(stopped, own.take(stopped))
-        return hits
+        return np.arange(config.rays), hits
 
     def _own_body_hits(self) -> Hits:
         """Hits on the car's own body, the same in every sweep since both are rigid."""
         if self._own_body is None:
             T = self._T_base_lidar
-            directions = geometry.apply(geometry.from_rotation(T[:3, :3]), self._directions.reshape(-1, 3))
+            directions = geometry.apply(geometry.from_rotation(T[:3, :3]), self._rays)
             origins = np.broadcast_to(T[:3, 3], directions.shape)
             self._own_body = self._world.rays().cast_ego(origins, directions, self.config.range_max_m)
         return self._own_body
 
     def _world_rays(self, timeline: Timeline, stamp_ns: int) -> tuple[Array, Array]:
-        """Origins [m] and directions in the world of all rays at their own times, each (rays, 3).
+        """Origins [m] and directions in the world of all rays at their own times, each (3, rays).
 
         Poses are read at the start of each column; within its few microseconds the motion is
         continued with constant velocity and rate, which is exact to a nanometre.
         """
         motion = timeline.ego_motion(stamp_ns + self._column_ns).at_mount(self._T_base_lidar)
-        later = (self._firing_ns * 1e-9)[None, :, None]
-        directions = self._directions
-        origins = np.broadcast_to(motion.position_m[:, None, :], directions.shape)
+        local = self._directions
+        origins = np.broadcast_to(motion.position_m.T[:, :, None], local.shape)
         if self._firing_ns.any():
-            directions = directions + later * geometry.cross(motion.omega_body_radps[:, None, :], directions)
-            origins = origins + later * motion.velocity_world_mps[:, None, :]
-        turn = geometry.transform(np.zeros(3), motion.quat_xyzw)[:, None]
-        return origins.reshape(-1, 3), geometry.apply(turn, directions).reshape(-1, 3)
+            later = self._firing_ns * 1e-9
+            w, d = motion.omega_body_radps.T[:, :, None], local
+            turning = (w[1] * d[2] - w[2] * d[1], w[2] * d[0] - w[0] * d[2], w[0] * d[1] - w[1] * d[0])
+            local = local + later * np.stack(turning)
+            origins = origins + later * motion.velocity_world_mps.T[:, :, None]
+        R = geometry.quat_to_matrix(motion.quat_xyzw)[..., None]
+        x, y, z = local
+        directions = np.stack([R[:, k, 0] * x + R[:, k, 1] * y + R[:, k, 2] * z for k in range(3)])
+        return origins.reshape(3, -1), directions.reshape(3, -1)
 
     def _intensity(self, hits: Hits) -> F32:
         """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
