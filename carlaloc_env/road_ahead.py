@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,23 +23,39 @@ _SAMPLE_M = 1.0
 _EGO_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
 
 
+class _Sight(NamedTuple):
+    """What is in sight, named as in `DriverView`."""
+
+    speed_limit_mps: float
+    stop_line_distance_m: float | None
+    signal_state: int
+    leader_gap_m: float | None
+    leader_speed_mps: float
+
+
 class RoadAhead:
-    """Follows the ego along its route."""
+    """Follows the ego along its route.
+
+    Place, actors and lights are known anew every 50 ms, at `follow`; ticks in between see the same.
+    """
 
     def __init__(self, network: LaneNetwork, route: Route) -> None:
         self._route = route
         self._stop_s_m, self._stop_heads = _stop_lines(network, route)
         self.progress_m = 0.0
         self.offset_m = 0.0
+        self._sight: _Sight | None = None
 
     def start(self, position_m: Array) -> None:
         """Begin at a point of the route [m], world (3,)."""
+        self._sight = None
         s, self.offset_m = self._route.project(position_m, None)
         closed_end = self._route.closed and s > self._route.length_m - 5.0
         self.progress_m = s - self._route.length_m if closed_end else s
 
     def follow(self, position_m: Array) -> None:
         """Take note of where the ego is now [m], world (3,)."""
+        self._sight = None
         length = self._route.length_m
         near = self.progress_m % length if self._route.closed else self.progress_m
         s, self.offset_m = self._route.project(position_m, near)
@@ -57,22 +75,31 @@ class RoadAhead:
         signals: NDArray[np.uint8],
     ) -> DriverView:
         """What a driver at the wheel sees now."""
-        route = self._route
-        s = self.progress_m % route.length_m if route.closed else self.progress_m
-        stop_distance, stop_state = self._next_stop(s, signals)
-        gap, leader_speed = self._leader(s, actors, catalog)
-        crossing = crossing_traffic(route, s, state.speed_mps, actors, catalog)
-        if crossing is not None and (gap is None or crossing[0] < gap):
-            gap, leader_speed = crossing
+        if self._sight is None:
+            self._sight = self._look(state.speed_mps, actors, catalog, signals)
         return DriverView(
             tick=tick,
             position_m=state.position_m,
             heading_rad=state.heading_rad,
             speed_mps=state.speed_mps,
             acceleration_mps2=acceleration_mps2,
-            route=route,
+            route=self._route,
             route_s_m=self.progress_m,
             offset_m=self.offset_m,
+            **self._sight._asdict(),
+        )
+
+    def _look(
+        self, speed_mps: float, actors: ActorFrame, catalog: ActorCatalog, signals: NDArray[np.uint8]
+    ) -> _Sight:
+        route = self._route
+        s = self.progress_m % route.length_m if route.closed else self.progress_m
+        stop_distance, stop_state = self._next_stop(s, signals)
+        gap, leader_speed = self._leader(s, actors, catalog)
+        crossing = crossing_traffic(route, s, speed_mps, actors, catalog)
+        if crossing is not None and (gap is None or crossing[0] < gap):
+            gap, leader_speed = crossing
+        return _Sight(
             speed_limit_mps=float(route.at(s).speed_limit_mps[0]),
             stop_line_distance_m=stop_distance,
             signal_state=stop_state,
