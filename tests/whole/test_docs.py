@@ -1,0 +1,214 @@
+"""Docs agree with the code: generated pages, tables, links, versions, units in docstrings."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import re
+from importlib.metadata import version
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import carlaloc_env
+from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.semantics import TO_LEGACY, Tag
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.town.config import (
+    FEATURE_KINDS,
+    ZONE_KINDS,
+    Feature,
+    RouteConfig,
+    SignalConfig,
+    TrafficConfig,
+    Zone,
+)
+from carlaloc_env.town.map_check import check_map
+from carlaloc_env.weather import WeatherParameters
+from recorder.conditions import TrafficLevel
+from recorder.episode_messages import ACTORS_TOPIC, ACTORS_TYPE, EGO_TOPIC, EGO_TYPE, EVENT_TYPE, EVENTS_TOPIC
+from recorder.evaluation.align import Alignment
+from recorder.record import RecordConfig
+from recorder.replay import ReplayConfig
+from recorder.writers.base import DEFAULT_EPOCH_NS
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+SECTIONS = {
+    "[geo]": GeoReference,
+    "[route]": RouteConfig,
+    "[traffic]": TrafficConfig,
+    "[signals]": SignalConfig,
+    "[[zone]]": Zone,
+    "[[feature]]": Feature,
+}
+
+
+def generator(name: str) -> ModuleType:
+    """A script of docs/ as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def text_of(name: str) -> str:
+    """Text of a page of docs/."""
+    return (ROOT / "docs" / name).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["make_sensors", "make_topics"])
+def test_generated_pages_are_up_to_date(name: str) -> None:
+    """The page is what its script writes today."""
+    module = generator(name)
+    assert module.PAGE.read_text(encoding="utf-8") == module.page(), f"run `python docs/{name}.py`"
+
+
+def test_readme_agrees_with_the_topics() -> None:
+    """Every stream, topic, rate and frame of README's sensor table is one of the profile `standard`."""
+    rows = {stream: (topic, rate) for topic, _, _, stream, rate in _standard_rows()}
+    table = (ROOT / "README.md").read_text(encoding="utf-8").split("## Sensors")[1].split("\n## ")[0]
+    listed = re.findall(r"^\| (`.*?`.*?) \| `(/.*?)`.*? \| .*? \| (\d+) \|", table, re.MULTILINE)
+    streams = {name for cell, _, _ in listed for name in re.findall(r"`(\w+)`", cell)}
+    assert streams == set(rows) | {"lidar"}
+    for cell, topic, rate in listed:
+        first = re.findall(r"`(\w+)`", cell)[0]
+        assert rows[first] == (topic, float(rate))
+
+
+def _standard_rows() -> list[Any]:
+    module = generator("make_topics")
+    rows: list[Any] = [
+        row for row in module.rows_of(module.PROFILES["standard"]) if "camera_info" not in row[0]
+    ]
+    return rows
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    """Every relative link and picture is a file of the repository."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target in re.findall(r"\]\(([^)#]+)", text):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), target
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_files_exist(page: Path) -> None:
+    """Every path of the repository that stands in backquotes exists."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    named = re.findall(r"`((?:carlaloc_env|recorder|docs|examples|tests|maps|town)/[\w./]+)`", text)
+    for name in named:
+        assert (ROOT / name).exists() or (ROOT / "carlaloc_env" / name).exists(), name
+
+
+def test_named_make_targets_exist() -> None:
+    """Every `make x` of README and CONTRIBUTING is a target, and CONTRIBUTING names all but `clean`."""
+    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    named = {
+        page: set(re.findall(r"(?:^|`)make (\w+)", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE))
+        for page in ("README.md", "CONTRIBUTING.md")
+    }
+    assert named["README.md"] <= targets
+    assert named["README.md"] | named["CONTRIBUTING.md"] == targets - {"clean"}
+
+
+def test_architecture_map_names_every_part() -> None:
+    """CONTRIBUTING's map knows all folders and top modules, and nothing that is gone."""
+    drawn = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split("```")[1]
+    for package in (ROOT / "carlaloc_env", ROOT / "recorder"):
+        for folder in package.iterdir():
+            if (folder / "__init__.py").is_file():
+                assert f"{folder.name}/" in drawn or f"{folder.name} " in drawn, folder.name
+
+
+def test_changelog_and_package_have_one_version() -> None:
+    """The newest entry, the package and its metadata agree."""
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    newest = re.findall(r"^## (\d+\.\d+\.\d+)", text, re.MULTILINE)[0]
+    assert newest == carlaloc_env.__version__ == version("carlaloc-env")
+
+
+def test_conventions_list_both_tables_of_tags() -> None:
+    """Number and name of every tag, and its number in CARLA up to 0.9.13."""
+    rows = re.findall(r"^\| (\d+) \| (\w+) \| (\d+) \|$", text_of("conventions.md"), re.MULTILINE)
+    assert rows == [(str(int(tag)), tag.name.lower(), str(int(TO_LEGACY[tag]))) for tag in Tag]
+    assert f"{DEFAULT_EPOCH_NS // 10**9:,} s".replace(",", " ") in text_of("conventions.md")
+
+
+def test_maps_page_lists_the_schema() -> None:
+    """Every section, key and kind of town.toml is on the page, and no other."""
+    page = text_of("maps.md")
+    rows = set(re.findall(r"^\| `(\[+\w+\]+)` \| `(\w+)` \|", page, re.MULTILINE))
+    expected = {(section, f.name) for section, cls in SECTIONS.items() for f in dataclasses.fields(cls)}
+    assert rows == expected | {("[town]", key) for key in ("name", "description", "default_zone")}
+    for label, kinds in (("Zones", ZONE_KINDS), ("Features", FEATURE_KINDS)):
+        line = re.findall(rf"^{label}: (.*)\.$", page, re.MULTILINE)[0]
+        assert tuple(re.findall(r"`(\w+)`", line)) == tuple(kinds)
+
+
+def test_the_plan_on_the_maps_page_is_a_town(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page's plan builds, and the map check finds nothing wrong with it."""
+    monkeypatch.syspath_prepend(ROOT)
+    (block,) = re.findall(r"```python\n(.*?)```", text_of("maps.md"), re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(compile(block, "maps.md", "exec"), names)
+    path = tmp_path / "village.xodr"
+    path.write_text(names["xodr"], encoding="utf-8")
+    report = check_map(path)
+    assert not report.errors
+    # Three streets of 150 m both ways, some metres more in the turning bulbs and the junction.
+    assert 0.8 < report.lane_km < 1.6
+
+
+def test_formats_page_names_what_files_hold() -> None:
+    """Topics and types of an episode, and the words that options take."""
+    page = text_of("formats.md")
+    for topic, kind in ((EGO_TOPIC, EGO_TYPE), (ACTORS_TOPIC, ACTORS_TYPE), (EVENTS_TOPIC, EVENT_TYPE)):
+        assert f"| `{topic}` | `{kind}` |" in page
+    for alignment in Alignment:
+        assert f"`{alignment.name.lower()}`" in page
+
+
+UNITLESS = {
+    "name", "kind", "mount", "pinhole", "outputs", "axes", "columns", "drop_weak", "ego_returns", "sensor",
+    "frame_id", "has_fix", "map", "out", "device", "seed", "traffic", "overwrite", "episode", "weathers",
+    "rig", "formats", "topics", "quality", "workers", "preview", "fraction", "loop",
+}  # fmt: skip
+"""Fields that are names, choices, counts or shares."""
+MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")
+"""A unit in brackets, a shape, or a value and what it stands for."""
+DOCUMENTED: list[type[Any]] = [
+    Mount, Pinhole, WeatherParameters, TrafficLevel, RecordConfig, ReplayConfig, RouteConfig, SignalConfig,
+    *SENSOR_KINDS.values(), *generator("make_sensors").sample_classes(),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("cls", DOCUMENTED, ids=lambda cls: cls.__name__)
+def test_every_field_has_a_meaning_and_a_unit_or_shape(cls: type[Any]) -> None:
+    """A docstring for every field, with a unit in brackets, a shape or a range unless it plainly has none."""
+    for name, doc in generator("make_sensors").field_docs(cls).items():
+        assert doc.endswith((".", ".)")), f"{cls.__name__}.{name} has no sentence"
+        if name not in UNITLESS:
+            assert re.search(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ", doc), (
+                f"{cls.__name__}.{name}: {doc}"
+            )
+
+
+@pytest.mark.parametrize("cls", DOCUMENTED, ids=lambda cls: cls.__name__)
+def test_units_in_names_are_those_in_docstrings(cls: type[Any]) -> None:
+    """A field called `…_m` is in metres in its docstring too."""
+    units = {"_m": "[m", "_deg": "[deg]", "_hz": "[Hz]", "_ns": "[ns]", "_mps": "[m/s]", "_px": "[px]"}
+    units |= {"_radps": "[rad/s]", "_mps2": "[m/s²]", "_per_m": "[1/m]", "_m2": "[m²]", "_s": "[s]"}
+    for name, doc in generator("make_sensors").field_docs(cls).items():
+        fitting = [unit for ending, unit in units.items() if name.endswith(ending)]
+        # The longest ending counts: `_per_m` before `_m`.
+        if fitting:
+            longest = max((e for e in units if name.endswith(e)), key=len)
+            assert units[longest] in doc, f"{cls.__name__}.{name}: {doc}"

@@ -1,0 +1,103 @@
+"""The wheel holds all that the package needs, and works without the checkout."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+SHADERS = [
+    str(path.relative_to(ROOT)) for path in (ROOT / "carlaloc_env/render/shaders").iterdir() if path.is_file()
+]
+MAPS = [f"carlaloc_env/{path.relative_to(ROOT)}" for path in (ROOT / "maps").glob("*/town.*")]
+
+
+def test_every_package_is_listed() -> None:
+    """Packages of pyproject.toml are those on disk; `carlaloc_env.maps` is the folder maps/."""
+    on_disk = {
+        ".".join(path.parent.relative_to(ROOT).parts)
+        for top in ("carlaloc_env", "recorder")
+        for path in (ROOT / top).rglob("__init__.py")
+    }
+    assert set(PROJECT["tool"]["setuptools"]["packages"]) == on_disk | {"carlaloc_env.maps"}
+    assert PROJECT["tool"]["setuptools"]["package-dir"] == {"carlaloc_env.maps": "maps"}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel, built from a copy so that the checkout stays clean."""
+    folder = tmp_path_factory.mktemp("wheel")
+    source = folder / "source"
+    for name in ("carlaloc_env", "recorder", "maps"):
+        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source / name)
+    pip = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--quiet", "--wheel-dir", str(folder)]
+    command = [*pip, str(source)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    if done.returncode and any(
+        word in done.stderr for word in ("onnection", "resolv", "No matching distribution")
+    ):
+        pytest.skip("pip cannot reach an index for the build's own setuptools")
+    assert done.returncode == 0, done.stderr
+    (built,) = folder.glob("carlaloc_env-*.whl")
+    return built
+
+
+def test_the_wheel_holds_code_and_data(wheel: Path) -> None:
+    """Every module, shader, map and marker; not the authoring tool, tests or examples."""
+    names = set(zipfile.ZipFile(wheel).namelist())
+    modules = {
+        str(path.relative_to(ROOT))
+        for top in ("carlaloc_env", "recorder")
+        for path in (ROOT / top).rglob("*.py")
+    }
+    assert modules | {*SHADERS, *MAPS, "carlaloc_env/py.typed", "recorder/py.typed"} <= names
+    assert "carlaloc_env/maps/Town03/town.xodr" in names
+    assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"carlaloc_env", "recorder"}
+    assert not [name for name in names if "authoring" in name]
+
+
+def test_an_installed_wheel_finds_its_town(wheel: Path, tmp_path: Path) -> None:
+    """Unpacked in an empty folder, away from the checkout, the package lists Town03 and reads its shaders."""
+    zipfile.ZipFile(wheel).extractall(tmp_path / "site")
+    code = (
+        "import json, carlaloc_env, recorder\n"
+        "from carlaloc_env.town.build import known_towns\n"
+        "from carlaloc_env.town.map_check import check_map\n"
+        "path = known_towns()['Town03']\n"
+        "import importlib.resources as r\n"
+        "shader = r.files('carlaloc_env').joinpath('render/shaders/shade.frag').read_text()\n"
+        "print(json.dumps([carlaloc_env.__file__, recorder.__file__, str(path), len(check_map(path).errors), "
+        "len(shader)]))\n"
+    )
+    environment = {
+        key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "CARLALOC_MAPS")
+    }
+    environment["PYTHONPATH"] = str(tmp_path / "site")
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    *places, errors, shader_length = json.loads(done.stdout)
+    assert all(place.startswith(str(tmp_path / "site")) for place in places)
+    assert errors == 0
+    assert shader_length > 500

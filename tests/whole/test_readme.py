@@ -1,0 +1,133 @@
+"""What README and docs tell people to type is right, and README's first screen really runs."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from carlaloc_env.errors import RaycastError, RenderError
+from recorder.cli.main import COMMANDS, _parser, main
+from recorder.evaluation.trajectory import read_tum
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
+SHORTER = {
+    "record": ["--duration", "4"],
+    "replay": ["--start", "3", "--duration", "0.3", "--camera-duration", "0.05", "--quality", "low"],
+    "evaluate": ["--align", "none"],
+}
+"""Documented options that make README's lines quick; they stand last and so replace what stands there.
+
+A third of a second is too straight for an alignment.
+"""
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Code blocks of a language."""
+    found: list[str] = re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    return found
+
+
+def command_lines(page: Path) -> list[list[str]]:
+    """Words of every `carlaloc` line in a shell block, comments left out."""
+    lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    return [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("carlaloc ")]
+
+
+def mentions(page: Path) -> list[list[str]]:
+    """Words of every complete `carlaloc` command in running text: those without ellipsis or choice."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    found = (code.split()[1:] for code in re.findall(r"`(carlaloc [^`]+)`", text))
+    return [words for words in found if not set(" ".join(words)) & set("…<|")]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [words for page in PAGES for words in command_lines(page)],
+    ids=lambda words: " ".join(words),
+)
+def test_every_command_parses(words: list[str]) -> None:
+    """No option that does not exist, none that is missing."""
+    arguments = _parser().parse_args(words)
+    assert arguments.command == words[0]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_mentioned_command_exists(page: Path) -> None:
+    """Commands and options in running text exist, even where the rest is left out."""
+    for words in mentions(page):
+        assert words[0] in COMMANDS
+        options = {word for word in words if word.startswith("--")}
+        parser = _parser()._subparsers._group_actions[0].choices[words[0]]  # type: ignore[union-attr,index,call-overload]
+        assert options <= set(parser._option_string_actions) | {"--out", "--waypoints", "--csv"}
+
+
+def test_readme_lists_every_command_with_its_options() -> None:
+    """The table of commands is complete."""
+    table = re.findall(r"^\| `carlaloc (\w+)", (ROOT / "README.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert tuple(table) == COMMANDS
+
+
+def test_the_four_lines_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """doctor, record, replay, evaluate, as README has them, one after the other in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    lines = command_lines(ROOT / "README.md")
+    assert [words[0] for words in lines] == ["doctor", "record", "replay", "evaluate"]
+    if main(lines[0]) != 0:
+        pytest.skip(f"this machine cannot do all: {capfd.readouterr().out}")
+    for words in lines[1:]:
+        if words[0] == "evaluate":
+            _pretend_estimate(tmp_path / "data/Town03/ground_truth/lidar.tum", tmp_path / "estimate.tum")
+        assert main([*words, *SHORTER.get(words[0], [])]) == 0, capfd.readouterr().err
+    out = capfd.readouterr().out
+    assert re.search(r"APE, position.* rmse 10\.8167", out)
+    assert (tmp_path / "figures" / "trajectories.png").is_file()
+    for name in ("ClearNoon_static", "ClearNoon_dynamic", "FoggyNoon_static", "FoggyNoon_dynamic"):
+        folder = tmp_path / "data" / "Town03" / name
+        assert {f"{name}.bag", "mav0", "preview.mp4", "preview.png", "sequence.yaml"} == {
+            path.name for path in folder.iterdir()
+        }
+    documented = set(re.findall(r"`([\w/-]+\.(?:yaml|md))`", _calibration_section()))
+    written = {
+        str(path.relative_to(tmp_path / "data/Town03/calibration"))
+        for path in (tmp_path / "data/Town03/calibration").rglob("*.*")
+    }
+    assert written == {f"vins_fusion/{n}" if re.fullmatch(r"cam\d.yaml", n) else n for n in documented}
+
+
+def _calibration_section() -> str:
+    text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    return text.split("## Calibration")[1].split("\n## ")[0]
+
+
+def _pretend_estimate(truth: Path, estimate: Path) -> None:
+    """The truth, shifted by √117 = 10.8167 m."""
+    rows = np.loadtxt(truth)
+    rows[:, 1:4] += (10.0, -4.0, 1.0)
+    assert len(read_tum(truth)) == len(rows)
+    np.savetxt(estimate, rows, fmt="%.9f")
+
+
+def test_the_gymnasium_lines_run() -> None:
+    """README's loop as it stands: half throttle brings the car forward."""
+    (block,) = blocks(ROOT / "README.md", "python")
+    code = [line for line in block.splitlines() if line and not line.startswith("import")]
+    assert len(code) <= 8
+    names: dict[str, object] = {}
+    try:
+        exec(compile(block, "README.md", "exec"), names)
+    except (RenderError, RaycastError) as error:
+        pytest.skip(str(error))
+    observation, info = names["observation"], names["info"]
+    assert isinstance(observation, dict)
+    assert isinstance(info, dict)
+    assert info["stamp_ns"] == 1_000_000_000
+    assert 0.3 < info["route_s_m"] < 6.0
+    assert observation["rgb_front"].std() > 5.0
+    assert observation["speed"][0] > 0.5
