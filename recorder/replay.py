@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
-from multiprocessing.managers import ListProxy
 from pathlib import Path
-from threading import Thread
+from shutil import rmtree
 
 import numpy as np
 
@@ -28,11 +25,11 @@ from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.town import Town
 from carlaloc_env.weather import WeatherParameters
 from recorder.conditions import TrafficLevel, conditions_of
 from recorder.episode import Episode
-from recorder.sequence import Sequence, check_formats, sequence_writers, write_shared, write_summary
+from recorder.sequence import Sequence, TownId, check_formats, sequence_writers, write_shared, write_summary
+from recorder.workers import run_jobs
 
 Progress = Callable[[float, float], None]
 """Called with seconds of sensor data done and seconds in all, over all traffic levels."""
@@ -122,8 +119,7 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
     conditions = conditions_of(config.weathers, config.traffic)
     rig = rig_by_name(config.rig)
     episode = Episode.load(config.episode)
-    town = load_town(episode.header.map_name)
-    _check_map(episode, town)
+    town = _identified(episode)
     span, cameras = _spans(config, rig, episode.timeline())
     seed = episode.header.seed if config.seed is None else config.seed
     town_dir = config.out / town.name
@@ -156,12 +152,15 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
     )
 
 
-def _check_map(episode: Episode, town: Town) -> None:
+def _identified(episode: Episode) -> TownId:
+    """The episode's town, known to be the one that was driven in; it is not kept in memory here."""
+    town = load_town(episode.header.map_name)
     if episode.header.map_hash and episode.header.map_hash != town.content_hash:
         raise EpisodeError(
             f"{episode.path} was driven in another version of {town.name}; record it again, or install the "
             f"version of CarlaLoc it was made with ({episode.header.versions.get('carlaloc-env', 'unknown')})"
         )
+    return TownId(name=town.name, content_hash=town.content_hash)
 
 
 def _spans(
@@ -183,64 +182,23 @@ def _spans(
 
 
 def _run(jobs: list[_Job], workers: int | None, progress: Progress | None) -> dict[str, int]:
-    count = min(workers or os.cpu_count() or 1, len(jobs))
     total_s = sum((job.span_ns[1] - job.span_ns[0]) / 1e9 for job in jobs)
-    if count == 1:
-        results = []
-        for number, job in enumerate(jobs):
-            before_s = number * total_s / len(jobs)
+    done = [0.0] * len(jobs)
 
-            def tell(done_s: float, before_s: float = before_s) -> None:
-                if progress is not None:
-                    progress(before_s + done_s, total_s)
-
-            results.append(_replay_level(job, tell))
-    else:
-        results = _run_parallel(jobs, count, total_s, progress)
-    return {name: sum(r.get(name, 0) for r in results) for result in results for name in result}
-
-
-def _run_parallel(
-    jobs: list[_Job], count: int, total_s: float, progress: Progress | None
-) -> list[dict[str, int]]:
-    context = get_context("spawn")
-    # One process per core: threads inside a software renderer would only compete.
-    environment = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1"}
-    before = {name: os.environ.get(name) for name in environment}
-    os.environ.update(environment)
-    try:
-        with context.Manager() as manager, ProcessPoolExecutor(count, mp_context=context) as pool:
-            done = manager.list([0.0] * len(jobs))
-            futures = [pool.submit(_replay_level_in_worker, job, done, k) for k, job in enumerate(jobs)]
-            watcher = Thread(target=_watch, args=(futures, done, total_s, progress), daemon=True)
-            watcher.start()
-            results = [future.result() for future in futures]
-            watcher.join()
-            return results
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-def _watch(futures: list, done: ListProxy, total_s: float, progress: Progress | None) -> None:  # type: ignore[type-arg]
-    from concurrent.futures import wait
-
-    while True:
-        pending = wait(futures, timeout=1.0).not_done
+    def tell(number: int, done_s: float) -> None:
+        done[number] = done_s
         if progress is not None:
             progress(sum(done), total_s)
-        if not pending:
-            return
 
-
-def _replay_level_in_worker(job: _Job, done: ListProxy[float], place: int) -> dict[str, int]:
-    def tell(done_s: float) -> None:
-        done[place] = done_s
-
-    return _replay_level(job, tell)
+    count = min(workers or os.cpu_count() or 1, len(jobs))
+    try:
+        results = run_jobs(_replay_level, jobs, count, tell)
+    except BaseException:
+        for job in jobs:
+            for sequence in job.sequences:
+                rmtree(sequence.part, ignore_errors=True)
+        raise
+    return {name: sum(r.get(name, 0) for r in results) for result in results for name in result}
 
 
 def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:

@@ -19,7 +19,6 @@ from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.timeline import Timeline
-from carlaloc_env.town.town import Town
 from carlaloc_env.yaml_config import to_mapping
 from recorder.conditions import Condition
 from recorder.episode import Episode
@@ -49,6 +48,16 @@ class Sequence:
     def part(self) -> Path:
         """Folder while it is being written."""
         return self.folder.with_name(f".{self.folder.name}.part")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TownId:
+    """Which town a dataset shows."""
+
+    name: str
+    """Name of the town."""
+    content_hash: str
+    """Hash of its map, its configuration and the version of the builder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,7 +201,7 @@ def write_shared(
 
 def write_summary(
     out: Path,
-    town: Town,
+    town: TownId,
     episode: Episode,
     rig: SensorRig,
     sequences: Many[Path],

@@ -1,0 +1,108 @@
+"""Jobs in processes of their own, with progress and errors told to the parent."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from typing import TypeVar
+
+from carlaloc_env.errors import CarlaLocError
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+Tell = Callable[[float], None]
+"""Told by a job how far it is, in a unit of its own."""
+Work = Callable[[Job, Tell], Result]
+
+ENVIRONMENT = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "MALLOC_MMAP_THRESHOLD_": "262144"}
+"""Set in workers: with a process per core, threads of a software renderer would only compete; a
+fixed threshold lets glibc give the memory of building a scene back to the system."""
+
+
+def run_jobs(
+    work: Work[Job, Result], jobs: Sequence[Job], workers: int, tell: Callable[[int, float], None]
+) -> list[Result]:
+    """Run jobs and return their results in order.
+
+    Args:
+        work: A function of a module, called with a job and a function that tells its progress.
+        jobs: What to do; sent to the processes by pickle.
+        workers: Number of processes; with one, everything runs in this process.
+        tell: Called with a job's number and its progress.
+
+    Raises:
+        Exception: the first error of a job; the other processes are ended then.
+    """
+    if workers == 1 or len(jobs) < 2:
+        return [work(job, lambda done, k=k: tell(k, done)) for k, job in enumerate(jobs)]  # type: ignore[misc]
+    context = get_context("spawn")
+    results: dict[int, Result] = {}
+    waiting = list(enumerate(jobs))
+    running: dict[Connection, object] = {}
+    processes = []
+    try:
+        with _environment():
+            while waiting or running:
+                while waiting and len(running) < workers:
+                    k, job = waiting.pop(0)
+                    here, there = context.Pipe(duplex=False)
+                    process = context.Process(target=_child, args=(there, work, k, job), daemon=True)
+                    process.start()
+                    there.close()
+                    processes.append(process)
+                    running[here] = process
+                for connection in wait(list(running)):
+                    _receive(connection, running, results, tell)  # type: ignore[arg-type]
+    finally:
+        for process in processes:
+            if process.is_alive() and running:
+                process.terminate()
+            process.join()
+    return [results[k] for k in range(len(jobs))]
+
+
+def _child(connection: Connection, work: Work[Job, Result], k: int, job: Job) -> None:
+    try:
+        result = work(job, lambda done: connection.send(("progress", k, done)))
+        connection.send(("result", k, result))
+    except CarlaLocError as error:
+        connection.send(("error", k, error))
+    finally:
+        connection.close()
+
+
+def _receive(
+    connection: Connection,
+    running: dict[Connection, object],
+    results: dict[int, Result],
+    tell: Callable[[int, float], None],
+) -> None:
+    try:
+        kind, k, value = connection.recv()
+    except EOFError:
+        del running[connection]
+        raise CarlaLocError("a worker process ended early; its traceback stands above") from None
+    if kind == "error":
+        raise value
+    if kind == "result":
+        results[k] = value
+        del running[connection]
+    else:
+        tell(k, value)
+
+
+@contextmanager
+def _environment() -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in ENVIRONMENT}
+    os.environ.update(ENVIRONMENT)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
