@@ -15,9 +15,10 @@ from recorder.devices.registry import open_device
 
 TOWN = "Town03"
 SEED = 7
-CROWD = 400
+CROWD = 600
 """Vehicles in town, so many that 50 of them are near the ego."""
 RANGE_M = 120.0
+MOVING_MPS = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +34,7 @@ class Drive:
 
 
 def drive_among(town: Town, actors: int, *, steps: int, sweeps: int) -> Drive:
-    """Drive for some 50 ms steps and keep the actors that are nearest in the end."""
+    """Drive for some 50 ms steps and keep the moving actors that are nearest in the end."""
     world = DrivingWorld(town, TrafficConfig(vehicles=CROWD, walkers=20, seed=SEED))
     world.reset()
     advance(world, steps)
@@ -41,6 +42,7 @@ def drive_among(town: Town, actors: int, *, steps: int, sweeps: int) -> Drive:
     frame = world.timeline.actors_at(last_ns)
     ego_m = world.timeline.ego_motion([last_ns]).position_m[0]
     distance = np.linalg.norm(frame.position_m - ego_m, axis=-1)
+    distance[frame.speed_mps < MOVING_MPS] = np.inf
     nearest = np.sort(np.argsort(distance, kind="stable")[:actors])
     timeline = world.timeline.select_actors(nearest)
     world.close()

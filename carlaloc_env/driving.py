@@ -25,7 +25,8 @@ from carlaloc_env.road_ahead import RoadAhead
 from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.route import Route
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.vehicles import EgoView, TrafficTables
+from carlaloc_env.traffic.ego_view import EgoView
+from carlaloc_env.traffic.vehicles import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 _PARKED = Controls(brake=1.0)

@@ -5,6 +5,7 @@ A live environment fills a short Timeline while it drives, a replay loads a whol
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ F32 = NDArray[np.float32]
 
 LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, LIGHT_LOW_BEAM, LIGHT_REVERSE = 1, 2, 4, 8, 16
 """Bits of `ActorFrame.lights`."""
-_KEPT_MOTIONS = 8
+_KEPT_MOTIONS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,7 +116,7 @@ class Timeline:
         self._frames: list[ActorFrame] = []
         self._signals: list[NDArray[np.uint8]] = []
         self._first_step = 0
-        self._motions: dict[bytes, Motion] = {}
+        self._motions: deque[Motion] = deque(maxlen=_KEPT_MOTIONS)
 
     @property
     def end_ns(self) -> int:
@@ -145,13 +146,15 @@ class Timeline:
     def ego_motion(self, stamps_ns: ArrayLike) -> Motion:
         """Motion of the ego's `base_link` at M times [ns]."""
         stamps = np.atleast_1d(np.asarray(stamps_ns, dtype=np.int64))
-        key = stamps.tobytes()
-        if key not in self._motions:
-            # Several sensors ask for the same times; what is known of a time never changes.
-            if len(self._motions) >= _KEPT_MOTIONS:
-                self._motions.pop(next(iter(self._motions)))
-            self._motions[key] = self.ego.motion(stamps)
-        return self._motions[key]
+        # Several sensors ask for the same times; what is known of a time never changes.
+        for kept in self._motions:
+            if np.array_equal(kept.stamp_ns, stamps):
+                return kept
+            if len(stamps) == 1 and len(row := np.flatnonzero(kept.stamp_ns == stamps[0])):
+                return kept.row(int(row[0]))
+        motion = self.ego.motion(stamps)
+        self._motions.append(motion)
+        return motion
 
     def actors_at(self, stamp_ns: int) -> ActorFrame:
         """State of all actors at one time [ns]."""

@@ -9,6 +9,7 @@ truth: pictures, LiDAR, IMU and ground truth all read it.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,22 +51,33 @@ class Motion:
         a_mount = a + R(α×l + ω×(ω×l)), v_mount = v + R(ω×l).
         """
         T = np.asarray(T_frame_mount, dtype=np.float64)
-        lever = T[:3, 3]
-        R_mount_frame = T[:3, :3].T
+        moved = self._moved_by(T[:3, 3]) if T[:3, 3].any() else self
+        return moved if np.array_equal(T[:3, :3], np.eye(3)) else moved._turned_by(T[:3, :3])
+
+    def _moved_by(self, lever_m: Array) -> Motion:
         w, q = self.omega_body_radps, self.quat_xyzw
-        arm = np.broadcast_to(lever, w.shape)
+        arm = np.broadcast_to(lever_m, w.shape)
         wl = geometry.cross(w, arm)
-        rotate = geometry.from_rotation(R_mount_frame)
-        return Motion(
-            stamp_ns=self.stamp_ns,
+        return dataclasses.replace(
+            self,
             position_m=self.position_m + geometry.quat_rotate(q, arm),
-            quat_xyzw=geometry.quat_multiply(q, geometry.matrix_to_quat(T[:3, :3])),
             velocity_world_mps=self.velocity_world_mps + geometry.quat_rotate(q, wl),
             acceleration_world_mps2=self.acceleration_world_mps2
             + geometry.quat_rotate(q, geometry.cross(self.alpha_body_radps2, arm) + geometry.cross(w, wl)),
-            omega_body_radps=geometry.apply(rotate, w),
+        )
+
+    def _turned_by(self, R_frame_mount: Array) -> Motion:
+        rotate = geometry.from_rotation(R_frame_mount.T)
+        return dataclasses.replace(
+            self,
+            quat_xyzw=geometry.quat_multiply(self.quat_xyzw, geometry.matrix_to_quat(R_frame_mount)),
+            omega_body_radps=geometry.apply(rotate, self.omega_body_radps),
             alpha_body_radps2=geometry.apply(rotate, self.alpha_body_radps2),
         )
+
+    def row(self, index: int) -> Motion:
+        """Motion at one of the instants, M = 1."""
+        return Motion(**{name: getattr(self, name)[index : index + 1] for name in self.__slots__})
 
 
 class EgoTrack:

@@ -12,6 +12,7 @@ from carlaloc_env import rng
 from carlaloc_env.clock import STEP_NS
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2, SpeedTables, idm_plus
+from carlaloc_env.traffic.ego_view import EgoLanes, EgoView, find_ego_lanes
 from carlaloc_env.traffic.junctions import JunctionTable, Request, Reservations
 from carlaloc_env.traffic.leaders import Occupancy, find_leaders
 from carlaloc_env.traffic.signal_plan import SignalState
@@ -24,20 +25,7 @@ _PLAN = 7
 _EGO = -1
 _YELLOW_BRAKING_MPS2 = 3.0
 _STANDING_MPS = 0.1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EgoView:
-    """What other road users see of the ego."""
-
-    position_m: tuple[float, float, float]
-    """Centre of the ego's box on the ground [m], world."""
-    heading_rad: float
-    """Heading [rad]."""
-    speed_mps: float
-    """Forward speed [m/s]."""
-    length_m: float = 4.7
-    """Length of the ego [m]."""
+_GREEN, _YELLOW = int(SignalState.GREEN), int(SignalState.YELLOW)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,6 +55,7 @@ class TrafficTables:
         self.speeds = SpeedTables(network)
         self.junctions = JunctionTable(network)
         self.onward = _lanes_that_go_on(network)
+        self.turn_rad = _turns(network)
 
 
 class Vehicles:
@@ -81,6 +70,7 @@ class Vehicles:
         self.junctions = tables.junctions
         self.reservations = Reservations(self.junctions)
         self._onward = tables.onward
+        self._turn_rad = tables.turn_rad
         self._heads: list[list[int]] = [[] for _ in network.lanes]
         self._stop_m = self._length - 1.0
         for index, head in enumerate(network.signals):
@@ -122,8 +112,9 @@ class Vehicles:
     def step(self, ego: EgoView, signals: NDArray[np.uint8]) -> None:
         """Advance by 50 ms."""
         d = self.drivers
-        occupancy = self._occupancy(ego)
-        self._reserve_for_ego(ego)
+        ego_lanes = find_ego_lanes(self._network, self._length, ego)
+        occupancy = self._occupancy(ego, ego_lanes)
+        self._reserve_for_ego(ego, ego_lanes)
         gap, leader = find_leaders(occupancy, len(d.length_m), self.plan, self._length)
         stop_gap = self._stop_gaps(occupancy, signals)
         desired = self._desired_speed()
@@ -145,8 +136,7 @@ class Vehicles:
         Both axles lie on the lane's centre line, which gives natural yaw and off-tracking.
         """
         half = 0.5 * self.drivers.wheelbase_m
-        front = self._point(half)
-        rear = self._point(-half)
+        front, rear = self._points(np.stack([half, -half]))
         delta = front - rear
         flat = np.hypot(delta[:, 0], delta[:, 1])
         heading = np.array([math.atan2(y, x) for x, y in zip(delta[:, 0], delta[:, 1], strict=True)])
@@ -164,54 +154,29 @@ class Vehicles:
                 & ((hop == 0) | (self._length[self.plan[:, 0]] - self.station_m < 35.0))
             )
             if near.any():
-                which = lane[near]
-                begin = self._network.pose(which, np.zeros(len(which))).heading_rad
-                end = self._network.pose(which, self._length[which]).heading_rad
-                result[near] = np.mod(end - begin + np.pi, 2 * np.pi) - np.pi
+                result[near] = self._turn_rad[lane[near]]
         return result
 
-    def _occupancy(self, ego: EgoView) -> Occupancy:
+    def _occupancy(self, ego: EgoView, where: EgoLanes) -> Occupancy:
         half = 0.5 * self.drivers.length_m
         tail = (self.lane_before >= 0) & (self.station_m < half + 1.0)
-        ego_lane, ego_station, ego_speed = self._ego_on_lanes(ego)
         before = self.lane_before[tail]
         return Occupancy(
-            lane=np.concatenate([self.plan[:, 0], before, ego_lane]),
+            lane=np.concatenate([self.plan[:, 0], before, where.lane]),
             station_m=np.concatenate(
-                [self.station_m, self._length[before] + self.station_m[tail], ego_station]
+                [self.station_m, self._length[before] + self.station_m[tail], where.station_m]
             ),
-            half_m=np.concatenate([half, half[tail], np.full(len(ego_lane), 0.5 * ego.length_m)]),
-            speed_mps=np.concatenate([self.speed_mps, self.speed_mps[tail], ego_speed]),
+            half_m=np.concatenate([half, half[tail], np.full(len(where.lane), 0.5 * ego.length_m)]),
+            speed_mps=np.concatenate([self.speed_mps, self.speed_mps[tail], where.speed_mps]),
         )
 
-    def _ego_on_lanes(self, ego: EgoView) -> tuple[Index, Array, Array]:
-        """Lanes the ego's box touches: those nearest to its centre line, shifted by half its width."""
-        c, s = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
-        along = np.repeat([-0.4 * ego.length_m, 0.0, 0.4 * ego.length_m], 3)
-        side = np.tile([-0.7, 0.0, 0.7], 3)
-        points = np.array(ego.position_m) + np.stack(
-            [along * c - side * s, along * s + side * c, np.zeros(9)], axis=-1
-        )
-        lane, station, _, distance = self._network.nearest(points)
-        near = distance < 2.0
-        found, first = np.unique(lane[near], return_index=True)
-        where = station[near][first] - along[near][first]
-        heading = self._network.pose(found, np.clip(where, 0.0, self._length[found])).heading_rad
-        forward = np.cos(heading - ego.heading_rad)
-        return found.astype(np.int64), where, np.maximum(0.0, ego.speed_mps * forward)
-
-    def _reserve_for_ego(self, ego: EgoView) -> None:
+    def _reserve_for_ego(self, ego: EgoView, where: EgoLanes) -> None:
         for holders in self.reservations.held.values():
             holders.pop(_EGO, None)
-        reach = np.arange(0.0, max(2.0 * ego.speed_mps, 0.5), 1.0)
-        c, s = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
-        points = np.array(ego.position_m) + np.stack([reach * c, reach * s, 0 * reach], axis=-1)
-        lane, station, _, distance = self._network.nearest(points)
-        for index, where in zip(lane[distance < 1.5], station[distance < 1.5], strict=True):
-            if self.junctions.is_junction[index]:
-                tail = float(where) - 0.5 * ego.length_m
-                held = self.reservations.held[int(index)]
-                held[_EGO] = min(held.get(_EGO, math.inf), tail)
+        for lane, station in where.ahead:
+            if self.junctions.is_junction[lane]:
+                held = self.reservations.held[lane]
+                held[_EGO] = min(held.get(_EGO, math.inf), station - 0.5 * ego.length_m)
 
     def _desired_speed(self) -> Array:
         d = self.drivers
@@ -245,18 +210,20 @@ class Vehicles:
         rear, rear_speed = occupancy.rearmost(len(self._length))
         bound = self._bound_for()
         reach = np.maximum(30.0, self.speed_mps * self.speed_mps / (2 * COMFORT_BRAKING_MPS2) + 12.0)
-        near = self._length[self.plan[:, 0]] - self.station_m < reach
+        hops, distances = self._next_junctions()
+        near = (self._length[self.plan[:, 0]] - self.station_m < reach) & (hops >= 0) & (distances <= reach)
+        next_lane = np.where(hops >= 0, self.plan[np.arange(len(hops)), hops], -1).tolist()
         queues = self._queues()
+        shown = signals.tolist()
         requests: list[Request] = []
         gaps: list[float] = []
-        for vehicle in np.flatnonzero(near):
-            v = int(vehicle)
-            hop, distance = self._next_junction(v)
-            if hop < 0 or distance > reach[v]:
-                continue
-            lane, approach = int(self.plan[v, hop]), int(self.plan[v, hop - 1])
-            to_line = distance - (self._length[approach] - self._stop_m[approach])
-            permitted = self._permitted(v, self._heads[lane] or self._heads[approach], to_line, signals)
+        for v in np.flatnonzero(near).tolist():
+            hop, distance, lane = int(hops[v]), float(distances[v]), next_lane[v]
+            approach = int(self.plan[v, hop - 1])
+            to_line = float(distance - (self._length[approach] - self._stop_m[approach]))
+            heads = self._heads[lane] or self._heads[approach]
+            speed = float(self.speed_mps[v])
+            permitted = _is_permitted([shown[head] for head in heads], to_line, speed)
             if self.reservations.holds(v, lane):
                 if permitted or to_line < 0.5:
                     continue
@@ -268,10 +235,10 @@ class Vehicles:
                     vehicle=v,
                     lane=lane,
                     distance_m=distance,
-                    speed_mps=float(self.speed_mps[v]),
+                    speed_mps=speed,
                     waited_s=float(self._waited_s[v]),
                     permitted=permitted,
-                    has_room=self._may_follow(v, hop, queues)
+                    has_room=self._may_follow(v, hop, queues, next_lane)
                     and self._has_room(v, hop, rear, rear_speed, bound),
                 )
             )
@@ -284,39 +251,36 @@ class Vehicles:
             queues.setdefault(lane, []).append(vehicle)
         return queues
 
-    def _may_follow(self, v: int, hop: int, queues: dict[int, list[int]]) -> bool:
-        """Whether all who stand between the vehicle and the junction have been admitted themselves."""
+    def _may_follow(self, v: int, hop: int, queues: dict[int, list[int]], next_lane: list[int]) -> bool:
+        """Whether all who stand between the vehicle and the junction have been admitted themselves.
+
+        Args:
+            v: The vehicle.
+            hop: Place of the junction in its plan.
+            queues: Vehicles of each lane.
+            next_lane: Junction lane that each vehicle comes to next, −1 = none in sight.
+        """
         for k in range(hop):
             for other in queues.get(int(self.plan[v, k]), ()):
                 ahead = k > 0 or self.station_m[other] > self.station_m[v]
-                if ahead and other != v and not self._is_admitted(other):
+                waits = next_lane[other] >= 0 and next_lane[other] not in self._held[other]
+                if ahead and other != v and waits:
                     return False
         return True
 
-    def _is_admitted(self, v: int) -> bool:
-        hop, _ = self._next_junction(v)
-        return hop < 0 or int(self.plan[v, hop]) in self._held[v]
-
-    def _next_junction(self, v: int) -> tuple[int, float]:
-        """Hop of the next junction lane ahead that is not entered yet, and the distance to it [m]."""
-        distance = self._length[self.plan[v, 0]] - self._front(v)
+    def _next_junctions(self) -> tuple[Index, Array]:
+        """Hop of the junction lane that each vehicle enters next, −1 = none, and the distance to it [m]."""
+        distance = self._length[self.plan[:, 0]] - (self.station_m + 0.5 * self.drivers.length_m)
+        hops = np.full(len(distance), -1, np.int64)
+        searching = np.ones(len(distance), dtype=bool)
         for hop in range(1, _PLAN):
-            lane = self.plan[v, hop]
-            if lane < 0:
-                break
-            if self.junctions.is_junction[lane]:
-                return hop, float(distance)
-            distance += self._length[lane]
-        return -1, 0.0
-
-    def _permitted(self, v: int, heads: list[int], to_line_m: float, signals: NDArray[np.uint8]) -> bool:
-        if not heads or to_line_m < -1.0:
-            return True
-        states = signals[heads]
-        if (states == SignalState.GREEN).any() or (states == SignalState.OFF).all():
-            return True
-        must_brake = self.speed_mps[v] ** 2 / (2 * max(to_line_m, 0.1))
-        return bool((states == SignalState.YELLOW).any() and must_brake > _YELLOW_BRAKING_MPS2)
+            lane = self.plan[:, hop]
+            searching = searching & (lane >= 0)
+            found = searching & self.junctions.is_junction[lane]
+            hops[found] = hop
+            searching &= ~found
+            distance = np.where(searching, distance + self._length[lane], distance)
+        return hops, distance
 
     def _bound_for(self) -> dict[int, float]:
         """Length claimed on the lane behind each held junction lane [m]."""
@@ -415,10 +379,10 @@ class Vehicles:
             self.plan[v, hop] = options[int(draw)]
             self._turns[v] += 1
 
-    def _point(self, ahead_m: Array) -> Array:
-        """Points on the path that far ahead of the vehicles' centres [m], shape (N, 3)."""
-        lane = self.plan[:, 0].copy()
+    def _points(self, ahead_m: Array) -> Array:
+        """Points on the path that far ahead of the vehicles' centres [m], (K, N) distances, (K, N, 3)."""
         station = self.station_m + ahead_m
+        lane = np.broadcast_to(self.plan[:, 0], station.shape)
         behind = (station < 0) & (self.lane_before >= 0)
         lane = np.where(behind, self.lane_before, lane)
         station = np.where(behind, station + self._length[lane], station)
@@ -426,11 +390,30 @@ class Vehicles:
             beyond = (station > self._length[lane]) & (self.plan[:, hop] >= 0) & ~behind
             station = np.where(beyond, station - self._length[lane], station)
             lane = np.where(beyond, self.plan[:, hop], lane)
-        pose = self._network.pose(lane, np.clip(station, 0.0, self._length[lane]))
-        overshoot = station - np.clip(station, 0.0, self._length[lane])
-        along = np.stack([np.cos(pose.heading_rad), np.sin(pose.heading_rad), 0 * station], axis=-1)
-        point: Array = pose.position_m + overshoot[:, None] * along
-        return point
+        on_lane = np.clip(station, 0.0, self._length[lane])
+        pose = self._network.pose(lane.ravel(), on_lane.ravel())
+        heading = pose.heading_rad.reshape(station.shape)
+        along = np.stack([np.cos(heading), np.sin(heading), 0 * station], axis=-1)
+        beyond_m = (station - on_lane)[..., None]
+        points: Array = pose.position_m.reshape(*station.shape, 3) + beyond_m * along
+        return points
+
+
+def _is_permitted(states: list[int], to_line_m: float, speed_mps: float) -> bool:
+    """Whether the lights that count let a vehicle go that far before their line [m]."""
+    if not states or to_line_m < -1.0 or _GREEN in states or not any(states):
+        return True
+    must_brake = speed_mps * speed_mps / (2 * max(to_line_m, 0.1))
+    return _YELLOW in states and must_brake > _YELLOW_BRAKING_MPS2
+
+
+def _turns(network: LaneNetwork) -> Array:
+    """Heading change along every lane [rad], −π…π."""
+    lane = np.arange(len(network.lanes))
+    length = np.array([lane.length_m for lane in network.lanes])
+    change = network.pose(lane, length).heading_rad - network.pose(lane, np.zeros(len(lane))).heading_rad
+    result: Array = np.mod(change + np.pi, 2 * np.pi) - np.pi
+    return result
 
 
 def _lanes_that_go_on(network: LaneNetwork) -> NDArray[np.bool_]:

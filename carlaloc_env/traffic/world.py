@@ -23,8 +23,9 @@ from carlaloc_env.timeline import (
     ActorFrame,
 )
 from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.traffic.ego_view import EgoView
 from carlaloc_env.traffic.signal_plan import SignalPlan, SignalTiming
-from carlaloc_env.traffic.vehicles import Drivers, EgoView, TrafficTables, Vehicles, spread_over_lanes
+from carlaloc_env.traffic.vehicles import Drivers, TrafficTables, Vehicles, spread_over_lanes
 from carlaloc_env.traffic.walkers import Walkers
 
 if TYPE_CHECKING:
