@@ -6,6 +6,7 @@ triangles that CarlaLoc draws, the ground is a mesh of some bodies, actors are b
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import TracebackType
 
 import numpy as np
@@ -16,7 +17,6 @@ from carlaloc_env.clock import TICK_S
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.town import Town
 
 Array = NDArray[np.float64]
 
@@ -28,29 +28,33 @@ _EGO_HALF_M = (2.35, 0.925, 0.6)
 
 
 class NaiveWorld:
-    """A town in PyBullet with one body per thing.
+    """Scenery in PyBullet with one body per thing."""
 
-    Args:
-        town: The town.
-        catalog: Actors, a kinematic box each.
-        ego_m: Where the ego stands [m], shape (3,).
-    """
-
-    def __init__(self, town: Town, catalog: ActorCatalog, ego_m: Array) -> None:
+    def __init__(self, chunks: Sequence[Mesh]) -> None:
         self._client = pybullet.connect(pybullet.DIRECT)
         pybullet.setGravity(0, 0, -9.81, physicsClientId=self._client)
         pybullet.setTimeStep(TICK_S, physicsClientId=self._client)
-        self._add_town(merge(town.chunks))
+        self._add_town(merge(chunks))
+        self._actors: list[int] = []
+        self._ego = -1
+
+    def stand(self, catalog: ActorCatalog, ego_m: Array) -> None:
+        """Replace actors and ego.
+
+        Args:
+            catalog: Actors, a kinematic box each.
+            ego_m: Where the ego stands, a heavy box [m], shape (3,).
+        """
+        for body in [*self._actors, self._ego]:
+            if body >= 0:
+                pybullet.removeBody(body, physicsClientId=self._client)
         self._actors = [
             self._add_box(0.5 * size, np.zeros(3), tint / 255.0)
             for size, tint in zip(catalog.size_m.astype(np.float64), catalog.tint, strict=True)
         ]
         self._heights = catalog.size_m[:, 2].astype(np.float64)
         self._ego = self._add_box(
-            np.array(_EGO_HALF_M),
-            ego_m + np.array([0.0, 0.0, 0.8]),
-            np.array([0.2, 0.3, 0.6]),
-            mass_kg=1850.0,
+            np.array(_EGO_HALF_M), ego_m + np.array([0.0, 0.0, 0.8]), np.array([0.2, 0.3, 0.6]), 1850.0
         )
 
     @property
