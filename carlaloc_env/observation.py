@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from gymnasium import spaces
@@ -23,6 +23,14 @@ from carlaloc_env.samples import (
 
 Observation = dict[str, NDArray[Any]]
 """Arrays by observation key."""
+
+
+@runtime_checkable
+class ObservedSample(Protocol):
+    """A kind of sample from elsewhere that says itself how it is observed."""
+
+    def observed(self) -> NDArray[Any]:
+        """The observed numbers, in the layout of the sensor's `streams`."""
 
 
 class Observer:
@@ -111,7 +119,9 @@ def values_of(sample: Sample) -> NDArray[Any]:
         return np.array([sample.latitude_deg, sample.longitude_deg, sample.altitude_m, float(sample.has_fix)])
     if isinstance(sample, Speed):
         return np.array([sample.speed_mps])
-    raise TypeError(f"{type(sample).__name__} has no place in observations")
+    if isinstance(sample, ObservedSample):
+        return sample.observed()
+    raise TypeError(f"{type(sample).__name__} has no place in observations; give it a method observed()")
 
 
 def cloud_rows(cloud: PointCloud) -> NDArray[np.float32]:

@@ -66,7 +66,7 @@ def examine(out: Path | None = None) -> DoctorReport:
         graphics,
         _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0"),
         _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
-        _guarded("joystick", _joystick, needed=False, remedy="plug in a wheel or gamepad"),
+        _guarded("joystick", _joystick, needed=False, remedy="none is needed: the scripted driver drives"),
         _disk(out or Path.cwd()),
         _optional("kiss_icp", "LiDAR odometry in `make demo`", "slam"),
         _optional("matplotlib", "trajectory plots", "report"),
@@ -163,7 +163,7 @@ def _joystick() -> tuple[bool, str]:
     pygame.joystick.init()
     names = [pygame.joystick.Joystick(k).get_name() for k in range(pygame.joystick.get_count())]
     pygame.joystick.quit()
-    return bool(names), ", ".join(names) or "none plugged in; the scripted driver needs none"
+    return bool(names), ", ".join(names) or "none plugged in"
 
 
 def _disk(folder: Path) -> Finding:

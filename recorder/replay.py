@@ -140,7 +140,7 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
         for sequence in job.sequences:
             if sequence.folder.exists():
                 raise WriterError(f"{sequence.folder} exists; choose another --out or delete it first")
-    write_shared(town_dir, rig, episode.timeline(), span, config.topics)
+    write_shared(town_dir, rig, episode.timeline(), span, topics=config.topics, seed=seed)
     counts = _run(jobs, config.workers, progress)
     sequences = tuple(sequence.folder for job in jobs for sequence in job.sequences)
     write_summary(config.out, town, episode, rig, sequences, seed=seed, span_ns=span)

@@ -18,6 +18,7 @@ from carlaloc_env.clock import TICK_NS
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
+from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.yaml_config import to_mapping
 from recorder.conditions import Condition
@@ -179,7 +180,13 @@ def sequence_writers(
 
 
 def write_shared(
-    town_dir: Path, rig: SensorRig, timeline: Timeline, span_ns: tuple[int, int], topics: str
+    town_dir: Path,
+    rig: SensorRig,
+    timeline: Timeline,
+    span_ns: tuple[int, int],
+    *,
+    topics: str,
+    seed: int,
 ) -> None:
     """Write calibration and ground truth of a drive, the same for all its sequences.
 
@@ -189,14 +196,17 @@ def write_shared(
         timeline: The drive.
         span_ns: First stamp and end (not included) of the ground truth [ns].
         topics: Topic profile that the calibration files name.
+        seed: Seed of the noise; the table of states holds the IMU's true biases.
     """
     calibration = RigCalibration.from_configs(rig.sensors)
     write_calibration(town_dir / "calibration", calibration, profile=topics)
     stamps = np.arange(span_ns[0], span_ns[1], TICK_NS)
     folder = town_dir / "ground_truth"
     write_truth(folder, timeline, stamps, {"base_link": np.eye(4), **calibration.frames})
-    body = calibration.imu.T_base_imu if calibration.imu is not None else np.eye(4)
-    write_state_csv(folder / "state.csv", timeline.ego_motion(stamps).at_mount(body))
+    imu = next((config for config in rig.sensors if isinstance(config, ImuConfig)), None)
+    body = imu.mount.T_base_sensor if imu is not None else np.eye(4)
+    biases = ImuSensor(imu, seed).bias(stamps.tolist()) if imu is not None else None
+    write_state_csv(folder / "state.csv", timeline.ego_motion(stamps).at_mount(body), biases=biases)
 
 
 def write_summary(

@@ -19,6 +19,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.route import Route, plan_route
+from carlaloc_env.town.route_choice import choose_route
 from carlaloc_env.town.scenery import Scenery, build_scenery
 from carlaloc_env.town.town import Town
 
@@ -85,7 +86,7 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         network=network,
         config=config,
         route=route,
-        geo=_geo(network, config, has_geo=has_toml),
+        geo=_geo(network, config),
         chunks=scenery.chunks,
         collision_vertices_m=scenery.collision_vertices_m,
         collision_triangles=scenery.collision_triangles,
@@ -197,10 +198,12 @@ def _from_arrays(arrays: Arrays) -> Scenery:
 def _route(network: LaneNetwork, config: TownConfig) -> Route | None:
     wanted = config.route
     if not wanted.points:
-        return None
-    return plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m)
+        return choose_route(network)
+    route = plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m)
+    return route.starting_at(wanted.start) if wanted.start is not None else route
 
 
-def _geo(network: LaneNetwork, config: TownConfig, *, has_geo: bool) -> GeoReference:
+def _geo(network: LaneNetwork, config: TownConfig) -> GeoReference:
+    """What town.toml says, else the map's own reference, else the equator at Greenwich's meridian."""
     from_map = network.xodr.geodetic_origin()
-    return config.geo if has_geo or from_map is None else from_map
+    return config.geo or from_map or GeoReference(latitude_deg=0.0, longitude_deg=0.0)

@@ -67,6 +67,8 @@ class SignalConfig:
     """Yellow after green [s]."""
     all_red_s: float = 2.0
     """Red for everybody between two groups [s]."""
+    offset_s: float = 0.0
+    """How much later the cycles of all junctions begin [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,8 +115,8 @@ class TownConfig:
     """One line for lists of towns."""
     default_zone: str = "small_town"
     """Scenery outside all zones, one of `ZONE_KINDS`."""
-    geo: GeoReference = field(default_factory=lambda: GeoReference(latitude_deg=0.0, longitude_deg=0.0))
-    """Geodetic position of the world origin."""
+    geo: GeoReference | None = None
+    """Geodetic position of the world origin; None: the map's own."""
     route: RouteConfig = field(default_factory=RouteConfig)
     """The ego's route."""
     traffic: TrafficConfig = field(default_factory=TrafficConfig)
@@ -154,10 +156,9 @@ class TownConfig:
             if key not in sections:
                 raise ConfigError(unknown_name("section", key, sections))
         town = _checked("town", content.get("town", {}), ("name", "description", "default_zone"))
-        geo = {"latitude_deg": 0.0, "longitude_deg": 0.0, **content.get("geo", {})}
         return TownConfig(
             **town,
-            geo=_section(GeoReference, "geo", geo),
+            geo=_section(GeoReference, "geo", content["geo"]) if "geo" in content else None,
             route=_section(RouteConfig, "route", content.get("route", {})),
             traffic=_section(TrafficConfig, "traffic", content.get("traffic", {})),
             signals=_section(SignalConfig, "signals", content.get("signals", {})),

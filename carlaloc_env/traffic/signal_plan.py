@@ -33,6 +33,8 @@ class SignalTiming:
     """Yellow [s]; 1 + v/6.1 at 50 km/h (ITE, deceleration 3.05 m/s²)."""
     all_red_s: float = 2.0
     """Red for everybody between two phases [s]."""
+    offset_s: float = 0.0
+    """How much later all cycles begin [s]."""
 
     def __post_init__(self) -> None:
         if self.green_s <= 0 or self.yellow_s < 0 or self.all_red_s < 0:
@@ -72,7 +74,7 @@ class SignalPlan:
             offset = int.from_bytes(hashlib.blake2b(junction.encode(), digest_size=4).digest(), "big")
             for index, phase in zip(heads, phases, strict=True):
                 cycle[index] = total
-                start[index] = phase * phase_ns + offset % 1000 * total // 1000
+                start[index] = phase * phase_ns + offset % 1000 * total // 1000 + round(timing.offset_s * 1e9)
         return cls(start, cycle, timing)
 
     def state_at(self, stamp_ns: int) -> NDArray[np.uint8]:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env import rng
 from carlaloc_env.clock import STEP_NS
 from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.route_choice import lanes_that_go_on
 from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2, SpeedTables, idm_plus
 from carlaloc_env.traffic.ego_view import EgoLanes, EgoView, find_ego_lanes
 from carlaloc_env.traffic.junctions import JunctionTable, Request, Reservations
@@ -54,7 +55,7 @@ class TrafficTables:
     def __init__(self, network: LaneNetwork) -> None:
         self.speeds = SpeedTables(network)
         self.junctions = JunctionTable(network)
-        self.onward = _lanes_that_go_on(network)
+        self.onward = lanes_that_go_on(network)
         self.turn_rad = _turns(network)
 
 
@@ -414,19 +415,6 @@ def _turns(network: LaneNetwork) -> Array:
     change = network.pose(lane, length).heading_rad - network.pose(lane, np.zeros(len(lane))).heading_rad
     result: Array = np.mod(change + np.pi, 2 * np.pi) - np.pi
     return result
-
-
-def _lanes_that_go_on(network: LaneNetwork) -> NDArray[np.bool_]:
-    """Lanes from which one can drive for ever: dead ends are peeled off until nothing changes."""
-    alive = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
-    changed = True
-    while changed:
-        changed = False
-        for lane in network.lanes:
-            if alive[lane.index] and not any(alive[nxt] for nxt in lane.successors):
-                alive[lane.index] = False
-                changed = True
-    return alive
 
 
 def spread_over_lanes(

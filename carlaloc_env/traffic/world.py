@@ -82,6 +82,7 @@ def traffic_of_town(town: Town, share: str | float, seed: int) -> TrafficConfig:
             green_s=town.config.signals.green_s,
             yellow_s=town.config.signals.yellow_s,
             all_red_s=town.config.signals.all_red_s,
+            offset_s=town.config.signals.offset_s,
         ),
     )
 
