@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from carlaloc_env.assets.library import build_library
 from carlaloc_env.errors import RenderError
 from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.scene import ModelLibrary
+from carlaloc_env.scene import Mesh, ModelLibrary
 from carlaloc_env.town.town import SignalLenses, Town
 from carlaloc_env.weather import WeatherParameters
 
@@ -25,7 +25,8 @@ class SensorStage:
     """
 
     def __init__(self, town: Town, *, seed: int, weather: WeatherParameters, quality: str = "medium") -> None:
-        self._town = town
+        self._geo, self._lenses, self._lamps_m = town.geo, town.lenses, town.lamps_m
+        self._chunks: tuple[Mesh, ...] | None = town.chunks
         self._seed = seed
         self.weather = weather
         self._quality = quality
@@ -44,7 +45,7 @@ class SensorStage:
     @property
     def geo(self) -> GeoReference:
         """Where the world's origin lies on the Earth."""
-        return self._town.geo
+        return self._geo
 
     @cached_property
     def library(self) -> ModelLibrary:
@@ -54,7 +55,7 @@ class SensorStage:
     @property
     def lenses(self) -> SignalLenses:
         """Lens discs of the traffic lights."""
-        return self._town.lenses
+        return self._lenses
 
     def renderer(self) -> SceneRenderer:
         """The renderer of this town.
@@ -69,8 +70,9 @@ class SensorStage:
                 raise RenderError(f"pictures need moderngl ({error}); pip install moderngl") from error
 
             self._renderer = SceneRenderer(
-                self._town.chunks, self.library, lamps_m=self._town.lamps_m, quality=self._quality
+                self._scenery(), self.library, lamps_m=self._lamps_m, quality=self._quality
             )
+            self._drop_scenery()
         return self._renderer
 
     def rays(self) -> RayScene:
@@ -82,8 +84,19 @@ class SensorStage:
         if self._rays is None:
             from carlaloc_env.raycast import RayScene
 
-            self._rays = RayScene(self._town.chunks, self.library)
+            self._rays = RayScene(self._scenery(), self.library)
+            self._drop_scenery()
         return self._rays
+
+    def _scenery(self) -> tuple[Mesh, ...]:
+        if self._chunks is None:
+            raise RenderError("this stage has been closed; make a new one")
+        return self._chunks
+
+    def _drop_scenery(self) -> None:
+        """Let the meshes go when renderer and ray caster both have their own copies: 0.1 GB of a town."""
+        if self._renderer is not None and self._rays is not None:
+            self._chunks = None
 
     def close(self) -> None:
         """Give GPU memory back."""

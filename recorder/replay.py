@@ -203,11 +203,14 @@ def _run(jobs: list[_Job], workers: int | None, progress: Progress | None) -> di
 
 def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
     episode = Episode.load(job.config.episode)
-    town = load_town(episode.header.map_name)
     timeline = job.level.select(episode.timeline())
     config = rig_by_name(job.config.rig)
+    # Nobody else holds the town here, so that the stage can let its meshes go.
     stage = SensorStage(
-        town, seed=job.seed, weather=job.sequences[0].condition.weather, quality=job.config.quality
+        load_town(episode.header.map_name),
+        seed=job.seed,
+        weather=job.sequences[0].condition.weather,
+        quality=job.config.quality,
     )
     rig = config.build(stage)
     writers = [
