@@ -1,7 +1,7 @@
 """The main job from end to end: drive, replay, write datasets, run a SLAM system, score it.
 
 Records a drive through Town03 among traffic, replays it as ClearNoon and FoggyNoon, static and
-dynamic, runs KISS-ICP over the LiDAR of both traffic levels, and prints its errors.
+dynamic, runs KISS-ICP and GICP over the LiDAR of both traffic levels, and prints their errors.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ from recorder.evaluation.trajectory import read_tum, write_tum
 from recorder.record import RecordConfig, record
 from recorder.replay import ReplayConfig, ReplayResult, replay
 from recorder.report.trajectory_plot import plot_trajectories
+from recorder.slam.gicp import gicp_odometry
 from recorder.slam.kiss_icp import kiss_icp_odometry
 
 WEATHERS = ("ClearNoon", "FoggyNoon")
 TRAFFIC = ("static", "dynamic")
 SWEEP_S = 0.05
+SYSTEMS = {"KISS-ICP": kiss_icp_odometry, "GICP": gicp_odometry}
 
 
 def main(out: Path, duration_s: float = 60.0, camera_start_s: float = 20.0, camera_s: float = 10.0) -> Path:
@@ -35,7 +37,7 @@ def main(out: Path, duration_s: float = 60.0, camera_start_s: float = 20.0, came
     out = _free(out)
     drive = _record(out / "drive.mcap", duration_s)
     result = _replay(drive, out / "data", camera_start_s, camera_s)
-    scores = [_score(result, level, out) for level in TRAFFIC]
+    scores = [_score(result, system, level, out) for system in SYSTEMS for level in TRAFFIC]
     plot = plot_trajectories(scores, out / "trajectories.png")
     mosaic = _mosaic(result, out / "mosaic.png")
     _report(out, drive, result, scores, [plot, mosaic], time.monotonic() - began)
@@ -83,19 +85,18 @@ def _replay(drive: Path, out: Path, camera_start_s: float, camera_s: float) -> R
         return replay(config, progress)
 
 
-def _score(result: ReplayResult, level: str, out: Path) -> EvaluationResult:
+def _score(result: ReplayResult, system: str, level: str, out: Path) -> EvaluationResult:
     folder = next(path for path in result.sequences if path.name == f"{WEATHERS[0]}_{level}")
-    bag = folder / f"{folder.name}.bag"
-    with tqdm(desc=f"3/3 KISS-ICP, {level}", unit="scan") as bar:
+    name = f"{system} {level}"
+    with tqdm(desc=f"3/3 {name}", unit="scan") as bar:
 
         def progress(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
 
-        estimate = kiss_icp_odometry(
-            bag, "/lidar/points", SWEEP_S, progress=progress, name=f"KISS-ICP {level}"
-        )
-    write_tum(out / f"kiss_icp_{level}.tum", estimate)
+        bag = folder / f"{folder.name}.bag"
+        estimate = SYSTEMS[system](bag, "/lidar/points", SWEEP_S, name=name, progress=progress)
+    write_tum(out / f"{name.lower().replace(' ', '_').replace('-', '_')}.tum", estimate)
     return evaluate(read_tum(result.ground_truth / "lidar.tum"), estimate)
 
 
@@ -115,7 +116,7 @@ def _report(
     pictures: list[Path],
     took_s: float,
 ) -> None:
-    print("\nKISS-ICP against the true motion of the LiDAR:")
+    print("\nLiDAR odometry against the true motion of the LiDAR:")
     for score in scores:
         print(f"  {score.estimate.name}: {score.matched} of {score.expected} poses")
         for metric in (Metric.APE_TRANSLATION, Metric.RPE_PAPER, Metric.RPE_TRANSLATION):

@@ -159,6 +159,7 @@ def test_any_map_without_a_toml_becomes_a_town(tmp_path: Path) -> None:
         pytest.skip("CARLA's own maps are not on this machine")
     town = load_town(SHARED_MAPS / "Town01.xodr", cache_dir=tmp_path)
     assert town.name == "Town01"
-    assert town.route is None
+    assert town.route is not None
+    assert 950.0 < town.route.length_m < 1050.0
     assert len(town.network.signals) == 36
     assert sum(len(chunk.triangles) for chunk in town.chunks) > 200_000

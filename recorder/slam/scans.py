@@ -1,0 +1,77 @@
+"""Point clouds of bags, as LiDAR odometry systems take them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from carlaloc_env.errors import EvaluationError
+from carlaloc_env.geometry import matrix_to_quat
+from recorder.evaluation.trajectory import Trajectory
+
+Progress = Callable[[int, int], None]
+"""Called with scans done and scans in all."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scan:
+    """One point cloud as a LiDAR odometry takes it."""
+
+    stamp_ns: int
+    """Unix time of the first point [ns]."""
+    points_xyz_m: NDArray[np.float64]
+    """Points in the sensor frame [m], shape (N, 3)."""
+    time_s: NDArray[np.float64]
+    """Time of each point after `stamp_ns` [s], shape (N,)."""
+
+
+def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
+    """Point clouds of a topic, each with the number of all."""
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC)) as reader:
+        connections = [connection for connection in reader.connections if connection.topic == topic]
+        count = sum(connection.msgcount for connection in connections)
+        for connection, _, raw in reader.messages(connections=connections):
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            offset = {field.name: field.offset for field in message.fields}
+            data = np.asarray(message.data).reshape(-1, message.point_step)
+            column = {name: _float32(data, offset[name]) for name in ("x", "y", "z", "time")}
+            stamp = message.header.stamp
+            yield (
+                count,
+                Scan(
+                    stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
+                    points_xyz_m=np.stack([column["x"], column["y"], column["z"]], axis=-1),
+                    time_s=column["time"],
+                ),
+            )
+
+
+def _float32(data: NDArray[np.uint8], offset: int) -> NDArray[np.float64]:
+    """One float32 field of all points, as float64."""
+    return np.ascontiguousarray(data[:, offset : offset + 4]).view("<f4")[:, 0].astype(np.float64)
+
+
+def trajectory_of(
+    stamps_ns: list[int], poses: list[NDArray[np.float64]], name: str, bag: Path, topic: str
+) -> Trajectory:
+    """Trajectory of poses (4, 4) at Unix times [ns].
+
+    Raises:
+        EvaluationError: there is no pose.
+    """
+    if not poses:
+        raise EvaluationError(f"{bag} has no point clouds on {topic}; name another topic")
+    T = np.stack(poses)
+    return Trajectory(
+        stamp_ns=np.array(stamps_ns, np.int64),
+        position_m=T[:, :3, 3].copy(),
+        quat_xyzw=matrix_to_quat(T[:, :3, :3]),
+        name=name,
+    )
