@@ -215,7 +215,13 @@ def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
     rig = config.build(stage)
     writers = [
         sequence_writers(
-            sequence, config, tuple(rig.streams), job.config.formats, job.config.topics, job.config.preview
+            sequence,
+            config,
+            tuple(rig.streams),
+            formats=job.config.formats,
+            topics=job.config.topics,
+            preview=job.config.preview,
+            seed=job.seed,
         )
         for sequence in job.sequences
     ]

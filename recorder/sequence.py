@@ -70,6 +70,7 @@ class _Making:
     calibration: RigCalibration
     streams: tuple[str, ...]
     topics: str
+    imu: ImuSensor | None
 
 
 def _rosbag1(m: _Making) -> Writer:
@@ -78,7 +79,7 @@ def _rosbag1(m: _Making) -> Writer:
 
 
 def _euroc(m: _Making) -> Writer:
-    return EurocWriter(m.folder / "mav0", m.calibration)
+    return EurocWriter(m.folder / "mav0", m.calibration, biases=m.imu.bias if m.imu else None)
 
 
 FORMATS: dict[str, Callable[[_Making], Writer]] = {"rosbag1": _rosbag1, "euroc": _euroc}
@@ -136,9 +137,11 @@ def sequence_writers(
     sequence: Sequence,
     rig: SensorRig,
     streams: tuple[str, ...],
+    *,
     formats: Many[str],
     topics: str,
     preview: bool,
+    seed: int,
 ) -> WriterGroup:
     """Writers of one sequence.
 
@@ -149,6 +152,7 @@ def sequence_writers(
         formats: Names of dataset formats.
         topics: Topic profile of bags.
         preview: Whether a film is made.
+        seed: Seed of the noise; EuRoC's table of states holds the IMU's true biases.
     """
     calibration = RigCalibration.from_configs(rig.sensors)
     making = _Making(
@@ -157,6 +161,7 @@ def sequence_writers(
         calibration=calibration,
         streams=streams,
         topics=topics,
+        imu=_imu_sensor(rig, seed),
     )
     writers = [FORMATS[name](making) for name in dict.fromkeys(formats)]
     if preview and calibration.cameras:
@@ -203,10 +208,15 @@ def write_shared(
     stamps = np.arange(span_ns[0], span_ns[1], TICK_NS)
     folder = town_dir / "ground_truth"
     write_truth(folder, timeline, stamps, {"base_link": np.eye(4), **calibration.frames})
-    imu = next((config for config in rig.sensors if isinstance(config, ImuConfig)), None)
-    body = imu.mount.T_base_sensor if imu is not None else np.eye(4)
-    biases = ImuSensor(imu, seed).bias(stamps.tolist()) if imu is not None else None
+    imu = _imu_sensor(rig, seed)
+    body = imu.config.mount.T_base_sensor if imu is not None else np.eye(4)
+    biases = imu.bias(stamps.tolist()) if imu is not None else None
     write_state_csv(folder / "state.csv", timeline.ego_motion(stamps).at_mount(body), biases=biases)
+
+
+def _imu_sensor(rig: SensorRig, seed: int) -> ImuSensor | None:
+    config = next((config for config in rig.sensors if isinstance(config, ImuConfig)), None)
+    return ImuSensor(config, seed) if config is not None else None
 
 
 def write_summary(

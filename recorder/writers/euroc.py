@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TextIO
 
 import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.errors import WriterError
@@ -25,6 +28,8 @@ _IMU_HEADER = (
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
 """Run lengths only: a noisy 1280×720 picture takes 13 ms and 507 kB, by default 17 ms and 569 kB."""
 
+Biases = Callable[[Sequence[int]], NDArray[np.float64]]
+
 
 class EurocWriter(Writer):
     """Colour pictures, IMU and truth; other kinds of samples have no place in the format.
@@ -38,6 +43,7 @@ class EurocWriter(Writer):
         calibration: RigCalibration,
         *,
         colour: bool = False,
+        biases: Biases | None = None,
         epoch_ns: int = DEFAULT_EPOCH_NS,
     ) -> None:
         """Prepare a folder.
@@ -46,6 +52,8 @@ class EurocWriter(Writer):
             target: The folder, usually ``…/mav0``.
             calibration: The rig; it must have an IMU.
             colour: Whether pictures are written in colour instead of grey.
+            biases: True biases of the IMU at stamps [ns], accelerometer [m/s²] then gyroscope [rad/s],
+                shape (M, 6); zero when left out.
             epoch_ns: Unix time of the drive's beginning [ns].
 
         Raises:
@@ -57,6 +65,7 @@ class EurocWriter(Writer):
         self._calibration = calibration
         self._imu = calibration.imu
         self._colour = colour
+        self._biases = biases
         self._cameras = {camera.stream: f"cam{k}" for k, camera in enumerate(calibration.cameras)}
         self._tables: dict[str, TextIO] = {}
 
@@ -108,7 +117,8 @@ class EurocWriter(Writer):
             quat = geometry.quat_multiply(quat, geometry.matrix_to_quat(T_base_imu[:3, :3]))
         elif sample.frame_id != self._imu.name:
             raise WriterError(f"truth of frame '{sample.frame_id}'; give that of '{self._imu.name}'")
-        return state_line(unix_ns, position, quat, velocity)
+        bias = np.zeros(6) if self._biases is None else self._biases([sample.stamp_ns])[0]
+        return state_line(unix_ns, position, quat, velocity, bias[3:], bias[:3])
 
     def _finish(self) -> None:
         for table in self._tables.values():

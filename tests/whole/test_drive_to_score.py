@@ -210,6 +210,22 @@ def test_checksums_tell_every_file(data: ReplayResult) -> None:
     assert document["sequences"] == [str(path.relative_to(data.out)) for path in data.sequences]
 
 
+def test_true_biases_explain_the_imu(data: ReplayResult) -> None:
+    """EuRoC's IMU less the biases of its table of states is unbiased at rest, within its white noise."""
+    mav0 = _sequence(data, "ClearNoon_static") / "mav0"
+    imu = np.loadtxt(mav0 / "imu0" / "data.csv", delimiter=",", comments="#")
+    state = np.loadtxt(mav0 / "state_groundtruth_estimate0" / "data.csv", delimiter=",", comments="#")
+    assert np.abs(state[-1, 11:]).max() > 1e-4
+    still = np.linalg.norm(state[:, 8:11], axis=1) < 1e-3
+    still[400:] = False
+    count = int(still.sum())
+    assert count > 200
+    force = imu[: len(state)][still, 4:7] - state[still, 14:17]
+    rate = imu[: len(state)][still, 1:4] - state[still, 11:14]
+    assert abs(np.linalg.norm(force.mean(axis=0)) - 9.81) < 5 * 0.0283 / np.sqrt(count)
+    assert (np.abs(rate.mean(axis=0)) < 5 * 2.83e-3 / np.sqrt(count)).all()
+
+
 def test_preview_is_a_film(data: ReplayResult) -> None:
     """The preview can be opened and has one picture per instant."""
     film = cv2.VideoCapture(str(_sequence(data, "ClearNoon_dynamic") / "preview.mp4"))
