@@ -49,13 +49,17 @@ def time_calls(calls: dict[str, Callable[[], object]], repeat: int, warm_up: int
             call()
     wall: dict[str, list[float]] = {name: [] for name in calls}
     cpu: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(repeat):
-        for name, call in calls.items():
-            gc.collect()
-            began, cpu_began = time.perf_counter(), time.process_time()
-            call()
-            wall[name].append(time.perf_counter() - began)
-            cpu[name].append(time.process_time() - cpu_began)
+    gc.collect()
+    gc.disable()  # as `timeit` does; a collection before every call would empty the caches
+    try:
+        for _ in range(repeat):
+            for name, call in calls.items():
+                began, cpu_began = time.perf_counter(), time.process_time()
+                call()
+                wall[name].append(time.perf_counter() - began)
+                cpu[name].append(time.process_time() - cpu_began)
+    finally:
+        gc.enable()
     return {
         name: Timing(
             median_s=statistics.median(wall[name]),

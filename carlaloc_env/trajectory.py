@@ -162,8 +162,7 @@ class EgoTrack:
             )
         tick = t // TICK_NS
         u = ((t % TICK_NS) / TICK_NS)[:, None]
-        # Before the first tick the car stood still; past the last one the weight is exactly zero.
-        rows = np.clip(tick[:, None] - self._first_tick + np.arange(-1, 3), 0, self._count - 1)
+        rows = self._rows(tick)
         # Relative to one control point: second differences of coordinates of a few hundred metres
         # would otherwise lose six digits.
         anchor = self._position[rows[:, 1]]
@@ -171,7 +170,7 @@ class EgoTrack:
         value = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
         first = (-3 * (1 - u) ** 2, 9 * u**2 - 12 * u, -9 * u**2 + 6 * u + 3, 3 * u**2)
         second = (6 * (1 - u), 18 * u - 12, -18 * u + 6, 6 * u)
-        quat, omega, alpha = _attitude(self._quat[rows], u)
+        quat, omega, alpha = _attitude(self._quat[rows[:, 0]], self._turns(tick), u)
         return Motion(
             stamp_ns=t,
             position_m=anchor + _blend(p, value),
@@ -182,6 +181,22 @@ class EgoTrack:
             alpha_body_radps2=alpha,
         )
 
+    def _rows(self, tick: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the four control points around times that follow M ticks, shape (M, 4)."""
+        # Before the first tick the car stood still; past the last one the weight is exactly zero.
+        rows: NDArray[np.int64] = tick[:, None] - self._first_tick + np.arange(-1, 3)
+        return np.clip(rows, 0, self._count - 1)
+
+    def _turns(self, tick: NDArray[np.int64]) -> Array:
+        """Rotation vectors between these control points [rad], shape (M, 3, 3)."""
+        first = int(tick.min()) if len(tick) else 0
+        span = int(tick.max()) - first + 1 if len(tick) else 0
+        if span < len(tick):  # many times within few ticks, as in a LiDAR's sweep
+            return self._turns(np.arange(first, first + span))[tick - first]
+        quats = self._quat[self._rows(tick)]
+        between = geometry.quat_multiply(geometry.quat_conjugate(quats[:, :3]), quats[:, 1:])
+        return geometry.quat_to_rotvec(between)
+
 
 def _blend(offsets: Array, weights_times_six: tuple[Array, Array, Array, Array]) -> Array:
     total = np.zeros_like(offsets[:, 0])
@@ -190,17 +205,16 @@ def _blend(offsets: Array, weights_times_six: tuple[Array, Array, Array, Array])
     return total
 
 
-def _attitude(quats: Array, u: Array) -> tuple[Array, Array, Array]:
+def _attitude(first: Array, steps: Array, u: Array) -> tuple[Array, Array, Array]:
+    """Attitude, rate and angular acceleration from the first control point and the turns after it."""
     basis = (
         ((5 + 3 * u - 3 * u**2 + u**3) / 6, (3 - 6 * u + 3 * u**2) / 6, (-6 + 6 * u) / 6),
         ((1 + 3 * u + 3 * u**2 - 2 * u**3) / 6, (3 + 6 * u - 6 * u**2) / 6, (6 - 12 * u) / 6),
         (u**3 / 6, 3 * u**2 / 6, u),
     )
-    between = geometry.quat_multiply(geometry.quat_conjugate(quats[:, :3]), quats[:, 1:])
-    steps = geometry.quat_to_rotvec(between)
     turns = geometry.rotvec_to_quat(np.stack([b for b, _, _ in basis], axis=1) * steps)
     backs = geometry.quat_conjugate(turns)
-    q = quats[:, 0]
+    q = first
     omega = alpha = np.zeros((len(q), 3))
     for k, (_, db, ddb) in enumerate(basis):
         step, back = steps[:, k], backs[:, k]

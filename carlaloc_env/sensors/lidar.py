@@ -221,8 +221,8 @@ class LidarSensor(Sensor):
         free = np.flatnonzero(~np.isfinite(own.range_m))
         origins, directions = self._world_rays(timeline, stamp_ns)
         found = self._world.rays().cast(
-            origins[:, free].T,
-            directions[:, free].T,
+            np.take(origins, free, axis=1).T,
+            np.take(directions, free, axis=1).T,
             stamp_ns + self._offset_ns[free],
             timeline,
             config.range_max_m,
