@@ -26,7 +26,7 @@ from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.ego_view import EgoView
-from carlaloc_env.traffic.vehicles import TrafficTables
+from carlaloc_env.traffic.tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 _PARKED = Controls(brake=1.0)

@@ -58,7 +58,7 @@ def _record(path: Path, duration_s: float) -> Path:
 
         def progress(driven_s: float, route_m: float) -> None:
             bar.set_postfix_str(f"{route_m:.0f} m")
-            bar.update(driven_s - bar.n)
+            bar.update(round(driven_s - bar.n, 1))
 
         config = RecordConfig(map="Town03", out=path, device="scripted", duration_s=duration_s, seed=3)
         return record(config, progress=progress).path
@@ -68,8 +68,8 @@ def _replay(drive: Path, out: Path, camera_start_s: float, camera_s: float) -> R
     with tqdm(desc="2/3 replaying 2 weathers × 2 traffic levels", unit="s") as bar:
 
         def progress(done_s: float, total_s: float) -> None:
-            bar.total = total_s
-            bar.update(done_s - bar.n)
+            bar.total = round(total_s, 1)
+            bar.update(round(done_s - bar.n, 1))
 
         config = ReplayConfig(
             episode=drive,

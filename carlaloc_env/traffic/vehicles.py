@@ -6,17 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.clock import STEP_NS
 from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route_choice import lanes_that_go_on
-from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2, SpeedTables, idm_plus
+from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2, idm_plus
 from carlaloc_env.traffic.ego_view import EgoLanes, EgoView, find_ego_lanes
-from carlaloc_env.traffic.junctions import JunctionTable, Request, Reservations
+from carlaloc_env.traffic.junctions import Request, Reservations
 from carlaloc_env.traffic.leaders import Occupancy, find_leaders
 from carlaloc_env.traffic.signal_plan import SignalState
+from carlaloc_env.traffic.tables import TrafficTables
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -47,16 +47,6 @@ class Drivers:
     """Greatest acceleration [m/s²], shape (N,)."""
     braking_mps2: Array
     """Comfortable braking [m/s²], shape (N,)."""
-
-
-class TrafficTables:
-    """What traffic needs to know of a town, computed once and shared by all drives in it."""
-
-    def __init__(self, network: LaneNetwork) -> None:
-        self.speeds = SpeedTables(network)
-        self.junctions = JunctionTable(network)
-        self.onward = lanes_that_go_on(network)
-        self.turn_rad = _turns(network)
 
 
 class Vehicles:
@@ -99,16 +89,6 @@ class Vehicles:
             self._extend(vehicle)
             if self.junctions.is_junction[lane[vehicle]]:
                 self._hold(vehicle, int(lane[vehicle]))
-
-    @property
-    def usable_lanes(self) -> Index:
-        """Driving lanes outside junctions on which traffic never runs into a dead end."""
-        keep = [
-            lane.index
-            for lane in self._network.lanes
-            if lane.type == "driving" and lane.junction_id is None and self._onward[lane.index]
-        ]
-        return np.array(keep, np.int64)
 
     def step(self, ego: EgoView, signals: NDArray[np.uint8]) -> None:
         """Advance by 50 ms."""
@@ -406,40 +386,3 @@ def _is_permitted(states: list[int], to_line_m: float, speed_mps: float) -> bool
         return True
     must_brake = speed_mps * speed_mps / (2 * max(to_line_m, 0.1))
     return _YELLOW in states and must_brake > _YELLOW_BRAKING_MPS2
-
-
-def _turns(network: LaneNetwork) -> Array:
-    """Heading change along every lane [rad], −π…π."""
-    lane = np.arange(len(network.lanes))
-    length = np.array([lane.length_m for lane in network.lanes])
-    change = network.pose(lane, length).heading_rad - network.pose(lane, np.zeros(len(lane))).heading_rad
-    result: Array = np.mod(change + np.pi, 2 * np.pi) - np.pi
-    return result
-
-
-def spread_over_lanes(
-    vehicles: Vehicles, lane_length_m: ArrayLike, seed: int, keep_clear_m: Array, spacing_m: float = 14.0
-) -> tuple[Index, Array]:
-    """Starting lanes and stations [m] for all vehicles, at least `spacing_m` apart in a lane.
-
-    Args:
-        vehicles: The vehicles to place.
-        lane_length_m: Length of every lane [m].
-        seed: Seed of the traffic.
-        keep_clear_m: Points [m] (K, 3) around which 20 m stay empty: the ego's start.
-        spacing_m: Least distance of two vehicles [m].
-    """
-    length = np.asarray(lane_length_m)
-    slots: list[tuple[int, float]] = []
-    for lane in vehicles.usable_lanes:
-        room = length[lane] - 12.0
-        for k in range(int(room // spacing_m) + 1 if room > 0 else 0):
-            slots.append((int(lane), 6.0 + k * spacing_m))
-    order = rng.stream(seed, "traffic/place").permutation(len(slots))
-    lanes = np.array([slots[k][0] for k in order], np.int64)
-    stations = np.array([slots[k][1] for k in order])
-    if len(keep_clear_m) and len(lanes):
-        where = vehicles._network.pose(lanes, stations).position_m
-        far = np.min(np.linalg.norm(where[:, None] - keep_clear_m[None], axis=-1), axis=1) > 20.0
-        lanes, stations = lanes[far], stations[far]
-    return lanes, stations

@@ -25,7 +25,8 @@ from carlaloc_env.timeline import (
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.ego_view import EgoView
 from carlaloc_env.traffic.signal_plan import SignalPlan, SignalTiming
-from carlaloc_env.traffic.vehicles import Drivers, TrafficTables, Vehicles, spread_over_lanes
+from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.vehicles import Drivers, Vehicles
 from carlaloc_env.traffic.walkers import Walkers
 
 if TYPE_CHECKING:
@@ -100,9 +101,8 @@ class TrafficWorld:
         self._config = config
         self.signal_plan = SignalPlan.from_network(network, config.timing)
         names, tints = _draw_fleet(config)
-        self._vehicles = Vehicles(
-            network, tables or TrafficTables(network), _draw_drivers(names, config.seed), config.seed
-        )
+        self._tables = tables or TrafficTables(network)
+        self._vehicles = Vehicles(network, self._tables, _draw_drivers(names, config.seed), config.seed)
         self.catalog = _catalog(names, tints, config)
 
     def reset(self, ego: EgoView | None = None) -> ActorFrame:
@@ -113,8 +113,7 @@ class TrafficWorld:
         """
         config = self._config
         keep_clear = np.array([ego.position_m]) if ego is not None else np.zeros((0, 3))
-        length = [lane.length_m for lane in self._network.lanes]
-        lane, station = spread_over_lanes(self._vehicles, length, config.seed, keep_clear)
+        lane, station = self._tables.starting_places(config.seed, keep_clear)
         if len(lane) < config.vehicles:
             raise ConfigError(f"{config.vehicles} vehicles do not fit on this map; at most {len(lane)} do")
         self._vehicles.place(lane[: config.vehicles], station[: config.vehicles])

@@ -16,8 +16,9 @@ from carlaloc_env.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.car_following import SpeedTables, idm_plus
+from carlaloc_env.traffic.ego_view import EgoView
 from carlaloc_env.traffic.signal_plan import SignalPlan, SignalState, SignalTiming
-from carlaloc_env.traffic.vehicles import EgoView, TrafficTables
+from carlaloc_env.traffic.tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 FAR_AWAY = EgoView(position_m=(1e5, 1e5, 0.0), heading_rad=0.0, speed_mps=0.0)
