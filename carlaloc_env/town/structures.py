@@ -18,6 +18,10 @@ DECK_M = 0.9
 """Thickness of a bridge's deck [m]."""
 PIER_STEP_M = 24.0
 """Distance of piers [m]."""
+BUTTRESS_STEP_M = 6.0
+"""Distance of the buttresses of a retaining wall and of the beams of a roof [m]."""
+_BUTTRESS_WIDTH_M, _BUTTRESS_DEPTH_M = 0.7, 0.3
+_BEAM_WIDTH_M, _BEAM_DEPTH_M = 0.5, 0.3
 _GREY = (228, 226, 220)
 
 
@@ -44,6 +48,7 @@ def _underpass(out: MeshBuilder, stretch: Stretch) -> Array:
         head = top.copy()
         head[:, 2] = np.where(stretch.detached, np.minimum(roof_z + 0.02, top[:, 2]), top[:, 2])
         _face(out, edge - down, head, sign, Material.CONCRETE_PANEL, Tag.WALL)
+        _buttresses(out, stretch, edge - down, head, sign)
         open_cut = grown(~stretch.detached) & (top[:, 2] - edge[:, 2] > 0.3)
         for a, b in runs(open_cut):
             if b - a < 2:
@@ -65,6 +70,38 @@ def _underpass(out: MeshBuilder, stretch: Stretch) -> Array:
     return np.concatenate(lamps)
 
 
+def _buttresses(out: MeshBuilder, stretch: Stretch, foot: Array, head: Array, sign: float) -> None:
+    """Shallow buttresses before a retaining wall: what a LiDAR can hold on to along a smooth cut."""
+    rows = np.arange(int(BUTTRESS_STEP_M / 2), len(foot) - 1, int(BUTTRESS_STEP_M))
+    rows = rows[head[rows, 2] - foot[rows, 2] > 1.0]
+    along = _ahead(stretch) * 0.5 * _BUTTRESS_WIDTH_M
+    inward = -sign * _outward(stretch) * _BUTTRESS_DEPTH_M
+    for row in rows:
+        step, deep = along[row], inward[row]
+        outline = np.array([-step, -step + deep, step + deep, step])
+        low, high = foot[row] + outline, head[row] + outline
+        _face(out, low, high, sign, Material.CONCRETE, Tag.WALL)
+        lid = high if sign > 0 else high[::-1]
+        out.quads(lid[None], material=Material.CONCRETE, tag=Tag.WALL, colour=_GREY)
+
+
+def _beams(out: MeshBuilder, stretch: Stretch, left: Array, right: Array, a: int) -> None:
+    """Beams across the underside of a roof."""
+    rows = np.arange(int(BUTTRESS_STEP_M), len(left) - 2, int(BUTTRESS_STEP_M))
+    if not len(rows):
+        return
+    step = _ahead(stretch)[a + rows] * 0.5 * _BEAM_WIDTH_M
+    down = np.array([0.0, 0.0, _BEAM_DEPTH_M])
+    high_l, high_r = left[rows], right[rows]
+    low_l, low_r = high_l - down, high_r - down
+    faces = [
+        np.stack([low_l - step, low_r - step, high_r - step, high_l - step], axis=1),
+        np.stack([low_r + step, low_l + step, high_l + step, high_r + step], axis=1),
+        np.stack([low_l - step, low_l + step, low_r + step, low_r - step], axis=1),
+    ]
+    out.quads(np.concatenate(faces), material=Material.CONCRETE, tag=Tag.BRIDGE, colour=_GREY)
+
+
 def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> Array:
     left, right = stretch.left_m[a:b].copy(), stretch.right_m[a:b].copy()
     left[:, 2], right[:, 2] = roof_z[a:b], roof_z[a:b]
@@ -74,6 +111,7 @@ def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> 
         tag=Tag.BRIDGE,
         colour=_GREY,
     )
+    _beams(out, stretch, left, right, a)
     for row, sign in ((a, -1.0), (b - 1, 1.0)):
         low_l, low_r = stretch.left_m[row].copy(), stretch.right_m[row].copy()
         low_l[2] = low_r[2] = roof_z[row] - 0.05
