@@ -27,19 +27,21 @@ class SteeringStyle:
     """The same in tight turns."""
     curve_lead_s: float = 0.32
     """How far ahead the bend is looked at that the hands follow now."""
-    noise_m: float = 0.22
+    bend_play: float = 0.03
+    """Share of a bend's angle that the hands leave uncorrected."""
+    noise_m: float = 0.18
     """Standard deviation of the perceived lateral position."""
-    noise_s: float = 8.0
+    noise_s: float = 12.0
     """Time constant of that noise."""
     delay_s: float = 0.15
     """From seeing to acting."""
     gain: float = 0.75
     """Share of an error that one pulse corrects."""
-    pulse_s: float = 0.45
+    pulse_s: float = 0.40
     """Length of a pulse."""
     refractory_s: float = 0.25
     """Least time between the beginnings of two pulses."""
-    threshold: float = 0.55
+    threshold: float = 0.85
     """Added-up error [° of the steering wheel × s] that triggers a pulse."""
     busy_deg: float = 10.0
     """Errors above this [° of the steering wheel] are steered out without pause."""
@@ -135,8 +137,9 @@ class DriverSteering:
         lead = self._style.curve_lead_s * speed_mps
         curvature = road.curvature(s_m + lead, max(1.8, 0.33 * speed_mps))
         angle = atan(p.wheelbase_m * curvature) + p.understeer_s2pm * speed_mps * speed_mps * curvature
-        # Hands do not follow what is smaller than half a degree at the wheel.
-        play = 0.5 / degrees(1.0) / p.steering_ratio
+        # Hands do not follow what is smaller than half a degree at the wheel, or a share of its angle:
+        # in a steady bend they hold still, and corrections make up for the rest.
+        play = 0.5 / degrees(1.0) / p.steering_ratio + self._style.bend_play * abs(angle)
         self._bend_rad = min(max(self._bend_rad, angle - play), angle + play)
 
     def _decide(self, tick: int, wanted_rad: float, threshold: float) -> None:
