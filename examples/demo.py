@@ -31,7 +31,7 @@ SWEEP_S = 0.05
 SYSTEMS = {"KISS-ICP": kiss_icp_odometry, "GICP": gicp_odometry}
 
 
-def main(out: Path, duration_s: float = 60.0, camera_start_s: float = 20.0, camera_s: float = 10.0) -> Path:
+def main(out: Path, duration_s: float = 60.0, camera_start_s: float = 10.0, camera_s: float = 10.0) -> Path:
     """Run the demo and return the folder that holds its results."""
     began = time.monotonic()
     out = _free(out)
@@ -60,7 +60,7 @@ def _record(path: Path, duration_s: float) -> Path:
             bar.set_postfix_str(f"{route_m:.0f} m")
             bar.update(round(driven_s - bar.n, 1))
 
-        config = RecordConfig(map="Town03", out=path, device="scripted", duration_s=duration_s, seed=3)
+        config = RecordConfig(map="Town03", out=path, device="scripted", duration_s=duration_s, seed=9)
         return record(config, progress=progress).path
 
 
@@ -138,7 +138,7 @@ if __name__ == "__main__":
     )
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results")
     parser.add_argument("--duration", type=float, default=60.0, help="length of the drive [s]")
-    parser.add_argument("--camera-start", type=float, default=20.0, help="pictures begin here [s]")
+    parser.add_argument("--camera-start", type=float, default=10.0, help="pictures begin here [s]")
     parser.add_argument("--camera-duration", type=float, default=10.0, help="length of the pictures [s]")
     arguments = parser.parse_args()
     try:
