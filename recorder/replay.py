@@ -27,8 +27,9 @@ from carlaloc_env.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather import WeatherParameters
 from recorder.conditions import TrafficLevel, conditions_of
+from recorder.dataset_record import TownId, is_begun, origin_of, write_record
 from recorder.episode import Episode
-from recorder.sequence import Sequence, TownId, check_formats, sequence_writers, write_shared, write_summary
+from recorder.sequence import Sequence, check_formats, sequence_writers, write_shared
 from recorder.workers import run_jobs
 
 Progress = Callable[[float, float], None]
@@ -140,10 +141,18 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
         for sequence in job.sequences:
             if sequence.folder.exists():
                 raise WriterError(f"{sequence.folder} exists; choose another --out or delete it first")
-    write_shared(town_dir, rig, episode.timeline(), span, topics=config.topics, seed=seed)
-    counts = _run(jobs, config.workers, progress)
+    origin = origin_of(town, episode, rig, seed=seed, span_ns=span, topics=config.topics)
+    begun, fresh = is_begun(config.out, origin), not town_dir.exists()
+    try:
+        if not begun:
+            write_shared(town_dir, rig, episode.timeline(), span, topics=config.topics, seed=seed)
+        counts = _run(jobs, config.workers, progress)
+    except BaseException:
+        if fresh:
+            rmtree(town_dir, ignore_errors=True)
+        raise
     sequences = tuple(sequence.folder for job in jobs for sequence in job.sequences)
-    write_summary(config.out, town, episode, rig, sequences, seed=seed, span_ns=span)
+    write_record(config.out, origin)
     return ReplayResult(
         out=config.out,
         sequences=sequences,

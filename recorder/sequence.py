@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import platform
 from collections.abc import Callable
 from collections.abc import Sequence as Many
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from carlaloc_env.clock import TICK_NS
 from carlaloc_env.errors import ConfigError, unknown_name
@@ -20,9 +16,8 @@ from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline import Timeline
-from carlaloc_env.yaml_config import to_mapping
 from recorder.conditions import Condition
-from recorder.episode import Episode
+from recorder.dataset_record import as_yaml, checksums
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
 from recorder.writers.calibration import write_calibration
 from recorder.writers.euroc import EurocWriter
@@ -31,9 +26,6 @@ from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.rosbag1 import Rosbag1Writer
 from recorder.writers.states import write_state_csv, write_text
 from recorder.writers.tum import write_truth
-
-SPAWNED_WITH = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
-"""Distributions whose versions shape a dataset."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,16 +41,6 @@ class Sequence:
     def part(self) -> Path:
         """Folder while it is being written."""
         return self.folder.with_name(f".{self.folder.name}.part")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TownId:
-    """Which town a dataset shows."""
-
-    name: str
-    """Name of the town."""
-    content_hash: str
-    """Hash of its map, its configuration and the version of the builder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +106,7 @@ class WriterGroup:
             writer.close()
         part = self._sequence.part
         summary = {**self._summary, "samples": dict(sorted(self._counts.items())), "sha256": checksums(part)}
-        write_text(part / "sequence.yaml", _yaml(summary))
+        write_text(part / "sequence.yaml", as_yaml(summary))
         part.rename(self._sequence.folder)
 
     def abort(self) -> None:
@@ -217,58 +199,3 @@ def write_shared(
 def _imu_sensor(rig: SensorRig, seed: int) -> ImuSensor | None:
     config = next((config for config in rig.sensors if isinstance(config, ImuConfig)), None)
     return ImuSensor(config, seed) if config is not None else None
-
-
-def write_summary(
-    out: Path,
-    town: TownId,
-    episode: Episode,
-    rig: SensorRig,
-    sequences: Many[Path],
-    *,
-    seed: int,
-    span_ns: tuple[int, int],
-) -> None:
-    """Write ``dataset.yaml``: where everything comes from, and a checksum of every file."""
-    header = episode.header
-    document = {
-        "town": town.name,
-        "town_hash": town.content_hash,
-        "episode": {
-            "file": episode.path.name,
-            "sha256": hashlib.sha256(episode.path.read_bytes()).hexdigest(),
-            "seed": header.seed,
-            "device": header.device,
-            "duration_s": episode.duration_s,
-            "traffic": dict(header.traffic),
-            "versions": dict(header.versions),
-        },
-        "noise_seed": seed,
-        "stretch_s": [span_ns[0] / 1e9, span_ns[1] / 1e9],
-        "versions": {**{name: version(name) for name in SPAWNED_WITH}, "python": platform.python_version()},
-        "rig": {"name": rig.name, "sensors": [{"kind": s.kind, **to_mapping(s)} for s in rig.sensors]},
-        "sequences": [str(path.relative_to(out)) for path in sequences],
-        "sha256": checksums(out),
-    }
-    write_text(out / "dataset.yaml", _yaml(document))
-
-
-def checksums(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a folder, by its path there; big sequences are read in pieces."""
-    found: dict[str, str] = {}
-    for path in sorted(folder.rglob("*")):
-        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        if path.is_file() and not hidden and path.name != "dataset.yaml":
-            digest = hashlib.sha256()
-            with path.open("rb") as file:
-                while piece := file.read(1 << 20):
-                    digest.update(piece)
-            found[str(path.relative_to(folder))] = digest.hexdigest()
-    return found
-
-
-def _yaml(document: dict[str, Any]) -> str:
-    text: str = yaml.safe_dump(
-        document, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
-    )
-    return text

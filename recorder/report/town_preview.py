@@ -53,6 +53,7 @@ def draw_town(town: Town, out: Path, *, width_px: int = 1600, height_px: int = 1
     finally:
         stage.close()
     out.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(out), cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)):
-        raise WriterError(f"cannot write {out}; give a name that ends in .png")
-    return out
+    part = out.with_name(f".part-{out.name}")
+    if out.suffix.lower() != ".png" or not cv2.imwrite(str(part), cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)):
+        raise WriterError(f"cannot write {out}; give a name that ends in .png in a folder you may write to")
+    return part.replace(out)

@@ -175,4 +175,4 @@ def test_what_needs_no_graphics_works_without(blocked: str, tmp_path: Path) -> N
     errors = [line for line in done.stderr.splitlines() if line.startswith("carlaloc replay")]
     assert len(errors) == 1
     assert "apt-get install" in errors[0] or "pip install" in errors[0]
-    assert not (tmp_path / "p" / "Town03" / "ClearNoon_dynamic").exists()
+    assert not (tmp_path / "p" / "Town03").exists()

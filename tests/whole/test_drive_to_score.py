@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,13 +25,13 @@ from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather import weather_by_name
+from recorder.dataset_record import checksums
 from recorder.episode import Episode
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory import read_tum
 from recorder.record import RecordConfig, record
 from recorder.replay import ReplayConfig, ReplayResult, replay
-from recorder.sequence import checksums
 from recorder.slam.gicp import gicp_odometry
 from recorder.slam.kiss_icp import kiss_icp_odometry
 
@@ -207,7 +208,7 @@ def test_checksums_tell_every_file(data: ReplayResult) -> None:
     document = yaml.safe_load((data.out / "dataset.yaml").read_text(encoding="utf-8"))
     assert document["sha256"] == checksums(data.out)
     assert not [path for path in data.out.rglob("*") if ".part" in path.name]
-    assert document["sequences"] == [str(path.relative_to(data.out)) for path in data.sequences]
+    assert document["sequences"] == sorted(str(path.relative_to(data.out)) for path in data.sequences)
 
 
 def test_true_biases_explain_the_imu(data: ReplayResult) -> None:
@@ -265,6 +266,30 @@ def test_existing_output_is_never_overwritten(data: ReplayResult, drive: Path, r
     with pytest.raises(WriterError, match="exists; choose another"):
         replay(config)
     assert checksums(data.out) == before
+
+
+def test_a_weather_can_be_added_to_a_dataset(drive: Path, tmp_path: Path) -> None:
+    """A later replay adds its sequences and leaves the older ones as they are; another drive is refused."""
+
+    def again(weather: str, **changes: Any) -> ReplayResult:
+        settings: dict[str, Any] = {
+            "episode": drive, "out": tmp_path / "set", "rig": "state", "formats": ("rosbag1",),
+            "duration_s": 1.0, "weathers": (weather,),
+        }  # fmt: skip
+        return replay(ReplayConfig(**{**settings, **changes}))
+
+    first = again("ClearNoon")
+    before = checksums(first.out)
+    again("FoggyNoon")
+    after = checksums(first.out)
+    assert {name: after[name] for name in before} == before
+    document = yaml.safe_load((first.out / "dataset.yaml").read_text(encoding="utf-8"))
+    assert document["sequences"] == ["Town03/ClearNoon_dynamic", "Town03/FoggyNoon_dynamic"]
+    assert document["sha256"] == after
+    for changes in ({"duration_s": 2.0}, {"rig": "lidar"}, {"seed": 99}):
+        with pytest.raises(WriterError, match="dataset of another"):
+            again("RainyNight", **changes)
+    assert checksums(first.out) == after
 
 
 def test_unknown_names_are_refused_before_anything_is_written(drive: Path, tmp_path: Path) -> None:
