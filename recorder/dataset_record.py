@@ -18,7 +18,7 @@ from recorder.episode import Episode
 
 FILE_NAME = "dataset.yaml"
 """Name of the file in the dataset's folder."""
-SPAWNED_WITH = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
+VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
 """Distributions whose versions shape a dataset."""
 
 
@@ -99,7 +99,7 @@ def write_record(out: Path, origin: dict[str, Any]) -> Path:
     sequences = sorted(str(path.parent.relative_to(out)) for path in out.glob("*/*/sequence.yaml"))
     document = {
         **origin,
-        "versions": {**{name: version(name) for name in SPAWNED_WITH}, "python": platform.python_version()},
+        "versions": {**{name: version(name) for name in VERSIONED}, "python": platform.python_version()},
         "sequences": [name for name in sequences if ".part" not in name],
         "sha256": checksums(out),
     }

@@ -30,7 +30,7 @@ from recorder.episode import EgoRow, EpisodeHeader, EpisodeWriter
 Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""
 
-SPAWNED_WITH = ("carlaloc-env", "pybullet", "numpy", "scipy")
+VERSIONED = ("carlaloc-env", "pybullet", "numpy", "scipy")
 """Distributions whose versions shape a drive."""
 
 
@@ -172,7 +172,7 @@ def _arrived(world: DrivingWorld) -> bool:
 def _header(
     config: RecordConfig, town: Town, world: DrivingWorld, driver: Device, catalog: ActorCatalog
 ) -> EpisodeHeader:
-    versions = {name: version(name) for name in SPAWNED_WITH}
+    versions = {name: version(name) for name in VERSIONED}
     return EpisodeHeader(
         map_name=config.map,
         map_hash=town.content_hash,

@@ -121,7 +121,8 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
     rig = rig_by_name(config.rig)
     episode = Episode.load(config.episode)
     town = _identified(episode)
-    span, cameras = _spans(config, rig, episode.timeline())
+    timeline = episode.timeline()
+    span, cameras = _spans(config, rig, timeline)
     seed = episode.header.seed if config.seed is None else config.seed
     town_dir = config.out / town.name
     jobs = [
@@ -145,7 +146,7 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
     begun, fresh = is_begun(config.out, origin), not town_dir.exists()
     try:
         if not begun:
-            write_shared(town_dir, rig, episode.timeline(), span, topics=config.topics, seed=seed)
+            write_shared(town_dir, rig, timeline, span, topics=config.topics, seed=seed)
         counts = _run(jobs, config.workers, progress)
     except BaseException:
         if fresh:

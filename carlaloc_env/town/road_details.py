@@ -20,7 +20,7 @@ Spans = list[tuple[float, float]]
 
 PATCH_M = 0.002
 """Height of repairs above the road [m]; paint lies higher."""
-COVER_M = 0.003
+COVER_M = 0.0025
 """Height of covers and drains above the road [m]."""
 PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 14.0, 38.0, 22.0
 """Mean distances of repairs and covers on one lane, and of drains along a kerb [m]."""

@@ -128,6 +128,16 @@ def read_tum(path: str | Path) -> Trajectory:
     )
 
 
+def tum_text(unix_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> str:
+    """A TUM file: stamps [ns] (N,), positions [m] (N, 3), quaternions (N, 4); all read back exactly."""
+    rows = zip(unix_ns.tolist(), position_m.tolist(), quat_xyzw.tolist(), strict=True)
+    lines = [
+        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(repr(value) for value in (*position, *quat))
+        for stamp, position, quat in rows
+    ]
+    return "\n".join(["# timestamp tx ty tz qx qy qz qw", *lines]) + "\n"
+
+
 def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
     """Write a trajectory as "time tx ty tz qx qy qz qw" lines; an older file is replaced.
 
@@ -135,20 +145,11 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
         EvaluationError: the file cannot be written.
     """
     path = Path(path)
-    rows = zip(
-        trajectory.stamp_ns.tolist(),
-        trajectory.position_m.tolist(),
-        trajectory.quat_xyzw.tolist(),
-        strict=True,
-    )
-    lines = [
-        f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(repr(value) for value in (*position, *quat))
-        for stamp, position, quat in rows
-    ]
     part = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text("\n".join(["# timestamp tx ty tz qx qy qz qw", *lines]) + "\n", encoding="utf-8")
+        text = tum_text(trajectory.stamp_ns, trajectory.position_m, trajectory.quat_xyzw)
+        part.write_text(text, encoding="utf-8")
         part.replace(path)
     except OSError as error:
         raise EvaluationError(f"cannot write {path}: {error.strerror}; choose another folder") from error

@@ -1,4 +1,4 @@
-"""Ground truth as EuRoC's table of states, and the text forms of stamps."""
+"""Ground truth as EuRoC's table of states, and small text files."""
 
 from __future__ import annotations
 
@@ -18,11 +18,6 @@ STATE_HEADER = (
     "b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]"
 )
 """First line of EuRoC's state_groundtruth_estimate0/data.csv."""
-
-
-def seconds(unix_ns: int) -> str:
-    """Seconds with nine decimals; a float64 of Unix time would keep only the microseconds."""
-    return f"{unix_ns // 10**9}.{unix_ns % 10**9:09d}"
 
 
 def state_line(

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.trajectory import Motion
+from recorder.evaluation.trajectory import tum_text
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.states import seconds, write_text
+from recorder.writers.states import write_text
 
 
 def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> Path:
@@ -24,13 +25,7 @@ def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH
     Raises:
         WriterError: the file exists or cannot be written.
     """
-    lines = ["# timestamp tx ty tz qx qy qz qw"]
-    stamps = motion.stamp_ns.tolist()
-    for stamp, position, quat in zip(
-        stamps, motion.position_m.tolist(), motion.quat_xyzw.tolist(), strict=True
-    ):
-        lines.append(f"{seconds(epoch_ns + stamp)} " + " ".join(repr(v) for v in (*position, *quat)))
-    return write_text(path, "\n".join(lines) + "\n")
+    return write_text(path, tum_text(epoch_ns + motion.stamp_ns, motion.position_m, motion.quat_xyzw))
 
 
 def write_truth(

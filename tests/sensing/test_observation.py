@@ -1,9 +1,11 @@
 """Observations: always inside the space, newest last, padded and counted."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from carlaloc_env.observation import Observer, values_of
 from carlaloc_env.rig import SensorRig
@@ -113,3 +115,19 @@ def test_unknown_samples(scenery: Any) -> None:
     assert "radar_front" not in observer.observe([stranger])
     with pytest.raises(TypeError, match="no place"):
         values_of(stranger)
+
+
+def test_a_sample_from_elsewhere_says_how_it_is_observed() -> None:
+    """A new kind of sample with `observed` has a place in observations; one without is refused."""
+
+    @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+    class Pressure(Sample):
+        pressure_pa: float
+
+        def observed(self) -> NDArray[np.float64]:
+            return np.array([self.pressure_pa])
+
+    sample = Pressure(sensor="baro", frame_id="baro", stamp_ns=0, pressure_pa=101_325.0)
+    assert values_of(sample).tolist() == [101_325.0]
+    with pytest.raises(TypeError, match="observed"):
+        values_of(Sample(sensor="x", frame_id="x", stamp_ns=0))

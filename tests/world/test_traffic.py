@@ -121,6 +121,15 @@ def test_signal_phases_last_as_long_as_configured(network: LaneNetwork) -> None:
     )
 
 
+def test_an_offset_shifts_every_cycle(network: LaneNetwork) -> None:
+    """The state at t with an offset is the state at t less the offset without it."""
+    plain = SignalPlan.from_network(network, SignalTiming())
+    later = SignalPlan.from_network(network, SignalTiming(offset_s=7.5))
+    for second in range(0, 200, 3):
+        shifted = later.state_at(round((second + 7.5) * 1e9))
+        assert (shifted == plain.state_at(second * 1_000_000_000)).all()
+
+
 def _boxes(frame: ActorFrame, catalog: ActorCatalog, which: NDArray[np.intp]) -> NDArray[np.float64]:
     """Corners of boxes in the plane, shape (N, 4, 2)."""
     half = 0.5 * catalog.size_m[which, :2].astype(np.float64)
