@@ -175,7 +175,7 @@ def _disk(folder: Path) -> Finding:
         name="disk",
         works=works,
         needed=False,
-        detail=f"{free_gb:.1f} GB free in {folder}; one minute of the paper's rig takes about 4 GB",
+        detail=f"{free_gb:.1f} GB free in {folder}; a minute of the paper's rig makes a bag of about 20 GB",
         remedy="" if works else "choose another folder with --out or free some space",
     )
 
