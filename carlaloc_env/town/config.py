@@ -23,11 +23,28 @@ ZONE_KINDS = (
     "small_town",
     "industrial",
     "rural",
+    "highway",
+    "waterfront",
     "park",
     "water",
 )
 """Kinds of scenery that a zone can ask for."""
-FEATURE_KINDS = ("filling_station", "monument", "viaduct", "building")
+FEATURE_KINDS = (
+    "filling_station",
+    "monument",
+    "viaduct",
+    "building",
+    "car_park",
+    "bus_stop",
+    "fountain",
+    "farm",
+    "barn",
+    "silo",
+    "billboard",
+    "gantry",
+    "construction_site",
+    "pier",
+)
 """Single things that can be asked for at a place."""
 
 Point = tuple[float, float]
@@ -98,7 +115,9 @@ class Feature:
     heading_deg: float = 0.0
     """Where its front looks [deg], anticlockwise from east."""
     size: tuple[float, ...] = ()
-    """Viaduct: length [m]; building: width [m], depth [m], storeys; empty for the usual ones."""
+    """Viaduct, gantry and pier: length [m]; building: width [m], depth [m], storeys; car park, farm, barn,
+    construction site: width [m], depth [m]; silo: diameter [m], height [m]; billboard: width [m],
+    height [m]; empty for the usual ones."""
 
     def __post_init__(self) -> None:
         if self.kind not in FEATURE_KINDS:

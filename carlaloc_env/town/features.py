@@ -1,4 +1,4 @@
-"""Single things that `town.toml` asks for: a filling station, a monument, a viaduct, a building."""
+"""Single things that `town.toml` asks for, each at its place: monuments, filling stations, farms and more."""
 
 from __future__ import annotations
 
@@ -26,6 +26,25 @@ from carlaloc_env.town.walls import around
 Array = NDArray[np.float64]
 HeightOf = Callable[[Array], Array]
 
+EXTENTS_M: dict[str, tuple[float, float]] = {
+    "filling_station": (27.0, 26.0),
+    "monument": (9.0, 9.0),
+    "viaduct": (200.0, 11.0),
+    "building": (18.0, 30.0),
+    "car_park": (36.0, 44.0),
+    "bus_stop": (2.0, 4.4),
+    "fountain": (9.0, 9.0),
+    "farm": (42.0, 52.0),
+    "barn": (13.0, 24.0),
+    "silo": (6.0, 6.0),
+    "billboard": (1.5, 6.4),
+    "gantry": (14.0, 1.0),
+    "construction_site": (28.0, 40.0),
+    "pier": (60.0, 6.0),
+}
+"""Usual size of each kind along its heading and across it [m]."""
+PAVED_KINDS = ("filling_station", "car_park", "farm")
+"""Features that stand on a yard of concrete."""
 VIADUCT_CLEAR_M = 6.2
 """Free height under a viaduct [m]."""
 VIADUCT_WIDTH_M = 8.0
@@ -55,36 +74,34 @@ def sites(features: Sequence[Feature]) -> list[Site]:
 
 
 def feature_mesh(site: Site, paved: Area, floor: HeightOf, seed: int, instance: int) -> Mesh:
-    """The mesh of one feature in the world."""
+    """The mesh of one feature in the world; empty where nothing is built for its kind."""
     feature = site.feature
-    centre = np.array([feature.position], dtype=np.float64)
-    if feature.kind == "viaduct":
-        return _viaduct(feature, paved, floor).with_instance(instance)
-    z = float(floor(centre)[0])
-    if feature.kind == "monument":
-        local = _monument()
-    elif feature.kind == "building":
-        local = _building(feature, seed)
-    else:
-        local = _filling_station()
-    heading = np.radians(feature.heading_deg)
-    world = copies(local, poses([(*feature.position, z)], heading), instance)
-    if feature.kind == "filling_station":
-        apron = _apron(areas_only(shapely.difference(site.ground, paved)), floor)
+    if feature.kind in WORLD_MAKERS:
+        return WORLD_MAKERS[feature.kind](feature, paved, floor).with_instance(instance)
+    if feature.kind not in LOCAL_MAKERS:
+        return MeshBuilder().build()
+    local = LOCAL_MAKERS[feature.kind](feature, rng.stream(seed, f"feature/{feature.position}"))
+    z = float(floor(np.array([feature.position], dtype=np.float64))[0])
+    world = copies(local, poses([(*feature.position, z)], np.radians(feature.heading_deg)), instance)
+    if feature.kind in PAVED_KINDS:
         out = MeshBuilder()
-        out.add(apron)
+        out.add(_apron(areas_only(shapely.difference(site.ground, paved)), floor))
         out.add(world)
         return out.build()
     return world
 
 
 def _extent(feature: Feature) -> tuple[float, float]:
+    """Size [m] along the heading and across it."""
+    along, across = EXTENTS_M[feature.kind]
     size = feature.size
-    if feature.kind == "viaduct":
-        return (size[0] if size else 200.0), VIADUCT_WIDTH_M + 3.0
-    if feature.kind == "building":
-        return (size[1] if len(size) > 1 else 18.0), (size[0] if size else 30.0)
-    return {"filling_station": (27.0, 26.0), "monument": (9.0, 9.0)}[feature.kind]
+    if feature.kind in ("viaduct", "gantry", "pier"):
+        return (size[0] if size else along), across
+    if feature.kind == "silo":
+        return (size[0] + 1.0, size[0] + 1.0) if size else (along, across)
+    if feature.kind == "billboard":
+        return along, (size[0] if size else across)
+    return (size[1] if len(size) > 1 else along), (size[0] if size else across)
 
 
 def _placed(feature: Feature, xy: Array) -> Array:
@@ -94,7 +111,7 @@ def _placed(feature: Feature, xy: Array) -> Array:
     return np.stack([feature.position[0] + c * x - s * y, feature.position[1] + s * x + c * y], axis=-1)
 
 
-def _monument() -> Mesh:
+def _monument(_: Feature, __: np.random.Generator) -> Mesh:
     """An obelisk on steps, 13 m high."""
     out = MeshBuilder()
     steps = [(4.0, 0.35), (3.2, 0.7), (2.4, 1.05)]
@@ -118,7 +135,7 @@ def _monument() -> Mesh:
     return out.build()
 
 
-def _filling_station() -> Mesh:
+def _filling_station(_: Feature, __: np.random.Generator) -> Mesh:
     """Canopy, four pumps, a shop and a price sign; its front looks along +x."""
     out = MeshBuilder()
     posts = np.array([(x, y) for x in (-1.0, 7.0) for y in (-5.5, 5.5)])
@@ -209,10 +226,9 @@ def _apron(area: Area, floor: HeightOf) -> Mesh:
     return out.build()
 
 
-def _building(feature: Feature, seed: int) -> Mesh:
+def _building(feature: Feature, draw: np.random.Generator) -> Mesh:
     """A civic building whose front looks along +x."""
     depth, width = _extent(feature)
-    draw = rng.stream(seed, f"feature/{feature.position}")
     storeys = int(feature.size[2]) if len(feature.size) > 2 else 4
     look = draw_look(STYLES["civic"], draw)
     plan = BuildingPlan(look=look, width_m=width, depth_m=depth, storeys=storeys)
@@ -275,3 +291,13 @@ def _pier_places(feature: Feature, paved: Area, length_m: float) -> list[float]:
                 places.append(float(x + shift))
                 break
     return places
+
+
+WORLD_MAKERS: dict[str, Callable[[Feature, Area, HeightOf], Mesh]] = {"viaduct": _viaduct}
+"""Features that follow the ground below them: from the feature, everything paved and the heights."""
+LOCAL_MAKERS: dict[str, Callable[[Feature, np.random.Generator], Mesh]] = {
+    "monument": _monument,
+    "filling_station": _filling_station,
+    "building": _building,
+}
+"""Features that stand level on their place, made round the origin with their front along +x."""

@@ -41,6 +41,8 @@ TREE_KINDS: dict[str, tuple[str, ...]] = {
     "small_town": ("plane", "autumn", "young"),
     "industrial": ("young", "conifer"),
     "rural": ("park", "conifer", "plane"),
+    "highway": ("young", "conifer", "plane"),
+    "waterfront": ("lime", "plane"),
     "park": ("park", "conifer", "plane", "autumn"),
     "water": (),
 }

@@ -32,6 +32,7 @@ HEIGHTS_M: dict[str, tuple[float, float]] = {
     "small_town": (6.0, 15.0),
     "residential": (6.0, 12.0),
     "industrial": (7.0, 14.0),
+    "waterfront": (10.0, 30.0),
 }
 """Heights of far buildings beside each kind of zone that has any [m]."""
 _WALLS = [wall for name in ("brick_row", "european", "slab", "office") for wall in STYLES[name].walls]

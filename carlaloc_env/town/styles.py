@@ -166,6 +166,8 @@ ZONE_STYLES: dict[str, tuple[tuple[str, float], ...]] = {
     "small_town": (("house", 2.0), ("shop_row", 2.0), ("brick_walkup", 1.5), ("brick_row", 0.8)),
     "industrial": (("warehouse", 4.0), ("office", 0.5), ("shop_row", 0.5)),
     "rural": (("barn", 1.0), ("house", 1.0)),
+    "highway": (),
+    "waterfront": (("european", 3.0), ("civic", 1.0), ("brick_row", 1.5), ("tower", 0.5)),
     "park": (),
     "water": (),
 }  # fmt: skip

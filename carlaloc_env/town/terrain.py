@@ -35,6 +35,8 @@ GROUNDS: dict[str, tuple[Material, Tag, tuple[int, int, int]]] = {
     "small_town": (Material.GRASS, Tag.TERRAIN, (230, 235, 225)),
     "industrial": (Material.CONCRETE, Tag.GROUND, (200, 198, 192)),
     "rural": (Material.GRASS, Tag.TERRAIN, (235, 225, 190)),
+    "highway": (Material.GRASS, Tag.TERRAIN, (232, 228, 200)),
+    "waterfront": (Material.PAVEMENT, Tag.GROUND, (225, 218, 205)),
     "park": (Material.GRASS, Tag.TERRAIN, (225, 245, 215)),
     "water": (Material.WATER, Tag.WATER, (255, 255, 255)),
 }
