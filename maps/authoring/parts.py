@@ -65,6 +65,16 @@ class TunnelPart:
 
 
 @dataclass(slots=True)
+class BridgePart:
+    """A stretch of road that something passes under."""
+
+    id: int
+    name: str
+    s: float
+    length_m: float
+
+
+@dataclass(slots=True)
 class RoadPart:
     """One road or connecting road."""
 
@@ -80,6 +90,7 @@ class RoadPart:
     signals: list[SignalPart] = field(default_factory=list)
     objects: list[ObjectPart] = field(default_factory=list)
     tunnels: list[TunnelPart] = field(default_factory=list)
+    bridges: list[BridgePart] = field(default_factory=list)
 
     @property
     def length(self) -> float:

@@ -11,7 +11,7 @@ from .curves import Path, fillet, turning_bulb
 from .idents import JUNCTION, OBJECT, ROAD, Numbers
 from .junctions import Movement, build_junction, connect, setbacks
 from .newton import PlanError
-from .parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, TunnelPart, leg_of
+from .parts import BridgePart, ControllerPart, JunctionPart, Leg, Link, RoadPart, TunnelPart, leg_of
 from .profiles import Climb, Dip, Record, climb, dip, level, smooth
 from .roundabouts import RoundaboutShape, build_roundabout
 from .sections import CrossSection, road_sections
@@ -56,6 +56,10 @@ class Road:
     climb: Climb | Dip | None = None
     tunnel: tuple[str, float] | None = None
     """Name and length [m] of the cover over the lowest point of a `Dip`."""
+    bridges: tuple[tuple[str, float, float, float], ...] = ()
+    """Name, x, y of the middle and length [m] of every bridge; it lies on the road's first straight."""
+    speed_signs: bool = True
+    """Whether a sign tells the limit where traffic enters."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -101,8 +105,9 @@ class _Builder:
         self.roads = list(parts)
         for node in self.plan.nodes.values():
             self._node(node, self._legs(node, parts))
-        for part in parts:
-            furniture.speed_signs(part, self.numbers, 12.0)
+        for road, part in zip(self.plan.roads, parts, strict=True):
+            if road.speed_signs:
+                furniture.speed_signs(part, self.numbers, 12.0)
         plan = self.plan
         return opendrive_text(plan.name, plan.projection, self.roads, self.junctions, self.controllers)
 
@@ -147,6 +152,9 @@ class _Builder:
         if road.tunnel is not None:
             name, length = road.tunnel
             part.tunnels.append(TunnelPart(self.numbers.next(OBJECT), name, bottom - length / 2, length))
+        for name, x, y, length in road.bridges:
+            middle = _along(path, x, y)
+            part.bridges.append(BridgePart(self.numbers.next(OBJECT), name, middle - length / 2, length))
         return part
 
     def _legs(self, node: Node, parts: Sequence[RoadPart]) -> list[Leg]:
@@ -233,13 +241,17 @@ def _minor(node: Node, legs: Sequence[Leg], found: Sequence[Movement]) -> list[i
     return [i for i in range(len(legs)) if i not in ahead]
 
 
+def _along(path: Path, x: float, y: float) -> float:
+    """Station of a point beside the first straight of a road."""
+    dx, dy = x - path.start.x, y - path.start.y
+    return dx * math.cos(path.start.h) + dy * math.sin(path.start.h)
+
+
 def _elevation(road: Road, path: Path, z0: float, z1: float) -> tuple[list[Record], float]:
     """Elevation records, and the station of the lowest point of a dip."""
     length = path.length
     if isinstance(road.climb, Dip):
-        start = path.start
-        dx, dy = road.climb.x - start.x, road.climb.y - start.y
-        bottom = dx * math.cos(start.h) + dy * math.sin(start.h)
+        bottom = _along(path, road.climb.x, road.climb.y)
         return dip(z0, z1, length, road.climb, bottom), bottom
     if isinstance(road.climb, Climb):
         return climb(z0, z1, length, road.climb), 0.0

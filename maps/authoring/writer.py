@@ -118,13 +118,16 @@ def _road(xml: XmlText, road: RoadPart) -> None:
         xml.leaf("elevation", s=at, **_cubic(abcd))
     xml.close("elevationProfile")
     _lanes(xml, road.sections)
-    if road.objects or road.tunnels:
+    if road.objects or road.tunnels or road.bridges:
         xml.open("objects")
         for part in road.objects:
             _object(xml, part)
         for tunnel in road.tunnels:
             words = {"id": tunnel.id, "name": tunnel.name, "type": "underpass"}
             xml.leaf("tunnel", s=tunnel.s, length=tunnel.length_m, **words, lighting=0.5, daylight=0.5)
+        for bridge in road.bridges:
+            words = {"id": bridge.id, "name": bridge.name, "type": "concrete"}
+            xml.leaf("bridge", s=bridge.s, length=bridge.length_m, **words)
         xml.close("objects")
     if road.signals:
         xml.open("signals")
