@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.actor_grid import on_grid
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.controls import Controls
@@ -160,7 +161,7 @@ class DrivingWorld:
         self._physics.close()
 
     def _add_step(self, frame: ActorFrame) -> None:
-        signals = self._traffic.signals(self._step * STEP_NS)
+        frame, signals = on_grid(frame), self._traffic.signals(self._step * STEP_NS)
         self.timeline.append_step(frame, signals)
         if self._listener is not None:
             self._listener.on_step(self._step, frame, signals)

@@ -23,6 +23,7 @@ from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather import weather_by_name
 from recorder.episode import Episode
+from recorder.episode_actors import actor_states
 from recorder.record import RecordConfig, record
 from recorder.report.mosaic import depth_picture, lidar_picture, semantic_picture
 
@@ -63,7 +64,7 @@ def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
 
 def busiest_s(episode: Episode) -> float:
     """Second of the drive in which most others stand or move within 40 m before the moving car [s]."""
-    ego, others = episode.ego[:-200:200], episode.steps["position_m"]
+    ego, others = episode.ego[:-200:200], actor_states(episode.steps).position_m
     others = others[: 20 * len(ego) : 20]
     ego = ego[: len(others)]
     ahead = quat_rotate(

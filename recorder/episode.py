@@ -19,15 +19,14 @@ from carlaloc_env.controls import Controls
 from carlaloc_env.errors import EpisodeError
 from carlaloc_env.timeline import ActorFrame, Timeline
 from carlaloc_env.trajectory import EgoTrack
+from recorder.episode_actors import ACTORS_TOPIC, actor_states, unpack_actors
 from recorder.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode_mcap import Container, is_container, read_container
 from recorder.episode_messages import (
-    ACTORS_TOPIC,
     EGO_TOPIC,
     EVENTS_TOPIC,
     EgoRow,
     Event,
-    unpack_actors,
     unpack_ego,
     unpack_event,
 )
@@ -93,7 +92,7 @@ class Episode:
         self.ego = ego
         """Rows of `episode_messages.EGO_DTYPE`, one per tick."""
         self.steps = steps
-        """Rows of `episode_messages.actors_dtype`, one per 50 ms step."""
+        """Rows of `episode_actors.actors_dtype`, one per 50 ms step."""
         self.events = events
         """What happened, in order."""
         self.path = path
@@ -153,10 +152,10 @@ class Episode:
         """The whole drive, equal bit for bit to what the live sensors saw."""
         track = EgoTrack.from_arrays(self.ego["position_m"], self.ego["quat_xyzw"])
         timeline = Timeline(self.header.catalog, ego=track)
-        columns = {name: np.ascontiguousarray(self.steps[name]) for name in ActorFrame.__slots__}
+        states = actor_states(self.steps)
         signals = np.ascontiguousarray(self.steps["signals"])
         for k in range(len(self.steps)):
-            frame = ActorFrame(**{name: column[k] for name, column in columns.items()})
+            frame = ActorFrame(**{name: getattr(states, name)[k] for name in ActorFrame.__slots__})
             timeline.append_step(frame, signals[k])
         return timeline
 

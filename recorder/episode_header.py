@@ -15,8 +15,8 @@ from carlaloc_env.timeline import ActorCatalog, empty_catalog
 
 HEADER_RECORD = "carlaloc_episode"
 """Name of the MCAP metadata record that holds the header."""
-FORMAT_VERSION = 1
-"""Version of the episode format; a reader refuses newer ones."""
+FORMAT_VERSION = 2
+"""Version of the episode format; a reader refuses others. 2: actors in fixed point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,16 +69,17 @@ class EpisodeHeader:
         """Header of a metadata record; fields of later versions are left out.
 
         Raises:
-            EpisodeError: the record is of a newer format or damaged.
+            EpisodeError: the record is of another format or damaged.
         """
         try:
             if int(metadata["crc32"]) != _checksum(metadata):
                 raise ValueError("checksum differs")
             values = {name: json.loads(text) for name, text in metadata.items()}
             version = int(values["format_version"])
-            if version > FORMAT_VERSION:
+            if version != FORMAT_VERSION:
                 raise EpisodeError(
-                    f"episode format {version} is newer than {FORMAT_VERSION}; update CarlaLoc to read it"
+                    f"the episode has format {version}, this CarlaLoc reads {FORMAT_VERSION}; "
+                    f"use {'a newer' if version > FORMAT_VERSION else 'an older'} one"
                 )
             catalog = values["catalog"]
             count = len(catalog["id"])

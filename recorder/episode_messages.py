@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,14 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.clock import stamp_ns
 from carlaloc_env.controls import Controls
-from carlaloc_env.timeline import ActorFrame
 
-EGO_TOPIC, ACTORS_TOPIC, EVENTS_TOPIC = "/ego/state", "/actors", "/events"
-EGO_TYPE, ACTORS_TYPE, EVENT_TYPE = (
-    "carlaloc_msgs/msg/EgoState",
-    "carlaloc_msgs/msg/ActorFrame",
-    "carlaloc_msgs/msg/Event",
-)
+EGO_TOPIC, EVENTS_TOPIC = "/ego/state", "/events"
+EGO_TYPE, EVENT_TYPE = "carlaloc_msgs/msg/EgoState", "carlaloc_msgs/msg/Event"
 
 EGO_DEFINITION = """\
 # State of the ego's base_link after one 200 Hz tick; world is ENU, body is FLU.
@@ -43,27 +37,14 @@ bool handbrake
 bool raw_reverse
 bool raw_handbrake
 """
-ACTORS_DEFINITION = """\
-# State of all actors of the catalogue and of all signal heads at one 50 ms step.
-int64 step
-# x, y, z of each actor in turn
-float32[] position_m
-float32[] heading_rad
-float32[] pitch_rad
-float32[] speed_mps
-float32[] travelled_m
-float32[] steer_rad
-uint8[] lights
-uint8[] signals
-"""
 EVENT_DEFINITION = """\
 int64 tick
 string kind
 string json
 """
 
-_CDR_LITTLE_ENDIAN = 0x0000_0100
-_ACTOR_FLOATS = ("heading_rad", "pitch_rad", "speed_mps", "travelled_m", "steer_rad")
+CDR_LITTLE_ENDIAN = 0x0000_0100
+"""First word of every CDR message."""
 
 EGO_DTYPE = np.dtype(
     [
@@ -134,7 +115,7 @@ def pack_ego(tick: int, row: EgoRow) -> bytes:
     """CDR bytes of an `EgoState` message."""
     done, raw = row.controls, row.raw if row.raw is not None else row.controls
     return _EGO.pack(
-        _CDR_LITTLE_ENDIAN,
+        CDR_LITTLE_ENDIAN,
         tick,
         *_floats(row.position_m),
         *_floats(row.quat_xyzw),
@@ -160,45 +141,9 @@ def _floats(values: ArrayLike) -> list[float]:
     return result
 
 
-@functools.lru_cache(maxsize=8)
-def actors_dtype(actors: int, signals: int) -> np.dtype[np.void]:
-    """Layout of an `ActorFrame` message of so many actors and signal heads in CDR."""
-    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
-        ("encapsulation", "<u4"),
-        ("step", "<i8"),
-        ("position_m_count", "<u4"),
-        ("position_m", "<f4", (actors, 3)),
-    ]
-    for name in _ACTOR_FLOATS:
-        fields += [(f"{name}_count", "<u4"), (name, "<f4", (actors,))]
-    fields += [
-        ("lights_count", "<u4"),
-        ("lights", "u1", (actors,)),
-        ("padding", "u1", (-actors % 4,)),
-        ("signals_count", "<u4"),
-        ("signals", "u1", (signals,)),
-    ]
-    return np.dtype(fields)
-
-
-def pack_actors(step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> bytes:
-    """CDR bytes of an `ActorFrame` message."""
-    row = np.zeros((), dtype=actors_dtype(len(frame), len(signals)))
-    row["encapsulation"] = _CDR_LITTLE_ENDIAN
-    row["step"] = step
-    row["position_m_count"] = 3 * len(frame)
-    row["position_m"] = frame.position_m
-    for name in (*_ACTOR_FLOATS, "lights"):
-        row[f"{name}_count"] = len(frame)
-        row[name] = getattr(frame, name)
-    row["signals_count"] = len(signals)
-    row["signals"] = signals
-    return row.tobytes()
-
-
 def pack_event(tick: int, kind: str, json_text: str) -> bytes:
     """CDR bytes of an `Event` message."""
-    out = struct.pack("<Iq", _CDR_LITTLE_ENDIAN, tick)
+    out = struct.pack("<Iq", CDR_LITTLE_ENDIAN, tick)
     for text in (kind, json_text):
         data = text.encode() + b"\0"
         out += bytes(-(len(out) - 4) % 4) + struct.pack("<I", len(data)) + data
@@ -211,22 +156,7 @@ def unpack_ego(payloads: Sequence[bytes]) -> NDArray[np.void]:
     Raises:
         ValueError: a message has another size.
     """
-    return _rows(payloads, EGO_DTYPE)
-
-
-def unpack_actors(payloads: Sequence[bytes], actors: int) -> NDArray[np.void]:
-    """Rows of `actors_dtype`; the number of signal heads is that of the first message.
-
-    Raises:
-        ValueError: a message has another size or number of actors.
-    """
-    signals = len(payloads[0]) - actors_dtype(actors, 0).itemsize if payloads else 0
-    if signals < 0:
-        raise ValueError(f"actor frame shorter than {actors} actors need")
-    rows = _rows(payloads, actors_dtype(actors, signals))
-    if np.any(rows["position_m_count"] != 3 * actors) or np.any(rows["signals_count"] != signals):
-        raise ValueError(f"actor frame not of {actors} actors and {signals} signal heads")
-    return rows
+    return message_rows(payloads, EGO_DTYPE)
 
 
 def unpack_event(payload: bytes) -> tuple[int, str, str]:
@@ -241,7 +171,12 @@ def unpack_event(payload: bytes) -> tuple[int, str, str]:
     return tick, texts[0], texts[1]
 
 
-def _rows(payloads: Sequence[bytes], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+def message_rows(payloads: Sequence[bytes], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Messages as rows of one array.
+
+    Raises:
+        ValueError: a message has another size.
+    """
     if any(len(payload) != dtype.itemsize for payload in payloads):
         raise ValueError(f"message not of {dtype.itemsize} bytes")
     return np.frombuffer(b"".join(payloads), dtype=dtype)

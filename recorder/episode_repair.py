@@ -7,11 +7,9 @@ from pathlib import Path
 
 from carlaloc_env.errors import EpisodeError
 from recorder.episode import Episode, read_episode_file
+from recorder.episode_actors import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE
 from recorder.episode_mcap import ContainerWriter
 from recorder.episode_messages import (
-    ACTORS_DEFINITION,
-    ACTORS_TOPIC,
-    ACTORS_TYPE,
     EGO_DEFINITION,
     EGO_TOPIC,
     EGO_TYPE,

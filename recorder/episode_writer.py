@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 from carlaloc_env.clock import STEP_NS, stamp_ns
 from carlaloc_env.errors import EpisodeError
 from carlaloc_env.timeline import ActorFrame
+from recorder.episode_actors import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE, pack_actors
 from recorder.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode_mcap import ContainerWriter
 from recorder.episode_messages import (
-    ACTORS_DEFINITION,
-    ACTORS_TOPIC,
-    ACTORS_TYPE,
     EGO_DEFINITION,
     EGO_TOPIC,
     EGO_TYPE,
@@ -27,7 +25,6 @@ from recorder.episode_messages import (
     EVENT_TYPE,
     EVENTS_TOPIC,
     EgoRow,
-    pack_actors,
     pack_ego,
     pack_event,
 )

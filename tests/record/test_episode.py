@@ -17,10 +17,11 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from carlaloc_env.actor_grid import on_grid
 from carlaloc_env.controls import Controls
 from carlaloc_env.errors import EpisodeError
 from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
-from recorder import episode_messages
+from recorder import episode_actors, episode_messages
 from recorder.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, open_episode
 from recorder.episode_mcap import ContainerWriter
 from recorder.episode_repair import repair_episode
@@ -57,7 +58,7 @@ def header_of(count: int) -> EpisodeHeader:
 
 def frame_of(step: int, count: int) -> ActorFrame:
     rng = np.random.default_rng(1000 + step)
-    return ActorFrame(
+    frame = ActorFrame(
         position_m=rng.normal(0, 100, (count, 3)).astype(np.float32),
         heading_rad=rng.normal(size=count).astype(np.float32),
         pitch_rad=rng.normal(size=count).astype(np.float32),
@@ -66,6 +67,7 @@ def frame_of(step: int, count: int) -> ActorFrame:
         steer_rad=rng.normal(size=count).astype(np.float32),
         lights=rng.integers(0, 32, count, dtype=np.uint8),
     )
+    return on_grid(frame)
 
 
 def row_of(tick: int) -> EgoRow:
@@ -146,7 +148,7 @@ def test_bytes_equal_those_of_another_cdr_implementation() -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in (
         (episode_messages.EGO_TYPE, episode_messages.EGO_DEFINITION),
-        (episode_messages.ACTORS_TYPE, episode_messages.ACTORS_DEFINITION),
+        (episode_actors.ACTORS_TYPE, episode_actors.ACTORS_DEFINITION),
         (episode_messages.EVENT_TYPE, episode_messages.EVENT_DEFINITION),
     ):
         store.register(get_types_from_msg(text, name))
@@ -156,10 +158,10 @@ def test_bytes_equal_those_of_another_cdr_implementation() -> None:
     assert ego.quat_xyzw.tolist() == np.asarray(row.quat_xyzw).tolist()  # type: ignore[attr-defined]
     assert bytes(store.serialize_cdr(ego, episode_messages.EGO_TYPE)) == episode_messages.pack_ego(5, row)
     for count in range(6):
-        ours = episode_messages.pack_actors(9, frame_of(9, count), np.arange(SIGNALS, dtype=np.uint8))
-        frame = store.deserialize_cdr(ours, episode_messages.ACTORS_TYPE)
+        ours = episode_actors.pack_actors(9, frame_of(9, count), np.arange(SIGNALS, dtype=np.uint8))
+        frame = store.deserialize_cdr(ours, episode_actors.ACTORS_TYPE)
         assert frame.signals.tolist() == list(range(SIGNALS))  # type: ignore[attr-defined]
-        assert bytes(store.serialize_cdr(frame, episode_messages.ACTORS_TYPE)) == ours
+        assert bytes(store.serialize_cdr(frame, episode_actors.ACTORS_TYPE)) == ours
     for kind in ("a", "ab", "abc", "abcd"):
         ours = episode_messages.pack_event(3, kind, '{"x": 1}')
         event = store.deserialize_cdr(ours, episode_messages.EVENT_TYPE)
