@@ -18,6 +18,10 @@ from .sections import CrossSection, road_sections
 from .writer import opendrive_text
 
 
+WALKERS_SETBACK_M = 1.5
+"""Half the length of the junction that stands for a crosswalk with lights between junctions [m]."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Node:
     """Where roads meet."""
@@ -27,7 +31,8 @@ class Node:
     y: float
     z: float = 0.0
     control: str = "signals"
-    """`signals`, `split` (lights, one leg at a time), `stop`, `yield`, `all_stop`, `none`, `bulb`."""
+    """`signals`, `split` (lights, one leg at a time), `walkers` (lights for one crosswalk between two legs),
+    `stop`, `yield`, `all_stop`, `none`, `bulb`."""
     corner_m: float = 9.0
     """Kerb radius of the corners, about [m]."""
     crosswalks: bool = True
@@ -54,6 +59,8 @@ class Road:
     taper_m: float = 20.0
     stores_m: tuple[float, float] = (30.0, 30.0)
     climb: Climb | Dip | None = None
+    shifts: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
+    """How far the axis passes beside the nodes a and b [m, east and north], for staggered legs."""
     tunnel: tuple[str, float] | None = None
     """Name and length [m] of the cover over the lowest point of a `Dip`."""
     bridges: tuple[tuple[str, float, float, float], ...] = ()
@@ -116,7 +123,9 @@ class _Builder:
             if name not in self.plan.nodes:
                 raise PlanError(f"road '{road.name}' ends at node '{name}', which the plan does not have")
         a, b = self.plan.nodes[road.a], self.plan.nodes[road.b]
-        points = [(a.x, a.y), *((x, y) for x, y, _, _ in road.bends), (b.x, b.y)]
+        first, last = road.shifts
+        inner = ((x, y) for x, y, _, _ in road.bends)
+        points = [(a.x + first[0], a.y + first[1]), *inner, (b.x + last[0], b.y + last[1])]
         return fillet(points, [(radius, spiral) for _, _, radius, spiral in road.bends])
 
     def _trims(self, paths: Sequence[Path]) -> list[list[float]]:
@@ -137,7 +146,8 @@ class _Builder:
             elif node.control == "bulb":
                 lengths = [0.0]
             else:
-                lengths = setbacks(headings, kerbs, node.corner_m, 6.0)
+                least = WALKERS_SETBACK_M if node.control == "walkers" else 6.0
+                lengths = setbacks(headings, kerbs, node.corner_m, least)
             for (i, side), length in zip(met, lengths, strict=True):
                 trims[i][side] = length
         return trims
@@ -201,12 +211,13 @@ class _Builder:
     def _furnish(
         self, node: Node, part: JunctionPart, legs: Sequence[Leg], found: Sequence[Movement]
     ) -> None:
-        lights = node.control in ("signals", "split")
+        lights = node.control in ("signals", "split", "walkers")
         minor = _minor(node, legs, found)
         marks = []
         for i, leg in enumerate(legs):
             stops = lights or i in minor
-            marks.append(furniture.mark_leg(leg, self.numbers, crosswalk=node.crosswalks, stop_line=stops))
+            crosswalk = node.crosswalks and not (node.control == "walkers" and i > 0)
+            marks.append(furniture.mark_leg(leg, self.numbers, crosswalk=crosswalk, stop_line=stops))
         if lights:
             split = node.control == "split"
             self.controllers += furniture.light_junction(part, legs, marks, self.numbers, split=split)

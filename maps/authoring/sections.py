@@ -25,6 +25,8 @@ class CrossSection:
     median_m: float = 0.0
     gutter_m: float = 0.3
     sidewalk_m: float = 2.5
+    left_sidewalk_m: float | None = None
+    """Width of the sidewalk left of the axis where it differs, as a promenade does."""
     pocket_m: float = 3.0
     """Width of a left-turn pocket, taken from the median as far as it reaches."""
 
@@ -190,9 +192,9 @@ def _side_lanes(cross: CrossSection, side: str) -> list[LanePlan]:
     lanes = [LanePlan(f"{side}:{i}", "driving", constant(cross.lane_m)) for i in range(cross.lanes)]
     if cross.gutter_m > 0:
         lanes.append(LanePlan(f"{side}:gutter", "shoulder", constant(cross.gutter_m)))
-    if cross.sidewalk_m > 0:
-        width = constant(cross.sidewalk_m)
-        lanes.append(LanePlan(f"{side}:walk", "sidewalk", width, height_m=SIDEWALK_HEIGHT_M))
+    own = cross.left_sidewalk_m if side == "L" and cross.left_sidewalk_m is not None else cross.sidewalk_m
+    if own > 0:
+        lanes.append(LanePlan(f"{side}:walk", "sidewalk", constant(own), height_m=SIDEWALK_HEIGHT_M))
     return lanes
 
 
