@@ -55,6 +55,8 @@ class Material(IntEnum):
     POSTER = 37
     GRAVEL = 38
     DOOR = 39
+    PLATE = 40
+    LAMP_TAIL = 41
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,6 +136,8 @@ MATERIALS: dict[Material, MaterialInfo] = {
     Material.POSTER: _info(1.0, 0.50, 0.0, 0.45),
     Material.GRAVEL: _info(2.0, 0.95, 0.8, 0.30),
     Material.DOOR: _info(1.0, 0.60, 0.1, 0.35),
+    Material.PLATE: _info(1.0, 0.40, 0.0, 0.60, 0.90),
+    Material.LAMP_TAIL: _info(0.3, 0.30, 0.0, 0.30, 0.3, 500.0),
 }
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from carlaloc_env import materials
 from carlaloc_env.materials import Material
 
-_LIT_AT_NIGHT = (Material.LAMP_WHITE,)
+_LIT_AT_NIGHT = (Material.LAMP_WHITE, Material.LAMP_TAIL)
 """Lamps that are off by day; signals and brake lights are lit whenever they are drawn."""
 
 LOG_SCALE = 16.0
@@ -80,6 +80,7 @@ _PLAIN: dict[Material, tuple[float, float, float]] = {
     Material.WATER: (0.02, 0.05, 0.04),
     Material.LAMP_WHITE: (0.80, 0.72, 0.60),
     Material.LAMP_RED: (0.70, 0.04, 0.02),
+    Material.LAMP_TAIL: (0.35, 0.02, 0.015),
     Material.LAMP_AMBER: (0.80, 0.38, 0.02),
     Material.LAMP_GREEN: (0.05, 0.70, 0.35),
 }

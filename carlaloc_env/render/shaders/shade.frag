@@ -131,8 +131,9 @@ void main() {
 
     vec3 emitted = albedo / max(max(albedo.r, max(albedo.g, albedo.b)), 0.02);
 #ifdef NIGHT
-    emitted *= glare(surface.z);
-    emitted += WARM * (glare(surface.w) * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0)));
+    // Lamps that burn at night: warm white, or the colour of a red glass.
+    vec3 hue = albedo.g < 0.2 * albedo.r ? emitted : WARM * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0));
+    emitted = emitted * glare(surface.z) + hue * glare(surface.w);
 #else
     emitted *= glare(surface.z);
 #endif

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets import atlas
+from carlaloc_env.assets import atlas, plate_text
 from carlaloc_env.materials import Material
-from carlaloc_env.render.textures import canvas, ground, lettering, noise, openings, stuffs, walls
+from carlaloc_env.render.textures import canvas, ground, lettering, noise, openings, plates, stuffs, walls
 from carlaloc_env.render.textures.noise import Layer
 from carlaloc_env.rng import stream
 
@@ -64,6 +64,8 @@ RECIPES: dict[Material, _Recipe] = {
     Material.POSTER: lettering.posters,
     Material.GRAVEL: ground.gravel,
     Material.DOOR: openings.doors,
+    Material.PLATE: plates.number_plates,
+    Material.LAMP_TAIL: partial(stuffs.lamp, colour=(0.30, 0.012, 0.010)),
 }
 """How each material's layer is made."""
 
@@ -109,7 +111,7 @@ def make_albedo(size_px: int) -> NDArray[np.float16]:
 def _version() -> str:
     """Hash of the code that makes the layers."""
     digest = hashlib.blake2b(digest_size=8)
-    for module in (noise, ground, walls, stuffs, canvas, openings, lettering, atlas):
+    for module in (noise, ground, walls, stuffs, canvas, openings, lettering, plates, plate_text, atlas):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()

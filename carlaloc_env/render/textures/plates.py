@@ -1,0 +1,39 @@
+"""Atlas of number plates."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from carlaloc_env.assets.plate_text import PLATE_COLUMNS, PLATE_ROWS, PLATE_SIZE_M, plate_text
+from carlaloc_env.render.textures.canvas import Canvas, Rgb
+from carlaloc_env.render.textures.noise import Layer
+
+_GROUNDS: tuple[Rgb, ...] = ((232, 232, 224), (232, 232, 224), (232, 232, 224), (238, 204, 70))
+"""White plates, and every fourth column yellow."""
+_INK: Rgb = (18, 18, 22)
+
+
+def number_plates(rng: np.random.Generator, size: int) -> Layer:
+    """All number plates, row 0 at the bottom."""
+    cell = size // PLATE_COLUMNS
+    rows = []
+    for row in range(PLATE_ROWS):
+        plates = [
+            _plate(row * PLATE_COLUMNS + column, cell, rng, size // PLATE_ROWS)
+            for column in range(PLATE_COLUMNS)
+        ]
+        rows.append(np.concatenate(plates, axis=1))
+    return np.concatenate(rows)
+
+
+def _plate(index: int, width_px: int, rng: np.random.Generator, height_px: int) -> Layer:
+    c = Canvas(width_px, PLATE_SIZE_M[0] / PLATE_SIZE_M[1], _GROUNDS[index % PLATE_COLUMNS])
+    c.rectangle(0.0, 0.0, 0.075, 1.0, (18, 58, 150))
+    c.text(plate_text(index), 0.535, 0.5, 0.86, 0.62, _INK, 0.17)
+    for y in (0.0, 0.95):
+        c.rectangle(0.0, y, 1.0, y + 0.05, _INK)
+    for x in (0.0, 0.992):
+        c.rectangle(x, 0.0, x + 0.008, 1.0, _INK)
+    square = c.cell(rng, 0.02)
+    return np.asarray(cv2.resize(square, (width_px, height_px), interpolation=cv2.INTER_AREA), np.float32)
