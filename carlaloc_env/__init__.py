@@ -7,7 +7,7 @@ from gymnasium.envs.registration import register
 
 __version__ = "0.1.0"
 
-TOWNS = ("Town03",)
+TOWNS = ("Town01", "Town03")
 """Towns that come with the package, each as `CarlaLoc-<town>-v0`."""
 
 _ENTRY_POINT = "carlaloc_env.env:CarlaLocEnv"

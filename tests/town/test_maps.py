@@ -341,8 +341,8 @@ def test_every_lane_at_lights_belongs_to_one_group(plain: PlainMap) -> None:
                 line = np.array([end.position[:2] for end in centre])
                 paths.append((key[0], phase[group_of[heads[key][0]]], turn, line))
         for a, b in itertools.combinations(paths, 2):
+            seen += a[0] != b[0]
             if a[0] != b[0] and a[1] == b[1]:
-                seen += 1
                 near = cKDTree(a[3]).query(b[3])[0].min() < 1.5
                 assert not near or max(a[2], b[2]) > 0.7, (junction.get("name"), a[0], b[0])
     assert seen > 0 or not heads
