@@ -17,7 +17,6 @@ from .roundabouts import RoundaboutShape, build_roundabout
 from .sections import CrossSection, road_sections
 from .writer import opendrive_text
 
-
 WALKERS_SETBACK_M = 1.5
 """Half the length of the junction that stands for a crosswalk with lights between junctions [m]."""
 
@@ -35,7 +34,8 @@ class Node:
     `stop`, `yield`, `all_stop`, `none`, `bulb`."""
     corner_m: float = 9.0
     """Kerb radius of the corners, about [m]."""
-    crosswalks: bool = True
+    crosswalks: bool | str = True
+    """On all legs, on none, or `minor`: only on those that give way."""
     minor: tuple[str, ...] = ()
     """Roads that give way at a `stop` or `yield` node; empty: the legs with no leg straight ahead."""
     roundabout: RoundaboutShape | None = None
@@ -197,7 +197,7 @@ class _Builder:
         self.junctions += parts
         _join(legs, [met[leg.road.id] for leg in legs])
         for leg in legs:
-            marks = furniture.mark_leg(leg, self.numbers, crosswalk=node.crosswalks, stop_line=True)
+            marks = furniture.mark_leg(leg, self.numbers, crosswalk=bool(node.crosswalks), stop_line=True)
             furniture.sign_leg(leg, self.numbers, marks, furniture.YIELD)
 
     def _bulb(self, node: Node, part: JunctionPart, leg: Leg) -> RoadPart:
@@ -216,7 +216,8 @@ class _Builder:
         marks = []
         for i, leg in enumerate(legs):
             stops = lights or i in minor
-            crosswalk = node.crosswalks and not (node.control == "walkers" and i > 0)
+            crosswalk = i in minor if node.crosswalks == "minor" else bool(node.crosswalks)
+            crosswalk = crosswalk and not (node.control == "walkers" and i > 0)
             marks.append(furniture.mark_leg(leg, self.numbers, crosswalk=crosswalk, stop_line=stops))
         if lights:
             split = node.control == "split"
