@@ -9,6 +9,8 @@ from .curves import Path, Pose
 from .profiles import Record
 from .sections import LanePlan, SectionPlan
 
+_OUTER = ("shoulder", "sidewalk", "biking", "parking")
+
 
 @dataclass(slots=True)
 class Link:
@@ -84,6 +86,10 @@ class RoadPart:
     elevation: list[Record]
     sections: list[SectionPlan]
     speed_kmh: float
+    street: str = ""
+    """Name of the plan's road that this is a part of."""
+    kind: str = "town"
+    """Road type of OpenDRIVE."""
     junction: int = -1
     predecessor: Link | None = None
     successor: Link | None = None
@@ -153,6 +159,10 @@ class Leg:
     out_axis: Pose
     incoming_outer: list[Border]
     outgoing_outer: list[Border]
+    incoming_inner: list[Border]
+    """Lanes on the left of the incoming driving lanes, from there outwards: a median, or one side of a
+    one-way road."""
+    outgoing_inner: list[Border]
 
     @property
     def pocket(self) -> bool:
@@ -177,6 +187,7 @@ def leg_of(road: RoadPart, end: str) -> Leg:
     inward = pose if end == "end" else Pose(pose.x, pose.y, pose.h + math.pi)
     outward = Pose(pose.x, pose.y, inward.h + math.pi)
     driving: dict[bool, list[Border]] = {True: [], False: []}
+    inner: dict[bool, list[Border]] = {True: [], False: []}
     outer: dict[bool, list[Border]] = {True: [], False: []}
     for lane_id, lane in sorted(section.lanes(), key=lambda item: abs(item[0])):
         width = lane.width_at(ds)
@@ -188,6 +199,20 @@ def leg_of(road: RoadPart, end: str) -> Leg:
         border = Border(lane_id, lane, right, width)
         if lane.kind == "driving":
             driving[enters].append(border)
-        elif lane.kind in ("shoulder", "sidewalk"):
+        elif not driving[enters] and section_has(section, lane_id, "driving"):
+            inner[enters].insert(0, border)
+        elif lane.kind in _OUTER:
             outer[enters].append(border)
-    return Leg(road, end, inward, driving[True], driving[False], outward, outer[True], outer[False])
+    for enters in (True, False):
+        if not driving[not enters]:
+            inner[enters] += outer[not enters]
+    return Leg(
+        road, end, inward, driving[True], driving[False], outward,
+        outer[True], outer[False], inner[True], inner[False],
+    )  # fmt: skip
+
+
+def section_has(section: SectionPlan, lane_id: int, kind: str) -> bool:
+    """Whether the side of a lane has lanes of a kind."""
+    side = section.left if lane_id > 0 else section.right
+    return any(lane.kind == kind for lane in side)

@@ -17,23 +17,58 @@ SOLID_BEFORE_JUNCTION_M = 25.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrossSection:
-    """What a road looks like across, the same on both sides of its axis."""
+    """What a road looks like across, from its axis outwards.
+
+    The axis lies in the middle of the median. `CrossSection(lanes=2, back=0)` is a one-way road: its axis is
+    the left border of its left lane, with the inner shoulder, gutter and pavement on the other side.
+    """
 
     lanes: int
-    """Driving lanes per direction."""
+    """Driving lanes along s."""
+    back: int | None = None
+    """Driving lanes against s; None: as many as along s; 0: one-way."""
     lane_m: float = 3.5
     median_m: float = 0.0
+    inner_shoulder_m: float = 0.0
+    """Paved strip between the left lane and the median, or left of a one-way road."""
+    bike_m: float = 0.0
+    """Cycle lane beside the outermost driving lane; 0 for none."""
+    shoulder_m: float = 0.0
+    """Hard shoulder; 0 for none."""
     gutter_m: float = 0.3
     sidewalk_m: float = 2.5
     left_sidewalk_m: float | None = None
     """Width of the sidewalk left of the axis where it differs, as a promenade does."""
     pocket_m: float = 3.0
     """Width of a left-turn pocket, taken from the median as far as it reaches."""
+    marks: str = "full"
+    """`full`, `edge` (edge lines only), `none` (no paint at all)."""
+    surface: str = "asphalt"
+    """What the lanes are made of: `asphalt`, `concrete`, `gravel`, `dirt`; written as lane material."""
+
+    @property
+    def oneway(self) -> bool:
+        """Whether no traffic runs against s."""
+        return self.back == 0
+
+    def count(self, side: str) -> int:
+        """Driving lanes of side `R` (along s) or `L` (against s)."""
+        return self.lanes if side == "R" or self.back is None else self.back
+
+    def inner_m(self, side: str) -> float:
+        """From the axis to the first driving lane of a side where the road is plain [m]."""
+        if self.oneway:
+            return 0.0 if side == "R" else self.inner_shoulder_m
+        return 0.5 * self.median_m + self.inner_shoulder_m
 
     @property
     def kerb_m(self) -> float:
-        """From the axis to the kerb where the road is plain [m]."""
-        return 0.5 * self.median_m + self.lanes * self.lane_m + self.gutter_m
+        """From the axis to the kerb where the road is plain, on its wider side [m]."""
+        outer = self.bike_m + self.shoulder_m + self.gutter_m
+        sides = [self.inner_m("R") + self.lanes * self.lane_m + outer]
+        if not self.oneway:
+            sides.append(self.inner_m("L") + self.count("L") * self.lane_m + outer)
+        return max(sides)
 
     def kerb_at(self, layout: str) -> float:
         """From the axis to the kerb at an end with this layout [m]."""
@@ -65,6 +100,7 @@ class LanePlan:
     height_m: float = 0.0
     predecessor: int | None = None
     successor: int | None = None
+    surface: str = "asphalt"
 
     def width_at(self, ds: float) -> float:
         """Width [m] at `ds` from the start of the section."""
@@ -156,7 +192,7 @@ def road_sections(
         sections.append(_section(cross, s1 + taper_m, stores_m[1], ends[1], "end", (1.0, 1.0)))
     for before, after in itertools.pairwise(sections):
         link_sections(before, after)
-    _solid_before_junction(sections, length)
+    solid_before_junction(sections, length)
     return sections
 
 
@@ -170,31 +206,56 @@ def _section(
         values = [plain + (whole - plain) * f for f in share]
         return blend(values[0], values[1], length)
 
-    median = grow(half, 0.0 if layout == "pocket" else max(half, 0.5 * pocket))
+    own, other, shift = _median_at(cross, layout)
     sides: dict[str, list[LanePlan]] = {}
     for side in ("L", "R"):
         lanes: list[LanePlan] = []
-        if any(abs(v) > 1e-9 for _, record in median for v in record):
+        turning = (side == "R") == (end == "end")
+        median = grow(half, own if turning else other)
+        if not cross.oneway and any(abs(v) > 1e-9 for _, record in median for v in record):
             lanes.append(LanePlan(f"{side}:median", "median", median, height_m=SIDEWALK_HEIGHT_M))
             if cross.median_m == 0.0:
                 lanes[-1].height_m = 0.0
-        if layout == "pocket" and (side == "R") == (end == "end"):
-            lanes.append(LanePlan(f"{side}:pocket", "driving", grow(0.0, pocket)))
-        lanes += _side_lanes(cross, side)
-        sides[side] = lanes
+        if layout == "pocket" and turning:
+            lanes.append(LanePlan(f"{side}:pocket", "driving", grow(0.0, pocket), surface=cross.surface))
+        sides[side] = lanes + _side_lanes(cross, side)
     _mark_borders(cross, sides, layout)
     sign = 1.0 if end == "end" else -1.0
-    offset = grow(0.0, sign * 0.5 * pocket) if layout == "pocket" else NONE
+    offset = grow(0.0, sign * shift) if layout == "pocket" else NONE
     return SectionPlan(s, length, offset, sides["L"], sides["R"], _centre_mark(cross, sides))
 
 
+def _median_at(cross: CrossSection, layout: str) -> tuple[float, float, float]:
+    """Median on the side that turns and on the other [m] where a layout is whole, and the shift of lane 0."""
+    half, pocket = 0.5 * cross.median_m, cross.pocket_m
+    if layout != "pocket":
+        wide = max(half, 0.5 * pocket)
+        return wide, wide, 0.0
+    if half >= pocket:
+        return half - pocket, half, 0.0
+    if cross.median_m > pocket:
+        return 0.0, cross.median_m - pocket, pocket - half
+    return 0.0, 0.0, 0.5 * pocket
+
+
 def _side_lanes(cross: CrossSection, side: str) -> list[LanePlan]:
-    lanes = [LanePlan(f"{side}:{i}", "driving", constant(cross.lane_m)) for i in range(cross.lanes)]
-    if cross.gutter_m > 0:
-        lanes.append(LanePlan(f"{side}:gutter", "shoulder", constant(cross.gutter_m)))
-    own = cross.left_sidewalk_m if side == "L" and cross.left_sidewalk_m is not None else cross.sidewalk_m
-    if own > 0:
-        lanes.append(LanePlan(f"{side}:walk", "sidewalk", constant(own), height_m=SIDEWALK_HEIGHT_M))
+    lanes: list[LanePlan] = []
+
+    def add(name: str, kind: str, width: float, height: float = 0.0) -> None:
+        if width > 0:
+            surface = "asphalt" if kind == "sidewalk" else cross.surface
+            lanes.append(LanePlan(f"{side}:{name}", kind, constant(width), height_m=height, surface=surface))
+
+    if side == "L" or not cross.oneway:
+        add("inner", "shoulder", cross.inner_shoulder_m)
+    for i in range(cross.count(side)):
+        add(str(i), "driving", cross.lane_m)
+    if cross.count(side):
+        add("bike", "biking", cross.bike_m)
+        add("shoulder", "shoulder", cross.shoulder_m)
+    add("gutter", "shoulder", cross.gutter_m)
+    back = cross.sidewalk_m if cross.left_sidewalk_m is None else cross.left_sidewalk_m
+    add("walk", "sidewalk", cross.sidewalk_m if side == "R" else back, SIDEWALK_HEIGHT_M)
     return lanes
 
 
@@ -202,27 +263,38 @@ def _mark_borders(cross: CrossSection, sides: dict[str, list[LanePlan]], layout:
     raised = cross.median_m > 0
     for lanes in sides.values():
         for lane, outer in zip(lanes, [*lanes[1:], None], strict=True):
-            lane.marks = [border_mark(lane, outer, raised)]
+            lane.marks = [border_mark(lane, outer, raised, cross.marks)]
             if lane.key.endswith(":pocket") and layout == "pocket":
                 lane.marks = [Mark(0.0, "solid")]
 
 
-def border_mark(lane: LanePlan, outer: LanePlan | None, raised_median: bool) -> Mark:
+def border_mark(lane: LanePlan, outer: LanePlan | None, raised_median: bool, marks: str = "full") -> Mark:
     """Mark between a lane and its outer neighbour."""
+    bare = Mark(0.0, "none", "standard", 0.0)
     if outer is None:
-        return Mark(0.0, "none", "standard", 0.0)
+        return Mark(0.0, "solid") if lane.kind == "driving" and marks != "none" else bare
     if outer.kind == "sidewalk":
         return Mark(0.0, "curb", "standard", 0.15)
-    if lane.kind == "median":
-        return Mark(0.0, "curb", "standard", 0.15) if raised_median else Mark(0.0, "solid", "yellow")
+    if lane.kind == "median" and raised_median:
+        return Mark(0.0, "curb", "standard", 0.15)
     if lane.kind == "driving" and outer.kind == "driving":
-        return Mark(0.0, "broken", change="both", dash=(3.0, 6.0))
-    if lane.kind == "driving":
-        return Mark(0.0, "solid")
-    return Mark(0.0, "none", "standard", 0.0)
+        return replace(bare, change="both") if marks != "full" else _broken()
+    if marks == "none":
+        return bare
+    if lane.kind == "median" or (outer.kind == "driving" and lane.key.endswith(":inner")):
+        return Mark(0.0, "solid", "yellow")
+    return Mark(0.0, "solid") if lane.kind == "driving" else bare
+
+
+def _broken() -> Mark:
+    return Mark(0.0, "broken", change="both", dash=(3.0, 6.0))
 
 
 def _centre_mark(cross: CrossSection, sides: dict[str, list[LanePlan]]) -> Mark:
+    if cross.marks != "full" and not cross.oneway:
+        return Mark(0.0, "none", "standard", 0.0)
+    if cross.oneway:
+        return Mark(0.0, "none" if cross.marks == "none" else "solid", "yellow")
     if all(lanes[0].kind == "median" for lanes in sides.values()):
         return Mark(0.0, "none", "standard", 0.0)
     if cross.lanes == 1 and cross.lane_m <= 3.3:
@@ -230,7 +302,7 @@ def _centre_mark(cross: CrossSection, sides: dict[str, list[LanePlan]]) -> Mark:
     return Mark(0.0, "solid solid", "yellow", 0.12)
 
 
-def _solid_before_junction(sections: list[SectionPlan], length: float) -> None:
+def solid_before_junction(sections: list[SectionPlan], length: float) -> None:
     """Draw lane lines solid where traffic nears a junction and must not change lanes any more."""
     for section in sections:
         ahead = max(0.0, length - SOLID_BEFORE_JUNCTION_M - section.s)

@@ -14,6 +14,9 @@ from .sections import LanePlan, Mark, SectionPlan
 DATE = "2025-01-01T00:00:00"
 _DIGITS = {"length": 10, "curvature": 14, "angle": 12}
 
+_SURFACES = {"concrete": (0.8, 0.012), "gravel": (0.55, 0.05), "dirt": (0.5, 0.06)}
+"""Friction and roughness of lane materials other than asphalt, typical values."""
+
 
 def number(value: float, digits: int = 10) -> str:
     """Shortest text of a number rounded so far that all platforms agree on it."""
@@ -104,7 +107,7 @@ def _road(xml: XmlText, road: RoadPart) -> None:
     _link(xml, "predecessor", road.predecessor)
     _link(xml, "successor", road.successor)
     xml.close("link")
-    xml.open("type", s=0.0, type="town")
+    xml.open("type", s=0.0, type=road.kind)
     xml.leaf("speed", max=f"{road.speed_kmh:.0f}", unit="km/h")
     xml.close("type")
     xml.open("planView")
@@ -207,6 +210,9 @@ def _lane(xml: XmlText, lane_id: int, lane: LanePlan) -> None:
         xml.leaf("width", sOffset=ds, **_cubic(record))
     for mark in lane.marks:
         _mark(xml, mark)
+    if lane.surface != "asphalt":
+        friction, roughness = _SURFACES[lane.surface]
+        xml.leaf("material", sOffset=0.0, surface=lane.surface, friction=friction, roughness=roughness)
     if lane.height_m:
         xml.leaf("height", sOffset=0.0, inner=lane.height_m, outer=lane.height_m)
     xml.close("lane")
