@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from .curves import Path, curve_between, wrap
 from .idents import Numbers
 from .parts import Border, ConnectionPart, JunctionPart, Leg, Link, RoadPart
-from .profiles import level
+from .profiles import Record, hermite, level
 from .sections import NONE, LanePlan, Mark, SectionPlan, blend, border_mark
 
 _STRAIGHT_RAD = math.radians(40)
@@ -119,7 +119,7 @@ def connect(
         id=numbers.connecting_road(part.id),
         name=part.name,
         path=path,
-        elevation=level(z),
+        elevation=_elevation(source, target, path.length, z),
         sections=[section],
         speed_kmh=min(source.road.speed_kmh, target.road.speed_kmh),
         junction=part.id,
@@ -129,6 +129,14 @@ def connect(
     links = [(border.lane_id, -k - 1) for k, border in enumerate(ins)]
     part.connections.append(ConnectionPart(source.road.id, road.id, links))
     return road
+
+
+def _elevation(source: Leg, target: Leg, length: float, z: float) -> list[Record]:
+    """Level where both legs are, a cubic that keeps their heights and grades elsewhere."""
+    (z0, grade0), (z1, grade1) = source.height(), target.height()
+    if max(abs(grade0), abs(grade1), abs(z0 - z1)) < 1e-9:
+        return level(z)
+    return hermite(z0, grade0, z1, -grade1, length)
 
 
 def _lane(source: Border, target: Border, length: float) -> LanePlan:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from .curves import Path, Pose
-from .profiles import Record
+from .profiles import Record, height_at
 from .sections import LanePlan, SectionPlan
 
 _OUTER = ("shoulder", "sidewalk", "biking", "parking")
@@ -173,6 +173,11 @@ class Leg:
     def sign(self) -> int:
         """+1 where incoming traffic runs along s."""
         return 1 if self.end == "end" else -1
+
+    def height(self) -> tuple[float, float]:
+        """Height of the leg's end [m], and its grade in the direction of incoming traffic."""
+        z, grade = height_at(self.road.elevation, self.s(0.0))
+        return round(z, 9), round(self.sign * grade, 11)
 
     def s(self, back_m: float) -> float:
         """Station of the point `back_m` before the end of the leg."""

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from . import furniture
-from .curves import Path, fillet, turning_bulb
+from .curves import Path, Pose, fillet, turning_bulb
 from .idents import JUNCTION, OBJECT, ROAD, Numbers
 from .junctions import Movement, build_junction, connect, setbacks
 from .newton import PlanError
 from .parts import BridgePart, ControllerPart, JunctionPart, Leg, Link, RoadPart, TunnelPart, leg_of
-from .profiles import Climb, Dip, Record, climb, dip, level, smooth
+from .profiles import Climb, Dip, Record, climb, dip, hermite, level, smooth
 from .roundabouts import RoundaboutShape, build_roundabout
 from .sections import CrossSection, road_sections
 from .writer import opendrive_text
@@ -41,6 +41,14 @@ class Node:
     roundabout: RoundaboutShape | None = None
     bulb_m: float = 12.0
     """Kerb radius of a cul-de-sac's bulb [m]."""
+    grade: tuple[float, float] = (0.0, 0.0)
+    """Slope of the land towards east and north, which roads without a `climb` follow through the node."""
+
+    def ground(self, pose: Pose) -> tuple[float, float]:
+        """Height of the node's plane at a point [m], and its grade along the heading there."""
+        east, north = self.grade
+        z = self.z + east * (pose.x - self.x) + north * (pose.y - self.y)
+        return round(z, 9), round(east * math.cos(pose.h) + north * math.sin(pose.h), 11)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -154,9 +162,8 @@ class _Builder:
 
     def _road(self, road: Road, axis: Path, trim: Sequence[float]) -> RoadPart:
         path = axis.trimmed(trim[0], trim[1]).settled()
-        z0, z1 = self.plan.nodes[road.a].z, self.plan.nodes[road.b].z
         sections = road_sections(road.cross, path.length, road.ends, road.taper_m, road.stores_m)
-        elevation, bottom = _elevation(road, path, z0, z1)
+        elevation, bottom = _elevation(road, path, self.plan.nodes[road.a], self.plan.nodes[road.b])
         number = self.numbers.next(ROAD)
         part = RoadPart(number, road.name, path, elevation, sections, road.speed_kmh)
         if road.tunnel is not None:
@@ -259,12 +266,14 @@ def _along(path: Path, x: float, y: float) -> float:
     return dx * math.cos(path.start.h) + dy * math.sin(path.start.h)
 
 
-def _elevation(road: Road, path: Path, z0: float, z1: float) -> tuple[list[Record], float]:
+def _elevation(road: Road, path: Path, a: Node, b: Node) -> tuple[list[Record], float]:
     """Elevation records, and the station of the lowest point of a dip."""
-    length = path.length
+    z0, z1, length = a.z, b.z, path.length
     if isinstance(road.climb, Dip):
         bottom = _along(path, road.climb.x, road.climb.y)
         return dip(z0, z1, length, road.climb, bottom), bottom
     if isinstance(road.climb, Climb):
         return climb(z0, z1, length, road.climb), 0.0
+    if any(a.grade) or any(b.grade):
+        return hermite(*a.ground(path.start), *b.ground(path.end), length), 0.0
     return (level(z0) if z0 == z1 else smooth(z0, z1, length)), 0.0
