@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from carlaloc_env.assets import roadside, street
+from carlaloc_env.assets.shrubs import hedge, shrub
 from carlaloc_env.assets.signals import pedestrian_head, traffic_light
 from carlaloc_env.assets.signs import sign
-from carlaloc_env.assets.trees import hedge, shrub, tree
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.scene import Mesh
 

@@ -1,7 +1,7 @@
-"""Trees, hedges and shrubs with leaves as single triangles.
+"""Trees with trunks, branches and crowns of clumps and leaves.
 
 Branch radii follow r_child = r_parent · n^(−1/2.3) (Weber & Penn, SIGGRAPH 1995); low detail keeps
-the total leaf area with fewer, larger triangles, so that colour and LiDAR returns stay.
+the total leaf area with fewer, larger pieces, so that colour and LiDAR returns stay.
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.shapes import Look, box, tube
+from carlaloc_env.assets.foliage import CLUMP_AREA, TRIANGLE_AREA, clumps, directions, leaf_triangles
+from carlaloc_env.assets.shapes import Look, tube
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.geometry import cross
 from carlaloc_env.materials import Material
@@ -39,51 +40,68 @@ class TreeForm:
     rise: tuple[float, float]
     """Sine of the branches' slope, at the bottom and at the top of the crown."""
     shape: str
-    """``round``, ``cone`` or ``tall``."""
+    """``round``, ``cone``, ``tall``, ``column`` or ``palm``."""
     leaf_m: float
     """Edge of a leaf triangle at high detail [m]."""
     density: float
     """Leaf area over the crown's projected area."""
     tint: tuple[int, int, int] = (220, 220, 220)
-    clumps: int = 70
-    """Leaf clumps of the crown at high detail."""
+    bark: tuple[int, int, int] = (235, 235, 235)
+    """Tint of the trunk."""
+    clumps: int = 44
+    """Leaf clumps of the crown at high detail; low detail has two fifths of them."""
 
 
 FORMS: dict[str, TreeForm] = {
     "plane": TreeForm(
         height_m=(9.0, 13.0), crown_m=(5.5, 7.5), trunk_m=(0.28, 0.42), bare_m=(2.6, 3.4), branches=9,
-        twigs=3,
-        rise=(0.30, 0.85), shape="round", leaf_m=0.28, density=2.4, clumps=120,
+        twigs=2, rise=(0.30, 0.85), shape="round", leaf_m=0.30, density=7.6, clumps=32, bark=(255, 250, 235),
     ),
     "lime": TreeForm(
         height_m=(8.0, 12.0), crown_m=(4.5, 6.0), trunk_m=(0.25, 0.36), bare_m=(2.4, 3.0), branches=10,
-        twigs=3,
-        rise=(0.30, 0.9), shape="tall", leaf_m=0.26, density=2.7, tint=(205, 230, 195), clumps=130,
+        twigs=2, rise=(0.30, 0.9), shape="tall", leaf_m=0.27, density=8.5, clumps=32, tint=(205, 230, 195),
     ),
     "park": TreeForm(
         height_m=(14.0, 19.0), crown_m=(10.0, 13.0), trunk_m=(0.55, 0.85), bare_m=(3.0, 4.0), branches=12,
-        twigs=4,
-        rise=(0.20, 0.8), shape="round", leaf_m=0.44, density=2.4, tint=(190, 205, 180), clumps=190,
+        twigs=3, rise=(0.20, 0.8), shape="round", leaf_m=0.46, density=7.0, tint=(190, 205, 180), clumps=44,
     ),
     "conifer": TreeForm(
         height_m=(12.0, 18.0), crown_m=(4.8, 6.0), trunk_m=(0.30, 0.46), bare_m=(0.8, 1.5), branches=60,
-        twigs=0,
-        rise=(-0.30, 0.30), shape="cone", leaf_m=0.36, density=6.0, tint=(120, 165, 140), clumps=0,
+        twigs=0, rise=(-0.30, 0.30), shape="cone", leaf_m=0.40, density=13.0, tint=(125, 165, 140), clumps=84,
     ),
     "young": TreeForm(
         height_m=(3.6, 5.0), crown_m=(2.0, 2.8), trunk_m=(0.08, 0.13), bare_m=(1.2, 1.6), branches=7, twigs=2,
-        rise=(0.2, 0.8), shape="round", leaf_m=0.17, density=2.5, tint=(235, 240, 200), clumps=60,
+        rise=(0.2, 0.8), shape="round", leaf_m=0.17, density=7.5, tint=(235, 240, 200), clumps=20,
     ),
     "autumn": TreeForm(
         height_m=(7.0, 10.0), crown_m=(4.5, 6.0), trunk_m=(0.22, 0.32), bare_m=(2.2, 2.8), branches=9,
-        twigs=3,
-        rise=(0.35, 0.85), shape="round", leaf_m=0.25, density=2.1, tint=(255, 140, 80), clumps=105,
+        twigs=2, rise=(0.35, 0.85), shape="round", leaf_m=0.26, density=7.2, tint=(255, 118, 72), clumps=30,
+    ),
+    "birch": TreeForm(
+        height_m=(10.0, 15.0), crown_m=(3.8, 5.0), trunk_m=(0.18, 0.28), bare_m=(2.4, 3.4), branches=13,
+        twigs=2, rise=(0.55, 0.95), shape="tall", leaf_m=0.22, density=7.5, tint=(245, 250, 190),
+        bark=(255, 255, 255), clumps=34,
+    ),
+    "poplar": TreeForm(
+        height_m=(16.0, 22.0), crown_m=(2.8, 3.8), trunk_m=(0.35, 0.55), bare_m=(1.2, 1.8), branches=18,
+        twigs=1, rise=(1.6, 2.4), shape="column", leaf_m=0.28, density=24.0, tint=(215, 225, 190), clumps=60,
+    ),
+    "orchard": TreeForm(
+        height_m=(4.0, 5.4), crown_m=(3.6, 4.6), trunk_m=(0.16, 0.26), bare_m=(1.2, 1.6), branches=8, twigs=2,
+        rise=(0.2, 0.7), shape="round", leaf_m=0.20, density=6.6, tint=(225, 245, 185), clumps=24,
+    ),
+    "palm": TreeForm(
+        height_m=(8.0, 12.0), crown_m=(4.4, 5.4), trunk_m=(0.26, 0.36), bare_m=(7.0, 10.0), branches=22,
+        twigs=0, rise=(0.2, 0.9), shape="palm", leaf_m=0.55, density=1.0, tint=(205, 215, 165),
+        bark=(225, 215, 200), clumps=0,
     ),
 }  # fmt: skip
 """All kinds of trees."""
 
-_LOW_SHARE = 9.0
-"""How many times fewer leaves low detail has."""
+_CORE_SHARE = {"high": 0.78, "low": 0.90}
+"""Part of the leaf area that clumps have."""
+_LOW_LEAF = 2.0
+"""How many times larger leaves are at low detail."""
 
 
 def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
@@ -92,7 +110,7 @@ def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
     Args:
         kind: A key of `FORMS`.
         seed: Chooses size and branching; the same tree at both levels of detail.
-        detail: ``high`` (1–3 k triangles) or ``low`` (a tenth, same leaf area).
+        detail: ``high`` (1–3 k triangles) or ``low`` (an eighth, same leaf area).
 
     Raises:
         ConfigError: unknown kind or detail.
@@ -105,64 +123,60 @@ def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
     height, crown, trunk, bare = (
         float(rng.uniform(*bounds)) for bounds in (form.height_m, form.crown_m, form.trunk_m, form.bare_m)
     )
+    if form.shape == "palm":
+        return _palm(form, rng, height, crown, trunk, detail)
     wood, tips = _skeleton(form, rng, height, crown, trunk, bare, detail)
     middle = np.array([0.0, 0.0, bare + 0.45 * (height - bare)])
-    points, spread = _foliage_points(form, rng, tips, height, crown, bare)
+    points = _foliage_points(form, rng, tips, height, crown, bare)
     area = form.density * np.pi * (0.5 * crown) ** 2
-    leaves = _leaves(form, rng, points, spread, middle, area, detail)
-    return merge([*wood, leaves])
+    return merge([*wood, *_crown(form, rng, points, middle, area, detail)])
 
 
-def hedge(
-    length_m: float = 3.0, height_m: float = 1.3, width_m: float = 0.6, seed: int = 0, detail: str = "high"
+def _palm(
+    form: TreeForm, rng: np.random.Generator, height: float, crown: float, trunk: float, detail: str
 ) -> Mesh:
-    """Clipped hedge along +x from the origin."""
-    rng = stream(seed, "hedge")
-    core = Look(Material.LEAF, Tag.VEGETATION, (70, 80, 60))
-    inner = box(
-        core,
-        (length_m - 0.04, width_m - 0.14, height_m - 0.08),
-        (0.5 * length_m, 0.0, 0.5 * (height_m - 0.08)),
+    """A bare, slightly bent trunk with arching fronds."""
+    lean = rng.normal(0.0, 0.05 * height, 2)
+    top = height - 0.12 * crown
+    t = np.linspace(0.0, 1.0, 6)
+    axis = np.stack([lean[0] * t**2, lean[1] * t**2, top * t], axis=-1)
+    radii = 0.5 * trunk * np.array([1.5, 1.05, 0.95, 0.9, 0.85, 1.0])
+    sides = 9 if detail == "high" else 4
+    bark = Look(Material.BARK, Tag.VEGETATION, form.bark)
+    stem = tube(bark, axis, radii, sides, crease_deg=60.0)
+    fronds = form.branches if detail == "high" else form.branches // 3
+    width = 0.62 * form.branches / fronds
+    share = (np.arange(fronds) + 0.5) / fronds
+    # Both levels of detail draw as many numbers, so that the same seed stays the same tree.
+    noise = rng.normal(0.0, 0.1, (form.branches, 2))[:fronds]
+    yaw = 2.4 * np.arange(fronds) + noise[:, 0]
+    reach = 0.5 * crown * (1.0 + noise[:, 1])
+    rise = np.where(share > 0.35, 1.1 * share, -0.35)
+    s = np.linspace(0.0, 1.0, 9 if detail == "high" else 6)
+    along = reach[:, None] * s
+    z = top + reach[:, None] * (rise[:, None] * s - (0.75 + 0.35 * rise[:, None]) * s**2)
+    half = 0.5 * width * np.sin(np.pi * np.clip(0.12 + 0.88 * s, 0, 1)) + 0.02
+    c, sn = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    grids = []
+    for side in (-1.0, 0.0, 1.0):
+        x = axis[-1, 0] + c * along - sn * side * half
+        y = axis[-1, 1] + sn * along + c * side * half
+        grids.append(np.stack([x, y, z - abs(side) * 0.45 * half], axis=-1))
+    points = np.stack(grids, axis=1)
+    count, n = fronds, len(s)
+    index = np.arange(count * 3 * n).reshape(count, 3, n)
+    a, b, d, e = index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, 1:], index[:, 1:, :-1]
+    triangles = np.stack([np.stack([a, b, d], -1), np.stack([a, d, e], -1)], -2).reshape(-1, 3)
+    colour = np.clip(np.array(form.tint) * (0.7 + 0.3 * share)[:, None], 0, 255).astype(np.uint8)
+    leaves = make_mesh(
+        points.reshape(-1, 3),
+        triangles,
+        material=Material.LEAF,
+        tag=Tag.VEGETATION,
+        uv_m=points.reshape(-1, 3)[:, :2],
+        colour=np.repeat(colour, 3 * n, axis=0),
     )
-    size = 0.11 if detail == "high" else 0.3
-    area = 1.1 * (2 * length_m * height_m + length_m * width_m)
-    count = int(area / (0.43 * size**2))
-    side = rng.uniform(0, 1, count)
-    share = 2 * height_m / (2 * height_m + width_m)
-    on_side = side < share
-    y = np.where(on_side, np.where(side < 0.5 * share, -0.5, 0.5), rng.uniform(-0.5, 0.5, count)) * (
-        width_m - 0.06
-    )
-    z = np.where(on_side, rng.uniform(0.02, 1, count), 1.0) * (height_m - 0.05)
-    x = rng.uniform(0.0, length_m, count)
-    points = np.stack([x, y, z], -1) + rng.normal(0, 0.02, (count, 3))
-    out = np.stack([np.zeros(count), np.where(on_side, np.sign(y), 0.0), np.where(on_side, 0.2, 1.0)], -1)
-    return merge([inner, _triangles(rng, points, out, np.full(count, size), (200, 215, 180))])
-
-
-def shrub(seed: int = 0, detail: str = "high") -> Mesh:
-    """Round shrub of about 1.2 m."""
-    rng = stream(seed, "shrub")
-    radius, height = rng.uniform(0.5, 0.75), rng.uniform(0.9, 1.4)
-    size = 0.12 if detail == "high" else 0.34
-    count = int(5.5 * radius * height / (0.43 * size**2))
-    direction = _directions(rng, count)
-    direction[:, 2] = np.abs(direction[:, 2])
-    points = direction * np.array([radius, radius, height]) * rng.uniform(0.55, 1.0, (count, 1)) + (
-        0,
-        0,
-        0.05,
-    )
-    stems = [
-        tube(
-            Look(Material.BARK, Tag.VEGETATION),
-            [(0, 0, 0), (0.4 * radius * np.cos(a), 0.4 * radius * np.sin(a), 0.6 * height)],
-            [0.03, 0.01],
-            4,
-        )
-        for a in 2 * np.pi * np.arange(5) / 5
-    ]
-    return merge([*stems, _triangles(rng, points, direction, np.full(count, size), (215, 225, 190))])
+    return merge([stem, leaves])
 
 
 def _skeleton(
@@ -175,7 +189,7 @@ def _skeleton(
     detail: str,
 ) -> tuple[list[Mesh], Array]:
     """Trunk and branches as tubes, and the points where twigs end, shape (K, 3)."""
-    bark = Look(Material.BARK, Tag.VEGETATION, (235, 235, 235))
+    bark = Look(Material.BARK, Tag.VEGETATION, form.bark)
     high = detail == "high"
     lean = rng.normal(0, 0.015 * height, (4, 2))
     lean[0] = 0
@@ -198,11 +212,11 @@ def _skeleton(
         end = start + reach * np.array([np.cos(turn), np.sin(turn), slope])
         bend = 0.5 * (start + end) + np.array([0, 0, -0.06 * reach if form.shape == "cone" else 0.08 * reach])
         r0 = radius * (0.32 if form.shape == "cone" else 0.5) * (1 - 0.6 * share)
-        if k % 4 == 0 or (high and (form.shape != "cone" or k % 2 == 0)):
+        if (k % 4 == 0 and (high or form.shape != "cone")) or (high and (form.shape != "cone" or k % 2 == 0)):
             wood.append(
                 tube(
                     bark,
-                    [start, bend, end],
+                    [start, bend, bend + 0.7 * (end - bend)],
                     [r0, 0.7 * r0, 0.2 * r0],
                     (3 if form.shape == "cone" else 5) if high else 3,
                     caps=False,
@@ -218,7 +232,7 @@ def _skeleton(
             at = bend + rng.uniform(0.0, 0.8) * (end - bend)
             tip = (
                 at
-                + 0.45 * reach * _directions(rng, 1)[0] * np.array([1, 1, 0.6])
+                + 0.45 * reach * directions(rng, 1)[0] * np.array([1, 1, 0.6])
                 + np.array([0, 0, 0.2 * reach])
             )
             r1 = r0 * 0.7 * max(form.twigs, 1) ** (-1 / 2.3)
@@ -232,6 +246,8 @@ def _reach(shape: str, share: float) -> float:
     """Length of a branch at a share of the crown's height, relative to the crown's radius."""
     if shape == "cone":
         return 1.02 - 0.97 * share
+    if shape == "column":
+        return float(np.sqrt(max(1.0 - (2.0 * share - 0.9) ** 2, 0.12)))
     middle = 0.35 if shape == "round" else 0.30
     return float(
         np.sqrt(max(1.0 - ((share - middle) / (1.08 - middle if share > middle else 0.75)) ** 2, 0.05))
@@ -240,80 +256,53 @@ def _reach(shape: str, share: float) -> float:
 
 def _foliage_points(
     form: TreeForm, rng: np.random.Generator, tips: Array, height: float, crown: float, bare: float
-) -> tuple[Array, Array]:
-    """Centres of leaf clumps (K, 3) and their radii (K,)."""
+) -> Array:
+    """Middles of leaf clumps, shape (K, 3)."""
     if form.shape == "cone":
-        return tips, np.full(len(tips), 0.09 * crown)
-    extra = max(form.clumps - len(tips), 0)
-    direction = _directions(rng, extra) * rng.uniform(0.12, 0.98, (extra, 1)) ** 0.5
+        return tips[rng.permutation(len(tips))[: form.clumps]]
+    # The outermost twigs lie inside the crown, not beyond it.
+    centre = np.array([0.0, 0.0, 0.5 * (height + bare)])
+    inner = centre + 0.80 * (tips - centre)
+    extra = form.clumps
+    direction = directions(rng, extra) * rng.uniform(0.15, 1.0, (extra, 1)) ** 0.5
     half = 0.5 * (height - bare)
-    spots = direction * np.array([0.47 * crown, 0.47 * crown, 0.96 * half]) + (0, 0, bare + half)
-    points = np.concatenate([tips, spots])
-    return points, rng.uniform(0.07, 0.13, len(points)) * crown
+    width = 0.36 * crown
+    spots = direction * np.array([width, width, 0.78 * half]) + (0, 0, bare + half)
+    points = np.concatenate([inner[rng.permutation(len(inner))[: form.clumps]], spots])
+    return points[rng.permutation(len(points))[: form.clumps]]
 
 
-def _leaves(
-    form: TreeForm,
-    rng: np.random.Generator,
-    centres: Array,
-    spread: Array,
-    middle: Array,
-    area_m2: float,
-    detail: str,
-) -> Mesh:
-    size = form.leaf_m * (1.0 if detail == "high" else np.sqrt(_LOW_SHARE))
-    count = int(area_m2 / (0.433 * size**2))
-    # Long boughs carry more needles than the leader.
-    weight = (
-        0.25 + np.sqrt(np.sum(centres[:, :2] ** 2, axis=-1))
-        if form.shape == "cone"
-        else np.ones(len(centres))
+def _crown(
+    form: TreeForm, rng: np.random.Generator, points: Array, middle: Array, area_m2: float, detail: str
+) -> list[Mesh]:
+    """Clumps at the points, and leaves that stand out of them."""
+    high = detail == "high"
+    chosen = (
+        points if high else points[: max(round((0.26 if form.shape == "cone" else 0.42) * len(points)), 6)]
     )
-    clump = np.searchsorted(np.cumsum(weight), rng.uniform(0, float(weight.sum()), count)).clip(
-        0, len(centres) - 1
-    )
-    offset = _directions(rng, count) * spread[clump, None] * rng.uniform(0.3, 1.0, (count, 1))
+    weight = rng.uniform(0.75, 1.25, len(points))[: len(chosen)]
     if form.shape == "cone":
-        offset *= np.array([1.2, 1.2, 0.7])
-    points = centres[clump] + offset
-    points[:, 2] = np.maximum(points[:, 2], 0.3)
-    out = points - middle
+        # Long boughs carry more needles than the leader.
+        weight = weight * (0.35 + 0.4 * np.sqrt(np.sum(chosen[:, :2] ** 2, axis=-1)))
+    squash, ragged = (0.45, 0.35) if form.shape == "cone" else (0.82, 0.28 if high else 0.36)
+    core_m2 = _CORE_SHARE[detail] * area_m2
+    radii = weight * np.sqrt(core_m2 / (CLUMP_AREA * float(np.sum(weight**2))))
+    body = clumps(rng, chosen, radii, middle, form.tint, squash=squash, ragged=ragged)
+    size = form.leaf_m * (1.0 if high else _LOW_LEAF)
+    count = max(int((area_m2 - _area_m2(body)) / (TRIANGLE_AREA * size**2)), 8)
+    owner = rng.integers(0, len(chosen), count)
+    away = directions(rng, count)
+    reach = radii[owner, None] * rng.uniform(0.8, 1.25, (count, 1))
+    spots = chosen[owner] + away * reach * np.array([1.0, 1.0, squash])
+    spots[:, 2] = np.maximum(spots[:, 2], 0.3)
+    out = spots - middle
+    out = 0.5 * out / np.maximum(np.sqrt(np.sum(out * out, axis=-1, keepdims=True)), 1e-6) + 0.5 * away
     out = out / np.maximum(np.sqrt(np.sum(out * out, axis=-1, keepdims=True)), 1e-6)
-    return _triangles(rng, points, out, size * rng.uniform(0.75, 1.25, count), form.tint)
+    shade = np.clip(0.85 + 0.2 * out[:, 2], 0.6, 1.0)
+    leaves = leaf_triangles(rng, spots, out, size * rng.uniform(0.8, 1.2, count), form.tint, shade)
+    return [body, leaves]
 
 
-def _triangles(
-    rng: np.random.Generator, points: Array, out: Array, size: Array, tint: tuple[int, int, int]
-) -> Mesh:
-    """One leaf triangle at each point, facing roughly outwards, with normals bent outwards."""
-    count = len(points)
-    normal = 0.7 * out + 0.9 * _directions(rng, count)
-    normal = normal / np.sqrt(np.sum(normal * normal, axis=-1, keepdims=True))
-    helper = _directions(rng, count)
-    across = cross(normal, helper)
-    across = across / np.maximum(np.sqrt(np.sum(across * across, axis=-1, keepdims=True)), 1e-6)
-    other = cross(normal, across)
-    angle = 2 * np.pi * np.arange(3) / 3
-    corner = np.cos(angle)[None, :, None] * across[:, None] + np.sin(angle)[None, :, None] * other[:, None]
-    vertices = points[:, None] + 0.577 * size[:, None, None] * corner
-    shade = 0.3 * normal + 0.7 * out
-    shade = shade / np.maximum(np.sqrt(np.sum(shade * shade, axis=-1, keepdims=True)), 1e-6)
-    light = rng.uniform(0.72, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.06, (count, 3)), 0.8, 1.2)
-    colour = np.clip(np.array(tint) * light, 0, 255).astype(np.uint8)
-    uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack(
-        [np.cos(angle), np.sin(angle)], -1
-    )
-    return make_mesh(
-        vertices.reshape(-1, 3),
-        np.arange(3 * count).reshape(-1, 3),
-        material=Material.LEAF,
-        tag=Tag.VEGETATION,
-        uv_m=uv.reshape(-1, 2),
-        normals=np.repeat(shade, 3, axis=0),
-        colour=np.repeat(colour, 3, axis=0),
-    )
-
-
-def _directions(rng: np.random.Generator, count: int) -> Array:
-    vector = rng.normal(size=(count, 3))
-    return np.asarray(vector / np.sqrt(np.sum(vector * vector, axis=-1, keepdims=True)))
+def _area_m2(mesh: Mesh) -> float:
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
+    return float(0.5 * np.sqrt(np.sum(cross(b - a, c - a) ** 2, axis=-1)).sum())

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets import street
-from carlaloc_env.assets.trees import hedge, tree
+from carlaloc_env.assets.shrubs import hedge
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.scene import Mesh
 
 Array = NDArray[np.float64]

@@ -23,9 +23,10 @@ from carlaloc_env.assets.placing import (
 )
 from carlaloc_env.assets.props import PROPS, prop
 from carlaloc_env.assets.shapes import Look, box, lathe, mirrored, tube
+from carlaloc_env.assets.shrubs import hedge
 from carlaloc_env.assets.signals import traffic_light
 from carlaloc_env.assets.signs import SIGNS, sign
-from carlaloc_env.assets.trees import FORMS, hedge, tree
+from carlaloc_env.assets.trees import FORMS, tree
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from carlaloc_env.render.textures.noise import (
@@ -91,12 +92,27 @@ def bark(rng: np.random.Generator, size: int) -> Layer:
 
 
 def leaf(rng: np.random.Generator, size: int) -> Layer:
-    """Foliage green with veins and shade; hue and brightness vary from spot to spot."""
-    cells = worley(rng, size, 14, 14)
-    vein = smoothstep(0.05, 0.0, cells.edge)
-    log = per_cell(rng, cells.owner, 0.16) + 0.12 * fbm(rng, size, 0.15, 0.01, 0.8) - 0.2 * vein
-    hue = per_cell(rng, cells.owner, 0.16)
-    tint = np.stack([log + hue, log, log - 0.5 * hue], axis=-1)
+    """Foliage: leaves of 4–8 cm over one another, dark between them, some yellowish, some turned over."""
+    count = 2600
+    centre = rng.random((count, 2)) * size
+    length = rng.uniform(0.020, 0.042, count) * size
+    turn = rng.uniform(0.0, 180.0, count)
+    # Lower leaves are drawn first and lie in the shade of the others.
+    light = np.linspace(-0.55, 0.28, count) + rng.normal(0.0, 0.14, count)
+    hue = rng.normal(0.0, 0.16, count)
+    canvas = np.full((size, size, 2), (-0.75, 0.0), np.float32)
+    for k in range(count):
+        axes = (max(round(length[k]), 1), max(round(0.45 * length[k]), 1))
+        value = (float(light[k]), float(hue[k]))
+        reach = axes[0] + 1
+        for du in (-size, 0, size):
+            for dv in (-size, 0, size):
+                x, y = centre[k, 0] + du, centre[k, 1] + dv
+                if -reach < x < size + reach and -reach < y < size + reach:
+                    cv2.ellipse(canvas, (round(x), round(y)), axes, float(turn[k]), 0, 360, value, -1)
+    log = canvas[..., 0] + 0.10 * fbm(rng, size, 0.15, 0.01, 0.8)
+    warm = canvas[..., 1]
+    tint = np.stack([log + warm, log, log - 0.5 * warm], axis=-1)
     return layer((0.085, 0.148, 0.038), tint, 0.85)
 
 
