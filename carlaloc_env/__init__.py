@@ -7,8 +7,8 @@ from gymnasium.envs.registration import register
 
 __version__ = "0.1.0"
 
-TOWNS = ("Town01", "Town03")
-"""Towns that come with the package, each as `CarlaLoc-<town>-v0`."""
+TOWNS = ("Town01", "Town03", "Town10", "Town10HD")
+"""Towns that come with the package, each as `CarlaLoc-<town>-v0`; Town10HD is another name of Town10."""
 
 _ENTRY_POINT = "carlaloc_env.env:CarlaLocEnv"
 _STEPS = 12_000
