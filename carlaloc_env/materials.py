@@ -57,6 +57,16 @@ class Material(IntEnum):
     DOOR = 39
     PLATE = 40
     LAMP_TAIL = 41
+    SIDING = 42
+    SHEET_METAL = 43
+    RUBBLE = 44
+    ROOF_SLATE = 45
+    CROP = 46
+    FURROWS = 47
+    SHOP_SIGN = 48
+    BILLBOARD = 49
+    WINDOW_WIDE = 50
+    SHOP_FRONT_B = 51
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,6 +148,16 @@ MATERIALS: dict[Material, MaterialInfo] = {
     Material.DOOR: _info(1.0, 0.60, 0.1, 0.35),
     Material.PLATE: _info(1.0, 0.40, 0.0, 0.60, 0.90),
     Material.LAMP_TAIL: _info(0.3, 0.30, 0.0, 0.30, 0.3, 500.0),
+    Material.SIDING: _info(2.4, 0.75, 0.2, 0.50),
+    Material.SHEET_METAL: _info(2.0, 0.50, 0.1, 0.40),
+    Material.RUBBLE: _info(2.4, 0.85, 0.6, 0.40),
+    Material.ROOF_SLATE: _info(2.0, 0.60, 0.4, 0.20),
+    Material.CROP: _info(3.0, 0.90, 0.3, 0.50),
+    Material.FURROWS: _info(4.0, 0.95, 0.9, 0.25),
+    Material.SHOP_SIGN: _info(1.0, 0.45, 0.0, 0.40),
+    Material.BILLBOARD: _info(1.0, 0.50, 0.0, 0.45),
+    Material.WINDOW_WIDE: _info(1.0, 0.08, 0.0, 0.08),
+    Material.SHOP_FRONT_B: _info(3.0, 0.10, 0.0, 0.10),
 }
 
 

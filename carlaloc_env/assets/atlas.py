@@ -16,14 +16,18 @@ from carlaloc_env.materials import MATERIALS, Material
 
 Rect = tuple[float, float, float, float]
 
-GRID: dict[Material, int] = {
-    Material.WINDOW: 4,
-    Material.SHOP_FRONT: 2,
-    Material.DOOR: 2,
-    Material.POSTER: 4,
-    Material.SIGN: 4,
+GRID: dict[Material, tuple[int, int]] = {
+    Material.WINDOW: (4, 4),
+    Material.SHOP_FRONT: (2, 2),
+    Material.DOOR: (2, 2),
+    Material.POSTER: (4, 4),
+    Material.SIGN: (4, 4),
+    Material.SHOP_SIGN: (2, 16),
+    Material.BILLBOARD: (2, 4),
+    Material.WINDOW_WIDE: (2, 4),
+    Material.SHOP_FRONT_B: (2, 2),
 }
-"""Cells along one side of each atlas layer."""
+"""Columns and rows of cells of each atlas layer."""
 
 _MARGIN = 1.0 / 64.0
 """Share of a cell left out at each edge, so that coarse mip levels do not bleed."""
@@ -80,6 +84,28 @@ class ShopCell(IntEnum):
     FASHION = 3
 
 
+class ShopBCell(IntEnum):
+    """Cells of `Material.SHOP_FRONT_B`."""
+
+    BAKERY = 0
+    PHARMACY = 1
+    BARBER = 2
+    ELECTRO = 3
+
+
+class WideWindowCell(IntEnum):
+    """Cells of `Material.WINDOW_WIDE`: windows about twice as wide as high."""
+
+    OFFICE = 0
+    BLINDS = 1
+    HALF_BLINDS = 2
+    CURTAINS = 3
+    DARK = 4
+    LIT = 5
+    THREE_SASH = 6
+    PLANTS = 7
+
+
 class DoorCell(IntEnum):
     """Cells of `Material.DOOR`."""
 
@@ -123,6 +149,33 @@ STREET_NAMES = (
 """Names on the street-name plates: four strips in `STREET_A`, four in `STREET_B`, from the bottom up."""
 
 
+SHOP_NAMES: tuple[tuple[str, str], ...] = (
+    ("BAKERY ROSE", "fresh bread"), ("CITY PHARMACY", "day and night"), ("ANTON'S", "hair & shave"),
+    ("PIZZA ROMA", "to take away"), ("HARDWARE", "tools and paint"), ("FLOWERS", "by Ella"),
+    ("LUCKY NOODLE", "lunch 11-3"), ("OPTIK BERG", "eyes tested"), ("THE RED LION", "ales & food"),
+    ("SHOE CLINIC", "keys cut"), ("BIKE WORKS", "repairs"), ("CORNER DELI", "est. 1962"),
+    ("PHOTO LAB", "prints today"), ("MUSIC BOX", "vinyl & CD"), ("TAILOR", "M. Fischer"),
+    ("GREEN GROCER", "local fruit"), ("LAUNDRY", "open 6-22"), ("HOTEL ASTRA", "rooms free"),
+    ("TEA HOUSE", "since 1921"), ("GOLD & TIME", "watches"), ("BUTCHER", "Hansen & son"),
+    ("TOY LAND", "games"), ("BANK", "cash point"), ("PET CORNER", "feed & care"), ("TATTOO 13", "walk in"),
+    ("KEBAB STAR", "grill"), ("INSURANCE", "ask us"), ("PAPER & INK", "stationery"), ("SUSHI GO", "bar"),
+    ("DENTIST", "2nd floor"), ("TYRES PLUS", "fitted now"), ("MOBILE FIX", "in 30 min"),
+)  # fmt: skip
+"""Name and second line of each shop sign in `Material.SHOP_SIGN`, from the bottom up, two in a row."""
+
+BILLBOARDS: tuple[tuple[str, str, tuple[int, int, int], tuple[int, int, int], str], ...] = (
+    ("DRIVE ON", "the new Meridian", (24, 40, 72), (244, 236, 214), "car"),
+    ("BIG BITE", "next exit 2 km", (246, 196, 40), (150, 22, 20), "burger"),
+    ("GO WEST", "trains from 19", (236, 232, 220), (20, 90, 130), "hills"),
+    ("FM 101", "all hits, no ads", (30, 28, 34), (250, 120, 40), "dots"),
+    ("LIVE HIGH", "flats for sale", (220, 228, 234), (30, 60, 90), "tower"),
+    ("FRESH MILK", "from your valley", (60, 130, 70), (250, 250, 240), "dots"),
+    ("SAFE HANDS", "insurance", (150, 26, 44), (248, 240, 226), "car"),
+    ("SEA VIEW", "camping by the lake", (250, 214, 120), (16, 70, 100), "hills"),
+)
+"""Headline, line below, ground, ink and picture of each billboard, from the bottom up, two in a row."""
+
+
 def street_name_uv(index: int) -> Rect:
     """Texture rectangle of one street-name plate (four times as wide as high) [m]."""
     index = int(index) % len(STREET_NAMES)
@@ -139,25 +192,27 @@ def atlas_cells(material: Material) -> int:
     """
     if material not in GRID:
         raise ConfigError(unknown_name("atlas texture", material.name, (m.name for m in GRID)))
-    return GRID[material] ** 2
+    columns, rows = GRID[material]
+    return columns * rows
 
 
 def atlas_uv(material: Material, cell: int) -> Rect:
     """Texture rectangle (u0, v0, u1, v1) of a cell [m], v upwards.
 
     Args:
-        material: `WINDOW`, `SHOP_FRONT`, `DOOR`, `POSTER` or `SIGN`.
+        material: A key of `GRID`.
         cell: Number of the cell; taken modulo the number of cells.
 
     Raises:
         ConfigError: the material's texture is not an atlas.
     """
     cell = int(cell) % atlas_cells(material)
-    side = GRID[material]
-    size = MATERIALS[material].tile_m / side
-    row, column = divmod(cell, side)
-    edge = _MARGIN * size
-    return column * size + edge, row * size + edge, (column + 1) * size - edge, (row + 1) * size - edge
+    columns, rows = GRID[material]
+    tile = MATERIALS[material].tile_m
+    width, height = tile / columns, tile / rows
+    row, column = divmod(cell, columns)
+    edge = _MARGIN * min(width, height)
+    return column * width + edge, row * height + edge, (column + 1) * width - edge, (row + 1) * height - edge
 
 
 def cell_corners(rect: Rect) -> NDArray[np.float64]:

@@ -75,7 +75,9 @@ def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
     weather. The middle of a triangle's longest edge is the middle of its rectangle, for both halves.
     """
     code = np.zeros(len(mesh.vertices_m))
-    panes = mesh.triangles[mesh.material[mesh.triangles[:, 2]] == Material.WINDOW]
+    panes = mesh.triangles[
+        np.isin(mesh.material[mesh.triangles[:, 2]], (Material.WINDOW, Material.WINDOW_WIDE))
+    ]
     a, b = mesh.vertices_m[panes], mesh.vertices_m[np.roll(panes, -1, axis=1)]
     longest = np.argmax(np.sum((a - b) ** 2, axis=2), axis=1)
     rows = np.arange(len(panes))

@@ -23,12 +23,13 @@ def cell_uv(material: Material, cell: NDArray[np.integer], aspect: float = 1.0) 
             taken modulo the number of pictures, shape (N,).
         aspect: Width over height of quads on which only a middle strip of the picture is shown.
     """
-    side = GRID[material]
-    size = MATERIALS[material].tile_m / side
-    row, column = np.divmod(np.asarray(cell) % side**2, side)
+    columns, rows = GRID[material]
+    width, height = MATERIALS[material].tile_m / columns, MATERIALS[material].tile_m / rows
+    row, column = np.divmod(np.asarray(cell) % (columns * rows), columns)
     cut = (1.0 - 1.0 / aspect) / 2 if aspect > 1.0 else 0.0
-    u0, u1 = column + MARGIN, column + 1 - MARGIN
-    v0, v1 = row + MARGIN + cut, row + 1 - MARGIN - cut
+    edge = MARGIN * min(width, height)
+    u0, u1 = column * width + edge, (column + 1) * width - edge
+    v0, v1 = (row + cut) * height + edge, (row + 1 - cut) * height - edge
     corners = [np.stack([u, v], axis=-1) for u, v in ((u0, v0), (u1, v0), (u1, v1), (u0, v1))]
-    result: Array = np.stack(corners, axis=1) * size
+    result: Array = np.stack(corners, axis=1)
     return result

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.atlas import GRID, PosterCell, SignCell, WindowCell, atlas_cells, atlas_uv
+from carlaloc_env.assets.atlas import (
+    BILLBOARDS,
+    GRID,
+    SHOP_NAMES,
+    PosterCell,
+    SignCell,
+    WideWindowCell,
+    WindowCell,
+    atlas_cells,
+    atlas_uv,
+)
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.materials import MATERIALS, Material
 from carlaloc_env.render.textures import build_textures
@@ -56,6 +66,10 @@ ROUGH_GROUND = [
     Material.GRAVEL,
     Material.ASHLAR,
     Material.ROOF_TILE,
+    Material.ROOF_SLATE,
+    Material.RUBBLE,
+    Material.CROP,
+    Material.FURROWS,
 ]
 
 
@@ -154,7 +168,13 @@ def test_lettering_stands_upright_and_reads_from_left_to_right(albedo: NDArray[n
 
 
 def test_cells_of_an_atlas_differ(albedo: NDArray[np.float32]) -> None:
-    for material, cells in ((Material.WINDOW, WindowCell), (Material.POSTER, PosterCell)):
+    for material, cells in (
+        (Material.WINDOW, WindowCell),
+        (Material.POSTER, PosterCell),
+        (Material.WINDOW_WIDE, WideWindowCell),
+        (Material.SHOP_SIGN, range(len(SHOP_NAMES))),
+        (Material.BILLBOARD, range(len(BILLBOARDS))),
+    ):
         pictures = [cell(albedo, material, k) for k in cells]
         for a in range(len(pictures)):
             for b in range(a):

@@ -16,7 +16,19 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets import atlas, plate_text
 from carlaloc_env.materials import Material
-from carlaloc_env.render.textures import canvas, ground, lettering, noise, openings, plates, stuffs, walls
+from carlaloc_env.render.textures import (
+    adverts,
+    canvas,
+    cladding,
+    crops,
+    ground,
+    lettering,
+    noise,
+    openings,
+    plates,
+    stuffs,
+    walls,
+)
 from carlaloc_env.render.textures.noise import Layer
 from carlaloc_env.rng import stream
 
@@ -64,6 +76,16 @@ RECIPES: dict[Material, _Recipe] = {
     Material.POSTER: lettering.posters,
     Material.GRAVEL: ground.gravel,
     Material.DOOR: openings.doors,
+    Material.SIDING: cladding.siding,
+    Material.SHEET_METAL: cladding.sheet_metal,
+    Material.RUBBLE: cladding.rubble,
+    Material.ROOF_SLATE: cladding.slate,
+    Material.CROP: crops.crop,
+    Material.FURROWS: crops.furrows,
+    Material.SHOP_SIGN: adverts.shop_signs,
+    Material.BILLBOARD: adverts.billboards,
+    Material.WINDOW_WIDE: openings.wide_windows,
+    Material.SHOP_FRONT_B: openings.more_shop_fronts,
     Material.PLATE: plates.number_plates,
     Material.LAMP_TAIL: partial(stuffs.lamp, colour=(0.30, 0.012, 0.010)),
 }
@@ -111,7 +133,21 @@ def make_albedo(size_px: int) -> NDArray[np.float16]:
 def _version() -> str:
     """Hash of the code that makes the layers."""
     digest = hashlib.blake2b(digest_size=8)
-    for module in (noise, ground, walls, stuffs, canvas, openings, lettering, plates, plate_text, atlas):
+    for module in (
+        noise,
+        adverts,
+        cladding,
+        crops,
+        ground,
+        walls,
+        stuffs,
+        canvas,
+        openings,
+        lettering,
+        plates,
+        plate_text,
+        atlas,
+    ):
         digest.update(Path(str(module.__file__)).read_bytes())
     digest.update(Path(__file__).read_bytes())
     return digest.hexdigest()

@@ -75,7 +75,15 @@ class Canvas:
         cv2.polylines(self._image, [corners], False, colour, max(round(width * self._height), 1), cv2.LINE_AA)
 
     def text(
-        self, words: str, x: float, y: float, width: float, height: float, colour: Rgb, weight: float = 0.16
+        self,
+        words: str,
+        x: float,
+        y: float,
+        width: float,
+        height: float,
+        colour: Rgb,
+        weight: float = 0.16,
+        font: int = cv2.FONT_HERSHEY_DUPLEX,
     ) -> None:
         """Words centred on a point, as large as fits into width and height (shares of the picture).
 
@@ -87,8 +95,8 @@ class Canvas:
             height: Room for the capitals.
             colour: Colour.
             weight: Width of the strokes as a share of the letters' height.
+            font: One of OpenCV's fonts.
         """
-        font = cv2.FONT_HERSHEY_DUPLEX
         (w, h), _ = cv2.getTextSize(words, font, 10.0, 1)
         letter = min(height * self._height, width * self._width * h / w / (1 + 0.8 * weight))
         scale = 10.0 * letter / h
@@ -98,12 +106,15 @@ class Canvas:
         cv2.putText(self._image, words, (cx - w // 2, cy + h // 2), font, scale, colour, stroke, cv2.LINE_AA)
 
     def cell(self, rng: np.random.Generator, wear: float = 0.05) -> Layer:
-        """The finished cell, row 0 at the bottom, with a little grain."""
-        size = (self._size_px, self._size_px)
-        linear = to_linear(self._image)
-        rgb = cv2.resize(linear, size, interpolation=cv2.INTER_AREA)
+        """The finished square cell, row 0 at the bottom, with a little grain."""
+        return self.patch(rng, self._size_px, self._size_px, wear)
+
+    def patch(self, rng: np.random.Generator, width_px: int, height_px: int, wear: float = 0.05) -> Layer:
+        """The finished picture at any size, row 0 at the bottom, with a little grain."""
+        size = (width_px, height_px)
+        rgb = cv2.resize(to_linear(self._image), size, interpolation=cv2.INTER_AREA)
         gloss = cv2.resize(self._gloss, size, interpolation=cv2.INTER_AREA)
-        grain = np.exp(wear * rng.standard_normal((*size, 1), dtype=np.float32))
+        grain = np.exp(wear * rng.standard_normal((height_px, width_px, 1), dtype=np.float32))
         return with_roughness(rgb * grain, gloss)[::-1]
 
     def _pixel(self, x: float, y: float) -> tuple[int, int]:
@@ -120,3 +131,13 @@ def sheet(cells: list[Layer], side: int) -> Layer:
     """Atlas of square cells, cell 0 at the lower left (row 0, column 0)."""
     rows = [np.concatenate(cells[k * side : (k + 1) * side], axis=1) for k in range(side)]
     return np.concatenate(rows, axis=0)
+
+
+def strips(cells: list[Layer], *, columns: int, rows: int, size_px: int) -> Layer:
+    """Atlas of equal oblong cells, cell 0 at the lower left; rows that are left over stay grey."""
+    out = np.full((size_px, size_px, 4), 0.3, np.float32)
+    for k, cell in enumerate(cells[: columns * rows]):
+        row, column = divmod(k, columns)
+        height, width = cell.shape[:2]
+        out[row * height : (row + 1) * height, column * width : (column + 1) * width] = cell
+    return out

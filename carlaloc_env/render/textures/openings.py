@@ -4,16 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.atlas import DoorCell, ShopCell, WindowCell
-from carlaloc_env.render.textures.canvas import Canvas, Rgb, sheet
+from carlaloc_env.assets.atlas import DoorCell, ShopBCell, ShopCell, WideWindowCell, WindowCell
+from carlaloc_env.render.textures.canvas import Canvas, Rgb, sheet, strips
 from carlaloc_env.render.textures.noise import Layer
 
 _GLASS_ROUGHNESS = 0.06
-_SHOPS: dict[ShopCell, tuple[str, str, Rgb, Rgb, Rgb]] = {
-    ShopCell.CAFE: ("CAFE LUNA", "coffee & cake", (60, 30, 22), (240, 214, 160), (160, 40, 36)),
-    ShopCell.BOOKS: ("OLD BOOKS", "rare & used", (24, 58, 46), (236, 226, 190), (40, 96, 74)),
-    ShopCell.GROCER: ("FRESH MARKET", "fruit & veg", (36, 110, 40), (250, 250, 240), (220, 150, 30)),
-    ShopCell.FASHION: ("NOVA MODE", "new season", (26, 26, 30), (240, 240, 244), (130, 36, 90)),
+_SHOPS: dict[str, tuple[str, str, Rgb, Rgb, Rgb]] = {
+    ShopCell.CAFE.name: ("CAFE LUNA", "coffee & cake", (60, 30, 22), (240, 214, 160), (160, 40, 36)),
+    ShopCell.BOOKS.name: ("OLD BOOKS", "rare & used", (24, 58, 46), (236, 226, 190), (40, 96, 74)),
+    ShopCell.GROCER.name: ("FRESH MARKET", "fruit & veg", (36, 110, 40), (250, 250, 240), (220, 150, 30)),
+    ShopCell.FASHION.name: ("NOVA MODE", "new season", (26, 26, 30), (240, 240, 244), (130, 36, 90)),
+    ShopBCell.BAKERY.name: (
+        "BREAD & ROLLS",
+        "since six o'clock",
+        (214, 170, 96),
+        (90, 40, 20),
+        (190, 120, 50),
+    ),
+    ShopBCell.PHARMACY.name: ("PHARMACY", "open day & night", (236, 240, 236), (10, 110, 60), (20, 130, 80)),
+    ShopBCell.BARBER.name: ("BARBER SHOP", "cut & shave", (40, 44, 90), (240, 230, 214), (170, 30, 40)),
+    ShopBCell.ELECTRO.name: ("ELECTRO ONE", "phones TV radio", (20, 90, 150), (250, 250, 250), (60, 60, 66)),
 }
 """Name, line below, board colour, letter colour, awning colour."""
 _FRUIT: tuple[Rgb, ...] = (
@@ -21,6 +31,8 @@ _FRUIT: tuple[Rgb, ...] = (
     (250, 176, 60),
     (170, 24, 40), (226, 220, 190),
 )  # fmt: skip
+
+_BREAD: tuple[Rgb, ...] = ((206, 150, 80), (176, 112, 52), (226, 184, 116), (140, 84, 40), (240, 214, 160))
 
 
 def windows(rng: np.random.Generator, size: int) -> Layer:
@@ -30,7 +42,18 @@ def windows(rng: np.random.Generator, size: int) -> Layer:
 
 def shop_fronts(rng: np.random.Generator, size: int) -> Layer:
     """Four shops with board, awning, lit goods behind glass, and a door."""
-    return sheet([_shop(cell, rng, size // 2) for cell in ShopCell], 2)
+    return sheet([_shop(cell.name, rng, size // 2) for cell in ShopCell], 2)
+
+
+def more_shop_fronts(rng: np.random.Generator, size: int) -> Layer:
+    """Four more shops, like the first four."""
+    return sheet([_shop(cell.name, rng, size // 2) for cell in ShopBCell], 2)
+
+
+def wide_windows(rng: np.random.Generator, size: int) -> Layer:
+    """Eight windows of offices and flats, about twice as wide as high."""
+    cells = [_wide_window(cell, rng, size) for cell in WideWindowCell]
+    return strips(cells, columns=2, rows=4, size_px=size)
 
 
 def doors(rng: np.random.Generator, size: int) -> Layer:
@@ -129,6 +152,39 @@ def _behind(c: Canvas, cell: WindowCell, rng: np.random.Generator) -> None:
         c.rectangle(0.62, 0.46, 0.86, 0.80, (60, 84, 110))
 
 
+def _wide_window(cell: WideWindowCell, rng: np.random.Generator, size: int) -> Layer:
+    dark = cell in (WideWindowCell.OFFICE, WideWindowCell.DARK, WideWindowCell.HALF_BLINDS)
+    frame: Rgb = (52, 54, 56) if dark else (212, 210, 204)
+    c = Canvas(size // 2, 1.5, frame)
+    base = int(rng.integers(30, 46))
+    low, high = (base, base + 4, base + 8), (base + 26, base + 34, base + 42)
+    if cell is WideWindowCell.LIT:
+        low, high = (112, 106, 92), (186, 178, 156)
+    c.shade(0.04, 0.06, 0.96, 0.94, low, high, _GLASS_ROUGHNESS)
+    if cell in (WideWindowCell.OFFICE, WideWindowCell.LIT, WideWindowCell.THREE_SASH):
+        for x in (0.14, 0.44, 0.72):
+            c.rectangle(x, 0.84, x + 0.16, 0.87, (196, 198, 190))
+        c.rectangle(0.08, 0.06, 0.08 + float(rng.uniform(0.1, 0.2)), 0.34, _random_colour(rng, 50, 120))
+        c.rectangle(0.62, 0.06, 0.78, 0.40, _random_colour(rng, 50, 120))
+    if cell in (WideWindowCell.BLINDS, WideWindowCell.HALF_BLINDS):
+        for y in np.arange(0.10 if cell is WideWindowCell.BLINDS else 0.5, 0.92, 0.042):
+            c.rectangle(0.04, float(y), 0.96, float(y) + 0.026, (178, 176, 166))
+    if cell is WideWindowCell.CURTAINS:
+        _curtains(c, (196, 186, 160), rng)
+    if cell is WideWindowCell.PLANTS:
+        for x in (0.16, 0.30, 0.68, 0.84):
+            c.rectangle(x - 0.04, 0.06, x + 0.04, 0.16, (150, 78, 44))
+            for _ in range(14):
+                dx, dy = rng.normal(0, 0.035), abs(rng.normal(0.12, 0.08))
+                c.disc(x + dx, 0.16 + dy, 0.035, (50, int(rng.integers(80, 130)), 40))
+    bars = (0.33, 0.66) if cell in (WideWindowCell.THREE_SASH, WideWindowCell.OFFICE) else (0.5,)
+    for x in bars:
+        c.rectangle(x - 0.014, 0.03, x + 0.014, 0.97, frame, 0.5)
+    if cell in (WideWindowCell.DARK, WideWindowCell.PLANTS, WideWindowCell.LIT):
+        c.rectangle(0.03, 0.66, 0.97, 0.69, frame, 0.5)
+    return c.patch(rng, size // 2, size // 4, 0.04)
+
+
 def _curtains(c: Canvas, colour: Rgb, rng: np.random.Generator) -> None:
     for side in (0, 1):
         reach = float(rng.uniform(0.16, 0.30))
@@ -140,7 +196,7 @@ def _curtains(c: Canvas, colour: Rgb, rng: np.random.Generator) -> None:
             c.rectangle(x0, 0.05, x1, 0.95, (shade[0], shade[1], shade[2]))
 
 
-def _shop(cell: ShopCell, rng: np.random.Generator, size: int) -> Layer:
+def _shop(cell: str, rng: np.random.Generator, size: int) -> Layer:
     name, line, board, letters, awning = _SHOPS[cell]
     c = Canvas(size, 1.0, (70, 66, 62))
     c.shade(0.0, 0.0, 1.0, 0.10, (92, 90, 86), (110, 106, 100))
@@ -172,8 +228,8 @@ def _shop(cell: ShopCell, rng: np.random.Generator, size: int) -> Layer:
     return c.cell(rng, 0.05)
 
 
-def _goods(c: Canvas, cell: ShopCell, rng: np.random.Generator) -> None:
-    if cell is ShopCell.FASHION:
+def _goods(c: Canvas, cell: str, rng: np.random.Generator) -> None:
+    if cell == "FASHION":
         for x in (0.12, 0.24, 0.46, 0.60):
             colour = _random_colour(rng, 60, 220)
             c.disc(x, 0.60, 0.024, (214, 180, 150), 1.2)
@@ -188,17 +244,30 @@ def _goods(c: Canvas, cell: ShopCell, rng: np.random.Generator) -> None:
         c.rectangle(0.05, y - 0.012, 0.69, y, (120, 88, 58))
         x = 0.06
         while x < 0.61:
-            if cell is ShopCell.GROCER:
-                colour = _FRUIT[int(rng.integers(len(_FRUIT)))]
+            if cell in ("GROCER", "BAKERY"):
+                ripe = _FRUIT if cell == "GROCER" else _BREAD
+                colour = ripe[int(rng.integers(len(ripe)))]
                 for _ in range(7):
                     c.disc(
                         x + float(rng.uniform(0.01, 0.06)), y + float(rng.uniform(0.01, 0.05)), 0.014, colour
                     )
                 x += 0.075
-            elif cell is ShopCell.BOOKS:
+            elif cell in ("BOOKS", "PHARMACY"):
                 w, h = float(rng.uniform(0.010, 0.022)), float(rng.uniform(0.07, 0.12))
                 c.rectangle(x, y, x + w, y + h, _random_colour(rng, 40, 200))
                 x += w + 0.003
+            elif cell == "ELECTRO":
+                w = float(rng.uniform(0.06, 0.13))
+                c.rectangle(x, y, x + w, y + 0.11, (18, 18, 20))
+                c.shade(
+                    x + 0.006,
+                    y + 0.012,
+                    x + w - 0.006,
+                    y + 0.10,
+                    _random_colour(rng, 20, 200),
+                    _random_colour(rng, 60, 240),
+                )
+                x += w + 0.012
             else:
                 c.rectangle(x, y, x + 0.03, y + 0.045, _random_colour(rng, 110, 240))
                 c.disc(x + 0.015, y + 0.05, 0.018, _random_colour(rng, 90, 230))
