@@ -28,6 +28,10 @@ class Pose:
         c, s = math.cos(self.h), math.sin(self.h)
         return Pose(self.x + u * c - v * s, self.y + u * s + v * c, self.h)
 
+    def turned(self) -> Pose:
+        """The same place, looking back."""
+        return Pose(self.x, self.y, wrap(self.h + math.pi))
+
 
 @dataclass(frozen=True, slots=True)
 class Piece:
@@ -115,6 +119,8 @@ class Path:
         """Path without the first and last metres, which must lie on straights."""
         pieces = list(self.pieces)
         for index, cut in ((0, first_m), (-1, last_m)):
+            if cut == 0.0:
+                continue
             if pieces[index].kind != "line" or pieces[index].length < cut - 1e-9:
                 raise PlanError(
                     f"road near ({self.start.x:.0f}, {self.start.y:.0f}) has no {cut:.1f} m of straight "

@@ -98,8 +98,21 @@ def connect(
     *,
     outer: bool,
     path: Path | None = None,
+    inner: bool = False,
 ) -> RoadPart:
-    """One connecting road; its reference line is the left border of its leftmost lane."""
+    """One connecting road; its reference line is the left border of its leftmost lane.
+
+    Args:
+        part: The junction.
+        source: Leg that the traffic comes from.
+        target: Leg that it goes to.
+        pairs: Indices into the source's incoming and the target's outgoing lanes, from the left.
+        numbers: Counter of identifiers.
+        z: Height of a level junction [m].
+        outer: Whether gutter, shoulder and sidewalk go along on the right.
+        path: The reference line; None: the curve between both legs.
+        inner: Whether median or inner shoulder go along on the left.
+    """
     ins = [source.incoming[a] for a, _ in pairs]
     outs = [target.outgoing[b] for _, b in pairs]
     if path is None:
@@ -109,12 +122,15 @@ def connect(
     lanes = [_lane(a, b, path.length) for a, b in zip(ins, outs, strict=True)]
     complete = pairs[-1][0] == len(source.incoming) - 1 and pairs[-1][1] == len(target.outgoing) - 1
     if outer and complete:
-        lanes += _outer_lanes(source, target, path.length)
+        lanes += _paired(source.incoming_outer, target.outgoing_outer, path.length)
     for lane, beyond in zip(lanes, [*lanes[1:], None], strict=True):
         lane.marks = [border_mark(lane, beyond, True)]
         if lane.kind == "driving":
             lane.marks = [Mark(0.0, "none", "standard", 0.0)]
-    section = SectionPlan(0.0, path.length, NONE, [], lanes, Mark(0.0, "none", "standard", 0.0))
+    left = _paired(source.incoming_inner, target.outgoing_inner, path.length) if inner else []
+    for lane in left:
+        lane.marks = [Mark(0.0, "none", "standard", 0.0)]
+    section = SectionPlan(0.0, path.length, NONE, left, lanes, Mark(0.0, "none", "standard", 0.0))
     road = RoadPart(
         id=numbers.connecting_road(part.id),
         name=part.name,
@@ -145,15 +161,20 @@ def _lane(source: Border, target: Border, length: float) -> LanePlan:
         source.lane.kind,
         blend(source.width_m, target.width_m, length),
         height_m=source.lane.height_m,
+        surface=source.lane.surface if source.lane.surface == target.lane.surface else "asphalt",
         predecessor=source.lane_id,
         successor=target.lane_id,
     )
 
 
-def _outer_lanes(source: Leg, target: Leg, length: float) -> list[LanePlan]:
-    """Gutter and sidewalk along the right-hand side, where both legs have them."""
-    after = {border.lane.kind: border for border in target.outgoing_outer}
-    return [_lane(b, after[b.lane.kind], length) for b in source.incoming_outer if b.lane.kind in after]
+def _paired(source: Sequence[Border], target: Sequence[Border], length: float) -> list[LanePlan]:
+    """Lanes beside the driving lanes that both legs have: gutter, shoulder, sidewalk, median."""
+    after = {_name(border): border for border in target}
+    return [_lane(b, after[_name(b)], length) for b in source if _name(b) in after]
+
+
+def _name(border: Border) -> str:
+    return border.lane.key.split(":", 1)[1]
 
 
 def setbacks(

@@ -68,9 +68,8 @@ def shifted(path: Path, right_m: float) -> Path:
 
 def backwards(path: Path) -> Path:
     """The same path run from its end to its start."""
-    end = path.end
     pieces = (Piece(p.length, -p.k1, -p.k0) for p in reversed(path.pieces))
-    return Path(Pose(end.x, end.y, wrap(end.h + math.pi)), tuple(pieces))
+    return Path(path.end.turned(), tuple(pieces))
 
 
 def u_turn(start: Pose, aside_m: float, share: float = 0.1) -> Path:

@@ -61,6 +61,13 @@ class CrossSection:
             return 0.0 if side == "R" else self.inner_shoulder_m
         return 0.5 * self.median_m + self.inner_shoulder_m
 
+    def beyond_m(self, side: str) -> float:
+        """Width of everything beyond the driving lanes of a side, pavement included [m]."""
+        walk = self.sidewalk_m if side == "R" or self.left_sidewalk_m is None else self.left_sidewalk_m
+        if self.oneway and side == "L":
+            return self.inner_shoulder_m + self.gutter_m + walk
+        return self.bike_m + self.shoulder_m + self.gutter_m + walk
+
     @property
     def kerb_m(self) -> float:
         """From the axis to the kerb where the road is plain, on its wider side [m]."""
