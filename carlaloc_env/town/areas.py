@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,6 +50,10 @@ class TownAreas:
     """Junctions in the order of their first road in the file."""
     islands: Area
     """Ground enclosed by roads, such as the middle of a roundabout; raised as well."""
+    low_paved: Area
+    """Everything paved that does not pass overhead."""
+    carried: frozenset[str] = frozenset()
+    """Junctions that stand above the ground."""
 
     @property
     def paved(self) -> Area:
@@ -69,8 +73,20 @@ def lane_area(strip: Strip, kinds: Sequence[str]) -> list[Area]:
     return found
 
 
-def town_areas(strips: Sequence[Strip], roads: Sequence[Road]) -> TownAreas:
-    """All areas of a map."""
+def town_areas(
+    strips: Sequence[Strip],
+    roads: Sequence[Road],
+    overhead: Area | None = None,
+    carried: frozenset[str] = frozenset(),
+) -> TownAreas:
+    """All areas of a map.
+
+    Args:
+        strips: All roads as strips.
+        roads: All roads.
+        overhead: What of the roads passes over others; junctions on the ground do not see it.
+        carried: Junctions that stand above the ground; they see all of it and nothing below.
+    """
     plain = [strip for strip in strips if strip.junction_id is None]
     plain_road = union(area for strip in plain for area in lane_area(strip, ("roadway",)))
     plain_raised = union(area for strip in plain for area in lane_area(strip, ("walkway", "median")))
@@ -78,9 +94,42 @@ def town_areas(strips: Sequence[Strip], roads: Sequence[Road]) -> TownAreas:
     for strip in strips:
         if strip.junction_id is not None:
             groups.setdefault(strip.junction_id, []).append(strip)
+    widths = _corner_widths(plain, roads)
+    above = shapely.Polygon() if overhead is None else overhead
+    low = _level(
+        shapely.difference(plain_road, above),
+        shapely.difference(plain_raised, above),
+        {name: group for name, group in groups.items() if name not in carried},
+        widths,
+    )
+    if above.is_empty:
+        return low
+    high = _level(
+        shapely.intersection(plain_road, above),
+        shapely.intersection(plain_raised, above),
+        {name: group for name, group in groups.items() if name in carried},
+        widths,
+    )
+    by_id = {junction.id: junction for junction in (*low.junctions, *high.junctions)}
+    return TownAreas(
+        roadway=shapely.union(low.roadway, high.roadway),
+        raised=shapely.union(low.raised, high.raised),
+        junctions=tuple(by_id[name] for name in groups),
+        islands=low.islands,
+        low_paved=low.paved,
+        carried=carried,
+    )
+
+
+def _level(
+    plain_road: Area,
+    plain_raised: Area,
+    groups: Mapping[str, Sequence[Strip]],
+    widths: Mapping[str, tuple[float, float]],
+) -> TownAreas:
+    """Areas of one level, which sees nothing of the others."""
     asphalt = {name: _asphalt(group, plain_road, plain_raised) for name, group in groups.items()}
     roadway = union([plain_road, *asphalt.values()])
-    widths = _corner_widths(plain, roads)
     taken = shapely.union(roadway, plain_raised)
     junctions = []
     for name, group in groups.items():
@@ -99,7 +148,13 @@ def town_areas(strips: Sequence[Strip], roads: Sequence[Road]) -> TownAreas:
     raised = union([plain_raised, *(junction.pavement for junction in junctions)])
     islands = _islands(roadway, raised)
     raised = shapely.union(raised, islands)
-    return TownAreas(roadway=roadway, raised=raised, junctions=tuple(junctions), islands=islands)
+    return TownAreas(
+        roadway=roadway,
+        raised=raised,
+        junctions=tuple(junctions),
+        islands=islands,
+        low_paved=shapely.union(roadway, raised),
+    )
 
 
 def _asphalt(group: Sequence[Strip], plain_road: Area, plain_raised: Area) -> Area:

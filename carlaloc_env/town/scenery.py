@@ -16,6 +16,7 @@ from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import TownAreas, town_areas
+from carlaloc_env.town.bridges import add_bridges, raised_parts
 from carlaloc_env.town.buildings import building_mesh
 from carlaloc_env.town.chunks import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
@@ -24,25 +25,29 @@ from carlaloc_env.town.features import feature_mesh, sites
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.furniture import Furnisher
 from carlaloc_env.town.junctions import add_corners, add_islands, add_junction_surface, corner_edges
-from carlaloc_env.town.levels import Levels, find_levels
+from carlaloc_env.town.level_graph import grown
+from carlaloc_env.town.levels import WALL_M, Levels, State, find_levels, level_fields
 from carlaloc_env.town.lots import Lot, place_lots
 from carlaloc_env.town.markings import add_markings
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.painted import RoadPainter
 from carlaloc_env.town.pavements import add_pavements
-from carlaloc_env.town.polygons import Area
+from carlaloc_env.town.polygons import Area, areas_only
 from carlaloc_env.town.road_details import add_road_details
 from carlaloc_env.town.roads import add_roads
 from carlaloc_env.town.sections import KERB_M, Strip, road_strips
 from carlaloc_env.town.signposts import add_signals, add_signs
 from carlaloc_env.town.skyline import add_skyline
 from carlaloc_env.town.street_props import Placement
-from carlaloc_env.town.structures import add_structures
-from carlaloc_env.town.terrain import MARGIN_M, Ground, add_terrain, zone_areas
+from carlaloc_env.town.structures import add_underpasses
+from carlaloc_env.town.terrain import BANK_SLOPE, MARGIN_M, Ground, add_terrain, zone_areas
+from carlaloc_env.town.water import add_water, bank_tops, shores
 
 Array = NDArray[np.float64]
 
+OVERHEAD_CLEAR_M = 2.5
+"""Distance of buildings and trees from raised roads [m]."""
 SOLID_PROPS = (
     ("bus_shelter", 0.8, 2.4),
     ("column", 0.65, 3.2),
@@ -74,32 +79,43 @@ def build_scenery(
     """Scenery of a map; the same map, configuration and seed give the same bytes."""
     roads = network.xodr.roads
     strips = road_strips(roads, network.surface)
-    areas = town_areas(strips, roads)
-    bounds = shapely.box(*shapely.bounds(shapely.buffer(areas.roadway, MARGIN_M)))
+    bounds = _bounds(strips)
     zones = zone_areas(config, bounds)
     corners = np.array(shapely.bounds(bounds)).reshape(2, 2)
     box = (corners[0], corners[1])
-    levels = find_levels(strips, *box)
+    levels = find_levels(strips, *box, zones)
+    carried = _carried_junctions(levels, strips)
+    areas = town_areas(strips, roads, levels.overhead(), frozenset(carried))
 
     lanes, raised, solid = MeshBuilder(), MeshBuilder(), MeshBuilder()
     add_roads(lanes, strips, seed)
     add_plain_lanes(solid, strips)
     add_road_details(lanes, strips, roads, seed)
     add_pavements(raised, strips, seed)
-    kerb_field = EdgeField(_road_edges(strips))
+    kerb_field, deck_field = level_fields(strips, levels, [_road_edges(strip) for strip in strips])
     for junction in areas.junctions:
+        field = deck_field if junction.id in carried and deck_field is not None else kerb_field
         add_junction_surface(raised, junction, JunctionField(junction.strips, network.surface), seed)
-        add_corners(raised, junction, areas, kerb_field)
+        add_corners(raised, junction, areas, field)
     add_islands(raised, areas, kerb_field)
-    ground = _ground(strips, areas, kerb_field, levels, box)
-    add_terrain(raised, bounds, levels.ground_paving(areas.paved), zones, ground)
-    tunnel_lamps = add_structures(raised, levels)
+    shore = shores(levels.waters, zones, areas.low_paved)
+    ground = _ground(areas, kerb_field, levels, bank_tops(shore), box)
+    add_terrain(raised, bounds, _ground_paving(levels, areas), zones, ground)
+    tunnel_lamps = add_underpasses(raised, levels)
+    decks = raised_parts(
+        levels, deck_field, [(j, carried[j.id]) for j in areas.junctions if j.id in carried], areas.low_paved
+    )
+    if decks is not None:
+        add_bridges(raised, levels, decks, kerb_field, ground)
+    overhead = shapely.Polygon() if decks is None else decks.whole
+    add_water(raised, levels.waters, shore, ground, shapely.buffer(overhead, 0.8))
     paint = MeshBuilder()
     add_markings(paint, strips, roads)
     RoadPainter(network, strips, areas).add_all(paint)
 
     taken = sites(config.features)
-    reserved = shapely.union_all([_cuts(levels), *(site.ground for site in taken)])
+    cuts = _cuts(levels, overhead)
+    reserved = shapely.union_all([cuts, *(site.ground for site in taken)])
     lots = place_lots(strips, shapely.union(areas.paved, reserved), zones, seed)
     bases = _base_heights(lots, ground)
     buildings = _buildings(lots, bases, seed)
@@ -111,14 +127,12 @@ def build_scenery(
     signs, sign_feet = add_signs(network, floor.height, number + len(lights))
     clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
     footprints = [lot.footprint() for lot in lots]
-    roofed = shapely.union_all([s.area(s.detached) for s in levels.stretches if s.sunken])
+    roofed = shapely.union_all([overhead, *(s.area(s.detached) for s in levels.stretches)])
     furnisher = Furnisher(zones, np.concatenate(clear), route_m, footprints, roofed, seed)
     for strip in strips:
         if strip.junction_id is None:
             furnisher.pavement(strip)
-    built = shapely.union_all(
-        [areas.paved, _cuts(levels), shapely.buffer(shapely.union_all(footprints), 1.5)]
-    )
+    built = shapely.union_all([areas.paved, cuts, shapely.buffer(shapely.union_all(footprints), 1.5)])
     for kind, zone in zones:
         furnisher.scatter(shapely.difference(zone, built), kind, ground)
     number += len(lights) + len(signs)
@@ -161,9 +175,44 @@ class Floor:
         return np.where(on, self.kerb.nearest(xy_m)[0] + KERB_M, self.ground.height(xy_m))
 
 
-def _cuts(levels: Levels) -> Area:
-    """Sunken and raised stretches with room for their walls."""
-    return shapely.union_all([s.area(np.ones(len(s.left_m), bool), 1.0) for s in levels.stretches])
+def _cuts(levels: Levels, overhead: Area) -> Area:
+    """Sunken and raised stretches with room for their walls, embankments and waters."""
+    parts = [s.area(np.ones(len(s.left_m), bool), 1.0) for s in levels.stretches]
+    parts += [water.area for water in levels.waters]
+    parts.append(shapely.buffer(overhead, OVERHEAD_CLEAR_M))
+    banks = levels.area(State.BANK)
+    if not banks.is_empty:
+        high = levels.lift_m[levels.state == State.BANK].max()
+        parts.append(shapely.buffer(banks, BANK_SLOPE * high + 1.0))
+    return shapely.union_all(parts)
+
+
+def _ground_paving(levels: Levels, areas: TownAreas) -> Area:
+    """What the terrain leaves free: all paving on the ground, open cuts, filled stretches and waters."""
+    result = shapely.union(areas.low_paved, levels.area(State.FILLED, State.BANK))
+    for stretch in levels.stretches:
+        result = shapely.difference(result, stretch.area(stretch.detached))
+        result = shapely.union(result, stretch.area(grown(~stretch.detached), WALL_M))
+    return areas_only(shapely.union_all([result, levels.upper, *(water.area for water in levels.waters)]))
+
+
+def _carried_junctions(levels: Levels, strips: Sequence[Strip]) -> dict[str, State]:
+    """Junctions that stand above the ground, with their state."""
+    found: dict[str, State] = {}
+    for number, strip in enumerate(strips):
+        state = levels.state[levels.graph.rows(number)]
+        if strip.junction_id is None or not len(state) or (state != state[0]).any():
+            continue
+        if state[0] in (State.OPEN, State.FILLED):
+            found[strip.junction_id] = State(int(state[0]))
+    return found
+
+
+def _bounds(strips: Sequence[Strip]) -> Area:
+    """The town's near ground: a box round all roads."""
+    lines = np.concatenate([line[:, :2] for strip in strips for line in _road_edges(strip)])
+    low, high = lines.min(axis=0) - MARGIN_M, lines.max(axis=0) + MARGIN_M
+    return shapely.box(*low, *high)
 
 
 def _add_posts(solid: MeshBuilder, placed: Placement, light_feet: Array) -> None:
@@ -177,37 +226,31 @@ def _add_posts(solid: MeshBuilder, placed: Placement, light_feet: Array) -> None
             solid.quads(faces, material=Material.PLAIN, tag=Tag.POLE)
 
 
-def _road_edges(strips: Sequence[Strip]) -> list[Array]:
-    """Edges of everything at road level, from which kerbs take their height."""
-    lines = []
-    for strip in strips:
-        for lane in range(len(strip.lanes)):
-            if strip.kind(lane) == "roadway":
-                lines += list(strip.lane_edges(lane))
-    return lines
+def _road_edges(strip: Strip) -> list[Array]:
+    """Edges of a strip's lanes at road level, from which kerbs take their height."""
+    return [
+        line
+        for lane in range(len(strip.lanes))
+        if strip.kind(lane) == "roadway"
+        for line in strip.lane_edges(lane)
+    ]
 
 
 def _ground(
-    strips: Sequence[Strip], areas: TownAreas, kerb_field: EdgeField, levels: Levels, box: tuple[Array, Array]
+    areas: TownAreas, kerb_field: EdgeField, levels: Levels, shore: Sequence[Array], box: tuple[Array, Array]
 ) -> Ground:
-    """Heights of the ground: along everything paved that lies on it, along the tops of cuts, and between."""
-    lines = [line for strip in strips if strip.junction_id is None for line in levels.ground_lines(strip)]
+    """Heights of the ground: along everything paved that lies on it, along cuts and shores, and between."""
+    count = len(levels.graph.prints)
+    lines = [line for strip in range(count) for line in levels.ground_lines(strip)]
+    banks = [line for strip in range(count) for line in levels.bank_lines(strip)]
     for stretch in levels.stretches:
         lines += [stretch.left_top_m, stretch.right_top_m]
     for junction in areas.junctions:
-        lines += corner_edges(junction, kerb_field)
-    outer = EdgeField(lines + _junction_rims(strips), 0.5)
-    return Ground(edge=outer, grid=GroundGrid(outer.points_m, *box))
-
-
-def _junction_rims(strips: Sequence[Strip]) -> list[Array]:
-    """Outer edges of connecting roads, for junctions without pavements."""
-    lines = []
-    for strip in strips:
-        span = strip.span(("roadway",))
-        if span is not None and strip.junction_id is not None:
-            lines += [strip.edges_m[span[0]], strip.edges_m[span[1]]]
-    return lines
+        if junction.id not in areas.carried:
+            lines += corner_edges(junction, kerb_field)
+    outer = EdgeField([*lines, *shore], 0.5)
+    bank = EdgeField(banks, 0.5) if banks else None
+    return Ground(edge=outer, grid=GroundGrid(outer.points_m, *box), bank=bank)
 
 
 def _base_heights(lots: Sequence[Lot], ground: Ground) -> list[float]:

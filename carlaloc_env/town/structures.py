@@ -1,4 +1,4 @@
-"""Walls, roofs, decks and piers of roads that leave the ground."""
+"""Walls, roofs and lamps of roads that run below the ground."""
 
 from __future__ import annotations
 
@@ -7,17 +7,14 @@ from numpy.typing import NDArray
 
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
-from carlaloc_env.town.levels import ROOF_M, WALL_M, Levels, Stretch, grown, runs
-from carlaloc_env.town.meshing import MeshBuilder, box_quads, extrude
+from carlaloc_env.town.level_graph import grown, runs
+from carlaloc_env.town.levels import ROOF_M, WALL_M, Levels, Stretch
+from carlaloc_env.town.meshing import MeshBuilder, extrude
 
 Array = NDArray[np.float64]
 
 PARAPET_M = 0.95
 """Height of walls and rails above the ground beside a cut [m]."""
-DECK_M = 0.9
-"""Thickness of a bridge's deck [m]."""
-PIER_STEP_M = 24.0
-"""Distance of piers [m]."""
 BUTTRESS_STEP_M = 6.0
 """Distance of the buttresses of a retaining wall and of the beams of a roof [m]."""
 _BUTTRESS_WIDTH_M, _BUTTRESS_DEPTH_M = 0.7, 0.3
@@ -25,15 +22,9 @@ _BEAM_WIDTH_M, _BEAM_DEPTH_M = 0.5, 0.3
 _GREY = (228, 226, 220)
 
 
-def add_structures(out: MeshBuilder, levels: Levels) -> Array:
-    """Walls, roofs and decks of all stretches; gives the places of lamps under roofs [m], shape (K, 3)."""
-    lamps = [np.zeros((0, 3))]
-    for stretch in levels.stretches:
-        if stretch.sunken:
-            lamps.append(_underpass(out, stretch))
-        else:
-            _bridge(out, stretch)
-    return np.concatenate(lamps)
+def add_underpasses(out: MeshBuilder, levels: Levels) -> Array:
+    """Walls and roofs of all sunken stretches; gives the places of lamps under roofs [m], shape (K, 3)."""
+    return np.concatenate([np.zeros((0, 3)), *(_underpass(out, stretch) for stretch in levels.stretches)])
 
 
 def _underpass(out: MeshBuilder, stretch: Stretch) -> Array:
@@ -136,39 +127,6 @@ def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> 
     out.quads(tubes - drop, material=Material.LAMP_WHITE, tag=Tag.STATIC)
     lamps: Array = middle - 10 * drop
     return lamps
-
-
-def _bridge(out: MeshBuilder, stretch: Stretch) -> None:
-    deck = np.array([0.0, 0.0, DECK_M])
-    up = np.array([0.0, 0.0, PARAPET_M])
-    outward = _outward(stretch)
-    raised = grown(stretch.detached)
-    for edge, sign in ((stretch.left_m, 1.0), (stretch.right_m, -1.0)):
-        for a, b in runs(raised):
-            if b - a < 2:
-                continue
-            inner, outer = edge[a:b], edge[a:b] + sign * WALL_M * outward[a:b]
-            _face(out, inner, inner + up, sign, Material.CONCRETE, Tag.GUARD_RAIL)
-            _face(out, outer - deck, outer + up, -sign, Material.CONCRETE, Tag.BRIDGE)
-            rows = (outer, inner) if sign > 0 else (inner, outer)
-            top = np.stack([rows[1] + up, rows[0] + up], axis=1)
-            out.grid(top, material=Material.CONCRETE, tag=Tag.GUARD_RAIL, colour=_GREY)
-    for a, b in runs(raised):
-        if b - a < 2:
-            continue
-        left = stretch.left_m[a:b] + WALL_M * outward[a:b] - deck
-        right = stretch.right_m[a:b] - WALL_M * outward[a:b] - deck
-        out.grid(np.stack([left, right], axis=1), material=Material.CONCRETE_PANEL, tag=Tag.BRIDGE)
-        _piers(out, 0.5 * (left + right), stretch.left_top_m[a:b, 2])
-
-
-def _piers(out: MeshBuilder, line: Array, ground_z: Array) -> None:
-    rows = np.arange(int(PIER_STEP_M / 2), len(line) - 2, int(PIER_STEP_M))
-    if not len(rows):
-        return
-    low, high = line[rows] - [0.6, 0.6, 0.0], line[rows] + [0.6, 0.6, 0.0]
-    low[:, 2] = ground_z[rows] - 1.0
-    out.quads(box_quads(low, high), material=Material.CONCRETE, tag=Tag.BRIDGE, colour=_GREY)
 
 
 def _face(out: MeshBuilder, low: Array, high: Array, sign: float, material: Material, tag: Tag) -> None:

@@ -25,6 +25,8 @@ CELL_M = 6.0
 """Side of the ground's triangles [m]."""
 LAP_M = 0.06
 """How far the ground reaches below pavements, and how far it lies below their edge [m]."""
+BANK_SLOPE, BANK_SHOULDER_M = 1.8, 0.8
+"""Run over rise of an embankment's sides, and the level shoulder above them [m]."""
 FAR_M = 1200.0
 """How far the far land reaches [m]."""
 
@@ -38,9 +40,8 @@ GROUNDS: dict[str, tuple[Material, Tag, tuple[int, int, int]]] = {
     "highway": (Material.GRASS, Tag.TERRAIN, (232, 228, 200)),
     "waterfront": (Material.PAVEMENT, Tag.GROUND, (225, 218, 205)),
     "park": (Material.GRASS, Tag.TERRAIN, (225, 245, 215)),
-    "water": (Material.WATER, Tag.WATER, (255, 255, 255)),
 }
-"""Ground of each kind of zone."""
+"""Ground of each kind of zone on land."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,9 +49,11 @@ class Ground:
     """Height of the ground at any point of the town."""
 
     edge: EdgeField
-    """Heights along the outer edges of everything paved."""
+    """Heights along the outer edges of everything paved that lies on it."""
     grid: GroundGrid
     """Smooth heights far from roads."""
+    bank: EdgeField | None = None
+    """Edges of roads on embankments, whose sides fall from them."""
 
     def height(self, xy_m: Array) -> Array:
         """Height of the ground [m] at points (M, 2)."""
@@ -58,7 +61,10 @@ class Ground:
         share = np.clip(distance / BLEND_M, 0.0, 1.0)
         share = share * share * (3.0 - 2.0 * share)
         result: Array = near + (self.grid.height(xy_m) - near) * share
-        return result
+        if self.bank is None:
+            return result
+        top, gone = self.bank.nearest(xy_m)
+        return np.maximum(result, top - np.maximum(gone - BANK_SHOULDER_M, 0.0) / BANK_SLOPE)
 
 
 def zone_areas(config: TownConfig, bounds: Area) -> list[tuple[str, Area]]:
@@ -78,11 +84,13 @@ def add_terrain(
     """Ground inside the bounds wherever nothing is paved, and the far land outside."""
     free = shapely.difference(bounds, shapely.buffer(paved, -LAP_M, join_style="mitre"))
     for kind, zone in zones:
+        if kind == "water":
+            continue
         material, tag, colour = GROUNDS[kind]
         xy, triangles = triangulate(areas_only(shapely.intersection(free, zone)), CELL_M)
         if not len(xy):
             continue
-        z = ground.height(xy) - LAP_M / 2 - (0.8 if kind == "water" else 0.0)
+        z = ground.height(xy) - LAP_M / 2
         tint = np.array(colour) * (0.93 + 0.07 * _mottle(xy))[:, None]
         out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=tint)
     _far_land(out, bounds, ground)
