@@ -16,6 +16,7 @@ from carlaloc_env.samples import (
     Image,
     Imu,
     PointCloud,
+    RadarScan,
     Sample,
     SemanticImage,
     Speed,
@@ -113,6 +114,9 @@ def values_of(sample: Sample) -> NDArray[Any]:
         return sample.tag
     if isinstance(sample, PointCloud):
         return cloud_rows(sample)
+    if isinstance(sample, RadarScan):
+        columns = [sample.doppler_mps, sample.snr_db, sample.rcs_dbsm]
+        return np.concatenate([sample.points_xyz_m, np.stack(columns, axis=1)], axis=1)
     if isinstance(sample, Imu):
         return np.concatenate([sample.specific_force_mps2, sample.angular_rate_radps])
     if isinstance(sample, GnssFix):

@@ -17,6 +17,7 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
+from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
 
 IMU_X_M = 1.5
@@ -39,6 +40,7 @@ def paper_rig() -> SensorRig:
             _imu("paper_imu"),
             *_cameras(),
             LidarConfig(mount=_mount(-0.3, LIDAR_Z_M)),
+            *_radars(),
             _gnss(),
             SpeedConfig(),
         ),
@@ -47,7 +49,8 @@ def paper_rig() -> SensorRig:
 
 def flu_rig() -> SensorRig:
     """The same places with the IMU in FLU axes and the true angles and timing of an HDL-32E."""
-    return SensorRig(name="flu", sensors=(_imu("flu"), *_cameras(), _hdl32e(), _gnss(), SpeedConfig()))
+    sensors = (_imu("flu"), *_cameras(), _hdl32e(), *_radars(), _gnss(), SpeedConfig())
+    return SensorRig(name="flu", sensors=sensors)
 
 
 def minimal_rig() -> SensorRig:
@@ -114,6 +117,15 @@ def _hdl32e() -> LidarConfig:
         elevation_offset_deg=0.02,
         firing_ns=HDL32E_FIRING_NS,
         columns=1085,
+    )
+
+
+def _radars() -> tuple[RadarConfig, ...]:
+    """Three radars that together see all around, at the LiDAR's place."""
+    place = _mount(-0.3, LIDAR_Z_M).position_m
+    return tuple(
+        RadarConfig(name=name, mount=Mount(position_m=place, rpy_deg=(0.0, 0.0, yaw)))
+        for name, yaw in (("front", 0.0), ("left", 120.0), ("right", -120.0))
     )
 
 

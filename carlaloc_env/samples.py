@@ -126,6 +126,45 @@ class PointCloud(Sample):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RadarScan(Sample):
+    """Detections of one radar frame, nearest first, in the radar's frame (FLU)."""
+
+    range_m: NDArray[np.float32]
+    """Distance [m], shape (N,)."""
+    azimuth_rad: NDArray[np.float32]
+    """Angle to the left of the x axis [rad], shape (N,)."""
+    elevation_rad: NDArray[np.float32]
+    """Angle above the x-y plane [rad], shape (N,)."""
+    doppler_mps: NDArray[np.float32]
+    """Rate of the distance [m/s]: positive = moving away from the radar, shape (N,)."""
+    snr_db: NDArray[np.float32]
+    """Measured signal-to-noise ratio [dB], shape (N,)."""
+    rcs_dbsm: NDArray[np.float32]
+    """Radar cross-section that explains the ratio [dBsm], shape (N,)."""
+    tag: NDArray[np.uint8]
+    """Truth: semantic `Tag` of the strongest scatterer, 0 for clutter and ghosts, shape (N,)."""
+    instance: NDArray[np.uint32]
+    """Truth: instance id of the strongest scatterer, 0 = none, shape (N,)."""
+    origin: NDArray[np.uint8]
+    """Truth: 0 = a thing, 1 = its mirror image (ghost), 2 = clutter, shape (N,)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.range_m)
+        for name in ("range_m", "azimuth_rad", "elevation_rad", "doppler_mps", "snr_db", "rcs_dbsm"):
+            _check(self, name, np.float32, (count,))
+        _check(self, "tag", np.uint8, (count,))
+        _check(self, "instance", np.uint32, (count,))
+        _check(self, "origin", np.uint8, (count,))
+
+    @property
+    def points_xyz_m(self) -> NDArray[np.float32]:
+        """Detections as points [m] in the radar's frame, shape (N, 3)."""
+        flat = self.range_m * np.cos(self.elevation_rad)
+        up = self.range_m * np.sin(self.elevation_rad)
+        return np.stack([flat * np.cos(self.azimuth_rad), flat * np.sin(self.azimuth_rad), up], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Imu(Sample):
     """One inertial measurement in the IMU frame; at rest the up axis reads +9.81 m/s²."""
 

@@ -17,6 +17,7 @@ from carlaloc_env.samples import (
     Imu,
     Odometry,
     PointCloud,
+    RadarScan,
     Sample,
     SemanticImage,
     Speed,
@@ -43,6 +44,10 @@ TAIL = """\
   at the offsets of velodyne_pointcloud's XYZIRT (0, 4, 8, 12, 16, 18; 22 bytes). `is_dense` is true: rays
   without a return are left out.
 * `points_labelled`: the same, then `label` uint8 (semantic tag) and `id` uint32 (instance).
+* `radar_points`: `x y z` [m], `doppler` [m/s], `snr` [dB], `rcs` [dBsm], `range` [m], `azimuth`, `elevation`
+  [rad], float32; then the truth: `label` uint8, `id` uint32, `origin` uint8 (0 a thing, 1 a mirror image of
+  one, 2 clutter). `radar_scan`: radar_msgs/RadarScan; the amplitude is the signal-to-noise ratio. Doppler is
+  **positive when the distance grows**: a thing at rest ahead of a car that drives at 10 m/s reads −10 m/s.
 * `image_32fc1`: planar depth in metres, 0 for the sky. `image_tags`: semantic tags as `mono8`.
 * `camera_info`: `plumb_bob` with five zeros; R is the identity, P = [K 0].
 * `imu`: no orientation (covariance[0] = −1); covariances 0 stand for "unknown", the noise densities are in
@@ -57,6 +62,7 @@ _KINDS: tuple[tuple[str, type[Sample]], ...] = (
 )
 _KIND_OF_SENSOR: dict[str, type[Sample]] = {
     "lidar": PointCloud,
+    "radar": RadarScan,
     "imu": Imu,
     "gnss": GnssFix,
     "speed": Speed,

@@ -275,7 +275,7 @@ def measure_window(
         timeline: The drive.
         window_ns: Beginning and end (not included).
         camera_ns: Stretch in which cameras take pictures.
-        weathers: Weathers of the pictures; all other samples are shared.
+        weathers: Weathers of pictures and of sensors that feel the weather; all other samples are shared.
     """
     first, end = window_ns
     shared: list[tuple[int, int, Sample]] = []
@@ -292,6 +292,11 @@ def measure_window(
                     shots = sensor.measure_conditions(timeline, stamp, weathers)
                     for row, samples in zip(pictures, shots, strict=True):
                         row += [(stamp, place, sample) for sample in samples]
+        elif sensor.depends_on_weather:
+            for stamp in stamps:
+                versions = sensor.measure_conditions(timeline, stamp, weathers)
+                for row, samples in zip(pictures, versions, strict=True):
+                    row += [(stamp, place, sample) for sample in samples]
         else:
             shared += [(sample.stamp_ns, place, sample) for sample in sensor.measure(timeline, stamps)]
     ticks = np.arange(first, end, TICK_NS)

@@ -125,6 +125,8 @@ class Sensor(ABC):
     """How long after its stamp a sample is complete [ns]; one sweep for a LiDAR."""
     padded_streams: tuple[str, ...] = ()
     """Streams whose samples vary in length; observations pad them and give a count."""
+    depends_on_weather: bool = False
+    """Whether samples differ between weathers of the same drive."""
 
     @property
     def samples_per_step(self) -> int:
@@ -139,9 +141,21 @@ class Sensor(ABC):
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """Samples of all streams at the given stamps [ns], in stamp order."""
 
+    def measure_conditions(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
+    ) -> list[list[Sample]]:
+        """Samples of one instant under several weathers, one list per weather.
+
+        What does not depend on the weather is measured once; sensors that do override this.
+        """
+        samples = self.measure(timeline, [stamp_ns])
+        return [samples for _ in weathers]
+
 
 class Camera(Sensor):
     """A sensor whose pictures depend on the weather."""
+
+    depends_on_weather = True
 
     @abstractmethod
     def measure_conditions(

@@ -7,11 +7,13 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
 
 SENSOR_KINDS: dict[str, type[SensorConfig]] = {
     "camera": CameraConfig,
     "lidar": LidarConfig,
+    "radar": RadarConfig,
     "imu": ImuConfig,
     "gnss": GnssConfig,
     "speed": SpeedConfig,

@@ -22,6 +22,7 @@ from carlaloc_env.samples import (
     Imu,
     Odometry,
     PointCloud,
+    RadarScan,
     Sample,
     SemanticImage,
     Speed,
@@ -35,15 +36,36 @@ _POINT_DTYPE = np.dtype(
 )
 """velodyne_pointcloud's XYZIRT: offsets 0, 4, 8, 12, 16, 18; time [s] after the header's stamp."""
 _LABELLED_DTYPE = np.dtype([*_POINT_DTYPE.descr, ("label", "u1"), ("id", "<u4")])
+_RADAR_DTYPE = np.dtype(
+    [
+        *(
+            (name, "<f4")
+            for name in ("x", "y", "z", "doppler", "snr", "rcs", "range", "azimuth", "elevation")
+        ),
+        ("label", "u1"),
+        ("id", "<u4"),
+        ("origin", "u1"),
+    ]
+)
+"""Detections: metres, m/s (positive = moving away), dB, dBsm, radians; label, id and origin are truth."""
 _DATATYPES = {"<f4": _FLOAT32, "<u4": _UINT32, "<u2": _UINT16, "|u1": _UINT8}
 
 
+_DEFINITIONS = {
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
+    "float32 doppler_velocity\nfloat32 amplitude\n",
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
+}
+"""Public message types that the type stores of rosbags lack, or that ROS 1's does."""
+
+
 def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
-    """Type store with `tf2_msgs/TFMessage`, which ROS 1's lacks."""
+    """Type store with all message types that the writers use."""
     typestore = get_typestore(store)
-    if "tf2_msgs/msg/TFMessage" not in typestore.types:
-        text = "geometry_msgs/TransformStamped[] transforms\n"
-        typestore.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+    for name, text in _DEFINITIONS.items():
+        if name not in typestore.types:
+            typestore.register(get_types_from_msg(text, name))
     return typestore
 
 
@@ -106,6 +128,33 @@ class MessageMaker:
             is_bigendian=0,
             step=data.strides[0],
             data=data.reshape(-1).view(np.uint8),
+        )
+
+    def table(self, header: Message, rows: NDArray[np.void]) -> Message:
+        """PointCloud2 of structured rows (N,), one field per column, none of them padded."""
+        dtype = rows.dtype
+        offsets = {name: place[1] for name, place in (dtype.fields or {}).items()}
+        fields = [
+            self.new(
+                "sensor_msgs/PointField",
+                name=name,
+                offset=offsets[name],
+                datatype=_DATATYPES[dtype[name].str],
+                count=1,
+            )
+            for name in dtype.names or ()
+        ]
+        return self.new(
+            "sensor_msgs/PointCloud2",
+            header=header,
+            height=1,
+            width=len(rows),
+            fields=fields,
+            is_bigendian=False,
+            point_step=dtype.itemsize,
+            row_step=dtype.itemsize * len(rows),
+            data=rows.view(np.uint8),
+            is_dense=True,
         )
 
     def vector(self, xyz: NDArray[np.float64]) -> Message:
@@ -218,8 +267,7 @@ def _points_labelled(maker: MessageMaker, header: Message, sample: PointCloud) -
 
 
 def _cloud(maker: MessageMaker, header: Message, sample: PointCloud, dtype: np.dtype[np.void]) -> Message:
-    count = len(sample.points_xyz_m)
-    rows = np.zeros(count, dtype=dtype)
+    rows = np.zeros(len(sample.points_xyz_m), dtype=dtype)
     for axis, name in enumerate("xyz"):
         rows[name] = sample.points_xyz_m[:, axis]
     rows["intensity"] = sample.intensity
@@ -228,29 +276,38 @@ def _cloud(maker: MessageMaker, header: Message, sample: PointCloud, dtype: np.d
     if "label" in (dtype.names or ()):
         rows["label"] = sample.tag if sample.tag is not None else 0
         rows["id"] = sample.instance if sample.instance is not None else 0
-    offsets = {name: place[1] for name, place in (dtype.fields or {}).items()}
-    fields = [
-        maker.new(
-            "sensor_msgs/PointField",
-            name=name,
-            offset=offsets[name],
-            datatype=_DATATYPES[dtype[name].str],
-            count=1,
-        )
-        for name in dtype.names or ()
-    ]
-    return maker.new(
-        "sensor_msgs/PointCloud2",
-        header=header,
-        height=1,
-        width=count,
-        fields=fields,
-        is_bigendian=False,
-        point_step=dtype.itemsize,
-        row_step=dtype.itemsize * count,
-        data=rows.view(np.uint8),
-        is_dense=True,
+    return maker.table(header, rows)
+
+
+def _radar_points(maker: MessageMaker, header: Message, sample: RadarScan) -> Message:
+    rows = np.zeros(len(sample.range_m), dtype=_RADAR_DTYPE)
+    for axis, name in enumerate("xyz"):
+        rows[name] = sample.points_xyz_m[:, axis]
+    rows["doppler"], rows["snr"], rows["rcs"] = sample.doppler_mps, sample.snr_db, sample.rcs_dbsm
+    rows["range"], rows["azimuth"], rows["elevation"] = (
+        sample.range_m,
+        sample.azimuth_rad,
+        sample.elevation_rad,
     )
+    rows["label"], rows["id"], rows["origin"] = sample.tag, sample.instance, sample.origin
+    return maker.table(header, rows)
+
+
+def _radar_scan(maker: MessageMaker, header: Message, sample: RadarScan) -> Message:
+    """The amplitude is the signal-to-noise ratio [dB]; the Doppler is positive when moving away."""
+    columns = (
+        sample.range_m,
+        sample.azimuth_rad,
+        sample.elevation_rad,
+        sample.doppler_mps,
+        sample.snr_db,
+    )
+    names = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
+    returns = [
+        maker.new("radar_msgs/RadarReturn", **dict(zip(names, row, strict=True)))
+        for row in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+    return maker.new("radar_msgs/RadarScan", header=header, returns=returns)
 
 
 def _imu(maker: MessageMaker, header: Message, sample: Imu) -> Message:
@@ -320,6 +377,8 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "camera_info": ("sensor_msgs/msg/CameraInfo", _camera_info),
     "points": ("sensor_msgs/msg/PointCloud2", _points),
     "points_labelled": ("sensor_msgs/msg/PointCloud2", _points_labelled),
+    "radar_points": ("sensor_msgs/msg/PointCloud2", _radar_points),
+    "radar_scan": ("radar_msgs/msg/RadarScan", _radar_scan),
     "imu": ("sensor_msgs/msg/Imu", _imu),
     "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", _nav_sat_fix),
     "twist": ("geometry_msgs/msg/TwistStamped", _twist),

@@ -22,6 +22,7 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
+from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
 from carlaloc_env.timeline import Timeline
 
@@ -40,6 +41,7 @@ CONFIGS: dict[str, SensorConfig] = {
         rate_hz=10.0,
         ego_returns=True,
     ),
+    "radar": RadarConfig(mount=Mount(position_m=(1.2, 0, 1.85), rpy_deg=(0, 0, 60)), columns=40),
     "gnss": GnssConfig(mount=Mount(position_m=(0.7, 0, 1.5))),
     "speed": SpeedConfig(noise_mps=0.1),
 }
@@ -117,7 +119,7 @@ def test_live_equals_replayed(scenery: Any, replayed: dict[Any, Any]) -> None:
         samples += rig.measure(live, (step - 1) * STEP_NS if step else -1, step * STEP_NS)
         live.forget_before((step - 4) * STEP_NS)
     assert by_key(samples) == replayed
-    assert len({key[0] for key in replayed}) == 7
+    assert len({key[0] for key in replayed}) == 8
 
 
 @pytest.mark.parametrize("name", sorted(CONFIGS))

@@ -1,0 +1,122 @@
+"""Boxes of all actors at one instant, and rays aimed at them: what radar and ground truth ask for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.clock import STEP_NS
+from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.semantics import Tag
+from carlaloc_env.timeline import Timeline
+
+Array = NDArray[np.float64]
+
+_UPRIGHT = (Tag.PEDESTRIAN,)
+"""Tags of actors that stay upright on a slope."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Boxes:
+    """Boxes around N actors at one instant."""
+
+    id: NDArray[np.uint32]
+    """Instance id, the one that points and pixels carry, shape (N,)."""
+    tag: NDArray[np.uint8]
+    """Semantic `Tag`, shape (N,)."""
+    centre_m: Array
+    """Middle of each box [m], world, shape (N, 3)."""
+    heading_rad: Array
+    """Direction the actor faces, anticlockwise from east [rad], shape (N,)."""
+    pitch_rad: Array
+    """Nose up positive [rad], shape (N,)."""
+    size_m: Array
+    """Length, width, height [m], shape (N, 3)."""
+    velocity_mps: Array
+    """Velocity of the point on the ground below the box's middle [m/s], world, shape (N, 3)."""
+    yaw_rate_radps: Array
+    """Rate of the heading [rad/s], shape (N,)."""
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+    @property
+    def axes(self) -> Array:
+        """Unit vectors ahead, left and up of each box as rows, world, shape (N, 3, 3)."""
+        ch, sh = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        cp, sp = np.cos(self.pitch_rad), np.sin(self.pitch_rad)
+        zero = np.zeros(len(self))
+        ahead = np.stack([cp * ch, cp * sh, sp], axis=-1)
+        left = np.stack([-sh, ch, zero], axis=-1)
+        up = np.stack([-sp * ch, -sp * sh, cp], axis=-1)
+        return np.stack([ahead, left, up], axis=1)
+
+    def to_world(self, index: NDArray[np.intp], local_m: Array) -> Array:
+        """World coordinates [m] of points (M, 3) given from the middles of boxes `index` (M,)."""
+        axes = self.axes[index]
+        moved: Array = self.centre_m[index] + sum(local_m[:, k, None] * axes[:, k] for k in range(3))
+        return moved
+
+    def velocity_at(self, index: NDArray[np.intp], points_m: Array) -> Array:
+        """Velocity [m/s] of points (M, 3) [m] fixed to boxes `index` (M,), world."""
+        arm = points_m - self.centre_m[index]
+        rate = self.yaw_rate_radps[index]
+        turning = np.stack([-rate * arm[:, 1], rate * arm[:, 0], np.zeros(len(arm))], axis=-1)
+        return self.velocity_mps[index] + turning
+
+    def take(self, index: NDArray[np.intp]) -> Boxes:
+        """Some of the boxes."""
+        return Boxes(**{name: getattr(self, name)[index] for name in self.__slots__})
+
+
+def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
+    """Boxes of all actors at a time [ns].
+
+    Velocities are those of the positions that pictures and rays show: actors move straight between
+    50 ms steps, so the velocity is that of the stretch which ends at or contains the stamp.
+    """
+    catalog = timeline.catalog
+    count = len(catalog)
+    upright = np.isin(catalog.tag, _UPRIGHT)
+    size = catalog.size_m.astype(np.float64)
+    if count == 0:
+        position = velocity = np.zeros((0, 3))
+        heading = pitch = rate = np.zeros(0)
+    elif stamp_ns <= 0:
+        frame = timeline.actors_at(0)
+        position, heading, pitch = (
+            np.asarray(values, dtype=np.float64)
+            for values in (frame.position_m, frame.heading_rad, frame.pitch_rad)
+        )
+        level = frame.speed_mps * np.cos(pitch)
+        velocity = np.stack(
+            [level * np.cos(heading), level * np.sin(heading), frame.speed_mps * np.sin(pitch)], axis=-1
+        )
+        rate = np.zeros(count)
+    else:
+        begin = (stamp_ns - 1) // STEP_NS * STEP_NS
+        everyone = np.arange(count)
+        (position, heading, pitch), (before, turned, _) = (
+            timeline.actor_poses(everyone, np.full(count, at, dtype=np.int64)) for at in (stamp_ns, begin)
+        )
+        lapse = (stamp_ns - begin) * 1e-9
+        velocity = (position - before) / lapse
+        rate = wrap_angle(heading - turned) / lapse
+    pitch = np.where(upright, 0.0, pitch)
+    centre = position.copy()
+    lift = 0.5 * size[:, 2]
+    centre[:, 0] -= lift * np.sin(pitch) * np.cos(heading)
+    centre[:, 1] -= lift * np.sin(pitch) * np.sin(heading)
+    centre[:, 2] += lift * np.cos(pitch)
+    return Boxes(
+        id=catalog.id,
+        tag=catalog.tag,
+        centre_m=centre,
+        heading_rad=heading,
+        pitch_rad=pitch,
+        size_m=size,
+        velocity_mps=velocity,
+        yaw_rate_radps=rate,
+    )
