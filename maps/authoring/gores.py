@@ -39,8 +39,8 @@ class Gore:
     """`R`: traffic along s; `L`: traffic against s."""
     length_m: float = 60.0
     """Length of the junction, over which ramp and road part [m]."""
-    aux_m: float = 90.0
-    """Auxiliary lane at its whole width [m]."""
+    aux_m: float | None = 90.0
+    """Auxiliary lane at its whole width [m]; None: it runs from or to the next junction."""
     taper_m: float = 60.0
     """Its taper [m]."""
     lead_m: float = 40.0
@@ -159,11 +159,15 @@ def auxiliary_lanes(
         wanted.append((before, False))
     if after is not None and after.opens_before:
         wanted.append((after, True))
-    need = sum(gore.aux_m + gore.taper_m for gore, _ in wanted)
+    need = sum(length if gore.aux_m is None else gore.aux_m + gore.taper_m for gore, _ in wanted)
     if len(wanted) == 2 and wanted[0][0].side == wanted[1][0].side and need > length:
         return [ExtraLane(side=wanted[0][0].side, width_m=cross.lane_m, name="aux")]
     lanes = []
     for gore, at_end in wanted:
+        name = f"aux {gore.name}"
+        if gore.aux_m is None:
+            lanes.append(ExtraLane(side=gore.side, width_m=cross.lane_m, name=name))
+            continue
         reach = gore.aux_m + gore.taper_m
         if reach > length:
             raise PlanError(
@@ -171,7 +175,6 @@ def auxiliary_lanes(
                 "move the gore or shorten aux_m and taper_m"
             )
         span = {"first_m": -reach} if at_end else {"last_m": reach}
-        name = f"aux {gore.name}"
         lanes.append(
             ExtraLane(side=gore.side, taper_m=gore.taper_m, width_m=cross.lane_m, name=name, **span)  # type: ignore[arg-type]
         )
@@ -199,6 +202,7 @@ def build_gore(
         numbers: Counter of identifiers.
     """
     roads = []
+    z = round(ramp.height()[0], 9)
     for side, line in zip("RL", lines, strict=True):
         if line is None:
             continue
@@ -206,14 +210,14 @@ def build_gore(
         own = side == gore.side
         count = min(len(source.incoming), len(target.outgoing))
         pairs = [(i, i) for i in range(count)]
-        road = connect(part, source, target, pairs, numbers, 0.0, outer=not own, path=line, inner=True)
+        road = connect(part, source, target, pairs, numbers, z, outer=not own, path=line, inner=True)
         road.name, road.kind = f"{part.name} through", source.road.kind
         roads.append(road)
         if own:
             _wedge(road, source if gore.merges else target, gore, -1)
             ends = (ramp, target) if gore.merges else (source, ramp)
             pairs = [(0, count)] if gore.merges else [(count, 0)]
-            road = connect(part, *ends, pairs, numbers, 0.0, outer=True, path=inside)
+            road = connect(part, *ends, pairs, numbers, z, outer=True, path=inside)
             road.name, road.kind = f"{part.name} ramp", ramp.road.kind
             roads.append(road)
             _wedge(road, ramp, gore, 1)

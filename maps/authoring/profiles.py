@@ -91,6 +91,8 @@ def vertical_curves(points: Sequence[tuple[float, float]], length: float, k_m: f
     reached = 0.0
     for (s, z), before, after in zip(points, grades, grades[1:], strict=False):
         half = 50 * k_m * abs(after - before)
+        if half < 1e-9:
+            continue
         if s - half < reached - 1e-9 or s + half > length + 1e-9:
             raise PlanError(
                 f"vertical curve at s = {s:.1f} ± {half:.1f} m does not fit (free from {reached:.1f}, "
@@ -100,7 +102,7 @@ def vertical_curves(points: Sequence[tuple[float, float]], length: float, k_m: f
         records.append((s - half, z_in, before, (after - before) / (4 * half), 0.0))
         records.append((s + half, z + after * half, after, 0.0, 0.0))
         reached = s + half
-    if records[1][0] < 1e-6:
+    if len(records) > 1 and records[1][0] < 1e-6:
         records.pop(0)
     if records[-1][0] > length - 1e-6:
         records.pop()
