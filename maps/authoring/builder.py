@@ -97,7 +97,7 @@ class Builder:
         if node.control == "bulb":
             self.roads.append(self._bulb(node, part, legs[0]))
             return
-        roads, found = build_junction(part, legs, self.numbers, node.z)
+        roads, found = build_junction(part, legs, self.numbers, node.z, no_left=node.no_left)
         self.roads += roads + self._u_turns(node, part, legs)
         self._furnish(node, part, legs, found)
 

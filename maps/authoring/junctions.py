@@ -31,7 +31,7 @@ def turn_angle(source: Leg, target: Leg) -> float:
     return wrap(target.out_axis.h - source.pose.h)
 
 
-def movements(legs: Sequence[Leg]) -> list[Movement]:
+def movements(legs: Sequence[Leg], no_left: Sequence[str] = ()) -> list[Movement]:
     """Every legal movement: pocket or left lane to the left, right lane to the right, the rest straight."""
     found: list[Movement] = []
     for i, leg in enumerate(legs):
@@ -40,7 +40,8 @@ def movements(legs: Sequence[Leg]) -> list[Movement]:
             if j != i and other.outgoing and leg.incoming:
                 angle = turn_angle(leg, other)
                 key = "straight" if abs(angle) <= _STRAIGHT_RAD else "left" if angle > 0 else "right"
-                turns[key].append(j)
+                if key != "left" or leg.road.street not in no_left:
+                    turns[key].append(j)
         for turn, targets in turns.items():
             for j in targets:
                 pairs = _pairs(leg, legs[j], turn, turns)
@@ -69,7 +70,13 @@ def _pairs(leg: Leg, other: Leg, turn: str, turns: dict[str, list[int]]) -> list
 
 
 def build_junction(
-    part: JunctionPart, legs: Sequence[Leg], numbers: Numbers, z: float, *, pavement: bool = True
+    part: JunctionPart,
+    legs: Sequence[Leg],
+    numbers: Numbers,
+    z: float,
+    *,
+    pavement: bool = True,
+    no_left: Sequence[str] = (),
 ) -> tuple[list[RoadPart], list[Movement]]:
     """Fill a junction: one connecting road per movement.
 
@@ -77,7 +84,7 @@ def build_junction(
     carries gutter and sidewalk lanes round the corner, as CARLA's own maps do.
     """
     roads: list[RoadPart] = []
-    found = movements(legs)
+    found = movements(legs, no_left)
     for movement in found:
         source, target = legs[movement.source], legs[movement.target]
         angles = {j: turn_angle(source, other) for j, other in enumerate(legs) if j != movement.source}

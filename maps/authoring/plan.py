@@ -35,6 +35,8 @@ class Node:
     """Kerb radius of a cul-de-sac's bulb [m]."""
     least_m: float = 6.0
     """Least distance from the node to the ends of its legs [m]."""
+    no_left: tuple[str, ...] = ()
+    """Roads from which one may not turn left here."""
     u_turns: tuple[str, ...] = ()
     """Roads whose left-turn pocket leads back beside the median (crossovers of a `Michigan left`)."""
     grade: tuple[float, float] = (0.0, 0.0)

@@ -256,13 +256,14 @@ def test_links_are_mutual(plain: PlainMap) -> None:
 
 
 def test_every_lane_leads_on_and_all_reach_all(plain: PlainMap) -> None:
-    """Closed network; a pocket is reached by a lane change only."""
+    """Closed network; a pocket is reached, and a lane that tapers to nothing is left, by a lane change only."""
     scipy_graph = pytest.importorskip("scipy.sparse.csgraph")
     sparse = pytest.importorskip("scipy.sparse")
     following = plain.successors()
     number = {key: n for n, key in enumerate(following)}
     edges = [(number[a], number[b]) for a, bs in following.items() for b in bs]
-    assert all(following.values())
+    for key, after in following.items():
+        assert after or plain.lane_end(key, last=True).width < 1e-6, key
     for road_id, k, lane_id in following:
         for beside in (lane_id - 1, lane_id + 1):
             if beside * lane_id > 0 and (road_id, k, beside) in number:
@@ -352,9 +353,9 @@ def test_carla_reads_the_same_map(path: pathlib.Path, plain: PlainMap) -> None:
     """carla.Map: no NaN, as many lanes, and its waypoints on our lane centres."""
     carla = pytest.importorskip("carla")
     town = carla.Map(path.parent.name, path.read_text(encoding="utf-8"))
-    waypoints = town.generate_waypoints(10.0)
+    waypoints = town.generate_waypoints(1.0)
     assert {(str(w.road_id), w.section_id, w.lane_id) for w in waypoints} == set(plain.driving())
-    for w in waypoints[::7]:
+    for w in waypoints[::71]:
         key = (str(w.road_id), w.section_id, w.lane_id)
         here = plain.roads[key[0]].lane(key[1], key[2], w.s).position
         at = w.transform.location
