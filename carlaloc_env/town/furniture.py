@@ -16,7 +16,6 @@ from carlaloc_env.town.pavements import raised_runs, run_edges
 from carlaloc_env.town.polygons import Area
 from carlaloc_env.town.sections import Strip
 from carlaloc_env.town.street_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
-from carlaloc_env.town.terrain import Ground
 
 Array = NDArray[np.float64]
 
@@ -47,10 +46,6 @@ TREE_KINDS: dict[str, tuple[str, ...]] = {
     "water": (),
 }
 """Trees of each kind of zone."""
-
-
-SCATTER_STEP_M: dict[str, float] = {"park": 10.0, "residential": 17.0, "small_town": 19.0, "rural": 28.0}
-"""Distance of the trees that stand away from streets [m], in zones that have any."""
 
 
 class Furnisher:
@@ -94,24 +89,6 @@ class Furnisher:
                 self._side(strip, f"{first}/left", left[::-1], right[::-1])
             elif last < len(strip.lanes) - 1 and strip.kind(last + 1) == "roadway":
                 self._side(strip, f"{first}/right", right, left)
-
-    def scatter(self, area: Area, kind: str, ground: Ground) -> None:
-        """Trees over an area without roads or buildings, on a jittered grid."""
-        step = SCATTER_STEP_M.get(kind)
-        if step is None or area.is_empty:
-            return
-        draw = rng.stream(self._seed, f"scatter/{kind}")
-        x0, y0, x1, y1 = shapely.bounds(area)
-        grid = np.meshgrid(np.arange(x0, x1, step), np.arange(y0, y1, step), indexing="ij")
-        xy = np.stack([axis.ravel() for axis in grid], axis=-1)
-        xy = xy + draw.uniform(0.1 * step, 0.9 * step, xy.shape)
-        inner = shapely.buffer(area, -3.0)
-        shapely.prepare(inner)
-        xy = xy[shapely.contains_xy(inner, xy[:, 0], xy[:, 1])]
-        if not len(xy):
-            return
-        for (x, y), z in zip(xy, ground.height(xy), strict=True):
-            self._tree(np.array([x, y, z - 0.05]), kind, draw, street=False)
 
     def meshes(self, first_instance: int) -> list[Mesh]:
         """All props as meshes; instance ids count up from `first_instance`."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from carlaloc_env import rng
 from carlaloc_env.assets.placing import SignalLenses
@@ -25,6 +26,7 @@ from carlaloc_env.town.features import feature_mesh, sites
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.furniture import Furnisher
 from carlaloc_env.town.junctions import add_corners, add_islands, add_junction_surface, corner_edges
+from carlaloc_env.town.land import Land, Raster
 from carlaloc_env.town.level_graph import grown
 from carlaloc_env.town.levels import WALL_M, Levels, State, find_levels, level_fields
 from carlaloc_env.town.lots import Lot, place_lots
@@ -41,6 +43,7 @@ from carlaloc_env.town.signposts import add_signals, add_signs
 from carlaloc_env.town.skyline import add_skyline
 from carlaloc_env.town.street_props import Placement
 from carlaloc_env.town.structures import add_underpasses
+from carlaloc_env.town.surroundings import dress_land, is_tree
 from carlaloc_env.town.terrain import BANK_SLOPE, MARGIN_M, Ground, add_terrain, zone_areas
 from carlaloc_env.town.water import add_water, bank_tops, shores
 
@@ -132,9 +135,18 @@ def build_scenery(
     for strip in strips:
         if strip.junction_id is None:
             furnisher.pavement(strip)
-    built = shapely.union_all([areas.paved, cuts, shapely.buffer(shapely.union_all(footprints), 1.5)])
-    for kind, zone in zones:
-        furnisher.scatter(shapely.difference(zone, built), kind, ground)
+    land = Land(
+        bounds=bounds,
+        zones=zones,
+        ground=ground,
+        strips=strips,
+        roads=Raster(bounds, [areas.paved]),
+        taken=Raster(bounds, [areas.paved, reserved, *footprints, *(z for k, z in zones if k == "water")]),
+        route=None if route_m is None or not len(route_m) else cKDTree(route_m),
+        seed=seed,
+    )
+    cover = MeshBuilder()
+    green = dress_land(raised, cover, solid, land)
     number += len(lights) + len(signs)
     features = [
         feature_mesh(site, areas.paved, floor.height, seed, number + k) for k, site in enumerate(taken)
@@ -143,12 +155,15 @@ def build_scenery(
         solid.add(feature)
     props = furnisher.meshes(number + len(features))
     number += len(features) + furnisher.count
+    props += green.meshes(number)
+    number += green.count
     far = add_skyline(bounds, zones, ground, seed, number)
-    _add_posts(solid, furnisher.placed, light_feet)
+    _add_posts(solid, furnisher.placed, light_feet, green.feet_m(is_tree))
 
-    land = raised.build()
-    vertices, triangles = weld([solid.build(), land])
-    parts = [lanes.build(), land, paint.build(), *buildings, *lights, *signs, *features, *props]
+    firm = raised.build()
+    vertices, triangles = weld([solid.build(), firm])
+    parts = [lanes.build(), firm, cover.build(), paint.build()]
+    parts += [*buildings, *lights, *signs, *features, *props]
     return Scenery(
         chunks=split_chunks(merge(parts)) + split_chunks(merge(far), FAR_CHUNK_M),
         collision_vertices_m=vertices,
@@ -215,9 +230,9 @@ def _bounds(strips: Sequence[Strip]) -> Area:
     return shapely.box(*low, *high)
 
 
-def _add_posts(solid: MeshBuilder, placed: Placement, light_feet: Array) -> None:
+def _add_posts(solid: MeshBuilder, placed: Placement, light_feet: Array, trunks: Array) -> None:
     """Lamps, trunks, traffic lights and shelters as prisms that a car can hit."""
-    groups = [(placed.feet_of("lamp"), 0.11, 8.0), (light_feet, 0.14, 6.0)]
+    groups = [(placed.feet_of("lamp"), 0.11, 8.0), (light_feet, 0.14, 6.0), (trunks, 0.17, 3.0)]
     groups += [(placed.feet_of(f"tree {kind}"), 0.17, 3.0) for kind in FORMS]
     groups += [(placed.feet_of(name), r, h) for name, r, h in SOLID_PROPS]
     for feet, radius, height in groups:

@@ -49,7 +49,7 @@ def test_everything_a_town_needs_is_there(mesh: Mesh) -> None:
 
 
 def test_size_stays_within_budget(town: Town) -> None:
-    assert sum(len(chunk.triangles) for chunk in town.chunks) < 1_400_000
+    assert sum(len(chunk.triangles) for chunk in town.chunks) < 3_000_000
     assert len(town.collision_triangles) < 400_000
 
 
