@@ -85,7 +85,7 @@ class DrivingWorld:
         self._contacts: list[Contact] = []
         self.state = self._ego.state()
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
-        self.timeline.ego.append(self.state.position_m, self.state.quat_xyzw)
+        self._append_tick(_PARKED)
         self._tell_tick(_PARKED)
         self._add_step(self._traffic.reset(self._ego_view()))
         self._add_step(self._traffic.step(self._ego_view()))
@@ -125,7 +125,7 @@ class DrivingWorld:
         self._tick += 1
         self.state = self._ego.state()
         self._speeds.append(self.state.speed_mps)
-        self.timeline.ego.append(self.state.position_m, self.state.quat_xyzw)
+        self._append_tick(controls)
         self._tell_tick(controls)
         contacts = self._physics.contacts()
         if self._listener is not None:
@@ -166,6 +166,11 @@ class DrivingWorld:
         if self._listener is not None:
             self._listener.on_step(self._step, frame, signals)
         self._step += 1
+
+    def _append_tick(self, controls: Controls) -> None:
+        state = self.state
+        self.timeline.ego.append(state.position_m, state.quat_xyzw)
+        self.timeline.car.append(state.wheel_spin_radps, state.road_wheel_rad, controls)
 
     def _tell_tick(self, controls: Controls) -> None:
         if self._listener is not None:

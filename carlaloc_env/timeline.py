@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.car_track import CarTrack
 from carlaloc_env.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.geometry import wrap_angle
 from carlaloc_env.trajectory import EgoTrack, Motion
@@ -110,9 +111,12 @@ class Timeline:
     linearly in between, signals hold their state until the next frame.
     """
 
-    def __init__(self, catalog: ActorCatalog, *, ego: EgoTrack | None = None) -> None:
+    def __init__(
+        self, catalog: ActorCatalog, *, ego: EgoTrack | None = None, car: CarTrack | None = None
+    ) -> None:
         self.catalog = catalog
         self.ego = ego if ego is not None else EgoTrack()
+        self.car = car if car is not None else CarTrack()
         self._frames: list[ActorFrame] = []
         self._signals: list[NDArray[np.uint8]] = []
         self._first_step = 0
@@ -142,6 +146,7 @@ class Timeline:
         del self._frames[:drop], self._signals[:drop]
         self._first_step += drop
         self.ego.forget_before(self._first_step * STEP_TICKS)
+        self.car.forget_before(self._first_step * STEP_TICKS)
 
     def ego_motion(self, stamps_ns: ArrayLike) -> Motion:
         """Motion of the ego's `base_link` at M times [ns]."""
@@ -211,7 +216,7 @@ class Timeline:
 
     def select_actors(self, index: NDArray[np.intp]) -> Timeline:
         """The same drive with some of the actors only; the ego's track is shared."""
-        view = Timeline(self.catalog.take(index), ego=self.ego)
+        view = Timeline(self.catalog.take(index), ego=self.ego, car=self.car)
         view._frames = [frame.take(index) for frame in self._frames]
         view._signals = self._signals
         view._first_step = self._first_step

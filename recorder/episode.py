@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.car_track import CarTrack
 from carlaloc_env.clock import TICK_S
 from carlaloc_env.controls import Controls
 from carlaloc_env.errors import EpisodeError
@@ -151,7 +152,13 @@ class Episode:
     def timeline(self) -> Timeline:
         """The whole drive, equal bit for bit to what the live sensors saw."""
         track = EgoTrack.from_arrays(self.ego["position_m"], self.ego["quat_xyzw"])
-        timeline = Timeline(self.header.catalog, ego=track)
+        switches = [self.ego[name] for name in ("throttle", "brake", "reverse", "handbrake")]
+        car = CarTrack.from_arrays(
+            self.ego["wheel_spin_radps"],
+            self.ego["road_wheel_rad"],
+            np.stack([np.asarray(column, dtype=np.float64) for column in switches], axis=-1),
+        )
+        timeline = Timeline(self.header.catalog, ego=track, car=car)
         states = actor_states(self.steps)
         signals = np.ascontiguousarray(self.steps["signals"])
         for k in range(len(self.steps)):

@@ -32,6 +32,8 @@ float64 raw_throttle
 float64 raw_brake
 float64 road_wheel_rad
 float64 speed_mps
+# Front left, front right, rear left, rear right.
+float64[4] wheel_spin_radps
 bool reverse
 bool handbrake
 bool raw_reverse
@@ -62,6 +64,7 @@ EGO_DTYPE = np.dtype(
         ("raw_brake", "<f8"),
         ("road_wheel_rad", "<f8"),
         ("speed_mps", "<f8"),
+        ("wheel_spin_radps", "<f8", (4,)),
         ("reverse", "?"),
         ("handbrake", "?"),
         ("raw_reverse", "?"),
@@ -69,7 +72,7 @@ EGO_DTYPE = np.dtype(
     ]
 )
 """One `EgoState` message in CDR."""
-_EGO = struct.Struct("<Iq21d4?")
+_EGO = struct.Struct("<Iq25d4?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,6 +95,8 @@ class EgoRow:
     """Angle of the front wheels, left positive [rad]."""
     speed_mps: float = 0.0
     """Forward speed of `base_link` [m/s]."""
+    wheel_spin_radps: ArrayLike = (0.0, 0.0, 0.0, 0.0)
+    """Spin of the wheels: front left, front right, rear left, rear right [rad/s], shape (4,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,6 +134,7 @@ def pack_ego(tick: int, row: EgoRow) -> bytes:
         raw.brake,
         row.road_wheel_rad,
         row.speed_mps,
+        *_floats(row.wheel_spin_radps),
         done.reverse,
         done.handbrake,
         raw.reverse,
