@@ -44,18 +44,24 @@ def movements(legs: Sequence[Leg], no_left: Sequence[str] = ()) -> list[Movement
                     turns[key].append(j)
         for turn, targets in turns.items():
             for j in targets:
-                pairs = _pairs(leg, legs[j], turn, turns)
+                pairs = _pairs(leg, legs, j, turn, turns)
                 if pairs:
                     found.append(Movement(i, j, tuple(pairs), turn))
     return found
 
 
-def _pairs(leg: Leg, other: Leg, turn: str, turns: dict[str, list[int]]) -> list[tuple[int, int]]:
-    count, room = len(leg.incoming), len(other.outgoing)
+def _pairs(
+    leg: Leg, legs: Sequence[Leg], j: int, turn: str, turns: dict[str, list[int]]
+) -> list[tuple[int, int]]:
+    count, room = len(leg.incoming), len(legs[j].outgoing)
     lanes = list(range(1 if leg.pocket else 0, count))
     if turn == "left":
-        shared = leg.pocket or turns["straight"] or turns["right"]
-        lanes = [0] if shared else lanes[:room]
+        if leg.pocket or turns["straight"]:
+            lanes = [0]
+        elif turns["right"]:
+            # At the foot of a T: all lanes that do not turn right.
+            lanes = lanes[: max(1, count - len(legs[turns["right"][0]].outgoing))]
+        lanes = lanes[:room]
         return [(lane, k) for k, lane in enumerate(lanes)]
     if turn == "right":
         if turns["straight"]:
