@@ -20,9 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env import geometry
-from carlaloc_env.assets.placing import place_actors
+from carlaloc_env.assets.articulation import steered_mesh
+from carlaloc_env.assets.ray_placing import ray_models, ray_postures
 from carlaloc_env.errors import RaycastError
 from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, merge
+from carlaloc_env.semantics import Tag
 from carlaloc_env.timeline import ActorFrame, Timeline
 
 Array = NDArray[np.float64]
@@ -30,6 +32,8 @@ F32 = NDArray[np.float32]
 
 _SECTORS = 2048
 """Azimuth sectors into which rays are sorted, so that an actor looks at few of them."""
+_STEER_KINDS = 64
+"""More than the angles of front wheels that are told apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,7 +96,7 @@ class RayScene:
             np.round(town.bounds_m.mean(axis=0, dtype=np.float64)) if len(town.triangles) else np.zeros(3)
         )
         self._static = _Surface(self._o3d, _moved(town, -self._middle))
-        self._models: dict[int, _Surface] = {}
+        self._models: dict[tuple[int, int], _Surface] = {}
         self._extents: dict[int, Array] = {}
 
     def cast(
@@ -132,10 +136,11 @@ class RayScene:
         hits.instance[np.isfinite(hits.range_m)] = EGO_INSTANCE
         return hits
 
-    def _model(self, index: int) -> _Surface:
-        if index not in self._models:
-            self._models[index] = _Surface(self._o3d, self._library.meshes[index])
-        return self._models[index]
+    def _model(self, index: int, steer_step: int = 0) -> _Surface:
+        key = (index, steer_step)
+        if key not in self._models:
+            self._models[key] = _Surface(self._o3d, steered_mesh(self._library, index, steer_step))
+        return self._models[key]
 
     def _extent(self, index: int) -> Array:
         if index not in self._extents:
@@ -172,33 +177,47 @@ class RayScene:
         range_max_m: float,
     ) -> None:
         first, last = int(stamps_ns.min()), int(stamps_ns.max())
-        frame = timeline.actors_at((first + last) // 2)
-        # Gait phases are held over a sweep: at 50 ms a leg moves less than the beams are apart.
-        placed = place_actors(timeline.catalog, frame, self._library)
-        by_model = np.argsort(placed.model, kind="stable")
-        models = placed.model[by_model]
-        around = self._cylinders(models, frame.take(by_model), 0.5e-9 * (last - first))
+        middle = (first + last) // 2
+        frame, catalog, eye = timeline.actors_at(middle), timeline.catalog, origins_m[0]
+        models, steer, walking = ray_models(catalog, frame, self._library, eye)
         limit = np.minimum(hits.range_m, np.float32(range_max_m))
-        rays, column = candidates(origins_m, directions, limit, around)
+        around = self._cylinders(models, frame, 0.5e-9 * (last - first))
+        rays, actors = candidates(origins_m, directions, limit, around)
         if len(rays) == 0:
             return
-        actors = by_model[column]
         position, heading, pitch = timeline.actor_poses(actors, stamps_ns[rays])
-        pitch[(placed.T_world_model[:, 2, 0] == 0.0)[actors]] = 0.0  # walkers stay upright
+        pitch[(catalog.tag == Tag.PEDESTRIAN)[actors]] = 0.0  # walkers stay upright
+        kind = models[actors] * _STEER_KINDS + steer[actors] + _STEER_KINDS // 2
+        steps = np.flatnonzero(walking[actors])
+        if len(steps):
+            since_s = np.asarray(1e-9 * (stamps_ns[rays[steps]] - middle), dtype=np.float64)
+            posture, behind = ray_postures(catalog, frame, self._library, eye, actors[steps], since_s)
+            kind[steps] = posture * _STEER_KINDS + _STEER_KINDS // 2
+            position[steps, 0] -= behind * np.cos(heading[steps])
+            position[steps, 1] -= behind * np.sin(heading[steps])
         local = into_actor_frame(origins_m[rays] - position, directions[rays], heading, pitch)
-        found = Hits.none(len(rays))
-        kind = models[column]
-        borders = [0, *(np.flatnonzero(np.diff(kind)) + 1).tolist(), len(kind)]
-        for begin, end in itertools.pairwise(borders):
-            part = self._model(int(kind[begin])).trace(local[begin:end], range_max_m)
-            found.put(slice(begin, end), part)
-        found.instance[:] = timeline.catalog.id[actors]
+        found = self._trace_kinds(local, kind, range_max_m)
+        found.instance[:] = catalog.id[actors]
         nearer = np.flatnonzero(found.range_m < hits.range_m[rays])
         # Where several actors lie behind each other, the nearest is written last.
         nearer = nearer[np.argsort(-found.range_m[nearer], kind="stable")]
         hits.put(rays[nearer], found.take(nearer))
 
-    def _cylinders(self, models: NDArray[np.int32], frame: ActorFrame, half_span_s: float) -> Cylinders:
+    def _trace_kinds(self, local: F32, kind: NDArray[np.intp], range_max_m: float) -> Hits:
+        """Hits of rays in their actors' frames, each on the model and steering of its kind."""
+        order = np.argsort(kind, kind="stable")
+        sorted_kind, sorted_rays = kind[order], local[order]
+        parts, borders = [], [0, *(np.flatnonzero(np.diff(sorted_kind)) + 1).tolist(), len(kind)]
+        for begin, end in itertools.pairwise(borders):
+            model, step = divmod(int(sorted_kind[begin]), _STEER_KINDS)
+            surface = self._model(model, step - _STEER_KINDS // 2)
+            parts.append((begin, end, surface.trace(sorted_rays[begin:end], range_max_m)))
+        found = Hits.none(len(kind))
+        for begin, end, part in parts:
+            found.put(order[begin:end], part)
+        return found
+
+    def _cylinders(self, models: NDArray[np.intp], frame: ActorFrame, half_span_s: float) -> Cylinders:
         """Around all that each actor covers while the rays are cast."""
         kinds, back = np.unique(models, return_inverse=True)
         bounds = np.array([self._extent(int(kind)) for kind in kinds])
@@ -209,8 +228,8 @@ class RayScene:
         lean = np.abs(np.sin(frame.pitch_rad.astype(np.float64)))
         centre = frame.position_m.astype(np.float64)
         centre[:, 2] += middle
-        # Half as much again and a tenth of a metre leave room for turns and changes of speed.
-        travel = np.abs(frame.speed_mps.astype(np.float64)) * half_span_s * 1.5 + 0.1
+        # Half as much again and 15 cm leave room for turns, steered wheels and a walker's other postures.
+        travel = np.abs(frame.speed_mps.astype(np.float64)) * half_span_s * 1.5 + 0.15
         return Cylinders(
             centre_m=centre,
             radius_m=length + lean * (middle + half_height) + travel,

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from carlaloc_env.assets.facets import crease, project
+from carlaloc_env.assets.facets import crease
 from carlaloc_env.assets.shapes import Look, grid_triangles, mirrored
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, make_mesh, merge
@@ -20,6 +20,7 @@ Points = tuple[tuple[float, float], ...]
 DARK = (9, 9, 10)
 """Linear tint of black trim."""
 _ROWS = 10
+_FEW_ROWS = (0, 1, 3, 5, 6, 7, 9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,38 +64,65 @@ class BodyShape:
     """Whether sills and arches are unpainted plastic."""
     bed: tuple[float, float, float] | None = None
     """Open load bed (from d, to d, floor height) of a pick-up."""
+    nose_round_m: float = 0.05
+    """How far the nose's upper and lower edge lie behind its middle."""
+    tail_round_m: float = 0.04
+    """The same at the tail."""
 
 
-def loft_body(shape: BodyShape, tag: Tag, paint: Look | None = None) -> Mesh:
-    """Painted shell with windows; nose at +x, centred on its box, closed."""
+def loft_body(shape: BodyShape, tag: Tag, paint: Look | None = None, *, low: bool = False) -> Mesh:
+    """Painted shell with windows; nose at +x, centred on its box, closed.
+
+    Args:
+        shape: Its lines.
+        tag: Semantic tag of the vehicle.
+        paint: What it is made of; the instance's tint when left out.
+        low: Few triangles and no wheel arches, for a car far away.
+    """
     paint = paint or Look(Material.CAR_PAINT, tag)
-    d = _stations(shape)
-    grid = _sections(shape, d)
-    left = _skin(shape, d, grid, paint, tag)
+    d = _few_stations(shape) if low else _stations(shape)
+    grid = _sections(shape, d, arches=not low)
+    rows = _FEW_ROWS if low else tuple(range(_ROWS))
+    left = _skin(shape, d, grid, rows, paint, tag)
+    grid = grid[:, rows]
     caps = [_cap(grid[0], shape.nose_bow_m, 1.0, paint), _cap(grid[-1], shape.tail_bow_m, -1.0, paint)]
     return crease(merge([left, mirrored(left), *caps]), 38.0)
 
 
-def _stations(shape: BodyShape) -> Array:
+def _few_stations(shape: BodyShape) -> Array:
+    """The ends, the feet and heads of the screens, the ends of the windows and a few between."""
     length = shape.length_m
-    key = [0.0, 0.05, 0.14, 0.32, length - 0.05, length - 0.14, length - 0.32, length]
-    key += [shape.cowl_d, shape.roof_front_d, shape.roof_rear_d, shape.deck_d]
-    key += [p[0] for p in shape.top]
-    key += [edge for window in shape.windows for edge in window]
+    key = [0.0, 0.12, length - 0.12, length, shape.cowl_d, shape.roof_front_d]
+    key += [shape.roof_rear_d, shape.deck_d, shape.windows[0][0], shape.windows[-1][1]]
     if shape.bed is not None:
         key += [shape.bed[0], shape.bed[0] + 0.01, shape.bed[1] - 0.01, shape.bed[1]]
-    radius = 0.5 * shape.tyre_m + shape.arch_m
-    arch = radius * np.array([-1.01, -1.0, -0.92, -0.71, -0.38, 0.0, 0.38, 0.71, 0.92, 1.0, 1.01])
-    fixed = np.unique(np.round(np.concatenate([key, *(axle + arch for axle in shape.axles_d)]), 4))
-    fixed = fixed[(fixed >= 0.0) & (fixed <= length)]
-    gaps = [np.linspace(a, b, int(np.ceil((b - a) / 0.6)) + 1)[:-1] for a, b in pairwise(fixed)]
+    fixed = np.unique(np.round(np.clip(key, 0.0, length), 4))
+    gaps = [np.linspace(a, b, int(np.ceil((b - a) / 1.4)) + 1)[:-1] for a, b in pairwise(fixed)]
     return np.concatenate([*gaps, fixed[-1:]])
 
 
-def _sections(shape: BodyShape, d: Array) -> Array:
+def _stations(shape: BodyShape) -> Array:
+    length = shape.length_m
+    key = [0.05, 0.14, 0.32, length - 0.05, length - 0.14, length - 0.32, *(p[0] for p in shape.top)]
+    window_edges = [shape.cowl_d, shape.roof_front_d, shape.roof_rear_d, shape.deck_d]
+    window_edges += [edge for window in shape.windows for edge in window]
+    if shape.bed is not None:
+        window_edges += [shape.bed[0], shape.bed[0] + 0.01, shape.bed[1] - 0.01, shape.bed[1]]
+    radius = 0.5 * shape.tyre_m + shape.arch_m
+    arch = radius * np.array([-1.01, -1.0, -0.90, -0.64, -0.24, 0.24, 0.64, 0.90, 1.0, 1.01])
+    exact = np.concatenate([[0.0, length], *(axle + arch for axle in shape.axles_d), window_edges])
+    # What lies within 2.5 cm of an edge that must be exact is left out: slivers cost and show nothing.
+    loose = [d for d in key if np.abs(exact - d).min() > 0.025]
+    fixed = np.unique(np.round(np.concatenate([exact, loose]), 4))
+    fixed = fixed[(fixed >= 0.0) & (fixed <= length)]
+    gaps = [np.linspace(a, b, int(np.ceil((b - a) / 0.55)) + 1)[:-1] for a, b in pairwise(fixed)]
+    return np.concatenate([*gaps, fixed[-1:]])
+
+
+def _sections(shape: BodyShape, d: Array, *, arches: bool = True) -> Array:
     """Left half of every cross-section from the bottom centre to the top centre, shape (K, 10, 3)."""
     tail = shape.length_m - d
-    top = _line(shape.top, d)
+    top = _roof_line(shape, d)
     belt = np.minimum(_line(shape.belt, d), top - 0.045)
     half = 0.5 * shape.width_m * np.minimum(_line(shape.plan, d), _line(shape.plan_rear, tail))
     lift = shape.nose_low * (np.clip(1 - d / 0.4, 0, 1) ** 2 + np.clip(1 - tail / 0.4, 0, 1) ** 2)
@@ -127,13 +155,25 @@ def _sections(shape: BodyShape, d: Array) -> Array:
         y[inside, 6] = y_belt[inside] - 0.07
         y[inside, 7] = y[inside, 6] - 0.01
     radius = 0.5 * shape.tyre_m + shape.arch_m
-    for axle in shape.axles_d:
+    for axle in shape.axles_d if arches else ():
         inside = np.abs(d - axle) <= radius + 1e-6
         height = 0.5 * shape.tyre_m + np.sqrt(np.maximum(radius**2 - (d - axle) ** 2, 0.0))
         z[inside, :5] = np.maximum(z[inside, :5], height[inside, None])
     z[:, :5] = np.minimum(z[:, :5], (belt - 0.01)[:, None])
-    x = 0.5 * shape.length_m - d[:, None] - _bow(shape, d, y, half)
+    x = 0.5 * shape.length_m - d[:, None] - _bow(shape, d, y, half) - _rounding(shape, d, z)
     return np.stack([x, y, z], axis=-1)
+
+
+def _rounding(shape: BodyShape, d: Array, z: Array) -> Array:
+    """How far upper and lower edge of nose and tail lie behind their middle, shape (K, 10) [m]."""
+    tail = shape.length_m - d
+    total = np.zeros_like(z)
+    for away, depth, facing in ((d, shape.nose_round_m, 1.0), (tail, shape.tail_round_m, -1.0)):
+        end = z[int(np.argmin(away))]
+        middle, half = 0.5 * (end[0] + end[-1]), max(0.5 * (end[-1] - end[0]), 0.1)
+        share = np.minimum(((z - middle) / half) ** 2, 1.0)
+        total += facing * depth * np.clip(1 - away / 0.5, 0, 1)[:, None] * share
+    return total
 
 
 def _bow(shape: BodyShape, d: Array, y: Array, half: Array) -> Array:
@@ -150,7 +190,7 @@ def _bow(shape: BodyShape, d: Array, y: Array, half: Array) -> Array:
     return (nose - tail)[:, None] * share + np.where(upper, screen[:, None] * (share - 1) * 0.7, 0.0)
 
 
-def _skin(shape: BodyShape, d: Array, grid: Array, paint: Look, tag: Tag) -> Mesh:
+def _skin(shape: BodyShape, d: Array, grid: Array, rows: tuple[int, ...], paint: Look, tag: Tag) -> Mesh:
     """Left half of the shell, each cell with the material of its place."""
     middle = 0.5 * (d[:-1] + d[1:])
     glazed = np.zeros(len(middle), dtype=bool)
@@ -170,10 +210,10 @@ def _skin(shape: BodyShape, d: Array, grid: Array, paint: Look, tag: Tag) -> Mes
         bed = (middle > shape.bed[0]) & (middle < shape.bed[1])
         part[:, 6:] = np.where(bed[:, None], 1, part[:, 6:])
     # From nose to tail, and from the bottom up along the left side: anticlockwise from outside when reversed.
-    cells = grid_triangles(len(d), _ROWS)[:, ::-1]
-    owner = np.tile(part.ravel(), 2)
+    cells = grid_triangles(len(d), len(rows))[:, ::-1]
+    owner = np.tile(part[:, [b - 1 for b in rows[1:]]].ravel(), 2)
     looks = (paint, Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag))
-    flat = grid.reshape(-1, 3)
+    flat = grid[:, rows].reshape(-1, 3)
     return merge(
         [
             make_mesh(
@@ -210,89 +250,33 @@ def _cap(section: Array, bow_m: float, facing: float, paint: Look) -> Mesh:
     )
 
 
+def _roof_line(shape: BodyShape, d: Array) -> Array:
+    """Upper outline at distances from the nose: smooth, with edges where screens meet bonnet and deck.
+
+    Between edges a monotone cubic (Fritsch and Carlson 1980), so that bonnet and roof are arched.
+    """
+    x, z = np.array(shape.top, dtype=np.float64).T
+    step, slope = np.diff(x), np.diff(z) / np.diff(x)
+    edges = {shape.cowl_d, shape.deck_d, *((shape.bed[0],) if shape.bed else ())}
+    tangent = np.zeros(len(x))
+    for k in range(1, len(x) - 1):
+        before, after = slope[k - 1], slope[k]
+        if before * after > 0:
+            tangent[k] = (step[k - 1] + step[k]) / (step[k - 1] / before + step[k] / after)
+    right, left = tangent.copy(), tangent.copy()
+    right[0], left[-1] = slope[0], slope[-1]
+    for k in range(1, len(x) - 1):
+        # An edge, and any bend so sharp that a curve would bulge.
+        if float(x[k]) in edges or abs(slope[k] - slope[k - 1]) > 0.75:
+            left[k], right[k] = slope[k - 1], slope[k]
+    at = np.clip(np.searchsorted(x, d, side="right") - 1, 0, len(slope) - 1)
+    t = np.clip((d - x[at]) / step[at], 0.0, 1.0)
+    h10, h11 = t * (1 - t) ** 2, t * t * (t - 1)
+    h01 = t * t * (3 - 2 * t)
+    bend = step[at] * (h10 * right[at] + h11 * left[at + 1])
+    return np.asarray(z[at] * (1 - h01) + z[at + 1] * h01 + bend, dtype=np.float64)
+
+
 def _line(points: Points, d: Array) -> Array:
     xs, zs = np.array(points, dtype=np.float64).T
     return np.asarray(np.interp(d, xs, zs), dtype=np.float64)
-
-
-class Decals:
-    """Thin parts laid onto a body: lamps, plates, seams, handles."""
-
-    def __init__(self, body: Mesh, lift_m: float = 0.008) -> None:
-        self.body = body
-        self._lift_m = lift_m
-        self.meshes: list[Mesh] = []
-
-    def raised(self, lift_m: float) -> Decals:
-        """A further set on the same body at another height."""
-        return Decals(self.body, lift_m)
-
-    def front(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
-        """Patch on the nose; corners (y, z) from low y, low z on, anticlockwise, shape (4, 2)."""
-        self._add(look, np.asarray(corners_yz, dtype=np.float64), cells, (20.0, 1, 2), (-1.0, 0.0, 0.0))
-
-    def rear(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
-        """Patch on the tail; corners (y, z) from high y, low z on, shape (4, 2)."""
-        self._add(look, np.asarray(corners_yz, dtype=np.float64), cells, (-20.0, 1, 2), (1.0, 0.0, 0.0))
-
-    def sides(self, look: Look, corners_xz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
-        """Patch on both sides; corners (x, z) from high x, low z on, as seen from the left."""
-        self._add(look, np.asarray(corners_xz, dtype=np.float64), cells, (20.0, 0, 2), (0.0, -1.0, 0.0))
-        self.meshes.append(mirrored(self.meshes[-1]))
-
-    def pair_front(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
-        """Patch on the left of the nose and its mirror image."""
-        self.front(look, corners_yz, cells)
-        self.meshes.append(mirrored(self.meshes[-1]))
-
-    def pair_rear(self, look: Look, corners_yz: ArrayLike, cells: tuple[int, int] = (4, 2)) -> None:
-        """Patch on the left of the tail and its mirror image."""
-        self.rear(look, corners_yz, cells)
-        self.meshes.append(mirrored(self.meshes[-1]))
-
-    def seam(self, look: Look, line_xz: ArrayLike, width_m: float = 0.012) -> None:
-        """Thin line on both sides through points (x, z), e.g. a door gap."""
-        line = np.asarray(line_xz, dtype=np.float64)
-        for a, b in pairwise(line):
-            along = (b - a) / max(float(np.sqrt(np.sum((b - a) ** 2))), 1e-6)
-            across = 0.5 * width_m * np.array([-along[1], along[0]])
-            corners = np.stack([a - across, b - across, b + across, a + across])
-            area = np.sum(
-                corners[:, 0] * np.roll(corners[:, 1], -1) - np.roll(corners[:, 0], -1) * corners[:, 1]
-            )
-            self.sides(
-                look,
-                corners if area < 0 else corners[::-1],
-                (max(int(np.ceil(np.abs(b - a).max() / 0.2)), 1), 1),
-            )
-
-    def _add(
-        self,
-        look: Look,
-        corners: Array,
-        cells: tuple[int, int],
-        plane: tuple[float, int, int],
-        direction: tuple[float, float, float],
-    ) -> None:
-        s = np.linspace(0, 1, cells[0] + 1)[None, :, None]
-        t = np.linspace(0, 1, cells[1] + 1)[:, None, None]
-        low, high = corners[0] + s * (corners[1] - corners[0]), corners[3] + s * (corners[2] - corners[3])
-        flat = (low + t * (high - low)).reshape(-1, 2)
-        origin = np.zeros((len(flat), 3))
-        origin[:, 3 - plane[1] - plane[2]] = plane[0]
-        origin[:, plane[1]], origin[:, plane[2]] = flat.T
-        points = project(self.body, origin, direction, self._lift_m)
-        width, height = (float(np.sqrt(np.sum((corners[i] - corners[0]) ** 2))) for i in (1, 3))
-        grid = np.broadcast_to(
-            np.concatenate([s * width + 0 * t, t * height + 0 * s], axis=-1), (*t.shape[:1], s.shape[1], 2)
-        )
-        self.meshes.append(
-            make_mesh(
-                points,
-                grid_triangles(cells[1] + 1, cells[0] + 1),
-                material=look.material,
-                tag=look.tag,
-                uv_m=grid.reshape(-1, 2),
-                colour=look.colour,
-            )
-        )

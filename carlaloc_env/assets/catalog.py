@@ -84,8 +84,8 @@ class WalkerModel:
 
     @property
     def size_m(self) -> tuple[float, float, float]:
-        """Length (along the walk), width, height [m]."""
-        return self.depth_m, self.width_m, self.stature_m
+        """Length (along the walk, at full stride), width, height [m]; 3 cm for hat and hair."""
+        return self.depth_m, self.width_m, self.stature_m + 0.03
 
 
 def _vehicle(
@@ -123,48 +123,42 @@ VEHICLES: dict[str, VehicleModel] = dict(
 )
 """All vehicles by name."""
 
-WALKERS: dict[str, WalkerModel] = {
-    "walker_man": WalkerModel(
-        name="walker_man",
-        stature_m=1.76,
-        stride_m=1.46,
-        speed_mps=1.38,
-        width_m=0.60,
-        depth_m=0.70,
-        weight=0.40,
-    ),
-    "walker_woman": WalkerModel(
-        name="walker_woman",
-        stature_m=1.63,
-        stride_m=1.34,
-        speed_mps=1.33,
-        width_m=0.55,
-        depth_m=0.64,
-        weight=0.38,
-    ),
-    "walker_elderly": WalkerModel(
-        name="walker_elderly",
-        stature_m=1.68,
-        stride_m=1.08,
-        speed_mps=1.00,
-        width_m=0.57,
-        depth_m=0.58,
-        weight=0.12,
-    ),
-    "walker_child": WalkerModel(
-        name="walker_child",
-        stature_m=1.28,
-        stride_m=1.06,
-        speed_mps=1.20,
-        width_m=0.44,
-        depth_m=0.52,
-        weight=0.10,
-    ),
-}
+
+def _walker(
+    name: str, stature_m: float, stride_m: float, speed_mps: float, box_m: tuple[float, float], weight: float
+) -> tuple[str, WalkerModel]:
+    return name, WalkerModel(
+        name=name,
+        stature_m=stature_m,
+        stride_m=stride_m,
+        speed_mps=speed_mps,
+        width_m=box_m[1],
+        depth_m=box_m[0],
+        weight=weight,
+    )
+
+
+WALKERS: dict[str, WalkerModel] = dict(
+    (
+        _walker("walker_man", 1.76, 1.46, 1.38, (1.14, 0.60), 0.15),
+        _walker("walker_man_suit", 1.80, 1.50, 1.42, (1.16, 0.71), 0.10),
+        _walker("walker_man_stout", 1.74, 1.38, 1.28, (1.10, 0.60), 0.08),
+        _walker("walker_youth", 1.70, 1.44, 1.42, (1.10, 0.58), 0.11),
+        _walker("walker_woman", 1.63, 1.34, 1.33, (1.04, 0.56), 0.15),
+        _walker("walker_woman_skirt", 1.66, 1.34, 1.33, (1.06, 0.56), 0.11),
+        _walker("walker_woman_coat", 1.65, 1.32, 1.30, (1.04, 0.64), 0.10),
+        _walker("walker_elderly", 1.68, 1.08, 1.00, (1.10, 0.60), 0.07),
+        _walker("walker_elderly_woman", 1.58, 1.00, 0.95, (0.88, 0.56), 0.05),
+        _walker("walker_child", 1.28, 1.06, 1.20, (0.82, 0.46), 0.05),
+        _walker("walker_girl", 1.18, 0.98, 1.15, (0.78, 0.42), 0.03),
+    )
+)
 """All walkers by name."""
 
-GAIT_PHASES = 16
+GAIT_PHASES = 48
 """Number of postures in which a stride is stored."""
+LOW_GAIT_PHASES = 16
+"""The same for walkers far away."""
 EGO_SIZE_M = (4.70, 1.85, 1.45)
 """Length, width, height of the ego's body [m]."""
 EGO_REAR_M = -0.95

@@ -6,24 +6,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.body import DARK
-from carlaloc_env.assets.cars import TAIL_TINT, plate
-from carlaloc_env.assets.figure import Build, Joints, figure
-from carlaloc_env.assets.shapes import Look, box, ellipsoid, mirrored, placed, rings, tube
-from carlaloc_env.assets.wheels import wheel
+from carlaloc_env.assets.car_faces import AMBER_TINT
+from carlaloc_env.assets.figure import figure
+from carlaloc_env.assets.shapes import Look, box, ellipsoid, mirrored, rings, tube
+from carlaloc_env.assets.skeleton import Joints
+from carlaloc_env.assets.tailor import Build
+from carlaloc_env.assets.vehicle_parts import LampPlace, PlatePlace, VehicleParts, assemble
+from carlaloc_env.assets.wheels import WheelPlace, plain_wheel, wheel
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
 
 
-def motorcycle() -> Mesh:
+def motorcycle() -> VehicleParts:
     """Motorcycle with a rider in a helmet, 2.15 m long."""
     tag = Tag.MOTORCYCLE
     paint, dark = Look(Material.CAR_PAINT, tag), Look(Material.PLASTIC, tag, DARK)
     metal = Look(Material.METAL_GALVANISED, tag, (200, 200, 200))
     front, rear = (0.75, 0.0), (-0.70, 0.0)
-    tyre = wheel(0.63, 0.15, tag, sides=16, spokes=5, rim=0.70)
+    tyre = _two_sided(wheel(0.63, 0.15, tag, spokes=5, rim=0.72, back=False))
     parts = [
-        _centred(tyre, front[0]), _centred(tyre, rear[0]),
         ellipsoid(paint, (0.16, 0, 0.86), (0.30, 0.15, 0.13), 6, 10),
         ellipsoid(dark, (-0.36, 0, 0.80), (0.34, 0.14, 0.07), 5, 10),
         ellipsoid(paint, (-0.72, 0, 0.83), (0.24, 0.10, 0.07), 5, 8),
@@ -32,14 +34,16 @@ def motorcycle() -> Mesh:
         ellipsoid(paint, (0.76, 0, 0.60), (0.30, 0.085, 0.08), 5, 8),
         ellipsoid(dark, (0.56, 0, 0.92), (0.10, 0.13, 0.14), 5, 8),
         ellipsoid(Look(Material.LAMP_WHITE, tag), (0.62, 0, 0.92), (0.06, 0.09, 0.09), 4, 8),
-        box(Look(Material.LAMP_RED, tag, TAIL_TINT), (0.03, 0.14, 0.06), (-0.96, 0, 0.82)),
-        box(dark, (0.01, 0.20, 0.16), (-1.062, 0, 0.64)),
-        plate(-1.07, 0.64, -1.0, tag, (0.19, 0.13)),
+        box(Look(Material.LAMP_TAIL, tag), (0.03, 0.14, 0.06), (-0.96, 0, 0.82)),
+        box(dark, (0.01, 0.22, 0.12), (-1.062, 0, 0.64)),
         tube(dark, [(-0.85, 0, 0.80), (-1.07, 0, 0.62)], 0.025, 5),
         tube(dark, _bar(0.42, 0.36, 1.02, 0.50, 0.18, 1.00), 0.018, 5),
     ]  # fmt: skip
     for side in (1.0, -1.0):
+        amber = Look(Material.PLASTIC, tag, AMBER_TINT)
         parts += [
+            ellipsoid(amber, (-0.93, 0.16 * side, 0.78), (0.03, 0.03, 0.025), 4, 6),
+            ellipsoid(amber, (0.56, 0.19 * side, 0.90), (0.03, 0.03, 0.025), 4, 6),
             tube(metal, [(0.48, 0.10 * side, 0.98), (0.75, 0.10 * side, 0.315)], 0.024, 6),
             tube(metal, [(-0.20, 0.11 * side, 0.36), (-0.70, 0.11 * side, 0.315)], 0.022, 5),
             tube(
@@ -55,20 +59,41 @@ def motorcycle() -> Mesh:
         pelvis=(-0.34, 0, 0.90), neck=(-0.06, 0, 1.34), head=(0.0, 0, 1.494), hands=(0.43, 0.33, 1.02),
         knees=(0.16, 0.20, 0.80), ankles=(-0.18, 0.20, 0.40), spread=0.16,
     )  # fmt: skip
-    build = Build(girth=1.0, upper=(20, 20, 24), lower=(14, 16, 24), helmet=(150, 16, 14), skin=(40, 26, 20))
-    return merge([*parts, figure(rider, build, Tag.RIDER)])
+    build = Build(
+        stature_m=1.70, upper=(20, 20, 24), lower=(14, 16, 24), helmet=(150, 16, 14), skin=(40, 26, 20)
+    )
+    body = merge([*parts, figure(rider, build, Tag.RIDER)])
+    places = _wheels(tyre, front[0], rear[0], 0.315)
+    forks = [tube(metal, [(0.48, y, 0.98), (0.75, y, 0.315)], 0.024, 3, caps=False) for y in (0.10, -0.10)]
+    forks.append(tube(dark, [(-0.85, 0, 0.80), (-1.07, 0, 0.62)], 0.03, 3, caps=False))
+    return assemble(
+        body=body,
+        low=merge(
+            [
+                *parts[:4],
+                *parts[6:10],
+                *forks,
+                figure(rider, build, Tag.RIDER, low=True),
+                *_discs(tag, front[0], rear[0]),
+            ]
+        ),
+        wheels=places,
+        plates=(PlatePlace(position_m=(-1.07, 0.0, 0.64), facing=-1.0, width_m=0.21),),
+        lamps=(LampPlace(position_m=(0.68, 0.0, 0.92)),),
+    )
 
 
-def bicycle() -> Mesh:
+def bicycle() -> VehicleParts:
     """Town bicycle with a rider, 1.75 m long."""
     tag = Tag.BICYCLE
     paint, dark = Look(Material.CAR_PAINT, tag), Look(Material.PLASTIC, tag, DARK)
     metal = Look(Material.METAL_GALVANISED, tag, (210, 210, 210))
     rear, front, crank = (-0.535, 0, 0.34), (0.535, 0, 0.34), (-0.10, 0, 0.30)
     head, seat = (0.36, 0, 0.80), (-0.24, 0, 0.82)
-    parts = [_bicycle_wheel(rear[0], tag), _bicycle_wheel(front[0], tag)]
-    for a, b in ((crank, head), (crank, seat), (seat, head), (crank, rear), (seat, rear), (head, front)):
-        parts.append(tube(paint, [a, b], 0.019, 6))
+    tyre, parts = _bicycle_wheel(tag), list[Mesh]()
+    bars = ((crank, head), (crank, seat), (seat, head), (crank, rear), (seat, rear), (head, front))
+    parts += [tube(paint, [a, b], 0.019, 6) for a, b in bars]
+    few = [tube(paint, [a, b], 0.019, 3, caps=False) for a, b in bars]
     parts += [
         tube(metal, [head, (0.31, 0, 1.0)], 0.014, 5),
         tube(metal, _bar(0.20, 0.294, 1.01, 0.31, 0.10, 1.01), 0.013, 5),
@@ -79,7 +104,7 @@ def bicycle() -> Mesh:
         box(dark, (0.09, 0.10, 0.025), (-0.08, 0.15, 0.13)),
         box(dark, (0.09, 0.10, 0.025), (-0.08, -0.15, 0.47)),
         box(Look(Material.METAL_PAINTED, tag, (30, 30, 30)), (0.40, 0.14, 0.02), (-0.56, 0, 0.73)),
-        box(Look(Material.LAMP_RED, tag, TAIL_TINT), (0.03, 0.05, 0.04), (-0.77, 0, 0.73)),
+        box(Look(Material.LAMP_TAIL, tag), (0.03, 0.05, 0.04), (-0.77, 0, 0.73)),
         box(Look(Material.LAMP_WHITE, tag), (0.05, 0.06, 0.06), (0.40, 0, 0.88)),
         _disc_plate(metal, crank, 0.09),
     ]  # fmt: skip
@@ -89,8 +114,16 @@ def bicycle() -> Mesh:
     )  # fmt: skip
     rider["knee_r"], rider["ankle_r"] = np.array([0.14, -0.12, 0.94]), np.array([-0.12, -0.13, 0.56])
     rider["toe_r"] = rider["ankle_r"] + (0.17, -0.01, -0.07)
-    build = Build(girth=0.95, lower=(30, 34, 40), helmet=(200, 200, 196))
-    return merge([*parts, figure(rider, build, Tag.RIDER)])
+    build = Build(stature_m=1.72, girth=0.95, lower=(30, 34, 40), helmet=(200, 200, 196))
+    body = merge([*parts, figure(rider, build, Tag.RIDER)])
+    thin = [w.mounted() for w in _wheels(_thin_wheel(tag), front[0], rear[0], 0.34)]
+    return assemble(
+        body=body,
+        low=merge([*few, figure(rider, build, Tag.RIDER, low=True), *thin]),
+        wheels=_wheels(tyre, front[0], rear[0], 0.34),
+        plates=(),
+        lamps=(LampPlace(position_m=(0.43, 0.0, 0.88)),),
+    )
 
 
 def _rider(
@@ -132,33 +165,54 @@ def _by(x_m: float, y_m: float, z_m: float) -> NDArray[np.float64]:
     return np.array([x_m, y_m, z_m])
 
 
-def _centred(mesh: Mesh, x_m: float) -> Mesh:
+def _two_sided(mesh: Mesh) -> Mesh:
     """A wheel seen alike from both sides."""
-    return placed(merge([mesh, mirrored(mesh)]), (x_m, 0.0, 0.0))
+    return merge([mesh, mirrored(mesh)])
 
 
-def _bicycle_wheel(x_m: float, tag: Tag) -> Mesh:
-    """Thin tyre of 0.68 m and ten spokes."""
-    radius, sides = 0.34, 20
-    angle = 2 * np.pi * np.arange(sides + 1) / sides
-    small = 2 * np.pi * np.arange(5) / 5 + np.pi
-    r = (radius - 0.018) - 0.018 * np.cos(small)[None, :]
-    grid = np.stack(
-        [
-            r * np.sin(angle)[:, None],
-            np.broadcast_to(0.018 * np.sin(small), (sides + 1, 5)),
-            -r * np.cos(angle)[:, None],
-        ],
-        axis=-1,
+def _wheels(mesh: Mesh, front_x_m: float, rear_x_m: float, radius_m: float) -> tuple[WheelPlace, ...]:
+    return tuple(
+        WheelPlace(mesh=mesh, centre_m=(x, 0.0, radius_m), radius_m=radius_m, steered=x > 0, right=False)
+        for x in (front_x_m, rear_x_m)
     )
-    rim = rings(Look(Material.RUBBER, tag, (190, 190, 190)), grid[::-1], caps=False, crease_deg=80.0)
+
+
+def _discs(tag: Tag, front_x_m: float, rear_x_m: float) -> list[Mesh]:
+    """The motorcycle's wheels seen from afar."""
+    mesh = _two_sided(plain_wheel(0.63, 0.10, tag))
+    return [w.mounted() for w in _wheels(mesh, front_x_m, rear_x_m, 0.315)]
+
+
+def _bicycle_wheel(tag: Tag) -> Mesh:
+    """Thin tyre of 0.68 m and ten spokes about its axle."""
     spoke = Look(Material.METAL_GALVANISED, tag, (210, 210, 210))
     spokes = [
         tube(spoke, [(0, 0, 0), (0.31 * np.sin(a), 0, 0.31 * np.cos(a))], 0.003, 3, caps=False)
         for a in 2 * np.pi * (np.arange(10) + 0.5) / 10
     ]
     hub = tube(spoke, [(0, -0.06, 0), (0, 0.06, 0)], 0.02, 6)
-    return placed(merge([rim, hub, *spokes]), (x_m, 0.0, radius))
+    return merge([_tyre(tag, 20, 5), hub, *spokes])
+
+
+def _thin_wheel(tag: Tag) -> Mesh:
+    """The same from afar: the tyre alone."""
+    return _tyre(tag, 12, 3)
+
+
+def _tyre(tag: Tag, sides: int, around: int) -> Mesh:
+    radius = 0.34
+    angle = 2 * np.pi * np.arange(sides + 1) / sides
+    small = 2 * np.pi * np.arange(around) / around + np.pi
+    r = (radius - 0.018) - 0.018 * np.cos(small)[None, :]
+    grid = np.stack(
+        [
+            r * np.sin(angle)[:, None],
+            np.broadcast_to(0.018 * np.sin(small), (sides + 1, around)),
+            -r * np.cos(angle)[:, None],
+        ],
+        axis=-1,
+    )
+    return rings(Look(Material.RUBBER, tag, (190, 190, 190)), grid[::-1], caps=False, crease_deg=80.0)
 
 
 def _disc_plate(look: Look, centre: tuple[float, float, float], radius_m: float) -> Mesh:

@@ -27,14 +27,17 @@ EGO_SPEC = CarSpec(
         axles_d=(_NOSE_D - EGO_WHEELBASE_M, _NOSE_D), tyre_m=0.67, clearance_m=0.14, nose_bow_m=0.30,
         tail_bow_m=0.14,
     ),
-    tyre_width_m=0.235, nose_z=(0.24, 0.40), lamp_z=(0.58, 0.68), tail_z=(0.74, 0.90), plate_z=(0.42, 0.62),
+    tyre_width_m=0.235, spokes=10, bars=0,
+    head=((0.56, 0.60), (0.80, 0.58), (0.965, 0.64), (0.965, 0.74), (0.58, 0.67)),
+    grille=(0.30, 0.32, 0.56, 0.60), intake=(0.66, 0.62, 0.22, 0.38),
+    tail=((0.50, 0.78), (0.96, 0.76), (0.97, 0.92), (0.52, 0.88)), plate_z=(0.46, 0.66),
     doors=(1.40, 2.50, 3.42),
 )  # fmt: skip
 
 
 def ego_body() -> Mesh:
     """Body of the ego: origin on the ground below the rear axle, x ahead, −0.95 m … 3.75 m."""
-    body = placed(car(EGO_SPEC), (EGO_REAR_M + 0.5 * EGO_SIZE_M[0], 0.0, 0.0))
+    body = placed(car(EGO_SPEC).whole, (EGO_REAR_M + 0.5 * EGO_SIZE_M[0], 0.0, 0.0))
     painted = body.material == Material.CAR_PAINT
     return replace(
         body,

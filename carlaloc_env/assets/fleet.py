@@ -16,7 +16,10 @@ SALOON = CarSpec(
         windows=((1.56, 2.52), (2.60, 3.44), (3.49, 3.78)),
         axles_d=(0.88, 3.70), tyre_m=0.66,
     ),
-    doors=(1.50, 2.56, 3.46), plate_z=(0.40, 0.78),
+    head=((0.52, 0.63), (0.70, 0.60), (0.955, 0.62), (0.965, 0.74), (0.54, 0.70)), chrome=True,
+    grille=(0.40, 0.48, 0.52, 0.68), intake=(0.62, 0.56, 0.24, 0.36), bars=4,
+    tail=((0.52, 0.79), (0.96, 0.77), (0.97, 0.93), (0.54, 0.90)), exhausts=2, spokes=10,
+    doors=(1.50, 2.56, 3.46), plate_z=(0.42, 0.80),
 )  # fmt: skip
 
 HATCHBACK = CarSpec(
@@ -29,7 +32,10 @@ HATCHBACK = CarSpec(
         windows=((1.40, 2.34), (2.42, 3.22), (3.28, 3.62)),
         axles_d=(0.83, 3.46), tyre_m=0.63, tail_bow_m=0.12,
     ),
-    lamp_z=(0.58, 0.74), tail_z=(0.72, 0.94), tail_share=0.66, plate_z=(0.42, 0.70), doors=(1.34, 2.38, 3.24),
+    head=((0.56, 0.64), (0.80, 0.60), (0.965, 0.66), (0.97, 0.80), (0.58, 0.72)),
+    grille=(0.52, 0.54, 0.60, 0.68), intake=(0.56, 0.66, 0.24, 0.44), bars=1,
+    tail=((0.62, 0.76), (0.96, 0.74), (0.97, 0.96), (0.66, 0.93)),
+    plate_z=(0.44, 0.62), doors=(1.34, 2.38, 3.24),
 )  # fmt: skip
 
 CITY_CAR = CarSpec(
@@ -42,8 +48,11 @@ CITY_CAR = CarSpec(
         windows=((1.06, 2.08), (2.16, 2.86)),
         axles_d=(0.63, 3.03), tyre_m=0.57, tail_bow_m=0.14, nose_bow_m=0.26,
     ),
-    tyre_width_m=0.18, nose_z=(0.28, 0.58), lamp_z=(0.60, 0.80), tail_z=(0.72, 0.98), tail_share=0.74,
-    plate_z=(0.40, 0.66), doors=(1.0, 2.12, 2.90),
+    tyre_width_m=0.18, spokes=7,
+    head=((0.58, 0.70), (0.70, 0.62), (0.90, 0.62), (0.965, 0.74), (0.93, 0.84), (0.64, 0.79)),
+    grille=(0.36, 0.40, 0.66, 0.70), intake=(0.62, 0.66, 0.26, 0.44), bars=0,
+    tail=((0.72, 0.74), (0.94, 0.70), (0.97, 0.98), (0.76, 1.00)),
+    plate_z=(0.46, 0.62), doors=(1.0, 2.12),
 )  # fmt: skip
 
 ESTATE = CarSpec(
@@ -56,7 +65,10 @@ ESTATE = CarSpec(
         windows=((1.56, 2.52), (2.60, 3.44), (3.52, 4.22)),
         axles_d=(0.88, 3.70), tyre_m=0.66, tail_bow_m=0.10,
     ),
-    tail_z=(0.72, 0.94), tail_share=0.66, plate_z=(0.40, 0.76), doors=(1.50, 2.56, 3.48),
+    head=((0.54, 0.62), (0.75, 0.60), (0.96, 0.64), (0.965, 0.75), (0.55, 0.69)),
+    grille=(0.44, 0.50, 0.54, 0.68), intake=(0.62, 0.56, 0.24, 0.38), bars=3, chrome=True,
+    tail=((0.66, 0.74), (0.96, 0.72), (0.97, 1.02), (0.80, 1.02), (0.70, 0.92)), rails=True, spokes=7,
+    plate_z=(0.42, 0.72), doors=(1.50, 2.56, 3.48),
 )  # fmt: skip
 
 COUPE = CarSpec(
@@ -69,8 +81,11 @@ COUPE = CarSpec(
         windows=((1.68, 2.90), (2.98, 3.40)),
         axles_d=(0.95, 3.45), tyre_m=0.68, clearance_m=0.12,
     ),
-    tyre_width_m=0.25, nose_z=(0.22, 0.52), lamp_z=(0.52, 0.64), tail_z=(0.66, 0.80), tail_share=0.45,
-    plate_z=(0.34, 0.50), doors=(1.60, 2.96),
+    tyre_width_m=0.25, spokes=10,
+    head=((0.56, 0.54), (0.80, 0.53), (0.965, 0.60), (0.955, 0.66), (0.60, 0.60)),
+    grille=(0.56, 0.46, 0.30, 0.46), intake=(0.70, 0.72, 0.17, 0.25), bars=5,
+    tail=((0.40, 0.72), (0.95, 0.70), (0.97, 0.82), (0.42, 0.80)), tail_across=True, exhausts=2,
+    plate_z=(0.26, 0.52), doors=(1.60, 2.96),
 )  # fmt: skip
 
 SUV = CarSpec(
@@ -83,8 +98,11 @@ SUV = CarSpec(
         windows=((1.36, 2.34), (2.42, 3.28), (3.36, 3.84)),
         axles_d=(0.87, 3.53), tyre_m=0.70, clearance_m=0.20, cladding=True, tumblehome=0.30, nose_bow_m=0.18,
     ),
-    tyre_width_m=0.23, nose_z=(0.36, 0.78), lamp_z=(0.74, 0.90), tail_z=(0.86, 1.08), tail_share=0.64,
-    plate_z=(0.48, 0.80), doors=(1.30, 2.38, 3.32),
+    tyre_width_m=0.23, valance_m=0.20,
+    head=((0.58, 0.78), (0.80, 0.75), (0.965, 0.80), (0.965, 0.93), (0.60, 0.88)),
+    grille=(0.50, 0.56, 0.64, 0.86), intake=(0.60, 0.54, 0.38, 0.52), bars=2,
+    tail=((0.60, 0.90), (0.96, 0.86), (0.97, 1.06), (0.62, 1.02)), rails=True,
+    plate_z=(0.54, 0.82), doors=(1.30, 2.38, 3.32),
 )  # fmt: skip
 
 LARGE_SUV = CarSpec(
@@ -98,8 +116,11 @@ LARGE_SUV = CarSpec(
         axles_d=(0.92, 3.87), tyre_m=0.77, clearance_m=0.21, tumblehome=0.22, cladding=True, nose_bow_m=0.14,
         tail_bow_m=0.06,
     ),
-    tyre_width_m=0.26, nose_z=(0.42, 0.92), lamp_z=(0.82, 1.00), tail_z=(0.88, 1.16), tail_share=0.78,
-    plate_z=(0.52, 0.84), doors=(1.46, 2.57, 3.59),
+    tyre_width_m=0.26, valance_m=0.24, spokes=6,
+    head=((0.62, 0.86), (0.955, 0.84), (0.96, 1.00), (0.62, 1.00)),
+    grille=(0.54, 0.56, 0.70, 1.00), intake=(0.60, 0.56, 0.42, 0.56), bars=4, chrome=True,
+    tail=((0.82, 0.84), (0.97, 0.84), (0.97, 1.22), (0.84, 1.22)), rails=True,
+    plate_z=(0.58, 0.88), doors=(1.46, 2.57, 3.59),
 )  # fmt: skip
 
 MINIBUS = CarSpec(
@@ -113,8 +134,10 @@ MINIBUS = CarSpec(
         axles_d=(0.92, 4.02), tyre_m=0.68, clearance_m=0.18, tumblehome=0.18, tail_bow_m=0.06,
         plan_rear=((0.0, 0.95), (0.1, 0.98), (0.5, 1.0)),
     ),
-    nose_z=(0.34, 0.74), lamp_z=(0.72, 0.92), tail_z=(0.80, 1.25), tail_share=0.82, plate_z=(0.44, 0.86),
-    doors=(1.0, 2.07, 3.31),
+    head=((0.60, 0.78), (0.90, 0.74), (0.965, 0.84), (0.94, 1.00), (0.64, 0.92)),
+    grille=(0.50, 0.56, 0.68, 0.86), intake=(0.62, 0.60, 0.30, 0.48), bars=2, valance_m=0.14,
+    tail=((0.84, 0.80), (0.97, 0.80), (0.97, 1.38), (0.86, 1.38)), plate_z=(0.52, 0.78),
+    doors=(1.0, 2.07, 3.31), slide=True, spokes=7,
 )  # fmt: skip
 
 PICKUP = CarSpec(
@@ -129,8 +152,11 @@ PICKUP = CarSpec(
         axles_d=(0.92, 4.37), tyre_m=0.80, clearance_m=0.25, tumblehome=0.20, cladding=True, nose_bow_m=0.12,
         tail_bow_m=0.02, nose_low=0.14, bed=(3.98, 5.52, 0.94),
     ),
-    tyre_width_m=0.27, nose_z=(0.50, 0.98), lamp_z=(0.86, 1.04), tail_z=(0.82, 1.14), tail_share=0.86,
-    plate_z=(0.58, 0.60), doors=(1.52, 2.60, 3.52),
+    tyre_width_m=0.27, valance_m=0.24, spokes=6,
+    head=((0.64, 0.88), (0.955, 0.86), (0.96, 1.06), (0.64, 1.04)),
+    grille=(0.58, 0.60, 0.72, 1.04), intake=(0.60, 0.56, 0.46, 0.60), bars=3, chrome=True,
+    tail=((0.87, 0.80), (0.97, 0.80), (0.97, 1.14), (0.87, 1.14)),
+    plate_z=(0.62, 0.60), doors=(1.52, 2.60, 3.52),
 )  # fmt: skip
 
 VAN = CarSpec(
@@ -146,8 +172,10 @@ VAN = CarSpec(
         nose_bow_m=0.20,
         cladding=True, plan_rear=((0.0, 0.96), (0.05, 0.99), (0.3, 1.0)), nose_low=0.06,
     ),
-    nose_z=(0.36, 0.86), lamp_z=(0.82, 1.08), tail_z=(0.80, 1.30), tail_share=0.88, plate_z=(0.48, 0.90),
-    doors=(0.92, 2.08, 3.38), rear_window=(1.45, 2.05),
+    head=((0.66, 0.86), (0.90, 0.80), (0.965, 0.92), (0.96, 1.14), (0.74, 1.08)),
+    grille=(0.58, 0.52, 0.74, 0.98), intake=(0.64, 0.60, 0.36, 0.56), bars=2, valance_m=0.24,
+    tail=((0.90, 0.82), (0.985, 0.82), (0.985, 1.34), (0.90, 1.34)), plate_z=(0.60, 0.72),
+    doors=(0.92, 2.08, 3.38), rear_window=(1.45, 2.05), slide=True, barn_doors=True, spokes=0,
 )  # fmt: skip
 
 CARS: dict[str, CarSpec] = {

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.figure import Joints, shoe_sole
+from carlaloc_env.assets.skeleton import Joints, shoe_sole
 
 Array = NDArray[np.float64]
 

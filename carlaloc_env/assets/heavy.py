@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from carlaloc_env.assets.atlas import PosterCell, atlas_uv, cell_corners
-from carlaloc_env.assets.body import DARK, BodyShape, Decals, loft_body
-from carlaloc_env.assets.cars import AMBER_TINT, TAIL_TINT, plate
-from carlaloc_env.assets.shapes import Look, box, ellipsoid, placed, quad
-from carlaloc_env.assets.wheels import axle_wheels, wheel
+from carlaloc_env.assets.body import DARK, BodyShape, loft_body
+from carlaloc_env.assets.car_faces import AMBER_TINT, band
+from carlaloc_env.assets.decals import Decals
+from carlaloc_env.assets.shapes import Look, box, ellipsoid, mirrored, placed, quad
+from carlaloc_env.assets.vehicle_parts import LampPlace, PlatePlace, VehicleParts, assemble
+from carlaloc_env.assets.wheels import WheelPlace, arch_liner, car_wheels, plain_wheel, wheel
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
@@ -19,7 +23,7 @@ _CAB = BodyShape(
     windows=((0.36, 1.42),),
     axles_d=(1.35,), tyre_m=0.95, clearance_m=0.38, tumblehome=0.06, nose_bow_m=0.12, tail_bow_m=0.0,
     screen_bow_m=0.0, plan=((0.0, 0.93), (0.1, 0.97), (0.4, 1.0)), plan_rear=((0.0, 1.0), (1.0, 1.0)),
-    nose_low=0.04, arch_m=0.06,
+    nose_low=0.04, arch_m=0.06, nose_round_m=0.03, tail_round_m=0.0,
 )  # fmt: skip
 _COACH = BodyShape(
     length_m=12.0, width_m=2.55,
@@ -31,115 +35,279 @@ _COACH = BodyShape(
         (10.5, 11.7)),
     axles_d=(2.70, 8.60), tyre_m=0.96, clearance_m=0.32, tumblehome=0.03, nose_bow_m=0.22, tail_bow_m=0.06,
     screen_bow_m=0.0, plan=((0.0, 0.95), (0.1, 0.985), (0.4, 1.0)), plan_rear=((0.0, 0.97), (0.1, 1.0)),
-    nose_low=0.03, arch_m=0.06,
+    nose_low=0.03, arch_m=0.06, nose_round_m=0.03, tail_round_m=0.0,
 )  # fmt: skip
 
+_CAB_X_M = 2.95
+"""Middle of the lorry's cab [m]."""
+_SEGMENTS = {
+    "0": "abcdef", "1": "bc", "2": "abdeg", "4": "bcfg", "7": "abc",
+}  # fmt: skip
+"""Lit bars of a seven-segment digit."""
 
-def lorry() -> Mesh:
+
+def lorry() -> VehicleParts:
     """Rigid lorry of 8 m with a box body."""
     tag = Tag.TRUCK
-    paint, dark = Look(Material.CAR_PAINT, tag), Look(Material.PLASTIC, tag, DARK)
     cab = loft_body(_CAB, tag)
-    decals = Decals(cab, 0.012)
-    decals.front(dark, [(-0.75, 0.78), (0.75, 0.78), (0.68, 1.22), (-0.68, 1.22)], (6, 2))
-    decals.pair_front(
-        Look(Material.LAMP_WHITE, tag), [(0.82, 0.56), (1.10, 0.56), (1.10, 0.72), (0.82, 0.72)], (3, 1)
+    decals = Decals(cab)
+    _cab_face(decals, tag)
+    liner = arch_liner(1.05 - 1.35, 0.535, 0.475, (0.8, 1.2), tag)
+    parts = [placed(merge([cab, *decals.meshes, *liner]), (_CAB_X_M, 0.0, 0.0))]
+    parts += [*_box_body(tag), *_chassis(tag)]
+    single, twin = (wheel(0.95, width, tag, spokes=0, rim=0.60) for width in (0.28, 0.50))
+    wheels = (*_axle(single, 2.65, 1.05, 0.475, True), *_axle(twin, -1.85, 0.96, 0.475, False))
+    lamps = tuple(LampPlace(position_m=(4.0, 0.96 * side, 0.64)) for side in (1.0, -1.0))
+    plates = (
+        PlatePlace(position_m=(-3.998, 0.0, 0.80), facing=-1.0),
+        PlatePlace(position_m=(4.012, 0.0, 0.62), facing=1.0),
     )
-    decals.seam(dark, [(0.62, 0.62), (0.62, 1.42)])
-    decals.seam(dark, [(-0.40, 1.05), (-0.40, 1.45)])
-    decals.sides(dark, [(-0.10, 1.22), (-0.32, 1.22), (-0.32, 1.26), (-0.10, 1.26)], (1, 1))
-    parts = [placed(merge([cab, *decals.meshes]), (2.95, 0.0, 0.0))]
-    box_look = Look(Material.METAL_PAINTED, tag, (225, 225, 222))
-    parts += [
-        box(box_look, (5.72, 2.50, 2.36), (-1.14, 0.0, 2.22)),
-        box(paint, (5.74, 2.496, 0.26), (-1.13, 0.0, 2.70)),
-        box(dark, (6.2, 0.85, 0.28), (-0.9, 0.0, 0.86)),
-        box(Look(Material.METAL_GALVANISED, tag), (0.9, 0.5, 0.5), (0.55, 0.85, 0.72)),
-        box(dark, (1.1, 0.45, 0.45), (0.5, -0.85, 0.72)),
-        box(dark, (0.08, 2.40, 0.12), (-3.94, 0.0, 0.55)),
-    ]
-    for side in (1, -1):
-        parts.append(box(dark, (1.6, 0.04, 0.35), (-0.9, side * 1.2, 0.72)))
-        parts.append(
-            box(Look(Material.LAMP_RED, tag, TAIL_TINT), (0.05, 0.34, 0.12), (-3.96, side * 0.95, 0.68))
-        )
-        parts.append(
-            box(Look(Material.PLASTIC, tag, AMBER_TINT), (0.05, 0.12, 0.12), (-3.96, side * 0.70, 0.68))
-        )
-        parts.append(
-            box(Look(Material.PLASTIC, tag, AMBER_TINT), (0.10, 0.03, 0.10), (3.75, side * 1.20, 0.80))
-        )
-        parts.append(box(dark, (0.12, 0.10, 0.40), (3.36, side * 1.19, 1.95)))
-        parts.append(_advert(-1.1, side, PosterCell.MARKET, tag, 1.254, (0.68, 1.25, 3.15)))
-    rear_frame = Look(Material.METAL_GALVANISED, tag, (170, 170, 170))
-    for y in (-1.19, -0.03, 0.03, 1.19):
-        parts.append(box(rear_frame, (0.03, 0.05, 2.2), (-3.985, y, 2.2)))
-    parts.append(plate(-3.99, 0.86, -1.0, tag))
-    single, twin = (
-        wheel(0.95, 0.28, tag, sides=16, spokes=6, rim=0.58),
-        wheel(0.95, 0.50, tag, sides=16, spokes=6, rim=0.58),
-    )
-    parts += axle_wheels(2.65, 1.05, single) + axle_wheels(-1.85, 0.96, twin)
-    return merge(parts)
+    return assemble(body=merge(parts), low=_low_lorry(tag), wheels=wheels, plates=plates, lamps=lamps)
 
 
-def bus() -> Mesh:
-    """City bus of 12 m with a destination board and advertisements."""
-    tag = Tag.BUS
-    dark, glass = Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag)
-    shell = loft_body(_COACH, tag)
-    decals = Decals(shell, 0.012)
-    decals.pair_front(
-        Look(Material.LAMP_WHITE, tag), [(0.86, 0.58), (1.14, 0.58), (1.14, 0.74), (0.86, 0.74)], (3, 1)
-    )
-    decals.front(dark, [(-1.16, 0.40), (1.16, 0.40), (1.16, 0.52), (-1.16, 0.52)], (8, 1))
-    decals.front(dark, [(-0.85, 2.60), (0.85, 2.60), (0.85, 2.82), (-0.85, 2.82)], (8, 4))
-    board = decals.raised(0.022)
-    for low, high in (
-        (-0.72, -0.50),
-        (-0.38, -0.20),
-        (-0.16, 0.02),
-        (0.06, 0.30),
-        (0.34, 0.44),
-        (0.48, 0.70),
-    ):
-        board.front(
-            Look(Material.LAMP_AMBER, tag, (90, 90, 90)),
-            [(low, 2.66), (high, 2.66), (high, 2.76), (low, 2.76)],
-            (2, 2),
-        )
-    decals.meshes.extend(board.meshes)
-    decals.rear(glass, [(1.0, 1.75), (-1.0, 1.75), (-1.0, 2.62), (1.0, 2.62)], (6, 2))
-    decals.rear(dark, [(1.0, 0.62), (-1.0, 0.62), (-1.0, 1.30), (1.0, 1.30)], (6, 2))
-    decals.pair_rear(
-        Look(Material.LAMP_RED, tag, TAIL_TINT),
-        [(1.20, 0.70), (1.05, 0.70), (1.05, 1.30), (1.20, 1.30)],
-        (1, 3),
-    )
+def _cab_face(decals: Decals, tag: Tag) -> None:
+    dark, recess = Look(Material.PLASTIC, tag, DARK), Look(Material.PLASTIC, tag, (3, 3, 3))
+    gap, lamp = Look(Material.PLASTIC, tag, (4, 4, 4)), Look(Material.LAMP_WHITE, tag)
+    decals.front(dark, band(1.25, 1.25, 0.36, 0.80))
+    decals.front(dark, band(0.80, 0.72, 0.86, 1.30), 1)
+    for z in (0.92, 1.01, 1.10, 1.19):
+        decals.front(recess, band(0.74, 0.70, z, z + 0.055), 2)
+    decals.pair_front(recess, [(0.74, 0.54), (1.17, 0.54), (1.17, 0.76), (0.74, 0.74)], 1)
+    decals.pair_front(lamp, [(0.80, 0.57), (0.96, 0.57), (0.96, 0.72), (0.80, 0.71)], 2)
+    decals.pair_front(lamp, [(0.99, 0.57), (1.08, 0.57), (1.08, 0.72), (0.99, 0.72)], 2)
     amber = Look(Material.PLASTIC, tag, AMBER_TINT)
-    decals.pair_rear(amber, [(1.20, 1.36), (1.05, 1.36), (1.05, 1.56), (1.20, 1.56)], (1, 2))
-    decals.pair_front(amber, [(0.86, 0.78), (1.14, 0.78), (1.14, 0.84), (0.86, 0.84)], (3, 1))
-    for x in (-9.0, -3.6, -0.9):
-        decals.seam(dark, [(x + 6.0, 0.44), (x + 6.0, 1.10)])
-    # Boarding is on the right: two double doors of glass, seen as dark panels below the windows.
-    doors = Decals(shell, 0.015)
-    for x0, x1 in ((5.42, 4.42), (1.10, -0.15)):
-        doors.sides(glass, [(x0, 0.42), (x1, 0.42), (x1, 1.16), (x0, 1.16)], (2, 2))
-    decals.meshes += doors.meshes[1::2]
+    decals.pair_front(amber, [(1.10, 0.57), (1.155, 0.57), (1.155, 0.73), (1.10, 0.72)], 2)
+    decals.front(recess, band(0.28, 0.28, 0.54, 0.72), 1)
+    decals.seam(gap, [(0.62, 0.85), (0.62, 1.46)], 0.02)
+    decals.seam(gap, [(-0.42, 1.10), (-0.42, 1.50)], 0.02)
+    decals.sides(dark, [(-0.10, 1.22), (-0.34, 1.22), (-0.34, 1.27), (-0.10, 1.27)])
+    for z in (0.48, 0.74):
+        decals.sides(recess, [(0.92, z), (0.66, z), (0.66, z + 0.09), (0.92, z + 0.09)])
+
+
+def _box_body(tag: Tag) -> list[Mesh]:
+    """Cargo box with rear doors, edges of metal and a poster on each side."""
+    paint, white = Look(Material.CAR_PAINT, tag), Look(Material.METAL_PAINTED, tag, (225, 225, 222))
+    rim = Look(Material.METAL_GALVANISED, tag, (170, 170, 170))
+    parts = [
+        box(white, (5.72, 2.48, 2.36), (-1.14, 0.0, 2.20)),
+        box(paint, (5.73, 2.49, 0.26), (-1.14, 0.0, 2.72)),
+    ]
+    for y in (-1.235, 1.235):
+        for z in (1.04, 3.36):
+            parts.append(box(rim, (5.74, 0.03, 0.07), (-1.14, y, z)))
+        for x in (-3.98, 1.70):
+            parts.append(box(rim, (0.05, 0.03, 2.34), (x, y, 2.20)))
+    for y in (-1.19, -0.03, 0.03, 1.19):
+        parts.append(box(rim, (0.02, 0.05, 2.2), (-3.995, y, 2.2)))
+    for y in (-0.75, -0.35, 0.35, 0.75):
+        parts.append(box(rim, (0.03, 0.03, 2.26), (-4.0, y, 2.2)))
+        parts.append(box(rim, (0.03, 0.26 if abs(y) < 0.5 else 0.03, 0.03), (-4.0, 0.8 * y, 1.5)))
+    for side in (1.0, -1.0):
+        parts.append(_advert(-1.1, side, PosterCell.MARKET, tag, 1.246, (0.68, 1.25, 3.15)))
+    return parts
+
+
+def _chassis(tag: Tag) -> list[Mesh]:
+    """Frame, tanks, guards, lamps of the tail, mirrors."""
+    dark = Look(Material.PLASTIC, tag, DARK)
+    parts = [
+        box(dark, (6.2, 0.85, 0.28), (-0.9, 0.0, 0.86)),
+        box(Look(Material.METAL_GALVANISED, tag), (0.9, 0.5, 0.5), (0.75, 0.92, 0.72)),
+        box(dark, (1.1, 0.45, 0.45), (0.65, -0.95, 0.72)),
+        box(dark, (0.08, 2.40, 0.16), (-3.93, 0.0, 0.66)),
+        box(dark, (0.06, 2.30, 0.10), (-3.90, 0.0, 0.42)),
+        box(dark, (0.02, 0.60, 0.20), (-3.98, 0.0, 0.80)),
+    ]
+    for y in (-0.8, 0.8):
+        parts.append(box(dark, (0.05, 0.06, 0.34), (-3.88, y, 0.56)))
+        parts.append(box(Look(Material.RUBBER, tag), (0.02, 0.56, 0.5), (-2.52, 1.2 * y, 0.45)))
+    amber = Look(Material.PLASTIC, tag, AMBER_TINT)
+    for side in (1.0, -1.0):
+        parts.append(box(dark, (1.4, 0.03, 0.12), (-0.45, side * 1.2, 0.80)))
+        parts.append(box(dark, (1.4, 0.03, 0.12), (-0.45, side * 1.2, 0.56)))
+        parts.append(box(Look(Material.LAMP_TAIL, tag), (0.03, 0.30, 0.13), (-3.965, side * 0.98, 0.66)))
+        parts.append(box(amber, (0.03, 0.12, 0.13), (-3.965, side * 0.75, 0.66)))
+        for x in (-3.0, -1.0, 1.2):
+            parts.append(box(amber, (0.08, 0.02, 0.05), (x, side * 1.235, 1.02)))
+        parts.append(box(dark, (0.14, 0.16, 0.44), (3.62, side * 1.15, 2.05)))
+        parts.append(box(dark, (0.04, 0.14, 0.03), (3.60, side * 1.13, 2.32)))
+        glass = Look(Material.GLASS, tag, (255, 255, 255))
+        parts.append(box(glass, (0.01, 0.12, 0.38), (3.548, side * 1.15, 2.05)))
+    return parts
+
+
+def _low_lorry(tag: Tag) -> Mesh:
+    cab = loft_body(_CAB, tag, low=True)
+    decals = Decals(cab, 0.012)
+    dark = Look(Material.PLASTIC, tag, DARK)
+    decals.front(dark, band(1.1, 1.1, 0.36, 1.25))
+    lamp = Look(Material.LAMP_WHITE, tag, (110, 112, 115))
+    decals.pair_front(lamp, [(0.80, 0.57), (1.08, 0.57), (1.08, 0.72), (0.80, 0.71)], 2)
+    parts = [placed(merge([cab, *decals.meshes]), (_CAB_X_M, 0.0, 0.0))]
+    white = Look(Material.METAL_PAINTED, tag, (225, 225, 222))
+    parts += [
+        box(white, (5.72, 2.50, 2.36), (-1.14, 0.0, 2.20)),
+        box(Look(Material.CAR_PAINT, tag), (5.74, 2.51, 0.26), (-1.14, 0.0, 2.72)),
+        box(dark, (6.6, 0.9, 0.5), (-0.7, 0.0, 0.76)),
+    ]
+    for side in (1.0, -1.0):
+        parts.append(_advert(-1.1, side, PosterCell.MARKET, tag, 1.262, (0.68, 1.25, 3.15)))
+        parts.append(box(Look(Material.LAMP_TAIL, tag), (0.05, 0.30, 0.13), (-3.965, side * 0.98, 0.66)))
+    disc = plain_wheel(0.95, 0.2, tag)
+    return merge(
+        parts
+        + [
+            w.mounted()
+            for w in (*_axle(disc, 2.65, 1.1, 0.475, True), *_axle(disc, -1.85, 1.1, 0.475, False))
+        ]
+    )
+
+
+def bus() -> VehicleParts:
+    """City bus of 12 m with a destination board, doors on the right and advertisements."""
+    tag = Tag.BUS
+    shell = loft_body(_COACH, tag)
+    decals = Decals(shell)
+    _bus_front(decals, tag)
+    _bus_rear(decals, tag)
+    _bus_flanks(decals, tag)
+    dark = Look(Material.PLASTIC, tag, DARK)
     parts = [shell, *decals.meshes]
+    for x in (3.30, -2.60):
+        parts += arch_liner(x, 0.54, 0.48, (0.75, 1.26), tag)
+    roof = Look(Material.PLASTIC, tag, (190, 190, 188))
+    parts += [
+        box(roof, (2.6, 1.5, 0.10), (2.2, 0.0, 3.06)),
+        box(roof, (2.0, 1.5, 0.10), (-3.4, 0.0, 3.06)),
+        box(Look(Material.PLASTIC, tag, (5, 5, 5)), (11.0, 1.5, 0.5), (0.0, 0.0, 0.62)),
+    ]
+    for side in (1.0, -1.0):
+        mirror = ellipsoid(dark, (5.86, 1.16, 2.25), (0.07, 0.07, 0.22), 5, 8)
+        arm = box(dark, (0.10, 0.06, 0.06), (5.86, 1.10, 2.50))
+        parts += [mirror, arm] if side > 0 else [mirrored(mirror), mirrored(arm)]
+    tyre = wheel(0.96, 0.30, tag, spokes=0, rim=0.60)
+    wheels = car_wheels(tyre, (3.30, -2.60), 1.10, 0.48)
+    lamps = tuple(LampPlace(position_m=(5.95, 0.98 * side, 0.66)) for side in (1.0, -1.0))
+    plates = (
+        PlatePlace(position_m=(-6.03, 0.0, 0.52), facing=-1.0),
+        PlatePlace(position_m=(6.012, 0.0, 0.48), facing=1.0),
+    )
+    return assemble(body=merge(parts), low=_low_bus(tag), wheels=wheels, plates=plates, lamps=lamps)
+
+
+def _bus_front(decals: Decals, tag: Tag) -> None:
+    dark, glass = Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag)
+    lamp, amber = Look(Material.LAMP_WHITE, tag), Look(Material.PLASTIC, tag, AMBER_TINT)
+    decals.front(dark, band(1.2, 1.2, 0.30, 0.52))
+    decals.front(glass, band(1.14, 1.12, 1.02, 2.56))
+    decals.front(dark, band(0.012, 0.012, 1.02, 2.56), 1)
+    decals.front(dark, band(1.0, 0.96, 2.56, 2.88))
+    for k, digit in enumerate("42"):
+        _digit(decals, digit, 0.62 - 0.20 * k, 2.62, 0.20, tag)
+    for k in range(6):
+        y = 0.10 - 0.13 * k
+        decals.front(
+            Look(Material.LAMP_AMBER, tag, (90, 90, 90)),
+            [(y - 0.04, 2.66), (y + 0.04, 2.66), (y + 0.04, 2.76), (y - 0.04, 2.76)],
+            2,
+        )
+    decals.pair_front(
+        Look(Material.PLASTIC, tag, (20, 21, 23)), [(0.78, 0.56), (1.18, 0.56), (1.18, 0.82), (0.82, 0.80)], 1
+    )
+    for y in (0.84, 1.0):
+        decals.pair_front(lamp, [(y, 0.59), (y + 0.13, 0.59), (y + 0.13, 0.72), (y, 0.72)], 2)
+    decals.pair_front(amber, [(0.88, 0.745), (1.15, 0.745), (1.15, 0.79), (0.88, 0.785)], 2)
+
+
+def _digit(decals: Decals, digit: str, y: float, z: float, high_m: float, tag: Tag) -> None:
+    """Seven-segment digit of amber lights on the destination board; `y` is its left edge seen from ahead."""
+    w, h, s = 0.55 * high_m, high_m, 0.12 * high_m
+    # Seen from ahead, +y lies on the right; the board reads from −y to +y.
+    bars = {
+        "a": (0, h - s, w, h), "d": (0, 0, w, s), "g": (0, 0.5 * (h - s), w, 0.5 * (h + s)),
+        "f": (0, 0.5 * h, s, h), "e": (0, 0, s, 0.5 * h), "b": (w - s, 0.5 * h, w, h),
+        "c": (w - s, 0, w, 0.5 * h),
+    }  # fmt: skip
+    look = Look(Material.LAMP_AMBER, tag, (120, 120, 120))
+    for name in _SEGMENTS[digit]:
+        y0, z0, y1, z1 = bars[name]
+        decals.front(look, [(-y + y0, z + z0), (-y + y1, z + z0), (-y + y1, z + z1), (-y + y0, z + z1)], 2)
+
+
+def _bus_rear(decals: Decals, tag: Tag) -> None:
+    dark, glass = Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag)
+    decals.rear(glass, band(1.0, 0.96, 1.75, 2.62))
+    decals.rear(dark, band(0.9, 0.9, 0.66, 1.40))
+    for z in np.arange(0.74, 1.34, 0.10):
+        decals.rear(Look(Material.PLASTIC, tag, (3, 3, 3)), band(0.82, 0.82, float(z), float(z) + 0.045), 1)
+    decals.rear(dark, band(1.2, 1.2, 0.30, 0.42))
+    decals.pair_rear(
+        Look(Material.LAMP_TAIL, tag), [(1.20, 0.70), (1.02, 0.70), (1.02, 1.10), (1.20, 1.10)], 1
+    )
+    decals.pair_rear(
+        Look(Material.PLASTIC, tag, AMBER_TINT), [(1.20, 1.13), (1.02, 1.13), (1.02, 1.32), (1.20, 1.32)], 1
+    )
+    decals.pair_rear(
+        Look(Material.PLASTIC, tag, (190, 190, 190)),
+        [(1.20, 0.56), (1.02, 0.56), (1.02, 0.67), (1.20, 0.67)],
+        1,
+    )
+
+
+def _bus_flanks(decals: Decals, tag: Tag) -> None:
+    gap, dark = Look(Material.PLASTIC, tag, (4, 4, 4)), Look(Material.PLASTIC, tag, DARK)
+    glass = Look(Material.GLASS, tag)
+    decals.sides(dark, [(2.72, 0.3), (-2.03, 0.3), (-2.03, 0.44), (2.72, 0.44)])
+    for x in (5.2, 1.9, 0.2, -1.6, -4.4):
+        decals.seam(gap, [(x, 0.46), (x, 1.10)], 0.012)
+    # Boarding is on the right: three double doors of glass in dark frames.
+    for x0, x1 in ((5.55, 4.40), (1.25, -0.05), (-3.80, -5.00)):
+        decals.side(dark, [(x0, 0.36), (x1, 0.36), (x1, 2.66), (x0, 2.66)], -1.0, 1)
+        middle = 0.5 * (x0 + x1)
+        for a, b in ((x0 - 0.06, middle + 0.02), (middle - 0.02, x1 + 0.06)):
+            decals.side(glass, [(a, 0.50), (b, 0.50), (b, 2.58), (a, 2.58)], -1.0, 2)
     for side, cells in (
-        (1.0, (PosterCell.TRAVEL, PosterCell.CINEMA)),
-        (-1.0, (PosterCell.RADIO, PosterCell.BANK)),
+        (1.0, ((PosterCell.TRAVEL, 1.3), (PosterCell.CINEMA, -4.1))),
+        (-1.0, ((PosterCell.RADIO, 2.1), (PosterCell.BANK, -1.4))),
     ):
-        for x, cell in zip((1.3, -4.1), cells, strict=True):
-            parts.append(_advert(x if side > 0 else x - 0.2, side, cell, tag, 1.283, (0.38, 0.50, 1.06)))
-    parts.append(box(Look(Material.PLASTIC, tag, (60, 60, 62)), (9.4, 1.7, 0.02), (-0.6, 0.0, 3.075)))
-    for side in (1, -1):
-        parts.append(ellipsoid(dark, (5.72, side * 1.19, 2.25), (0.06, 0.06, 0.20), 5, 8))
-    parts.append(box(Look(Material.PLASTIC, tag, (5, 5, 5)), (11.0, 1.7, 0.5), (0.0, 0.0, 0.62)))
-    parts.append(plate(-6.02, 0.50, -1.0, tag))
-    tyre = wheel(0.96, 0.30, tag, sides=16, spokes=6, rim=0.58)
-    return merge(parts + axle_wheels(3.30, 1.10, tyre) + axle_wheels(-2.60, 1.10, tyre))
+        for cell, x in cells:
+            decals.meshes.append(_advert(x, side, cell, tag, 1.283, (0.30, 0.50, 1.06)))
+
+
+def _low_bus(tag: Tag) -> Mesh:
+    shell = loft_body(_COACH, tag, low=True)
+    decals = Decals(shell, 0.012)
+    dark, glass = Look(Material.PLASTIC, tag, DARK), Look(Material.GLASS, tag)
+    decals.front(glass, band(1.14, 1.12, 1.02, 2.56))
+    decals.front(dark, band(1.0, 0.96, 2.56, 2.88))
+    decals.rear(glass, band(1.0, 0.96, 1.75, 2.62))
+    decals.rear(dark, band(0.9, 0.9, 0.66, 1.40))
+    decals.pair_rear(
+        Look(Material.LAMP_TAIL, tag), [(1.20, 0.70), (1.02, 0.70), (1.02, 1.10), (1.20, 1.10)], 1
+    )
+    lamp = Look(Material.LAMP_WHITE, tag, (110, 112, 115))
+    decals.pair_front(lamp, [(0.84, 0.59), (1.13, 0.59), (1.13, 0.72), (0.84, 0.72)], 2)
+    for x0, x1 in ((5.55, 4.40), (1.25, -0.05), (-3.80, -5.00)):
+        decals.side(glass, [(x0, 0.40), (x1, 0.40), (x1, 2.66), (x0, 2.66)], -1.0, 1)
+    disc = plain_wheel(0.96, 0.02, tag)
+    wheels = [w.mounted() for w in car_wheels(disc, (3.30, -2.60), 1.265, 0.48)]
+    return merge([shell, *decals.meshes, *wheels])
+
+
+def _axle(
+    mesh: Mesh, x_m: float, track_half_m: float, radius_m: float, steered: bool
+) -> tuple[WheelPlace, ...]:
+    return tuple(
+        WheelPlace(
+            mesh=mesh,
+            centre_m=(x_m, -track_half_m if right else track_half_m, radius_m),
+            radius_m=radius_m,
+            steered=steered,
+            right=right,
+        )
+        for right in (False, True)
+    )
 
 
 def _advert(

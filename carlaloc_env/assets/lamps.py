@@ -2,43 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.cars import AMBER_TINT, STOP_TINT
+from carlaloc_env.assets.car_faces import AMBER_TINT, STOP_TINT
 from carlaloc_env.assets.shapes import Look
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, make_mesh
 from carlaloc_env.semantics import Tag
 
-_LIFT_M = 0.006
+LAMPS = ("brake", "left", "right")
+_LIFT_M = 0.004
 """How far a lit lamp stands before the unlit one [m]."""
+_FAR_LIFT_M = 0.05
+"""The same for the coarser body of a vehicle far away, whose surface lies elsewhere by some centimetres."""
 
 
-def lit_lamps(vehicles: Mapping[str, Mesh]) -> dict[str, Mesh]:
-    """Meshes named ``vehicle/brake``, ``vehicle/left`` and ``vehicle/right``; empty without a lamp."""
-    models: dict[str, Mesh] = {}
-    for name, mesh in vehicles.items():
-        corner = mesh.triangles[:, 0]
-        plastic = mesh.material[corner] == Material.PLASTIC
-        stop = plastic & np.all(mesh.colour[corner] == STOP_TINT, axis=-1)
-        red = (mesh.material[corner] == Material.LAMP_RED) | stop
-        amber = plastic & np.all(mesh.colour[corner] == AMBER_TINT, axis=-1)
-        y = mesh.vertices_m[mesh.triangles, 1].mean(axis=1)
-        tag = Tag(int(mesh.tag[0]))
-        models[f"{name}/brake"] = _cut(mesh, red, Look(Material.LAMP_RED, tag))
-        models[f"{name}/left"] = _cut(mesh, amber & (y > 0), Look(Material.LAMP_AMBER, tag))
-        models[f"{name}/right"] = _cut(mesh, amber & (y < 0), Look(Material.LAMP_AMBER, tag))
+def lit_lamps(name: str, body: Mesh) -> dict[str, Mesh]:
+    """Meshes ``name/brake``, ``name/left``, ``name/right`` and the same under ``name/low/``.
+
+    Empty where the vehicle has no such lamp.
+    """
+    corner = body.triangles[:, 0]
+    plastic = body.material[corner] == Material.PLASTIC
+    stop = plastic & np.all(body.colour[corner] == STOP_TINT, axis=-1)
+    amber = plastic & np.all(body.colour[corner] == AMBER_TINT, axis=-1)
+    y = body.vertices_m[body.triangles, 1].mean(axis=1)
+    chosen = {
+        "brake": (stop | (body.material[corner] == Material.LAMP_TAIL), Material.LAMP_RED),
+        "left": (amber & (y > 0), Material.LAMP_AMBER),
+        "right": (amber & (y < 0), Material.LAMP_AMBER),
+    }
+    tag, models = Tag(int(body.tag[0])), dict[str, Mesh]()
+    for lamp in LAMPS:
+        where, material = chosen[lamp]
+        models[f"{name}/{lamp}"] = _cut(body, where, Look(material, tag), _LIFT_M)
+        models[f"{name}/low/{lamp}"] = _cut(body, where, Look(material, tag), _FAR_LIFT_M)
     return models
 
 
-def _cut(mesh: Mesh, chosen: NDArray[np.bool_], look: Look) -> Mesh:
+def _cut(mesh: Mesh, chosen: NDArray[np.bool_], look: Look, lift_m: float) -> Mesh:
     """Some of the triangles, lifted along their normals, of another look."""
     used, index = np.unique(mesh.triangles[chosen], return_inverse=True)
     return make_mesh(
-        mesh.vertices_m[used] + _LIFT_M * mesh.normals[used],
+        mesh.vertices_m[used] + lift_m * mesh.normals[used],
         index.reshape(-1, 3),
         material=look.material,
         tag=look.tag,

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import numpy as np
+
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.ego import ego_body
 from carlaloc_env.assets.lamps import lit_lamps
-from carlaloc_env.assets.shapes import Look, disc
+from carlaloc_env.assets.plate_text import PLATE_SIZE_M, PLATES
+from carlaloc_env.assets.shapes import Colour, Look, disc
+from carlaloc_env.assets.vehicle_parts import PlatePlace, plate
 from carlaloc_env.assets.vehicles import vehicle
 from carlaloc_env.assets.walkers import walker_models
+from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, ModelLibrary
 from carlaloc_env.semantics import Tag
@@ -18,6 +23,7 @@ LENS_RADIUS_M = 0.15
 """Radius of a traffic light's lens [m]."""
 LENS_LIFT_M = 0.012
 """How far a lit lens stands before the dark one [m]."""
+DETAILS = ("low", "high")
 
 _LENSES = {
     "signal_red": Material.LAMP_RED,
@@ -28,16 +34,70 @@ _LENSES = {
 
 @lru_cache(maxsize=1)
 def build_library() -> ModelLibrary:
-    """Vehicles, walkers in each phase of their gait, the ego's body and lit signal lenses.
+    """Vehicles and their parts, walkers in each phase of their gait, the ego's body, lit signal lenses.
 
-    Names: every key of `VEHICLES`; ``walker/00`` … ``walker/15`` and ``walker/stand`` for every key of
-    `WALKERS`; ``vehicle/brake``, ``vehicle/left``, ``vehicle/right`` (lit lamps);
-    ``ego``; ``signal_red``, ``signal_yellow``, ``signal_green``.
+    Names, for every key of `VEHICLES`: ``name`` the whole vehicle, wheels straight; ``name/body`` without
+    wheels and plates; ``name/wheel0`` … its wheels; ``name/low`` the whole in few triangles;
+    ``name/brake``, ``name/left``, ``name/right`` lit lamps, and the same under ``name/low/``.
+    ``plate/CAR/00`` … number plates of each vehicle tag, facing +x at the origin. For every key of
+    `WALKERS`: ``name/00`` …, ``name/stand``, ``name/low/00`` …, ``name/low/stand``. Besides: ``ego``,
+    ``signal_red``, ``signal_yellow``, ``signal_green``.
     """
-    models: dict[str, Mesh] = {name: vehicle(name) for name in VEHICLES}
-    models.update(lit_lamps(models))
+    models: dict[str, Mesh] = {}
+    for name in VEHICLES:
+        parts = vehicle(name)
+        models[name], models[f"{name}/body"], models[f"{name}/low"] = parts.whole, parts.body, parts.low
+        for k, mesh in enumerate(dict.fromkeys(place.mesh for place in parts.wheels)):
+            models[f"{name}/wheel{k}"] = mesh
+        models.update(lit_lamps(name, parts.body))
+    models.update(_plates())
     models.update(walker_models())
     models["ego"] = ego_body()
     for name, material in _LENSES.items():
         models[name] = disc(Look(material, Tag.TRAFFIC_LIGHT), LENS_RADIUS_M, 16, LENS_LIFT_M)
     return ModelLibrary(models)
+
+
+def vehicle_mesh(model: str, *, detail: str = "low", tint: Colour | None = None) -> Mesh:
+    """A parked vehicle as one static mesh: lamps off, paint in its own colour, plate 0.
+
+    Args:
+        model: A key of `VEHICLES`; cycles carry their riders.
+        detail: ``low`` (500–1000 triangles) or ``high``.
+        tint: Linear colour 0–255 of its paint; the model's most common one when left out.
+
+    Returns:
+        Mesh centred on its box, resting on z = 0, nose along +x.
+
+    Raises:
+        ConfigError: no vehicle has this name, or the detail is not one of `DETAILS`.
+    """
+    if detail not in DETAILS:
+        raise ConfigError(unknown_name("detail", detail, DETAILS))
+    parts = vehicle(model)
+    mesh = parts.low if detail == "low" else parts.whole
+    paint = np.asarray(VEHICLES[model].tints[0][0] if tint is None else tint, dtype=np.uint8)
+    tinted = np.isin(mesh.material, (Material.CAR_PAINT, Material.CLOTH)) & np.all(
+        mesh.colour == 255, axis=-1
+    )
+    colour = np.where(tinted[:, None], paint, mesh.colour)
+    white, tail = mesh.material == Material.LAMP_WHITE, mesh.material == Material.LAMP_TAIL
+    colour = np.where(white[:, None], np.array((120, 122, 124)), colour)
+    colour = np.where(tail[:, None], np.array((70, 3, 3)), colour)
+    material = np.where(white | tail, Material.PLASTIC, mesh.material)
+    return Mesh(
+        vertices_m=mesh.vertices_m,
+        triangles=mesh.triangles,
+        normals=mesh.normals,
+        uv_m=mesh.uv_m,
+        colour=colour.astype(np.uint8),
+        material=material.astype(np.uint8),
+        tag=mesh.tag,
+        instance=mesh.instance,
+    )
+
+
+def _plates() -> dict[str, Mesh]:
+    place = PlatePlace(position_m=(0.0, 0.0, 0.0), facing=1.0, width_m=PLATE_SIZE_M[0])
+    tags = sorted({model.tag for model in VEHICLES.values()})
+    return {f"plate/{tag.name}/{k:02d}": plate(place, k, tag) for tag in tags for k in range(PLATES)}

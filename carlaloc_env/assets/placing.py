@@ -7,16 +7,22 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.assets.catalog import EGO_TINT, GAIT_PHASES, VEHICLES, WALKERS
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.scene import EGO_INSTANCE, Instances, ModelLibrary
+from carlaloc_env.assets.articulation import (
+    STANDING_MPS,
+    Families,
+    far_away,
+    tables_of,
+    walker_models,
+)
+from carlaloc_env.assets.catalog import EGO_TINT, VEHICLES
+from carlaloc_env.assets.plate_text import plate_of
+from carlaloc_env.assets.wheels import wheel_pose
+from carlaloc_env.scene import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
 from carlaloc_env.semantics import Tag
 from carlaloc_env.timeline import LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame
 
 _BLINK_NS = 666_666_666
 """Period of the indicators [ns]."""
-_STANDING_MPS = 0.05
-"""Walkers below this speed [m/s] stand."""
 _LIT = ("signal_red", "signal_yellow", "signal_green")
 """Model of a lit lens for the signal states 1, 2, 3."""
 
@@ -38,42 +44,66 @@ class SignalLenses:
         return len(self.signal)
 
 
-def place_actors(catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary) -> Instances:
-    """One instance per actor, in the catalogue's order.
+def place_actors(
+    catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary, *, eye_m: ArrayLike | None = None
+) -> Instances:
+    """Actors as models, in the catalogue's order, then wheels and number plates of the near ones.
 
-    Vehicles follow heading and pitch; walkers stay upright, and the distance they walked chooses
-    the phase of their gait.
+    Vehicles follow heading and pitch; their wheels roll with the distance covered and steer. Walkers
+    stay upright, and the distance they walked chooses the phase of their gait; they stand up to half
+    a phase's way behind their place, so that the foot on the ground does not slide.
 
     Args:
         catalog: Who takes part.
         frame: Their state.
         library: Models of `assets.library.build_library`.
+        eye_m: Where one looks from [m], shape (3,): actors far from it are drawn in few triangles.
+            Without it every actor is one whole model with its wheels straight.
 
     Raises:
         ConfigError: the catalogue names a model that does not exist.
     """
-    family, of_actor = np.unique(np.array(catalog.model, dtype=np.str_), return_inverse=True)
-    first, stand, stride = (
-        (np.array(column) for column in zip(*(_family(str(name), library) for name in family), strict=True))
-        if len(family)
-        else (np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0))
-    )
-    first, stand, stride = first[of_actor], stand[of_actor], stride[of_actor]
-    walks = stride > 0
-    turns = frame.travelled_m.astype(np.float64) / np.where(walks, stride, 1.0)
-    phase = np.floor(turns * GAIT_PHASES + 0.5).astype(np.int64) % GAIT_PHASES
-    moving = np.abs(frame.speed_mps) >= _STANDING_MPS
-    model = np.where(walks, np.where(moving, first + phase, stand), first)
-    pitch = np.where(walks, 0.0, frame.pitch_rad)
-    return Instances(
+    if not len(catalog):
+        return Instances()
+    tables, family = tables_of(catalog, library)
+    low = far_away(tables, family, frame, eye_m)
+    walks = tables.stride_m[family] > 0
+    vehicle = tables.whole if eye_m is None else tables.body
+    model = np.where(low, tables.low[family], vehicle[family])
+    position = frame.position_m.astype(np.float64)
+    who = np.flatnonzero(walks)
+    if len(who):
+        model[who], behind = walker_models(
+            tables,
+            family[who],
+            frame.travelled_m[who].astype(np.float64),
+            np.abs(frame.speed_mps[who]) >= STANDING_MPS,
+            low[who],
+        )
+        heading = frame.heading_rad[who].astype(np.float64)
+        position[who, 0] -= behind * np.cos(heading)
+        position[who, 1] -= behind * np.sin(heading)
+    placed = Instances(
         model=model.astype(np.int32),
-        T_world_model=ground_poses(frame.position_m, frame.heading_rad, pitch),
+        T_world_model=ground_poses(position, frame.heading_rad, np.where(walks, 0.0, frame.pitch_rad)),
         instance=catalog.id,
         tint=catalog.tint,
     )
+    if eye_m is None:
+        return placed
+    near = np.flatnonzero(~low & tables.parted[family])
+    parts = [_wheels(tables, family, frame, placed, near), _plates(tables, family, placed, near)]
+    return concatenate_instances([placed, *parts])
 
 
-def place_lights(catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary, stamp_ns: int) -> Instances:
+def place_lights(
+    catalog: ActorCatalog,
+    frame: ActorFrame,
+    library: ModelLibrary,
+    stamp_ns: int,
+    *,
+    eye_m: ArrayLike | None = None,
+) -> Instances:
     """Lit brake lamps and indicators of vehicles, to be drawn over their bodies by cameras.
 
     Args:
@@ -81,24 +111,26 @@ def place_lights(catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary
         frame: Their state.
         library: Models of `assets.library.build_library`.
         stamp_ns: Time [ns]; indicators blink with it.
+        eye_m: As for `place_actors`.
     """
     blink = (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS
-    lit = {
-        "brake": frame.lights & LIGHT_BRAKE,
-        "left": frame.lights & LIGHT_LEFT,
-        "right": frame.lights & LIGHT_RIGHT,
-    }
-    actor: list[NDArray[np.intp]] = []
-    model: list[NDArray[np.int32]] = []
-    for lamp, bits in lit.items():
-        if lamp != "brake" and not blink:
+    bits = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT if blink else 0, "right": LIGHT_RIGHT if blink else 0}
+    actor, model = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
+    if not len(catalog):
+        return Instances()
+    tables, family = tables_of(catalog, library)
+    names = np.unique(np.array(catalog.model, dtype=np.str_))
+    low = far_away(tables, family, frame, eye_m)
+    for lamp, bit in bits.items():
+        who = np.flatnonzero(((frame.lights & bit) > 0) & (catalog.tag != Tag.PEDESTRIAN))
+        if not len(who):
             continue
-        chosen = np.flatnonzero((bits > 0) & (catalog.tag != Tag.PEDESTRIAN))
-        names = np.array(catalog.model, dtype=np.str_)[chosen] if len(chosen) else np.zeros(0, np.str_)
-        family, of_actor = np.unique(names, return_inverse=True)
-        index = np.array([library.index(f"{name}/{lamp}") for name in family], dtype=np.int32)
-        actor.append(chosen)
-        model.append(index[of_actor] if len(chosen) else np.zeros(0, np.int32))
+        near, far = (
+            np.array([library.index(f"{name}{way}/{lamp}") if name in VEHICLES else 0 for name in names])
+            for way in ("", "/low")
+        )
+        actor.append(who)
+        model.append(np.where(low[who], far[family[who]], near[family[who]]))
     who = np.concatenate(actor)
     return Instances(
         model=np.concatenate(model).astype(np.int32),
@@ -106,6 +138,30 @@ def place_lights(catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary
         instance=catalog.id[who],
         tint=np.full((len(who), 3), 255, np.uint8),
     )
+
+
+def headlamps(
+    catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+    """Where the headlamps of all vehicles shine from, and where to; whether they are on is the weather's.
+
+    Args:
+        catalog: Who takes part.
+        frame: Their state.
+        library: Models of `assets.library.build_library`.
+
+    Returns:
+        Positions [m], shape (L, 3), unit directions ahead, shape (L, 3), both in the world, and the
+        actor of each lamp, shape (L,).
+    """
+    if not len(catalog):
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.intp)
+    tables, family = tables_of(catalog, library)
+    everyone = np.arange(len(catalog))
+    actor, row = _rows(tables.lamp_begin, family, everyone)
+    T = ground_poses(frame.position_m, frame.heading_rad, frame.pitch_rad)[actor]
+    place = np.sum(T[:, :3, :3] * tables.lamp_place_m[row][:, None, :], axis=2) + T[:, :3, 3]
+    return place, T[:, :3, 0].copy(), actor
 
 
 def place_signals(lenses: SignalLenses, states: NDArray[np.uint8], library: ModelLibrary) -> Instances:
@@ -150,10 +206,49 @@ def ground_poses(position_m: ArrayLike, heading_rad: ArrayLike, pitch_rad: Array
     return T
 
 
-def _family(name: str, library: ModelLibrary) -> tuple[int, int, float]:
-    """First model, standing model and stride [m] of a family; stride 0 for vehicles."""
-    if name in WALKERS:
-        return library.index(f"{name}/00"), library.index(f"{name}/stand"), WALKERS[name].stride_m
-    if name in VEHICLES:
-        return library.index(name), library.index(name), 0.0
-    raise ConfigError(unknown_name("actor model", name, (*VEHICLES, *WALKERS)))
+def _rows(
+    begin: NDArray[np.intp], family: NDArray[np.intp], who: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Actor and table row of every part of some actors, grouped by actor."""
+    first, count = begin[family[who]], begin[family[who] + 1] - begin[family[who]]
+    actor = np.repeat(who, count)
+    start = np.cumsum(count) - count
+    return actor, np.repeat(first - start, count) + np.arange(len(actor))
+
+
+def _wheels(
+    tables: Families, family: NDArray[np.intp], frame: ActorFrame, placed: Instances, who: NDArray[np.intp]
+) -> Instances:
+    """Wheels of some vehicles, rolled and steered."""
+    actor, row = _rows(tables.wheel_begin, family, who)
+    turn = frame.travelled_m[actor].astype(np.float64) / tables.wheel_radius_m[row]
+    steer = frame.steer_rad[actor].astype(np.float64) * tables.wheel_steered[row]
+    local = wheel_pose(tables.wheel_centre_m[row], tables.wheel_right[row], steer, turn)
+    return _parts(placed, actor, tables.wheel_model[row], local)
+
+
+def _plates(
+    tables: Families, family: NDArray[np.intp], placed: Instances, who: NDArray[np.intp]
+) -> Instances:
+    """Number plates of some vehicles; the actor's id chooses what they read."""
+    actor, row = _rows(tables.plate_begin, family, who)
+    local = np.zeros((len(row), 4, 4))
+    facing, scale = tables.plate_facing[row], tables.plate_scale[row]
+    local[:, 0, 0] = local[:, 1, 1] = facing * scale
+    local[:, 2, 2], local[:, 3, 3] = scale, 1.0
+    local[:, :3, 3] = tables.plate_place_m[row]
+    return _parts(placed, actor, tables.plate_model[row] + plate_of(placed.instance[actor]), local)
+
+
+def _parts(
+    placed: Instances, actor: NDArray[np.intp], model: NDArray[np.intp], local: NDArray[np.float64]
+) -> Instances:
+    """Parts of placed actors by their poses in the actors' frames, shape (M, 4, 4)."""
+    T = placed.T_world_model[actor]
+    return Instances(
+        model=model.astype(np.int32),
+        # Written out without BLAS, so that the poses have the same bits on every machine.
+        T_world_model=np.sum(T[:, :, :, None] * local[:, None, :, :], axis=2),
+        instance=placed.instance[actor],
+        tint=placed.tint[actor],
+    )

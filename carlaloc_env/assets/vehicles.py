@@ -1,18 +1,19 @@
-"""Mesh of every vehicle in the catalogue."""
+"""Every vehicle of the catalogue, made of its parts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 from carlaloc_env.assets.cars import car
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.cycles import bicycle, motorcycle
 from carlaloc_env.assets.fleet import CARS
 from carlaloc_env.assets.heavy import bus, lorry
+from carlaloc_env.assets.vehicle_parts import VehicleParts
 from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.scene import Mesh
 
-_OTHERS: dict[str, Callable[[], Mesh]] = {
+_OTHERS: dict[str, Callable[[], VehicleParts]] = {
     "lorry": lorry,
     "bus": bus,
     "motorcycle": motorcycle,
@@ -20,8 +21,9 @@ _OTHERS: dict[str, Callable[[], Mesh]] = {
 }
 
 
-def vehicle(name: str) -> Mesh:
-    """Mesh of a vehicle, centred on its box, resting on z = 0, nose along +x.
+@lru_cache(maxsize=len(VEHICLES))
+def vehicle(name: str) -> VehicleParts:
+    """Parts of a vehicle, centred on its box, resting on z = 0, nose along +x.
 
     Raises:
         ConfigError: no vehicle has this name.

@@ -143,12 +143,13 @@ class CameraSensor(Camera):
 def instances_at(world: World, timeline: Timeline, stamp_ns: int) -> Instances:
     """Ego, actors, their lit lamps and lit signal lenses at one time [ns]."""
     T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
-    actors = timeline.actors_at(stamp_ns)
+    # Detail goes by the ego's place, so that both eyes see the same shapes.
+    actors, eye_m = timeline.actors_at(stamp_ns), T_world_base[:3, 3]
     return concatenate_instances(
         [
             place_ego(T_world_base, world.library),
-            place_actors(timeline.catalog, actors, world.library),
-            place_lights(timeline.catalog, actors, world.library, stamp_ns),
+            place_actors(timeline.catalog, actors, world.library, eye_m=eye_m),
+            place_lights(timeline.catalog, actors, world.library, stamp_ns, eye_m=eye_m),
             place_signals(world.lenses, timeline.signals_at(stamp_ns), world.library),
         ]
     )

@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from carlaloc_env.assets.atlas import atlas_uv, street_name_uv
-from carlaloc_env.assets.catalog import EGO_SIZE_M, GAIT_PHASES, VEHICLES, WALKERS
+from carlaloc_env.assets.body import loft_body
+from carlaloc_env.assets.catalog import EGO_SIZE_M, GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.assets.facets import signed_volume_m3
-from carlaloc_env.assets.figure import shoe_sole
+from carlaloc_env.assets.fleet import CARS
 from carlaloc_env.assets.gait import posture, standing
-from carlaloc_env.assets.library import build_library
+from carlaloc_env.assets.library import build_library, vehicle_mesh
 from carlaloc_env.assets.placing import (
     SignalLenses,
     ground_poses,
+    headlamps,
     place_actors,
     place_ego,
     place_lights,
     place_signals,
 )
+from carlaloc_env.assets.plate_text import PLATES, plate_of, plate_text, plate_uv
 from carlaloc_env.assets.props import PROPS, prop
 from carlaloc_env.assets.shapes import Look, box, lathe, mirrored, tube
 from carlaloc_env.assets.shrubs import hedge
 from carlaloc_env.assets.signals import traffic_light
 from carlaloc_env.assets.signs import SIGNS, sign
+from carlaloc_env.assets.skeleton import shoe_sole
 from carlaloc_env.assets.trees import FORMS, tree
 from carlaloc_env.errors import ConfigError
-from carlaloc_env.materials import Material
+from carlaloc_env.materials import MATERIALS, Material
 from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary
 from carlaloc_env.semantics import Tag
 from carlaloc_env.timeline import LIGHT_BRAKE, LIGHT_LEFT, ActorCatalog, ActorFrame
@@ -75,7 +80,8 @@ def test_vehicle_fills_its_box_and_stands_on_the_ground(library: ModelLibrary, n
     np.testing.assert_allclose(0.5 * (low + high)[:2], 0.0, atol=0.012)
     assert abs(low[2]) < 1e-3
     assert signed_volume_m3(mesh) > 0
-    assert 1000 < len(mesh.triangles) < 3600
+    assert 2000 < len(mesh.triangles) < 5000
+    assert 300 < len(model(library, f"{name}/low").triangles) < 1100
 
 
 @pytest.mark.parametrize(
@@ -94,11 +100,11 @@ def test_four_wheels_touch_the_ground_at_the_axles(library: ModelLibrary, name: 
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_car_body_volume_is_a_large_part_of_its_box(library: ModelLibrary, name: str) -> None:
-    if VEHICLES[name].tag not in (Tag.CAR, Tag.BUS):
+def test_car_shell_volume_is_a_large_part_of_its_box(library: ModelLibrary, name: str) -> None:
+    if name not in CARS:
         pytest.skip("not a closed body")
-    share = signed_volume_m3(model(library, name)) / np.prod(VEHICLES[name].size_m)
-    assert 0.5 < share < 1.0
+    share = signed_volume_m3(loft_body(CARS[name].shape, Tag.CAR)) / np.prod(VEHICLES[name].size_m)
+    assert 0.4 < share < 0.9
 
 
 @pytest.mark.parametrize(
@@ -121,10 +127,14 @@ def test_props_stand_at_the_origin_and_show_their_outside(name: str) -> None:
 def test_library_holds_every_name(library: ModelLibrary) -> None:
     expected = {*VEHICLES, "ego", "signal_red", "signal_yellow", "signal_green"}
     for name in WALKERS:
-        expected |= {f"{name}/{k:02d}" for k in range(GAIT_PHASES)} | {f"{name}/stand"}
+        expected |= {f"{name}/{k:02d}" for k in range(GAIT_PHASES)} | {f"{name}/stand", f"{name}/low/stand"}
+        expected |= {f"{name}/low/{k:02d}" for k in range(LOW_GAIT_PHASES)}
     for name in VEHICLES:
-        expected |= {f"{name}/brake", f"{name}/left", f"{name}/right"}
-    assert set(library.names) == expected
+        expected |= {f"{name}{way}/{lamp}" for way in ("", "/low") for lamp in ("brake", "left", "right")}
+        expected |= {f"{name}/body", f"{name}/low", f"{name}/wheel0"}
+    for tag in {model.tag for model in VEHICLES.values()}:
+        expected |= {f"plate/{tag.name}/{k:02d}" for k in range(PLATES)}
+    assert set(library.names) == {*expected, "lorry/wheel1"}
     assert sum(v.weight for v in VEHICLES.values()) == pytest.approx(1.0)
     assert sum(w.weight for w in WALKERS.values()) == pytest.approx(1.0)
     for family in (*VEHICLES.values(), *WALKERS.values()):
@@ -182,8 +192,10 @@ def test_walkers_tread_on_the_ground(library: ModelLibrary, name: str) -> None:
         mesh = model(library, f"{name}/{phase:02d}")
         assert abs(mesh.bounds_m[0, 2]) < 0.01
         assert abs(mesh.bounds_m[1, 2] - person.stature_m) < 0.06
+        assert np.all(np.abs(mesh.bounds_m[:, :2]) < 0.5 * np.array(person.size_m[:2]) + 0.02)
+        assert mesh.bounds_m[1, 2] < person.size_m[2] + 0.02
         assert set(np.unique(mesh.tag)) == {int(Tag.PEDESTRIAN)}
-        assert 400 < len(mesh.triangles) < 1200
+        assert 900 < len(mesh.triangles) < 2200
     still = model(library, f"{name}/stand")
     np.testing.assert_allclose(still.bounds_m[1, 2], person.stature_m, rtol=0.02)
     joints = standing(person.stature_m)
@@ -232,7 +244,12 @@ def test_placing_equals_a_calculation_by_hand(library: ModelLibrary) -> None:
         np.testing.assert_allclose(T[:3, 0], nose, atol=1e-12)
         np.testing.assert_allclose(T[:3, 1], left, atol=1e-12)
         np.testing.assert_allclose(T[:3, 2], np.cross(nose, left), atol=1e-12)
-        np.testing.assert_allclose(T[:3, 3], frame.position_m[k], atol=1e-6)
+        behind = 0.0
+        if walker and frame.speed_mps[k] > 0:
+            step = WALKERS[name].stride_m / GAIT_PHASES
+            behind = math.remainder(float(frame.travelled_m[k]), step)
+        place = frame.position_m[k] - behind * np.array([math.cos(yaw), math.sin(yaw), 0.0])
+        np.testing.assert_allclose(T[:3, 3], place, atol=1e-5)
         if not walker:
             wanted = name
         elif frame.speed_mps[k] == 0:
@@ -243,6 +260,149 @@ def test_placing_equals_a_calculation_by_hand(library: ModelLibrary) -> None:
         assert library.names[placed.model[k]] == wanted
     assert np.array_equal(placed.instance, catalog.id)
     assert np.array_equal(placed.tint, catalog.tint)
+
+
+def near_far(count: int) -> tuple[ActorCatalog, ActorFrame]:
+    """One of each vehicle and walker in a row, the first half near the origin, the others far off."""
+    names = tuple(n for n in (*VEHICLES, *WALKERS) for _ in range(count))
+    tags = [int(VEHICLES[n].tag) if n in VEHICLES else int(Tag.PEDESTRIAN) for n in names]
+    many = len(names)
+    away = np.where(np.arange(many) % 2 == 0, 5.0, 80.0)
+    zero = np.zeros(many, np.float32)
+    catalog = ActorCatalog(
+        id=np.arange(many, dtype=np.uint32) + EGO_INSTANCE + 1,
+        model=names,
+        tag=np.array(tags, np.uint8),
+        size_m=np.ones((many, 3), np.float32),
+        tint=np.full((many, 3), 99, np.uint8),
+    )
+    frame = ActorFrame(
+        position_m=np.stack([away, zero, zero], axis=1).astype(np.float32),
+        heading_rad=np.linspace(-3, 3, many).astype(np.float32),
+        pitch_rad=np.linspace(-0.1, 0.1, many).astype(np.float32),
+        speed_mps=np.ones(many, np.float32),
+        travelled_m=np.linspace(0, 40, many).astype(np.float32),
+        steer_rad=np.linspace(-0.5, 0.5, many).astype(np.float32),
+        lights=np.full(many, LIGHT_BRAKE, np.uint8),
+    )
+    return catalog, frame
+
+
+def test_detail_and_parts_go_by_distance(library: ModelLibrary) -> None:
+    """Near vehicles come with wheels and plates, far ones as one coarse model; every actor comes once."""
+    catalog, frame = near_far(2)
+    placed = place_actors(catalog, frame, library, eye_m=(0.0, 0.0, 0.0))
+    names = [library.names[m] for m in placed.model]
+    count = len(catalog)
+    for k, (name, drawn) in enumerate(zip(catalog.model, names[:count], strict=True)):
+        far = frame.position_m[k, 0] > 50.0
+        assert drawn.startswith(f"{name}/low" if far else f"{name}/")
+        assert ("/low" in drawn) == far
+        own = [n for n, i in zip(names[count:], placed.instance[count:], strict=True) if i == catalog.id[k]]
+        wheels = sum("wheel" in n for n in own)
+        assert wheels == (0 if far or name in WALKERS else 2 if "cycle" in name else 4)
+        assert sum(n.startswith("plate/") for n in own) == (0 if far else PLATES_OF.get(name, 0))
+    lit = place_lights(catalog, frame, library, 0, eye_m=(0.0, 0.0, 0.0))
+    assert sum("/low/" in library.names[m] for m in lit.model) == len(VEHICLES)
+
+
+PLATES_OF = {name: 0 if name == "bicycle" else 1 if name == "motorcycle" else 2 for name in VEHICLES}
+
+
+def test_wheels_roll_without_slipping_and_steer(library: ModelLibrary) -> None:
+    """The tyre's point on the ground stands still: it moves back by dx in the car's frame."""
+    catalog, frame = near_far(1)
+    k = catalog.model.index("saloon")
+    one, still = catalog.take(np.array([k])), frame.take(np.array([k]))
+    radius, dx, steer = 0.33, 0.002, 0.3
+
+    def wheels(travelled_m: float, steer_rad: float) -> list[np.ndarray]:
+        moved = replace(
+            still,
+            position_m=np.zeros((1, 3), np.float32),
+            heading_rad=np.zeros(1, np.float32),
+            pitch_rad=np.zeros(1, np.float32),
+            travelled_m=np.array([travelled_m], np.float32),
+            steer_rad=np.array([steer_rad], np.float32),
+        )
+        placed = place_actors(one, moved, library, eye_m=np.zeros(3))
+        return [
+            T for T, m in zip(placed.T_world_model, placed.model, strict=True) if "wheel" in library.names[m]
+        ]
+
+    for before, after in zip(wheels(0.0, 0.0), wheels(dx, 0.0), strict=True):
+        np.testing.assert_allclose(before[2, 3], radius, atol=1e-6)
+        # The point that touched the ground, carried along by the wheel.
+        foot = np.linalg.inv(before) @ (*before[:2, 3], 0.0, 1.0)
+        np.testing.assert_allclose((after @ foot)[:3] - (*before[:2, 3], 0.0), [-dx, 0, 0], atol=1e-5)
+    axle = [T[:3, 1] * np.sign(T[1, 1]) for T in wheels(1.7, steer)]
+    for T, y in zip(wheels(1.7, steer), axle, strict=True):
+        turned = steer if T[0, 3] > 0 else 0.0
+        np.testing.assert_allclose(y, [-math.sin(turned), math.cos(turned), 0.0], atol=1e-6)
+
+
+def test_plates_read_differently_and_lie_apart() -> None:
+    assert len({plate_text(k) for k in range(PLATES)}) == PLATES >= 64
+    rects = np.array([plate_uv(k) for k in range(PLATES)])
+    for k in range(PLATES):
+        u0, v0, u1, v1 = rects[k]
+        apart = (rects[:, 2] <= u0) | (rects[:, 0] >= u1) | (rects[:, 3] <= v0) | (rects[:, 1] >= v1)
+        assert apart.sum() == PLATES - 1
+    assert len(np.unique(plate_of(np.arange(300, dtype=np.uint32) + EGO_INSTANCE + 1))) > 55
+
+
+def test_headlamps_shine_ahead_from_the_nose(library: ModelLibrary) -> None:
+    catalog, frame = near_far(1)
+    place, ahead, actor = headlamps(catalog, frame, library)
+    assert set(actor) == {k for k, n in enumerate(catalog.model) if n in VEHICLES}
+    for p, d, k in zip(place, ahead, actor, strict=True):
+        T = ground_poses(frame.position_m, frame.heading_rad, frame.pitch_rad)[k]
+        local = np.linalg.inv(T) @ (*p, 1.0)
+        size = VEHICLES[catalog.model[k]].size_m
+        assert 0.2 * size[0] < local[0] < 0.51 * size[0]
+        assert 0.4 < local[2] < 1.2
+        np.testing.assert_allclose(d, T[:3, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_drawn_feet_do_not_slide(library: ModelLibrary, name: str) -> None:
+    """The sole that bears the body stays within 5 mm of one place, in steps far finer than the postures."""
+    person = WALKERS[name]
+    travelled = np.linspace(0.03, 0.45, 60) * person.stride_m
+    count = len(travelled)
+    catalog = ActorCatalog(
+        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
+        model=(name,) * count,
+        tag=np.full(count, Tag.PEDESTRIAN, np.uint8),
+        size_m=np.ones((count, 3), np.float32),
+        tint=np.zeros((count, 3), np.uint8),
+    )
+    zero = np.zeros(count, np.float32)
+    frame = ActorFrame(
+        position_m=np.stack([travelled, zero, zero], axis=1).astype(np.float32),
+        heading_rad=zero,
+        pitch_rad=zero,
+        speed_mps=zero + np.float32(person.speed_mps),
+        travelled_m=travelled.astype(np.float32),
+        steer_rad=zero,
+        lights=np.zeros(count, np.uint8),
+    )
+    placed = place_actors(catalog, frame, library)
+    ankle = []
+    for T, m in zip(placed.T_world_model, placed.model, strict=True):
+        phase = int(library.names[m].split("/")[1]) / GAIT_PHASES
+        ankle.append(T[0, 3] + posture(phase, person.stature_m, person.stride_m)["ankle_l"][0])
+    assert np.ptp(ankle) < 0.005
+
+
+@pytest.mark.parametrize("name", VEHICLES)
+def test_parked_vehicles_have_their_lamps_off(name: str) -> None:
+    mesh = vehicle_mesh(name, tint=(1, 2, 3))
+    emitting = [m for m in Material if MATERIALS[m].emission_cd_m2 > 0 and m is not Material.LAMP_AMBER]
+    assert not np.isin(mesh.material, emitting).any()
+    paint = mesh.colour[mesh.material == Material.CAR_PAINT]
+    assert len(paint) > 0
+    assert np.all(paint == (1, 2, 3))
 
 
 def test_placing_an_empty_world_gives_nothing(library: ModelLibrary) -> None:

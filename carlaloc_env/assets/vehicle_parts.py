@@ -1,0 +1,80 @@
+"""A vehicle taken apart: body, wheels, plates, lamps; what turns and what differs is drawn on its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from carlaloc_env.assets.atlas import cell_corners
+from carlaloc_env.assets.plate_text import PLATE_SIZE_M, plate_uv
+from carlaloc_env.assets.shapes import Look, quad
+from carlaloc_env.assets.wheels import WheelPlace
+from carlaloc_env.materials import Material
+from carlaloc_env.scene import Mesh, merge
+from carlaloc_env.semantics import Tag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlatePlace:
+    """Where a number plate hangs."""
+
+    position_m: tuple[float, float, float]
+    """Middle of the plate in the vehicle's frame [m]."""
+    facing: float
+    """+1 on the nose, −1 on the tail."""
+    width_m: float = PLATE_SIZE_M[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LampPlace:
+    """Where a headlamp shines from, straight ahead."""
+
+    position_m: tuple[float, float, float]
+    """Its lens in the vehicle's frame [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VehicleParts:
+    """A vehicle centred on its box, resting on z = 0, nose along +x."""
+
+    body: Mesh
+    """All but wheels and number plates."""
+    low: Mesh
+    """The whole vehicle in few triangles, wheels and plates included."""
+    wheels: tuple[WheelPlace, ...]
+    plates: tuple[PlatePlace, ...]
+    lamps: tuple[LampPlace, ...]
+    """Headlamps."""
+
+    @property
+    def whole(self) -> Mesh:
+        """Body with its wheels straight ahead and plate 0."""
+        return self.steered(0.0)
+
+    def steered(self, steer_rad: float) -> Mesh:
+        """Body with its front wheels turned to the left by an angle [rad], and plate 0."""
+        plates = [plate(place, 0, Tag(int(self.body.tag[0]))) for place in self.plates]
+        return merge([self.body, *plates, *(w.mounted(steer_rad) for w in self.wheels)])
+
+
+def assemble(
+    *,
+    body: Mesh,
+    low: Mesh,
+    wheels: tuple[WheelPlace, ...],
+    plates: tuple[PlatePlace, ...],
+    lamps: tuple[LampPlace, ...],
+) -> VehicleParts:
+    """The parts, with plates added to the low version."""
+    tag = Tag(int(body.tag[0]))
+    far = merge([low, *(plate(place, 0, tag) for place in plates)])
+    return VehicleParts(body=body, low=far, wheels=wheels, plates=plates, lamps=lamps)
+
+
+def plate(place: PlatePlace, index: int, tag: Tag) -> Mesh:
+    """Number plate with one of the texts, in the vehicle's frame."""
+    x, y, z = place.position_m
+    w, h = 0.5 * place.width_m * place.facing, 0.5 * place.width_m * PLATE_SIZE_M[1] / PLATE_SIZE_M[0]
+    corners = np.array([(x, y - w, z - h), (x, y + w, z - h), (x, y + w, z + h), (x, y - w, z + h)])
+    return quad(Look(Material.PLATE, tag), corners, cell_corners(plate_uv(index)))
