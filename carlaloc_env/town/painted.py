@@ -84,11 +84,8 @@ class RoadPainter:
             own = [
                 strip
                 for strip in self._strips
-                if (
-                    strip.road_id == road_id
-                    if road.junction_id is None
-                    else strip.junction_id == road.junction_id
-                )
+                if strip.road_id == road_id
+                or (strip.junction_id is not None and strip.junction_id == road.junction_id)
             ]
             self._fields[key] = JunctionField(own, self._network.surface)
         return self._fields[key]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.town.opendrive.model import Lane, Road
 from carlaloc_env.town.opendrive.surface import RoadSurface
+from carlaloc_env.town.polygons import strip_polygon, union
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,10 @@ CHORD_M = 0.003
 """Largest distance between the surface and the straight edges of its triangles [m]."""
 LONGEST_STEP_M = 5.0
 """Longest distance between stations [m]."""
+OVERLAP_M2 = 2.0
+"""Roads of a junction that overlap by less than this lie side by side [m²]."""
+PARTING_RAD = 0.6
+"""Roads that turn by more than this have corners to be filled [rad]."""
 _SAMPLE_M = 0.25
 
 
@@ -82,14 +87,47 @@ class Strip:
 
 
 def road_strips(roads: Sequence[Road], surface: RoadSurface) -> list[Strip]:
-    """Strips of all roads, in file order."""
+    """Strips of all roads, in file order.
+
+    Where the roads of a junction only lie side by side, as at the exits and merges of a motorway, they are
+    drawn as plain roads: their strips name no junction.
+    """
     strips = []
     for number, road in enumerate(roads):
         for section in range(len(road.sections)):
             strip = _strip(road, number, section, surface)
             if strip is not None:
                 strips.append(strip)
-    return strips
+    plain = _partings(strips)
+    return [replace(strip, junction_id=None) if strip.junction_id in plain else strip for strip in strips]
+
+
+def _partings(strips: Sequence[Strip]) -> frozenset[str]:
+    """Junctions of several roads that nowhere overlap, and where no pavement needs to turn a corner."""
+    groups: dict[str, list[Strip]] = {}
+    for strip in strips:
+        if strip.junction_id is not None:
+            groups.setdefault(strip.junction_id, []).append(strip)
+    found = []
+    for name, group in groups.items():
+        if len(group) < 2 or any(abs(_turn_rad(strip)) > PARTING_RAD for strip in group):
+            continue
+        areas = []
+        for strip in group:
+            span = strip.span(("roadway",))
+            if span is not None:
+                areas.append(strip_polygon(strip.edges_m[span[0]], strip.edges_m[span[1]]))
+        total = sum(area.area for area in areas)
+        if total - union(areas).area < min(OVERLAP_M2, 0.01 * total):
+            found.append(name)
+    return frozenset(found)
+
+
+def _turn_rad(strip: Strip) -> float:
+    """Heading change between both ends of a strip [rad], without its sign."""
+    first, last = strip.edges_m[0, 1] - strip.edges_m[0, 0], strip.edges_m[0, -1] - strip.edges_m[0, -2]
+    cosine = float(first[:2] @ last[:2]) / max(float(np.hypot(*first[:2]) * np.hypot(*last[:2])), 1e-12)
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def _strip(road: Road, number: int, section: int, surface: RoadSurface) -> Strip | None:
