@@ -152,5 +152,11 @@ def _sensor(entry: Any, where: str) -> SensorConfig:
     kind = str(entry["kind"])
     if kind not in SENSOR_KINDS:
         raise ConfigError(f"{where}: {unknown_name('kind of sensor', kind, SENSOR_KINDS)}")
-    values = {key: value for key, value in entry.items() if key != "kind"}
-    return from_mapping(SENSOR_KINDS[kind], values, f"{where} ({kind})")
+    values = {key: value for key, value in entry.items() if key not in ("kind", "preset")}
+    where = f"{where} ({kind})"
+    if "preset" in entry:
+        try:
+            values = {**SENSOR_KINDS[kind].preset_values(str(entry["preset"])), **values}
+        except ConfigError as error:
+            raise ConfigError(f"{where}: {error}") from error
+    return from_mapping(SENSOR_KINDS[kind], values, where)

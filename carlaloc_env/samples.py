@@ -172,10 +172,16 @@ class Imu(Sample):
     """Specific force [m/s²], frame `frame_id`, shape (3,)."""
     angular_rate_radps: NDArray[np.float64]
     """Body rate [rad/s], frame `frame_id`, shape (3,)."""
+    quat_xyzw: NDArray[np.float64] | None = None
+    """Attitude: maps `frame_id` to world (ENU), unit quaternion xyzw, shape (4,); None: not estimated."""
+    orientation_noise_rad: float = 0.0
+    """Standard deviation of the attitude per axis [rad]."""
 
     def __post_init__(self) -> None:
         _check(self, "specific_force_mps2", np.float64, (3,))
         _check(self, "angular_rate_radps", np.float64, (3,))
+        if self.quat_xyzw is not None:
+            _check(self, "quat_xyzw", np.float64, (4,))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

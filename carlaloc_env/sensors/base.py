@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.clock import STEP_NS, Schedule
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.geodesy import GeoReference
 from carlaloc_env.samples import Sample
 from carlaloc_env.timeline import Timeline
@@ -93,6 +93,8 @@ class SensorConfig(ABC):
 
     kind: ClassVar[str] = ""
     """Name of the sensor type in YAML files."""
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
+    """Values of named variants; in YAML the key ``preset`` chooses one."""
 
     name: str
     """Name of the sensor in the rig; its noise streams are keyed by it."""
@@ -103,6 +105,17 @@ class SensorConfig(ABC):
 
     def __post_init__(self) -> None:
         Schedule.from_hz(self.rate_hz)
+
+    @classmethod
+    def preset_values(cls, name: str) -> dict[str, Any]:
+        """Values of a named variant, e.g. ``ImuConfig(**ImuConfig.preset_values("consumer"), rate_hz=100)``.
+
+        Raises:
+            ConfigError: there is no such variant; the message names the nearest.
+        """
+        if name not in cls.presets:
+            raise ConfigError(unknown_name(f"preset of {cls.kind}", name, cls.presets))
+        return dict(cls.presets[name])
 
     @property
     def frame_id(self) -> str:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from carlaloc_env import rng
 
@@ -74,3 +77,62 @@ class RandomWalk:
     def _partial(self, block: int) -> Array:
         result: Array = np.cumsum(self._steps.block(block), axis=0)
         return result
+
+
+class GaussMarkov:
+    """First-order Gauss–Markov processes of unit variance by sample number; any number in any order.
+
+    x[n] = φ·x[n−1] + √(1 − φ²)·w[n] with φ = exp(−Δt/τ) keeps its variance from the first sample on.
+    Ends of blocks are chained in their order, so that a jump to n gives the same bytes as walking there.
+    """
+
+    def __init__(self, seed: int, name: str, width: int, *, period_s: float, time_constant_s: float) -> None:
+        self._steps = WhiteSequence(seed, name, width)
+        self._phi = math.exp(-period_s / time_constant_s)
+        self._gain = math.sqrt(1.0 - self._phi * self._phi)
+        self._ends = [rng.stream(seed, f"{name}/start").standard_normal(width)]
+        self._width = width
+
+    def rows(self, numbers: NDArray[np.int64]) -> Array:
+        """Values at the given sample numbers (M,), shape (M, width)."""
+        out = np.empty((len(numbers), self._width))
+        blocks = numbers // _BLOCK
+        for block in np.unique(blocks):
+            while len(self._ends) <= block:
+                self._ends.append(self._walk(len(self._ends) - 1)[-1])
+            mine = blocks == block
+            out[mine] = self._walk(int(block))[numbers[mine] - block * _BLOCK]
+        return out
+
+    def _walk(self, block: int) -> Array:
+        drive = self._gain * self._steps.block(block)
+        values, _ = lfilter([1.0], [1.0, -self._phi], drive, axis=0, zi=self._phi * self._ends[block][None])
+        result: Array = values
+        return result
+
+
+_FLICKER_TIMES_S = (3.0, 30.0, 300.0, 3000.0)
+"""Correlation times whose sum is flat in the Allan plot over three decades [s]."""
+_FLICKER_LEVEL = 0.7631
+"""Mean of the Allan deviation between 10 s and 1000 s of the sum of these processes at unit variance."""
+
+
+class Flicker:
+    """Bias instability: a flat stretch of the Allan deviation at 0.664·B, of unit B.
+
+    1/f noise as a sum of Gauss–Markov processes a decade apart (Keshner, "1/f noise", Proc. IEEE 70,
+    1982).
+    """
+
+    def __init__(self, seed: int, name: str, width: int, *, period_s: float) -> None:
+        self._parts = [
+            GaussMarkov(seed, f"{name}/{time_s:g}", width, period_s=period_s, time_constant_s=time_s)
+            for time_s in _FLICKER_TIMES_S
+        ]
+
+    def rows(self, numbers: NDArray[np.int64]) -> Array:
+        """Values at the given sample numbers (M,), shape (M, width)."""
+        total: Array = self._parts[0].rows(numbers)
+        for part in self._parts[1:]:
+            total = total + part.rows(numbers)
+        return (0.664 / _FLICKER_LEVEL) * total

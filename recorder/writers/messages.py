@@ -311,13 +311,16 @@ def _radar_scan(maker: MessageMaker, header: Message, sample: RadarScan) -> Mess
 
 
 def _imu(maker: MessageMaker, header: Message, sample: Imu) -> Message:
-    no_orientation = np.zeros(9)
-    no_orientation[0] = -1.0  # sensor_msgs/Imu: "no orientation estimate"
+    covariance = np.eye(3).reshape(-1) * sample.orientation_noise_rad**2
+    if sample.quat_xyzw is None:
+        covariance = np.zeros(9)
+        covariance[0] = -1.0  # sensor_msgs/Imu: "no orientation estimate"
+    quat = sample.quat_xyzw if sample.quat_xyzw is not None else np.array([0.0, 0.0, 0.0, 1.0])
     return maker.new(
         "sensor_msgs/Imu",
         header=header,
-        orientation=maker.quaternion(np.array([0.0, 0.0, 0.0, 1.0])),
-        orientation_covariance=no_orientation,
+        orientation=maker.quaternion(quat),
+        orientation_covariance=covariance,
         angular_velocity=maker.vector(sample.angular_rate_radps),
         angular_velocity_covariance=np.zeros(9),
         linear_acceleration=maker.vector(sample.specific_force_mps2),

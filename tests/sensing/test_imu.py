@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.optimize import nnls
+from scipy.signal import welch
 
 from carlaloc_env import geometry
+from carlaloc_env.car_track import CarTrack
 from carlaloc_env.clock import TICK_NS
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.errors import ConfigError, EpisodeError
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.noise import RandomWalk, WhiteSequence
+from carlaloc_env.sensors.noise import Flicker, GaussMarkov, RandomWalk, WhiteSequence
 from carlaloc_env.sensors.speed import SpeedConfig
+from carlaloc_env.sensors.vibration import body_response
 
 Array = NDArray[np.float64]
 QUIET = {
@@ -125,7 +128,7 @@ def allan_variance(x: Array, strides: list[int]) -> Array:
 
 def test_noise_densities_by_allan_variance(scenery: Any) -> None:
     """A joint fit σ²(τ) = N²/τ + K²·τ/3 returns the configured densities, not per-sample numbers."""
-    count = 200 * 900
+    count = 200 * 1200
     numbers = np.arange(count, dtype=np.int64)
     strides = [2, 5, 10, 30, 100, 300, 1000, 3000, 10000]
     tau = np.array(strides) / 200
@@ -138,10 +141,10 @@ def test_noise_densities_by_allan_variance(scenery: Any) -> None:
         squares, _ = nnls(A / np.sqrt(tau)[:, None], 1 / np.sqrt(tau))
         found.append(np.sqrt(squares))
     n, k = np.array(found).T
-    assert n[:3] == pytest.approx(2e-3, rel=0.05)
-    assert n[3:] == pytest.approx(2e-4, rel=0.05)
-    assert np.sqrt(np.mean(k[:3] ** 2)) == pytest.approx(3e-3, rel=0.25)
-    assert np.sqrt(np.mean(k[3:] ** 2)) == pytest.approx(2e-5, rel=0.4)
+    assert n[:3] == pytest.approx(2e-3, rel=0.03)
+    assert n[3:] == pytest.approx(2e-4, rel=0.03)
+    assert np.sqrt(np.mean(k[:3] ** 2)) == pytest.approx(3e-3, rel=0.15)
+    assert np.sqrt(np.mean(k[3:] ** 2)) == pytest.approx(2e-5, rel=0.15)
 
 
 def test_white_noise_per_sample(scenery: Any) -> None:
@@ -187,3 +190,140 @@ def test_wrong_noise_figures_are_refused() -> None:
         ImuConfig(accel_noise_density=-1.0)
     with pytest.raises(ConfigError, match="≥ 0"):
         ImuConfig(gyro_random_walk=float("nan"))
+
+
+def quiet_imu(**config: Any) -> Any:
+    """A perfect IMU but for what is asked for."""
+    return ImuConfig(**{**QUIET, **config})
+
+
+def test_rest_reads_gravity_whatever_the_grade(scenery: Any) -> None:
+    """‖f‖ at rest is 9.81 m/s² up to turn-on bias and scale, and exactly so without them."""
+    for name, limit in (("paper", 5e-3), ("adis16448", 0.06), ("tactical", 0.03), ("consumer", 0.9)):
+        mean = np.mean(
+            [
+                np.linalg.norm(read(scenery, scenery.straight(), 2.0, **ImuConfig.preset_values(name))[:, :3]
+                               .mean(axis=0))
+            ]
+        )  # fmt: skip
+        assert mean == pytest.approx(9.81, abs=limit), name
+
+
+def test_bias_instability_is_flat_at_its_level() -> None:
+    """Allan deviation of the flicker alone: 0.664·B from 10 s to 300 s, over 16 axes of 3000 s at 10 Hz."""
+    noise = Flicker(4, "imu/flicker", 16, period_s=0.1).rows(np.arange(30_000, dtype=np.int64))
+    for tau in (10.0, 30.0, 100.0, 300.0):
+        stride = round(tau * 10)
+        variance = np.mean([allan_variance(noise[:, k], [stride])[0] for k in range(16)])
+        assert np.sqrt(variance) == pytest.approx(0.664, rel=0.15), tau
+
+
+def test_gauss_markov_keeps_variance_and_correlation() -> None:
+    """Variance 1 from the first sample on, correlation e⁻¹ after one time constant, any order of access."""
+    process = GaussMarkov(5, "x", 400, period_s=0.2, time_constant_s=10.0)
+    rows = process.rows(np.array([0, 50, 430]))
+    assert rows.std(axis=1) == pytest.approx([1.0, 1.0, 1.0], rel=0.1)
+    assert np.mean(rows[0] * rows[1]) == pytest.approx(np.exp(-1.0), abs=0.12)
+    again = GaussMarkov(5, "x", 400, period_s=0.2, time_constant_s=10.0).rows(np.array([430]))
+    assert again.tobytes() == rows[2:].tobytes()
+
+
+def test_scale_and_misalignment_mix_the_axes(scenery: Any) -> None:
+    """At rest only the up axis feels force: its scale on its own axis, its tilt on the two others."""
+    readings = []
+    for seed in range(300):
+        imu = quiet_imu(scale_error=0.01, misalignment_rad=0.003).build(scenery.world(seed=seed))
+        readings.append(rows(imu.measure(scenery.drive(scenery.straight(), 0.1), [0]))[0, :3] / 9.81)
+    spread = np.std(readings, axis=0)
+    assert spread == pytest.approx([0.003, 0.003, 0.01], rel=0.13)
+    assert np.mean(readings, axis=0) == pytest.approx([0.0, 0.0, 1.0], abs=0.002)
+
+
+def test_readings_saturate(scenery: Any) -> None:
+    """Range of 0.2 rad/s and 3 m/s²: the turn of 0.4 rad/s and 4 m/s² is cut, gravity too."""
+    flat = read(scenery, turn, 1.0, accel_range_mps2=3.0, gyro_range_radps=0.2, **QUIET)[10:]
+    assert np.allclose(flat, [0, 3.0, 3.0, 0, 0, 0.2], atol=1e-4)
+
+
+def rolling(scenery: Any, speed: float, seconds: float, throttle: float = 1.0) -> Any:
+    """A straight drive whose wheels roll without slip."""
+    drive = scenery.drive(scenery.straight(speed), seconds)
+    ticks = round(seconds * 200) + 2
+    spin = np.full((ticks, 4), speed / 0.334)
+    controls = np.tile([throttle, 0.0, 0.0, 0.0], (ticks, 1))
+    drive.car = CarTrack.from_arrays(spin, np.zeros(ticks), controls)
+    return drive
+
+
+@pytest.mark.parametrize("speed", [8.0, 20.0])
+def test_road_vibration_has_the_spectrum_of_iso_8608(scenery: Any, speed: float) -> None:
+    """Power of the vertical acceleration in octaves against ∫(2πf)⁴·|H|²·G_d(f) of class C, ±35 %."""
+    seconds = 200.0
+    drive = rolling(scenery, speed, seconds)
+    imu = quiet_imu(road_class="C", mount=Mount(axes="paper_imu")).build(scenery.world())
+    stamps = [k * TICK_NS for k in range(round(seconds * 200))]
+    up = rows(imu.measure(drive, stamps))[:, 0] - 9.81
+    frequency, power = welch(up, fs=200.0, nperseg=8192)
+    step = frequency[1]
+    for low, high in ((0.8, 1.6), (1.6, 3.2), (3.2, 6.4), (6.4, 12.8), (12.8, 25.6)):
+        band = (frequency >= low) & (frequency < high)
+        f = frequency[band]
+        n = f / speed
+        expected = (2 * np.pi * f) ** 4 * np.abs(body_response(f)) ** 2 * 256e-6 * (n / 0.1) ** -2 / speed
+        assert power[band].sum() * step == pytest.approx(expected.sum() * step, rel=0.35), (low, high)
+    still = rows(imu.measure(rolling(scenery, 0.0, 1.0), stamps[:100]))
+    assert np.allclose(still[:, 0], 9.81, atol=1e-12)
+
+
+def test_quarter_car_follows_slow_roads_and_ignores_fast_ones() -> None:
+    """Gain 1 far below the bounce, above 1 near 1.3 Hz, falling beyond the wheel hop."""
+    slow, bounce, fast = np.abs(body_response(np.array([0.05, 1.3, 40.0])))
+    assert slow == pytest.approx(1.0, abs=0.01)
+    assert bounce > 1.3
+    assert fast < 0.05
+
+
+def test_motor_vibration_follows_the_motor(scenery: Any) -> None:
+    """At 5 m/s the first order lies at v/(2πr)·9 Hz; full throttle gives the RMS, none a fifth of it."""
+    imu = quiet_imu(motor_vibration_mps2=0.5, motor_orders=(1.0, 2.0)).build(scenery.world())
+    stamps = [k * TICK_NS for k in range(10, 4000)]  # the drive's jerky first instants left out
+    full = rows(imu.measure(rolling(scenery, 5.0, 20.0), stamps))[:, :3] - [0, 0, 9.81]
+    assert full.std(axis=0) == pytest.approx([0.5] * 3, rel=0.02)
+    frequency, power = welch(full[:, 1], fs=200.0, nperseg=2048)
+    assert frequency[np.argmax(power)] == pytest.approx(9 * 5.0 / (2 * np.pi * 0.334), abs=0.15)
+    idle = rows(imu.measure(rolling(scenery, 5.0, 20.0, throttle=0.0), stamps))[:, :3] - [0, 0, 9.81]
+    assert idle.std() == pytest.approx(0.1, rel=0.02)
+
+
+def test_vibration_needs_the_wheels(scenery: Any) -> None:
+    with pytest.raises(EpisodeError, match="no record of its wheels"):
+        read(scenery, scenery.straight(5.0), 0.2, road_class="B", **QUIET)
+
+
+def test_orientation_on_request(scenery: Any) -> None:
+    """None by default; the true attitude of the IMU's own axes, or with the noise asked for."""
+    drive, stamps = scenery.drive(scenery.weaving, 3.0), [k * TICK_NS for k in range(500)]
+    mount = Mount(position_m=(1.5, 0, 1.2), axes="paper_imu")
+    world = scenery.world()
+    assert quiet_imu(mount=mount).build(world).measure(drive, [0])[0].quat_xyzw is None
+    truth = drive.ego_motion(stamps).at_mount(mount.T_base_sensor).quat_xyzw
+    exact = quiet_imu(mount=mount, orientation="truth").build(world).measure(drive, stamps)
+    assert np.array_equal([s.quat_xyzw for s in exact], truth)
+    noisy = quiet_imu(mount=mount, orientation="truth", orientation_noise_rad=0.02).build(world)
+    quats = np.array([s.quat_xyzw for s in noisy.measure(drive, stamps)])
+    off = geometry.quat_to_rotvec(geometry.quat_multiply(geometry.quat_conjugate(truth), quats))
+    assert off.std(axis=0) == pytest.approx([0.02] * 3, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"road_class": "Z"}, "road class 'Z'"),
+        ({"orientation": "thruth"}, "did you mean 'truth'"),
+        ({"motor_vibration_mps2": 1.0, "motor_orders": ()}, "motor_orders"),
+        ({"scale_error": -0.1}, "≥ 0"),
+    ],
+)
+def test_wrong_configurations_are_refused(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        ImuConfig(**wrong)

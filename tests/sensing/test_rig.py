@@ -41,6 +41,15 @@ def test_keys_left_out_keep_their_defaults() -> None:
     )
 
 
+def test_presets_are_starting_points() -> None:
+    """A preset's values, with what the file says on top; written out, all values stand by themselves."""
+    text = "sensors:\n- {kind: imu, preset: tactical, rate_hz: 100}\n"
+    rig = SensorRig.from_yaml(text)
+    expected = ImuConfig(**ImuConfig.preset_values("tactical"), rate_hz=100.0)
+    assert rig.sensors == (expected,)
+    assert SensorRig.from_yaml(rig.to_yaml()).sensors == (expected,)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -56,6 +65,8 @@ def test_keys_left_out_keep_their_defaults() -> None:
         ("sensors: [{kind: lidar, columns: 10.5}]", "expected int"),
         ("sensors: [{kind: lidar, drop_weak: 1}]", "expected bool"),
         ("sensors: [{kind: imu}, {kind: imu}]", "two imu sensors named 'imu'"),
+        ("sensors: [{kind: imu, preset: tactica}]", "did you mean 'tactical'"),
+        ("sensors: [{kind: speed, preset: x}]", "no preset of speed 'x'"),
         ("sensors: 3", "must be a list"),
         ("- 1", "expected the keys"),
         ("sensors: [", "not valid YAML"),
