@@ -70,6 +70,11 @@ class ContainerWriter:
         self._index: dict[int, list[tuple[int, int]]] = {}
         self._append(MCAP0_MAGIC + _encoded(Header(profile="ros2", library="carlaloc")))
 
+    @property
+    def size_bytes(self) -> int:
+        """Length of the file so far [bytes]."""
+        return self._offset
+
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record now."""
         data = _encoded(Metadata(name=name, metadata=dict(values)))

@@ -147,8 +147,16 @@ class EpisodeWriter:
             ) from error
         self._flushed_at_s = time.monotonic()
 
-    def close(self) -> None:
+    @property
+    def size_bytes(self) -> int:
+        """What has been written to the disk so far [bytes]."""
+        return self._file.size_bytes
+
+    def close(self, *, into: Path | None = None) -> None:
         """Complete the file and give it its final name; a second call does nothing.
+
+        Args:
+            into: Another final name.
 
         Raises:
             EpisodeError: the disk is full.
@@ -159,7 +167,7 @@ class EpisodeWriter:
         self._open = False
         try:
             self._file.finish()
-            self._part.replace(self.path)
+            self._part.replace(into or self.path)
         except OSError as error:
             raise EpisodeError(f"cannot complete {self._part}: {error.strerror}") from error
 

@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from carlaloc_env.clock import TICK_HZ
-from carlaloc_env.controls import Controls
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.physics.contacts import Contact
-from carlaloc_env.physics.ego import EgoState
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.errors import ConfigError, DeviceError, unknown_name
+from carlaloc_env.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.world import traffic_of_town
+from carlaloc_env.weather import weather_by_name
 from recorder.devices.base import Device
-from recorder.devices.registry import open_device
-from recorder.episode import EgoRow, EpisodeHeader, EpisodeWriter
+from recorder.devices.human import HumanDevice
+from recorder.devices.inputs import Inputs
+from recorder.devices.panel import KeyPanel
+from recorder.devices.registry import DEVICES, HUMAN, open_device
+from recorder.episode import EpisodeHeader, EpisodeWriter
+from recorder.rules import VIOLATIONS
+from recorder.session import DriveSession
+from recorder.window.cockpit import WindowCockpit
 
 Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""
@@ -52,10 +54,21 @@ class RecordConfig:
     """Share of the town's traffic: ``static``, ``dynamic`` or a fraction."""
     overwrite: bool = False
     """Whether an older episode of this name is replaced."""
+    window: bool | None = None
+    """Whether a window shows the drive; None: where a person drives."""
+    weather: str = "ClearNoon"
+    """Weather in the window; a replay may choose any other."""
 
     def __post_init__(self) -> None:
+        if self.device not in DEVICES:
+            raise DeviceError(unknown_name("device", self.device, DEVICES))
         if self.duration_s is not None and not 0.0 < self.duration_s <= 86400.0:
             raise ConfigError(f"duration {self.duration_s:g} s; give more than 0 and at most 86400 s")
+
+    @property
+    def wants_window(self) -> bool:
+        """Whether a window shows the drive."""
+        return self.device in HUMAN if self.window is None else self.window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,50 +83,18 @@ class RecordResult:
     """Distance along the route [m]."""
     collisions: int
     """Number of collisions."""
-
-
-class _EpisodeListener:
-    """Writes all that happens in a driving world to an episode."""
-
-    def __init__(self, begin: Callable[[ActorCatalog], EpisodeWriter]) -> None:
-        self._begin = begin
-        self._touching: set[str] = set()
-        self._seen: set[str] = set()
-        self.collisions = 0
-
-    def on_start(self, catalog: ActorCatalog) -> None:
-        self.writer = self._begin(catalog)
-
-    def on_tick(self, tick: int, state: EgoState, controls: Controls) -> None:
-        self._touching, self._seen = self._seen, set()
-        self.writer.ego(
-            tick,
-            EgoRow(
-                position_m=state.position_m,
-                quat_xyzw=state.quat_xyzw,
-                velocity_world_mps=state.velocity_world_mps,
-                omega_body_radps=state.omega_body_radps,
-                controls=controls,
-                road_wheel_rad=state.road_wheel_rad,
-                speed_mps=state.speed_mps,
-            ),
-        )
-
-    def on_step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
-        self.writer.step(step, frame, signals)
-
-    def on_contact(self, tick: int, contact: Contact) -> None:
-        what = str(contact.actor_id) if contact.actor_id is not None else "static"
-        self._seen.add(what)
-        if what not in self._touching:
-            self.collisions += 1
-            self.writer.event(tick, "collision", {"with": what, "impulse_ns": contact.impulse_ns})
+    violations: Mapping[str, int] = field(default_factory=dict)
+    """How often each rule was broken."""
+    attempts: tuple[Path, ...] = ()
+    """Earlier attempts, given up at a restart."""
+    slowest: float = 1.0
+    """Lowest speed of the world over real time, of drives in real time."""
 
 
 def record(
     config: RecordConfig, *, device: Device | None = None, progress: Progress | None = None
 ) -> RecordResult:
-    """Drive and record until the duration or the route is over.
+    """Drive and record until the duration or the route is over, or the driver ends it.
 
     Args:
         config: What to drive.
@@ -121,45 +102,66 @@ def record(
         progress: Told four times a second how far the drive is.
 
     Raises:
-        ConfigError: unknown town, device or traffic level.
+        ConfigError: unknown town, device, weather or traffic level.
+        DeviceError: the device is not connected, or no window can be opened.
         EpisodeError: the episode exists already or cannot be written.
     """
     town = load_town(config.map)
     traffic = traffic_of_town(town, config.traffic, config.seed)
-    driver = device or open_device(config.device, config.seed)
-    world = DrivingWorld(town, traffic)
-    try:
-        return _drive(config, town, world, driver, progress)
-    finally:
-        driver.close()
-        world.close()
+    weather = weather_by_name(config.weather)
+    with ExitStack() as stack:
+        driver = device or open_device(config.device, config.seed, window=config.wants_window)
+        stack.callback(driver.close)
+        world = DrivingWorld(town, traffic)
+        stack.callback(world.close)
 
+        def begin(catalog: ActorCatalog) -> EpisodeWriter:
+            header = episode_header(config, town, world, driver.name, catalog)
+            return EpisodeWriter(config.out, header, overwrite=config.overwrite)
 
-def _drive(
-    config: RecordConfig, town: Town, world: DrivingWorld, driver: Device, progress: Progress | None
-) -> RecordResult:
-    def begin(catalog: ActorCatalog) -> EpisodeWriter:
-        return EpisodeWriter(
-            config.out, _header(config, town, world, driver, catalog), overwrite=config.overwrite
+        session = DriveSession(
+            world,
+            driver,
+            seed=config.seed,
+            begin=begin,
+            finished=_arrived if config.duration_s is None else _never,
+            end_tick=round((config.duration_s or 86400.0) * TICK_HZ),
+            progress=progress,
         )
+        if config.wants_window:
+            panel = driver if isinstance(driver, HumanDevice) else KeyPanel(Inputs(window=True))
+            stack.callback(panel.close)
+            cockpit = stack.enter_context(WindowCockpit(town, weather))
+            return _drive(session, config, lambda: session.run_live(panel, cockpit))
+        if isinstance(driver, HumanDevice):
+            return _drive(session, config, lambda: session.run_live(driver, None))
+        return _drive(session, config, session.run_freely)
 
-    listener = _EpisodeListener(begin)
-    world.reset(config.seed, listener)
-    with listener.writer as writer:
-        end_tick = round((config.duration_s or 86400.0) * TICK_HZ)
-        while world.tick_count < end_tick:
-            world.tick(driver.read(world.driver_view()))
-            if progress is not None and world.tick_count % 50 == 0:
-                progress(world.tick_count / TICK_HZ, world.route_s_m)
-            if config.duration_s is None and _arrived(world):
-                break
-        writer.event(world.tick_count, "end", {"route_m": world.route_s_m})
+
+def _drive(session: DriveSession, config: RecordConfig, run: Callable[[], None]) -> RecordResult:
+    session.start()
+    try:
+        run()
+        session.finish()
+    except BaseException:
+        # What has been driven stays readable under its `.recording` name.
+        session.log.writer.abandon()
+        raise
+    session.log.writer.close()
+    counts = session.log.counts
     return RecordResult(
         path=config.out,
-        duration_s=world.tick_count / TICK_HZ,
-        length_m=world.route_s_m,
-        collisions=listener.collisions,
+        duration_s=session.duration_s,
+        length_m=session.length_m,
+        collisions=counts["collision"],
+        violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
+        attempts=tuple(session.attempts),
+        slowest=session.slowest,
     )
+
+
+def _never(_: DrivingWorld) -> bool:
+    return False
 
 
 def _arrived(world: DrivingWorld) -> bool:
@@ -169,18 +171,23 @@ def _arrived(world: DrivingWorld) -> bool:
     return world.route_s_m >= finish_m - 8.0 and world.state.speed_mps < 0.05
 
 
-def _header(
-    config: RecordConfig, town: Town, world: DrivingWorld, driver: Device, catalog: ActorCatalog
+def episode_header(
+    config: RecordConfig, town: Town, world: DrivingWorld, device: str, catalog: ActorCatalog
 ) -> EpisodeHeader:
+    """Everything that a replay needs to rebuild the drive's world."""
     versions = {name: version(name) for name in VERSIONED}
     return EpisodeHeader(
         map_name=config.map,
         map_hash=town.content_hash,
         seed=config.seed,
         catalog=catalog,
-        route={"length_m": world.route.length_m, "closed": world.route.closed},
+        route={
+            "length_m": world.route.length_m,
+            "closed": world.route.closed,
+            "table_length_m": town.config.route.length_m if town.config.route is not None else None,
+        },
         traffic=_plain(asdict(world.traffic_config)),
-        device=driver.name,
+        device=device,
         versions={**versions, "python": platform.python_version()},
         created_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
     )

@@ -3,30 +3,57 @@
 Examples:
   carlaloc record --map Town03 --device scripted --out drive.mcap
   carlaloc record --map Town03 --duration 40 --seed 7 --traffic 0.5 --out short.mcap
+  carlaloc record --map Town03 --device keyboard --out mine.mcap
+  carlaloc record --device wheel --calibrate
+  carlaloc record --from drive.mcap
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import asdict
 from typing import Any
 
+from carlaloc_env.errors import ConfigError
 from recorder.cli.arguments import path_argument, positive_seconds
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc record`."""
     parser.add_argument("--map", default="Town03", help="town, or a .xodr file (default: Town03)")
-    parser.add_argument("--device", default="scripted", help="who drives (default: scripted)")
-    parser.add_argument("--out", type=path_argument, required=True, help="episode to write, e.g. drive.mcap")
+    parser.add_argument(
+        "--device", default="scripted", help="scripted, wheel, gamepad or keyboard (default: scripted)"
+    )
+    parser.add_argument("--out", type=path_argument, help="episode to write, e.g. drive.mcap")
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else the route")
     parser.add_argument("--seed", type=int, default=0, help="seed of traffic and scripted driver")
     parser.add_argument("--traffic", default="dynamic", help="dynamic, static or a fraction")
+    parser.add_argument("--weather", default="ClearNoon", help="weather in the window (default: ClearNoon)")
+    parser.add_argument(
+        "--window",
+        action=argparse.BooleanOptionalAction,
+        help="show the drive in a window (default: where a person drives)",
+    )
+    parser.add_argument("--calibrate", action="store_true", help="ask what the device's axes do, and end")
+    parser.add_argument(
+        "--from",
+        dest="source",
+        type=path_argument,
+        metavar="E.mcap",
+        help="drive an episode's controls again and compare every tick",
+    )
     parser.add_argument("--force", action="store_true", help="replace an older episode of this name")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Record."""
+    """Record, calibrate or drive again."""
+    if arguments.calibrate:
+        return _calibrate(arguments)
+    if arguments.source is not None:
+        return _drive_again(arguments)
+    if arguments.out is None:
+        raise ConfigError("where to? give --out, e.g. --out drive.mcap")
     from tqdm import tqdm
 
     from recorder.record import RecordConfig, record
@@ -39,21 +66,59 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         seed=arguments.seed,
         traffic=arguments.traffic,
         overwrite=arguments.force,
+        window=arguments.window,
+        weather=arguments.weather,
     )
-    total = arguments.duration
-    with tqdm(total=total, unit="s", desc="recording", disable=None, leave=False) as bar:
+    with tqdm(total=arguments.duration, unit="s", desc="recording", disable=None, leave=False) as bar:
 
         def progress(driven_s: float, route_m: float) -> None:
             bar.set_postfix_str(f"{route_m:.0f} m")
             bar.update(round(driven_s - bar.n, 3))
 
         result = record(config, progress=progress)
-    return {**asdict(result), "path": str(result.path)}
+    return {**asdict(result), "path": str(result.path), "attempts": [str(p) for p in result.attempts]}
+
+
+def _calibrate(arguments: argparse.Namespace) -> dict[str, Any]:
+    from recorder.devices.calibrate import calibrate
+
+    path = calibrate(arguments.device, ask=_ask)
+    return {"profile": str(path)}
+
+
+def _ask(line: str) -> None:
+    print(line, file=sys.stderr)
+
+
+def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
+    from tqdm import tqdm
+
+    from recorder.resimulate import resimulate
+
+    with tqdm(unit="tick", desc="driving again", disable=None, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        result = resimulate(arguments.source, out=arguments.out, overwrite=arguments.force, progress=progress)
+    return {**asdict(result), "failed": result.first_difference_tick is not None}
 
 
 def show(result: dict[str, Any]) -> None:
     """Print what was recorded."""
-    print(
-        f"{result['path']}: {result['duration_s']:.1f} s, {result['length_m']:.0f} m, "
-        f"{result['collisions']} collisions"
-    )
+    if "profile" in result:
+        print(f"calibrated; the profile is {result['profile']}")
+    elif "first_difference_tick" in result:
+        print(result["verdict"])
+    else:
+        print(
+            f"{result['path']}: {result['duration_s']:.1f} s, {result['length_m']:.0f} m, "
+            f"{result['collisions']} collisions"
+        )
+        for kind, count in result["violations"].items():
+            print(f"  {kind.replace('_', ' ')}: {count}")
+        for path in result["attempts"]:
+            print(f"  an attempt given up is in {path}")
+        if result["slowest"] < 0.97:
+            print(f"  this machine was slow: the world ran at {result['slowest']:.0%} at times")

@@ -1,0 +1,186 @@
+"""Asks a person to turn and press, and writes the profile that results."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from carlaloc_env.errors import DeviceError
+from recorder.devices.axes import AxisShape
+from recorder.devices.inputs import Inputs, Stick
+from recorder.devices.profile import DeviceProfile, known_profiles, match_profile, save_profile
+
+Ask = Callable[[str], None]
+"""Shows a line to the person."""
+
+_MOVED = 0.4
+_HOLD_S = 0.6
+_TIMEOUT_S = 30.0
+_POLL_S = 0.01
+
+
+def find_axis(
+    before: Sequence[float], samples: Sequence[Sequence[float]], taken: Sequence[int] = ()
+) -> tuple[int, float] | None:
+    """Axis that a person moved, and the farthest value it reached.
+
+    Args:
+        before: Raw value of every axis at rest.
+        samples: Raw values while the person moved one control, in order.
+        taken: Axes that have a meaning already; they are chosen only if nothing else moved.
+
+    Returns:
+        Number of the axis and its end value; None if nothing has moved far enough.
+    """
+    best: tuple[float, int, float] | None = None
+    for axis, rest in enumerate(before):
+        values = [sample[axis] for sample in samples if axis < len(sample)]
+        if not values:
+            continue
+        end = max(values, key=lambda value: abs(value - rest))
+        reach = abs(end - rest) * (0.5 if axis in taken else 1.0)
+        if abs(end - rest) >= _MOVED and (best is None or reach > best[0]):
+            best = (reach, axis, end)
+    return None if best is None else (best[1], best[2])
+
+
+def make_profile(
+    name: str,
+    kind: str,
+    usb: str,
+    *,
+    left: tuple[int, float, float] | None,
+    right: tuple[int, float, float] | None,
+    throttle: tuple[int, float, float] | None,
+    brake: tuple[int, float, float] | None,
+    model: DeviceProfile | None,
+) -> DeviceProfile:
+    """Profile of what was found; each finding is axis, rest value and end value.
+
+    Raises:
+        DeviceError: left and right were found on two axes.
+    """
+    steer = None
+    if left is not None and right is not None:
+        if left[0] != right[0]:
+            raise DeviceError(
+                f"left moved axis {left[0]}, right axis {right[0]}; calibrate again, one control at a time"
+            )
+        expo = 0.5 if kind == "gamepad" else 0.0
+        steer = AxisShape(
+            axis=left[0],
+            rest=0.5 * (left[1] + right[1]),
+            full=left[2],
+            opposite=right[2],
+            dead_zone=0.1 if kind == "gamepad" else 0.0,
+            saturation=0.02 if kind == "gamepad" else 0.0,
+            expo=expo,
+        )
+    return DeviceProfile(
+        name=name,
+        kind=kind,
+        usb=(usb,),
+        rotation_deg=model.rotation_deg if model is not None else 900.0,
+        steer=steer,
+        throttle=_pedal(throttle),
+        brake=_pedal(brake),
+        buttons=dict(model.buttons) if model is not None else {},
+        calibrated=True,
+    )
+
+
+def _pedal(found: tuple[int, float, float] | None) -> AxisShape | None:
+    return None if found is None else AxisShape(axis=found[0], rest=found[1], full=found[2])
+
+
+def calibrate(kind: str, *, ask: Ask, inputs: Inputs | None = None, folder: Path | None = None) -> Path:
+    """Ask the person to turn and press each control, and save the profile.
+
+    Args:
+        kind: ``wheel`` or ``gamepad``.
+        ask: Shows what to do.
+        inputs: Where events come from; opened when left out.
+        folder: Where profiles are kept.
+
+    Raises:
+        DeviceError: nothing is connected, or nothing moved for half a minute.
+    """
+    if kind not in ("wheel", "gamepad"):
+        raise DeviceError(f"nothing to calibrate on '{kind}'; add --device wheel or --device gamepad")
+    source = inputs or Inputs(window=False)
+    try:
+        stick = _choose(source, ask)
+        model = match_profile(stick.usb, stick.name, known_profiles(folder), (kind,))
+        ask(f"{stick.name} ({stick.usb}): let go of everything, the wheel in the middle.")
+        rest = _rest(source, stick)
+        left = _find(source, stick, rest, "Turn fully LEFT and hold.", ask, ())
+        _wait_for_rest(source, stick, rest, ask)
+        right = _find(source, stick, rest, "Turn fully RIGHT and hold.", ask, ())
+        _wait_for_rest(source, stick, rest, ask)
+        taken = (left[0],)
+        throttle = _find(source, stick, rest, "Press the THROTTLE fully and hold.", ask, taken)
+        _wait_for_rest(source, stick, rest, ask)
+        brake = _find(source, stick, rest, "Press the BRAKE fully and hold.", ask, (*taken, throttle[0]))
+        profile = make_profile(
+            stick.name, kind, stick.usb, left=left, right=right, throttle=throttle, brake=brake, model=model
+        )
+        return save_profile(profile, folder)
+    finally:
+        if inputs is None:
+            source.close()
+
+
+def _choose(source: Inputs, ask: Ask) -> Stick:
+    sticks = list(source)
+    if not sticks:
+        raise DeviceError("no wheel or pad is connected; plug one in and calibrate again")
+    if len(sticks) == 1:
+        return sticks[0]
+    ask(f"{len(sticks)} devices are connected: press any button on the one to calibrate.")
+    end = time.monotonic() + _TIMEOUT_S
+    while time.monotonic() < end:
+        source.pump()
+        for press in source.presses:
+            if press.stick is not None:
+                return press.stick
+        time.sleep(_POLL_S)
+    raise DeviceError("no button was pressed; calibrate again")
+
+
+def _rest(source: Inputs, stick: Stick) -> list[float]:
+    """Raw values after two seconds in which nothing has to happen."""
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        source.pump()
+        time.sleep(_POLL_S)
+    return list(stick.raw)
+
+
+def _find(
+    source: Inputs, stick: Stick, rest: Sequence[float], line: str, ask: Ask, taken: Sequence[int]
+) -> tuple[int, float, float]:
+    """Axis, rest value and end value of the control that moves now."""
+    ask(line)
+    samples: list[list[float]] = []
+    end, still_since, last = time.monotonic() + _TIMEOUT_S, time.monotonic(), list(stick.raw)
+    while time.monotonic() < end:
+        source.pump()
+        if max(abs(a - b) for a, b in zip(stick.raw, last, strict=True)) > 0.02:
+            still_since, last = time.monotonic(), list(stick.raw)
+        samples.append(list(stick.raw))
+        found = find_axis(rest, samples, taken)
+        if found is not None and time.monotonic() - still_since > _HOLD_S:
+            return found[0], rest[found[0]], found[1]
+        time.sleep(_POLL_S)
+    raise DeviceError("nothing has moved for 30 s; check the plug and calibrate again")
+
+
+def _wait_for_rest(source: Inputs, stick: Stick, rest: Sequence[float], ask: Ask) -> None:
+    ask("Good. Let go.")
+    end = time.monotonic() + _TIMEOUT_S
+    while time.monotonic() < end:
+        source.pump()
+        if all(abs(a - b) < 0.3 for a, b in zip(stick.raw, rest, strict=True)):
+            return
+        time.sleep(_POLL_S)

@@ -1,0 +1,40 @@
+"""What a driver can ask for besides steering and pedals."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from carlaloc_env.errors import ConfigError, unknown_name
+
+
+class Command(Enum):
+    """One press of a key or button."""
+
+    REVERSE = "reverse"
+    """Change between forward and reverse; heeded below walking speed."""
+    HANDBRAKE = "handbrake"
+    """Pulled while held."""
+    INDICATOR_LEFT = "indicator_left"
+    INDICATOR_RIGHT = "indicator_right"
+    HEADLAMPS = "headlamps"
+    CAMERA = "camera"
+    """Next view: driver's seat, chase, above."""
+    PAUSE = "pause"
+    CHECKPOINT = "checkpoint"
+    """Set a checkpoint here."""
+    RESTART = "restart"
+    """Go back to the last checkpoint."""
+    HELP = "help"
+    QUIT = "quit"
+
+    @classmethod
+    def by_name(cls, name: str) -> Command:
+        """Command of a name.
+
+        Raises:
+            ConfigError: there is no such command.
+        """
+        try:
+            return cls(name)
+        except ValueError:
+            raise ConfigError(unknown_name("command", str(name), [c.value for c in cls])) from None

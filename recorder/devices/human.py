@@ -1,0 +1,219 @@
+"""A person at the wheel: raw input of wheels, pedals, pads and keys becomes controls at 200 Hz."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from carlaloc_env.clock import TICK_S
+from carlaloc_env.controls import Controls
+from carlaloc_env.driver_view import DriverView
+from carlaloc_env.errors import DeviceError
+from carlaloc_env.physics.params import VehicleParams
+from recorder.devices.axes import AxisShape, shape_axis
+from recorder.devices.commands import Command
+from recorder.devices.inputs import Inputs, Press, Stick
+from recorder.devices.keys import KEY_COMMANDS, held_pedals
+from recorder.devices.profile import DeviceProfile, match_profile
+from recorder.devices.shaping import (
+    PEDAL_OMEGA,
+    STICK_OMEGA,
+    WHEEL_OMEGA,
+    Filter,
+    KeyPedals,
+    KeySteering,
+    steer_limit,
+    wheel_steer,
+)
+
+_REVERSE_BELOW_MPS = 1.5
+_LOST_BRAKE, _LOST_RAMP_S, _LOST_STRAIGHTEN_S = 0.3, 1.0, 1.5
+
+
+class HumanDevice:
+    """Drives by what people do; devices may come and go while it runs.
+
+    Of all connected sticks the first that fits steers; pedals of their own go before those of the
+    wheel. While nothing that drives is connected, the car coasts, brakes gently and straightens.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        inputs: Inputs,
+        profiles: Sequence[DeviceProfile],
+        params: VehicleParams | None = None,
+    ) -> None:
+        """Look for devices.
+
+        Args:
+            kind: ``wheel``, ``gamepad`` or ``keyboard``.
+            inputs: Where events come from.
+            profiles: What devices are known, in order of preference.
+            params: The car.
+
+        Raises:
+            DeviceError: no such device is connected.
+        """
+        self._kind = kind
+        self.inputs = inputs
+        self._profiles = list(profiles)
+        self._params = params if params is not None else VehicleParams()
+        self._sticks: list[tuple[Stick, DeviceProfile]] = []
+        self._key_steering, self._key_pedals = KeySteering(self._params), KeyPedals()
+        self._steer = Filter(WHEEL_OMEGA if kind == "wheel" else STICK_OMEGA)
+        self._pedals = Filter(PEDAL_OMEGA), Filter(PEDAL_OMEGA)
+        self._reverse = False
+        self._lost_s = self._lost_steer = 0.0
+        self.raw = Controls()
+        self.commands: list[Command] = []
+        self.plugged: list[tuple[str, str]] = []
+        for stick in inputs:
+            self._take(stick)
+        if kind != "keyboard" and not self.is_connected:
+            raise DeviceError(f"no {kind} is connected; plug one in, or choose --device keyboard or scripted")
+
+    @property
+    def name(self) -> str:
+        """Kind and names of the devices, as recorded in the episode."""
+        names = ", ".join(f"{profile.name} ({stick.usb})" for stick, profile in self._sticks)
+        return f"{self._kind}: {names}" if names else self._kind
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether anything that steers is there."""
+        return self._kind == "keyboard" or self._of("steer") is not None
+
+    @property
+    def message(self) -> str | None:
+        """What the driver must know about the devices, None when all is well."""
+        if not self.is_connected:
+            return f"{self._kind.upper()} UNPLUGGED: braking; plug it in again"
+        if self._kind != "keyboard" and self._steering_raw() is None:
+            return f"turn the {self._kind} a little so that its position is known"
+        return None
+
+    def poll(self) -> None:
+        """Take in events; once per picture."""
+        self.inputs.pump()
+        self.plugged = []
+        for stick in self.inputs.lost:
+            if any(stick is known for known, _ in self._sticks):
+                self._sticks = [(s, p) for s, p in self._sticks if s is not stick]
+                self.plugged.append(("device_lost", stick.name))
+        for stick in self.inputs.gained:
+            if self._take(stick):
+                self.plugged.append(("device_back", stick.name))
+        self.commands = [c for press in self.inputs.presses if (c := self._command(press)) is not None]
+
+    def read(self, view: DriverView) -> Controls:
+        """Controls for the coming tick."""
+        if Command.REVERSE in self.commands and abs(view.speed_mps) < _REVERSE_BELOW_MPS:
+            self._reverse = not self._reverse
+        self.commands = [command for command in self.commands if command is not Command.REVERSE]
+        if not self.is_connected:
+            return self._without_hands()
+        self._lost_s = 0.0
+        if self._kind == "keyboard":
+            shaped = self._read_keys(view.speed_mps)
+        else:
+            shaped = self._read_sticks(view.speed_mps)
+        return replace(shaped, reverse=self._reverse)
+
+    def close(self) -> None:
+        """Let the devices go; may be called twice."""
+        self.inputs.close()
+
+    def _read_keys(self, speed_mps: float) -> Controls:
+        left, right, forward, back, handbrake = held_pedals(self.inputs.keys)
+        self.raw = Controls(
+            steer=float(left - right), throttle=float(forward), brake=float(back), handbrake=handbrake
+        )
+        steer = self._key_steering.update(left, right, speed_mps)
+        throttle, brake = self._key_pedals.update(forward, back)
+        return Controls(steer=_clip(steer), throttle=throttle, brake=brake, handbrake=handbrake)
+
+    def _read_sticks(self, speed_mps: float) -> Controls:
+        turned = self._steering_raw() or 0.0
+        throttle, brake = self._pedal("throttle"), self._pedal("brake")
+        handbrake = self._held(Command.HANDBRAKE) or self._pedal("handbrake") > 0.5
+        self.raw = Controls(
+            steer=turned, throttle=throttle, brake=brake, reverse=self._reverse, handbrake=handbrake
+        )
+        if self._kind == "wheel":
+            found = self._of("steer")
+            rotation = found[1].rotation_deg if found is not None else 900.0
+            target = wheel_steer(turned, rotation, self._params)
+        else:
+            target = turned * steer_limit(speed_mps, self._params)
+        return Controls(
+            steer=_clip(self._steer.update(target)),
+            throttle=max(0.0, _clip(self._pedals[0].update(throttle))),
+            brake=max(0.0, _clip(self._pedals[1].update(brake))),
+            handbrake=handbrake,
+        )
+
+    def _without_hands(self) -> Controls:
+        if self._lost_s == 0.0:
+            self._lost_steer = self._steer.value
+        self._lost_s += TICK_S
+        brake = _LOST_BRAKE * min(1.0, self._lost_s / _LOST_RAMP_S)
+        self.raw = Controls()
+        straight = self._lost_steer * math.exp(-self._lost_s / _LOST_STRAIGHTEN_S)
+        return Controls(
+            steer=_clip(self._steer.update(straight)),
+            throttle=max(0.0, _clip(self._pedals[0].update(0.0))),
+            brake=max(0.0, _clip(self._pedals[1].update(brake))),
+            reverse=self._reverse,
+        )
+
+    def _take(self, stick: Stick) -> bool:
+        """Use a stick if a profile fits; False otherwise."""
+        kinds = {"wheel": ("wheel", "pedals"), "gamepad": ("gamepad",)}.get(self._kind, ())
+        profile = match_profile(stick.usb, stick.name, self._profiles, kinds) if kinds else None
+        if profile is None:
+            return False
+        for shape in profile.axes:
+            if shape.axis < len(stick.raw) and abs(stick.raw[shape.axis] - shape.rest) < 0.02:
+                # The calibrated rest value is as good as a movement.
+                stick.known[shape.axis] |= abs(shape.rest) > 0.5
+        self._sticks.append((stick, profile))
+        return True
+
+    def _of(self, role: str) -> tuple[Stick, DeviceProfile] | None:
+        """Stick with an axis of a role; separate pedals go first."""
+        having = [(s, p) for s, p in self._sticks if getattr(p, role) is not None]
+        having.sort(key=lambda item: item[1].kind != "pedals")
+        return having[0] if having else None
+
+    def _steering_raw(self) -> float | None:
+        found = self._of("steer")
+        if found is None or found[1].steer is None:
+            return None
+        raw = found[0].axis(found[1].steer.axis)
+        return None if raw is None else shape_axis(raw, found[1].steer)
+
+    def _pedal(self, role: str) -> float:
+        found = self._of(role)
+        if found is None:
+            return 0.0
+        shape: AxisShape = getattr(found[1], role)
+        raw = found[0].axis(shape.axis)
+        return 0.0 if raw is None else max(0.0, shape_axis(raw, shape))
+
+    def _held(self, command: Command) -> bool:
+        return any(profile.buttons.get(command.value, -1) in stick.buttons for stick, profile in self._sticks)
+
+    def _command(self, press: Press) -> Command | None:
+        if press.key is not None:
+            return KEY_COMMANDS.get(press.key)
+        for stick, profile in self._sticks:
+            if stick is press.stick:
+                names = {number: name for name, number in profile.buttons.items()}
+                return Command.by_name(names[press.button]) if press.button in names else None
+        return None
+
+
+def _clip(value: float) -> float:
+    return min(1.0, max(-1.0, value))

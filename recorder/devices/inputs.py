@@ -1,0 +1,168 @@
+"""All that pygame tells about keys, wheels, pedals and pads, taken in by one pump."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from carlaloc_env.errors import MissingDependencyError
+
+_MOVED = 0.02
+
+
+@dataclass(slots=True, eq=False)
+class Stick:
+    """One joystick: a wheel, a set of pedals or a pad.
+
+    SDL reports 0 for an axis that has not moved yet, which on a pedal is half pressed. An axis
+    therefore counts as unknown until its value has changed or an event has named it.
+    """
+
+    instance: int
+    """SDL instance id; never used twice while the program runs."""
+    name: str
+    """What the device calls itself."""
+    usb: str
+    """``vendor:product``, lower-case hexadecimal."""
+    handle: Any
+    """pygame joystick; its events stop when it is let go."""
+    raw: list[float] = field(default_factory=list)
+    """Last value of every axis, −1…1."""
+    known: list[bool] = field(default_factory=list)
+    """Whether the value of an axis can be believed."""
+    buttons: set[int] = field(default_factory=set)
+    """Buttons held down."""
+
+    def axis(self, number: int) -> float | None:
+        """Raw value of an axis, None while it is unknown or where there is no such axis."""
+        if number >= len(self.raw) or not self.known[number]:
+            return None
+        return self.raw[number]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Press:
+    """A key or a button went down."""
+
+    key: int | None = None
+    """pygame key code, None for a button."""
+    stick: Stick | None = None
+    """Whose button, None for a key."""
+    button: int = -1
+    """Number of the button."""
+
+
+class Inputs:
+    """Event queue of pygame; `pump` once per picture."""
+
+    def __init__(self, *, window: bool) -> None:
+        """Start pygame's input.
+
+        Args:
+            window: Whether a window will be opened; without one no display is needed, but keys do
+                not reach the program.
+
+        Raises:
+            MissingDependencyError: pygame is not installed.
+        """
+        os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+        # SDL would show pictures through an OpenGL context of its own, which breaks the renderer's.
+        os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
+        if not window:
+            os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+        try:
+            import pygame
+        except ImportError as error:
+            raise MissingDependencyError(
+                f"input devices need pygame ({error}); pip install pygame"
+            ) from error
+        self._pygame = pygame
+        pygame.display.init()
+        pygame.joystick.init()
+        self.sticks: dict[int, Stick] = {}
+        self.keys: set[int] = set()
+        self.presses: list[Press] = []
+        self.lost: list[Stick] = []
+        self.gained: list[Stick] = []
+        self.closed = False
+        for index in range(pygame.joystick.get_count()):
+            self._add(index)
+
+    def pump(self) -> None:
+        """Take in what has happened; presses, losses and gains are those since the last call."""
+        pygame = self._pygame
+        self.presses, self.lost, self.gained = [], [], []
+        for event in pygame.event.get():
+            if event.type == pygame.QUIT:
+                self.closed = True
+            elif event.type == pygame.KEYDOWN:
+                self.keys.add(event.key)
+                self.presses.append(Press(key=event.key))
+            elif event.type == pygame.KEYUP:
+                self.keys.discard(event.key)
+            elif event.type == pygame.WINDOWFOCUSLOST:
+                self.keys.clear()
+            elif event.type == pygame.JOYDEVICEADDED:
+                self._add(event.device_index)
+            elif event.type == pygame.JOYDEVICEREMOVED:
+                self._remove(event.instance_id)
+            else:
+                self._follow(event)
+
+    def close(self) -> None:
+        """Let all devices go; may be called twice."""
+        for stick in self.sticks.values():
+            stick.handle.quit()
+        self.sticks.clear()
+        if self._pygame.joystick.get_init():
+            self._pygame.joystick.quit()
+
+    def __iter__(self) -> Iterator[Stick]:
+        return iter(self.sticks.values())
+
+    def _follow(self, event: Any) -> None:
+        pygame = self._pygame
+        if event.type not in (pygame.JOYAXISMOTION, pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
+            return
+        stick = self.sticks.get(event.instance_id)
+        if stick is None:
+            return
+        if event.type == pygame.JOYBUTTONDOWN:
+            stick.buttons.add(event.button)
+            self.presses.append(Press(stick=stick, button=event.button))
+        elif event.type == pygame.JOYBUTTONUP:
+            stick.buttons.discard(event.button)
+        elif event.axis < len(stick.raw):
+            stick.known[event.axis] |= abs(event.value - stick.raw[event.axis]) > _MOVED
+            stick.raw[event.axis] = float(event.value)
+
+    def _add(self, index: int) -> None:
+        handle = self._pygame.joystick.Joystick(index)
+        if handle.get_instance_id() in self.sticks:
+            return
+        count = handle.get_numaxes()
+        raw = [float(handle.get_axis(k)) for k in range(count)]
+        stick = Stick(
+            instance=handle.get_instance_id(),
+            name=handle.get_name(),
+            usb=usb_of_guid(handle.get_guid()),
+            handle=handle,
+            raw=raw,
+            known=[abs(value) > _MOVED for value in raw],
+        )
+        self.sticks[stick.instance] = stick
+        self.gained.append(stick)
+
+    def _remove(self, instance: int) -> None:
+        stick = self.sticks.pop(instance, None)
+        if stick is not None:
+            self.lost.append(stick)
+
+
+def usb_of_guid(guid: str) -> str:
+    """``vendor:product`` in an SDL joystick GUID: bytes 4–5 and 8–9, little endian."""
+    data = bytes.fromhex(guid) if len(guid) == 32 else bytes(16)
+    return f"{int.from_bytes(data[4:6], 'little'):04x}:{int.from_bytes(data[8:10], 'little'):04x}"

@@ -1,0 +1,49 @@
+"""The keyboard: arrows or WASD drive, other keys ask for things. Codes are SDL's, which are fixed."""
+
+from __future__ import annotations
+
+from recorder.devices.commands import Command
+
+_ARROW_RIGHT, _ARROW_LEFT, _ARROW_DOWN, _ARROW_UP = (0x4000_0000 | code for code in (79, 80, 81, 82))
+_F1 = 0x4000_0000 | 58
+_ESCAPE, _SPACE, _BACKSPACE = 27, 32, 8
+
+LEFT, RIGHT = (_ARROW_LEFT, ord("a")), (_ARROW_RIGHT, ord("d"))
+FORWARD, BACK = (_ARROW_UP, ord("w")), (_ARROW_DOWN, ord("s"))
+
+KEY_COMMANDS = {
+    ord("r"): Command.REVERSE,
+    _SPACE: Command.HANDBRAKE,
+    ord("q"): Command.INDICATOR_LEFT,
+    ord("e"): Command.INDICATOR_RIGHT,
+    ord("l"): Command.HEADLAMPS,
+    ord("c"): Command.CAMERA,
+    ord("p"): Command.PAUSE,
+    ord("k"): Command.CHECKPOINT,
+    _BACKSPACE: Command.RESTART,
+    ord("h"): Command.HELP,
+    _F1: Command.HELP,
+    _ESCAPE: Command.QUIT,
+}
+"""Command of each key."""
+
+HELP_LINES = (
+    ("arrows / W A S D", "steer, accelerate, brake"),
+    ("space", "handbrake"),
+    ("R", "reverse gear (below walking speed)"),
+    ("Q  E", "indicators"),
+    ("L", "headlamps"),
+    ("C", "camera: seat, chase, above"),
+    ("K", "set a checkpoint"),
+    ("backspace", "back to the last checkpoint"),
+    ("P", "pause"),
+    ("H / F1", "this help"),
+    ("Esc", "end the drive and save it"),
+)
+"""What the help overlay says."""
+
+
+def held_pedals(keys: set[int]) -> tuple[bool, bool, bool, bool, bool]:
+    """Whether left, right, forward, back and handbrake are held."""
+    held = tuple(any(key in keys for key in codes) for codes in (LEFT, RIGHT, FORWARD, BACK, (_SPACE,)))
+    return held[0], held[1], held[2], held[3], held[4]

@@ -1,0 +1,147 @@
+"""Profiles of wheels, pedals and gamepads: YAML files that say what each axis and button is."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from carlaloc_env.errors import ConfigError, DeviceError
+from carlaloc_env.yaml_config import from_mapping, to_mapping
+from recorder.devices.axes import AxisShape
+from recorder.devices.commands import Command
+
+KINDS = ("wheel", "pedals", "gamepad")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceProfile:
+    """What the axes and buttons of one device do."""
+
+    name: str
+    """Name for people, e.g. ``Logitech G29``."""
+    kind: str
+    """``wheel``, ``pedals`` or ``gamepad``."""
+    usb: tuple[str, ...] = ()
+    """USB ids ``vendor:product`` in lower-case hexadecimal; empty: any device of the kind."""
+    platform: str | None = None
+    """``linux``, ``win32`` or ``darwin`` where numbering differs; None: all."""
+    rotation_deg: float = 900.0
+    """How far a wheel turns from end to end [deg]."""
+    steer: AxisShape | None = None
+    """Steering, left positive; None on pedals."""
+    throttle: AxisShape | None = None
+    """Throttle pedal or trigger."""
+    brake: AxisShape | None = None
+    """Brake pedal or trigger."""
+    handbrake: AxisShape | None = None
+    """Handbrake lever with an axis of its own, pulled beyond a half."""
+    buttons: Mapping[str, int] = field(default_factory=dict)
+    """Button number of each command, e.g. ``reverse: 5``."""
+    calibrated: bool = False
+    """Whether a person has turned and pressed everything; shipped profiles are suggestions."""
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ConfigError(f"kind '{self.kind}'; choose from {', '.join(KINDS)}")
+        if self.kind != "pedals" and self.steer is None:
+            raise ConfigError(f"'{self.name}' is a {self.kind} without a steer axis")
+        if not 90.0 <= self.rotation_deg <= 3600.0:
+            raise ConfigError(f"rotation_deg {self.rotation_deg:g} lies outside 90 to 3600")
+        for command in self.buttons:
+            Command.by_name(command)
+
+    @property
+    def axes(self) -> tuple[AxisShape, ...]:
+        """All axes that are read."""
+        known = (self.steer, self.throttle, self.brake, self.handbrake)
+        return tuple(shape for shape in known if shape is not None)
+
+
+def profile_folder() -> Path:
+    """Folder of the profiles that calibration writes."""
+    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(base) / "carlaloc" / "devices"
+
+
+def read_profile(text: str, where: str) -> DeviceProfile:
+    """Profile of a YAML text.
+
+    Raises:
+        ConfigError: the text is no YAML, or a key or value is wrong.
+    """
+    try:
+        mapping = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{where}: no YAML ({' '.join(str(error).split())})") from error
+    return from_mapping(DeviceProfile, mapping, where)
+
+
+def save_profile(profile: DeviceProfile, folder: Path | None = None) -> Path:
+    """Write a profile so that the next drive finds it.
+
+    Raises:
+        DeviceError: the folder cannot be written.
+    """
+    folder = folder or profile_folder()
+    stem = "".join(c if c.isalnum() else "_" for c in profile.name.lower()).strip("_") or "device"
+    path, part = folder / f"{stem}.yaml", folder / f".{stem}.part"
+    values: dict[str, Any] = {k: v for k, v in to_mapping(profile).items() if v not in (None, [], {})}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        part.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
+        return part.replace(path)
+    except OSError as error:
+        raise DeviceError(f"cannot write {path}: {error.strerror}; set XDG_CONFIG_HOME") from error
+
+
+def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:
+    """Calibrated profiles first, then the shipped ones; those for other systems are left out.
+
+    Raises:
+        ConfigError: a file is not a profile.
+    """
+    folder = folder or profile_folder()
+    found = []
+    for path in sorted(folder.glob("*.yaml")) if folder.is_dir() else []:
+        found.append(read_profile(path.read_text(encoding="utf-8"), str(path)))
+    shipped = files("recorder.devices") / "profiles"
+    for entry in sorted(shipped.iterdir(), key=lambda item: item.name):
+        if entry.name.endswith(".yaml"):
+            found.append(read_profile(entry.read_text(encoding="utf-8"), entry.name))
+    return [profile for profile in found if profile.platform in (None, sys.platform)]
+
+
+def match_profile(
+    usb: str, name: str, profiles: list[DeviceProfile], kinds: tuple[str, ...] = KINDS
+) -> DeviceProfile | None:
+    """Profile of a device: by USB id, then by name, then a generic one of a fitting kind.
+
+    Args:
+        usb: ``vendor:product``.
+        name: What the device calls itself.
+        profiles: Candidates in order of preference.
+        kinds: Kinds that are wanted.
+    """
+    wanted = [profile for profile in profiles if profile.kind in kinds]
+    for profile in wanted:
+        if usb in profile.usb:
+            return profile
+    for profile in wanted:
+        if profile.name.lower() == name.lower():
+            return profile
+    looks = name.lower()
+    if any(word in looks for word in ("pedal",)):
+        guess = "pedals"
+    elif any(word in looks for word in ("pad", "xbox", "controller", "dualshock", "dualsense")):
+        guess = "gamepad"
+    else:
+        guess = "wheel"
+    generic = [profile for profile in wanted if not profile.usb and not profile.calibrated]
+    return next((p for p in generic if p.kind == guess), generic[0] if generic else None)

@@ -1,0 +1,37 @@
+"""What a window shows of a drive beside the world itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from carlaloc_env.controls import Controls
+
+
+@dataclass(slots=True)
+class DriveStatus:
+    """What the window shows beside the world itself."""
+
+    controls: Controls = field(default_factory=Controls)
+    """Controls of the last tick."""
+    device: str = ""
+    """Who drives."""
+    view: int = 0
+    """Number of the camera."""
+    indicator: str = ""
+    """``left``, ``right`` or empty."""
+    headlamps: bool = False
+    """Whether the headlamps are on."""
+    paused: bool = False
+    """Whether time stands still."""
+    help: bool = False
+    """Whether the keys are shown."""
+    message: str | None = None
+    """Line for the driver."""
+    slow: float | None = None
+    """World over real time when too slow."""
+    size_mb: float = 0.0
+    """Size of the recording [MB]."""
+    faults: int = 0
+    """Violations and collisions."""
+    warnings: tuple[str, ...] = ()
+    """What goes wrong now."""

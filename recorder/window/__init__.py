@@ -1,0 +1,1 @@
+"""The driver's window: live view, instruments, small map."""

@@ -1,0 +1,93 @@
+"""Shows a drive in a window: live view, instruments, small map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from carlaloc_env.clock import TICK_HZ
+from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.town import Town
+from carlaloc_env.weather import WeatherParameters
+from recorder.drive_status import DriveStatus
+from recorder.window.hud import HudState
+from recorder.window.minimap import MiniMap
+from recorder.window.views import VIEWS, LiveView
+from recorder.window.window import WINDOW_PX, Window
+
+PICTURE_PX = (480, 270)
+"""Size of the live view before it is scaled to the window [px]."""
+_ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
+
+
+class WindowCockpit:
+    """A window on a drive; a context manager.
+
+    Args:
+        town: Where the drive takes place.
+        weather: What it looks like.
+
+    Raises:
+        DeviceError: there is no display.
+        RenderError: there is no OpenGL.
+    """
+
+    def __init__(self, town: Town, weather: WeatherParameters) -> None:
+        self._town = town
+        self.window = Window(f"CarlaLoc: {town.name}")
+        self._stage = SensorStage(town, seed=0, weather=weather, quality="low")
+        # Made before the drive begins: it takes seconds, in which nobody steers.
+        self._stage.renderer()
+        self._view = LiveView(self._stage, PICTURE_PX)
+        self._map: MiniMap | None = None
+
+    def __enter__(self) -> WindowCockpit:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.window.close()
+        self._stage.close()
+
+    def show(self, world: DrivingWorld, status: DriveStatus) -> None:
+        """Show the present."""
+        if self._map is None:
+            self._map = MiniMap(self._town.network, world.route, size_px=WINDOW_PX[1] // 3)
+        view = VIEWS[status.view % len(VIEWS)]
+        driver = world.driver_view()
+        actors = world.timeline.actors_at(world.now_ns)
+        small = self._map.picture(driver.position_m, driver.heading_rad, actors)
+        self.window.show(self._view.picture(world, view), self._state(world, status, view), small)
+
+    def _state(self, world: DrivingWorld, status: DriveStatus, view: str) -> HudState:
+        driver, route = world.driver_view(), world.route
+        ahead_m = max(_ARROW_AHEAD_MIN_M, _ARROW_AHEAD_S * driver.speed_mps)
+        target = route.at(driver.route_s_m + ahead_m).position_m[0] - driver.position_m
+        turn = math.atan2(target[1], target[0]) - driver.heading_rad
+        return HudState(
+            speed_mps=driver.speed_mps,
+            limit_mps=driver.speed_limit_mps,
+            gear="R" if status.controls.reverse else "D",
+            steer=status.controls.steer,
+            throttle=status.controls.throttle,
+            brake=status.controls.brake,
+            handbrake=status.controls.handbrake,
+            turn_deg=float(np.degrees(math.remainder(turn, 2.0 * math.pi))),
+            remaining_m=route.length_m - driver.route_s_m,
+            driven_m=driver.route_s_m,
+            light=driver.signal_state,
+            light_m=driver.stop_line_distance_m,
+            time_s=world.tick_count / TICK_HZ,
+            size_mb=status.size_mb,
+            device=status.device,
+            view=view,
+            indicator=status.indicator,
+            headlamps=status.headlamps,
+            violations=status.faults,
+            warnings=status.warnings,
+            message=status.message,
+            slow=status.slow,
+            paused=status.paused,
+            help=status.help,
+        )

@@ -1,0 +1,239 @@
+"""Instruments over the live picture: what a driver needs, and nothing in the middle of the view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from carlaloc_env.traffic.signal_plan import SignalState
+from recorder.devices.keys import HELP_LINES
+
+_WHITE, _GREY, _DARK = (245, 245, 245), (150, 156, 162), (18, 22, 26)
+_RED, _GREEN, _AMBER, _BLUE = (235, 60, 50), (70, 200, 90), (250, 180, 40), (80, 165, 255)
+_LIGHTS = {SignalState.RED: _RED, SignalState.YELLOW: _AMBER, SignalState.GREEN: _GREEN}
+_WARNINGS = {
+    "collision": "COLLISION",
+    "red_light": "RED LIGHT",
+    "off_road": "OFF THE ROAD",
+    "wrong_way": "WRONG WAY",
+    "speeding": "TOO FAST",
+    "off_route": "OFF THE ROUTE",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HudState:
+    """What the instruments show."""
+
+    speed_mps: float
+    """Speed [m/s]."""
+    limit_mps: float
+    """Speed limit here [m/s]."""
+    gear: str
+    """``D`` or ``R``."""
+    steer: float
+    """Steering −1…1, left positive."""
+    throttle: float
+    """Throttle 0…1."""
+    brake: float
+    """Brake 0…1."""
+    handbrake: bool
+    """Whether the handbrake is pulled."""
+    turn_deg: float
+    """Direction in which the route goes on, left positive [deg]."""
+    remaining_m: float
+    """Route still to drive [m]."""
+    driven_m: float
+    """Route driven so far [m]."""
+    light: int
+    """`SignalState` of the next light, 0 when there is none."""
+    light_m: float | None
+    """Distance to its stop line [m]."""
+    time_s: float
+    """Length of the recording [s]."""
+    size_mb: float
+    """Size of the recording [MB]."""
+    device: str
+    """Who drives."""
+    view: str
+    """Camera."""
+    indicator: str
+    """``left``, ``right`` or empty."""
+    headlamps: bool
+    """Whether the headlamps are switched on."""
+    violations: int
+    """Violations and collisions so far."""
+    warnings: tuple[str, ...]
+    """What goes wrong now."""
+    message: str | None
+    """Line for the driver, e.g. that the wheel has been unplugged."""
+    slow: float | None
+    """Speed of the world over real time when the machine is too slow, else None."""
+    paused: bool
+    """Whether time stands still."""
+    help: bool
+    """Whether the keys are shown."""
+
+
+class Hud:
+    """Draws the instruments with pygame's own font.
+
+    Args:
+        pygame: The module, initialised.
+        size_px: Size of the window [px].
+    """
+
+    def __init__(self, pygame: Any, size_px: tuple[int, int]) -> None:
+        self._pygame = pygame
+        self._width, self._height = size_px
+        pygame.font.init()
+        unit = max(12, round(self._height / 30))
+        self._unit = unit
+        self._fonts = {name: pygame.font.Font(None, round(unit * k)) for name, k in _SIZES.items()}
+        self._veil = pygame.Surface((self._width, unit * 5), pygame.SRCALPHA)
+        for row in range(unit * 5):
+            alpha = round(190 * (row / (unit * 5)) ** 0.7)
+            self._veil.fill((*_DARK, alpha), (0, row, self._width, 1))
+
+    def draw(self, surface: Any, state: HudState, map_picture: Any | None) -> None:
+        """Draw over a picture.
+
+        Args:
+            surface: The window.
+            state: What to show.
+            map_picture: Surface of the small map.
+        """
+        surface.blit(self._veil, (0, self._height - self._veil.get_height()))
+        self._speed(surface, state)
+        self._pedals(surface, state)
+        self._route(surface, state)
+        self._recording(surface, state)
+        if map_picture is not None:
+            place = (self._width - map_picture.get_width() - self._unit // 2, self._unit // 2)
+            surface.blit(map_picture, place)
+            self._pygame.draw.rect(surface, _GREY, (*place, *map_picture.get_size()), 1)
+        self._lines(surface, state)
+        if state.help:
+            self._help(surface)
+
+    def _speed(self, surface: Any, state: HudState) -> None:
+        u, base = self._unit, self._height - self._unit // 2
+        text = f"{abs(state.speed_mps) * 3.6:.0f}"
+        too_fast = state.speed_mps > state.limit_mps + 1.5
+        self._text(surface, text, "big", (5 * u, base), _AMBER if too_fast else _WHITE, "bottomright")
+        self._text(surface, "km/h", "small", (5.3 * u, base - 0.4 * u), _GREY, "bottomleft")
+        sign = (round(8.6 * u), round(base - 1.5 * u))
+        self._pygame.draw.circle(surface, _WHITE, sign, round(1.2 * u))
+        self._pygame.draw.circle(surface, _RED, sign, round(1.2 * u), max(2, u // 4))
+        self._text(surface, f"{state.limit_mps * 3.6:.0f}", "small", sign, _DARK, "center")
+        self._text(surface, state.gear, "big", (11 * u, base), _AMBER if state.gear == "R" else _WHITE)
+        if state.handbrake:
+            self._text(surface, "(P)", "medium", (13 * u, base - 0.3 * u), _RED)
+        if state.headlamps:
+            self._text(surface, "lights", "small", (11 * u, base - 3.2 * u), _GREEN)
+        for side, x in (("left", 1.2), ("right", 3.2)):
+            on = state.indicator == side and int(state.time_s * 3.0) % 2 == 0
+            self._arrow(surface, (x * u, base - 3.8 * u), 90.0 if side == "left" else -90.0, u * 0.6,
+                        _GREEN if on else _GREY)  # fmt: skip
+
+    def _pedals(self, surface: Any, state: HudState) -> None:
+        u, draw = self._unit, self._pygame.draw
+        x, y, width = 16 * u, self._height - 1.6 * u, 9 * u
+        draw.rect(surface, _GREY, (x, y, width, 0.5 * u), 1)
+        centre = x + width / 2
+        end = centre - state.steer * width / 2
+        draw.rect(surface, _BLUE, (min(centre, end), y, max(abs(end - centre), 1), 0.5 * u))
+        draw.line(surface, _WHITE, (centre, y - 3), (centre, y + 0.5 * u + 2))
+        self._text(surface, "steering", "small", (centre, y - 0.2 * u), _GREY, "midbottom")
+        for k, (value, colour, name) in enumerate(
+            ((state.throttle, _GREEN, "gas"), (state.brake, _RED, "brake"))
+        ):
+            left, top, tall = x + width + (1.5 + 2.4 * k) * u, self._height - 3.9 * u, 2.8 * u
+            draw.rect(surface, _GREY, (left, top, u, tall), 1)
+            draw.rect(surface, colour, (left, top + tall * (1 - value), u, tall * value))
+            self._text(surface, name, "small", (left + u / 2, top + tall + 0.1 * u), _GREY, "midtop")
+
+    def _route(self, surface: Any, state: HudState) -> None:
+        u, base = self._unit, self._height - self._unit // 2
+        x = self._width - 13 * u
+        self._arrow(surface, (x, base - 2.2 * u), state.turn_deg, 1.1 * u, _BLUE)
+        self._text(surface, _metres(state.remaining_m), "medium", (x + 1.8 * u, base - 1.4 * u), _WHITE)
+        self._text(surface, "to go", "small", (x + 1.8 * u, base - 0.4 * u), _GREY)
+        if state.light and state.light_m is not None:
+            colour = _LIGHTS.get(SignalState(state.light), _GREY)
+            place = (round(self._width - 4.2 * u), round(base - 2.0 * u))
+            self._pygame.draw.circle(surface, _DARK, place, round(0.95 * u))
+            self._pygame.draw.circle(surface, colour, place, round(0.75 * u))
+            distance = f"{max(state.light_m, 0.0):.0f} m"
+            self._text(surface, distance, "medium", (self._width - 3 * u, base - 1.4 * u), _WHITE)
+
+    def _recording(self, surface: Any, state: HudState) -> None:
+        u = self._unit
+        on = state.paused or int(state.time_s * 2.0) % 2 == 0
+        self._pygame.draw.circle(surface, _RED if on else _GREY, (u, u), round(0.45 * u))
+        minutes, seconds = divmod(int(state.time_s), 60)
+        text = f"REC {minutes:02d}:{seconds:02d}   {state.size_mb:.1f} MB   {_metres(state.driven_m)}"
+        self._text(surface, text, "small", (1.8 * u, u), _WHITE, "midleft", shadow=True)
+        line = f"{state.device}   view: {state.view}   faults: {state.violations}   H: help"
+        self._text(surface, line, "small", (0.6 * u, 1.8 * u), _WHITE, "topleft", shadow=True)
+
+    def _lines(self, surface: Any, state: HudState) -> None:
+        middle, y = self._width / 2, self._height * 0.2
+        lines = [(_WARNINGS[name], _RED) for name in state.warnings]
+        if state.paused:
+            lines.append(("PAUSED: P goes on", _WHITE))
+        if state.message:
+            lines.append((state.message, _AMBER))
+        for text, colour in lines:
+            self._text(surface, text, "medium", (middle, y), colour, "center", shadow=True)
+            y += 1.6 * self._unit
+        if state.slow is not None:
+            text = f"this machine is slow: the world runs at {state.slow:.0%} of real time"
+            place = (self._width / 2, self._unit)
+            self._text(surface, text, "small", place, _AMBER, "center", shadow=True)
+
+    def _help(self, surface: Any) -> None:
+        u = self._unit
+        wide, tall = 24 * u, (len(HELP_LINES) + 2) * 1.3 * u
+        panel = self._pygame.Surface((wide, tall), self._pygame.SRCALPHA)
+        panel.fill((*_DARK, 225))
+        for row, (keys, what) in enumerate(HELP_LINES):
+            y = (row + 1) * 1.3 * u
+            self._text(panel, keys, "small", (u, y), _AMBER, "topleft")
+            self._text(panel, what, "small", (9 * u, y), _WHITE, "topleft")
+        surface.blit(panel, ((self._width - wide) / 2, (self._height - tall) / 2))
+
+    def _text(
+        self,
+        surface: Any,
+        text: str,
+        size: str,
+        place: tuple[float, float],
+        colour: tuple[int, int, int],
+        anchor: str = "bottomleft",
+        *,
+        shadow: bool = False,
+    ) -> None:
+        drawn = self._fonts[size].render(text, True, colour)
+        box = drawn.get_rect(**{anchor: (round(place[0]), round(place[1]))})
+        if shadow:
+            back = self._pygame.Surface((box.width + 8, box.height + 4), self._pygame.SRCALPHA)
+            back.fill((*_DARK, 150))
+            surface.blit(back, (box.left - 4, box.top - 2))
+        surface.blit(drawn, box)
+
+    def _arrow(
+        self, surface: Any, place: tuple[float, float], turn_deg: float, size: float, colour: tuple[int, ...]
+    ) -> None:
+        """An arrow that points up when straight on, and to the left for positive turns."""
+        vector = self._pygame.math.Vector2
+        shape = ((0, -1), (0.75, 0.1), (0.28, 0.1), (0.28, 1), (-0.28, 1), (-0.28, 0.1), (-0.75, 0.1))
+        points = [vector(place) + vector(point).rotate(-turn_deg) * size for point in shape]
+        self._pygame.draw.polygon(surface, colour, points)
+
+
+_SIZES = {"small": 1.15, "medium": 1.7, "big": 3.2}
+
+
+def _metres(distance_m: float) -> str:
+    return f"{distance_m / 1000.0:.2f} km" if distance_m >= 1000.0 else f"{max(distance_m, 0.0):.0f} m"

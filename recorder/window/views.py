@@ -1,0 +1,65 @@
+"""Where the driver looks from: the seat, behind the car, above it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.sensors.camera import instances_at
+from carlaloc_env.stage import SensorStage
+
+Array = NDArray[np.float64]
+
+VIEWS = ("seat", "chase", "above")
+"""Cameras in the order in which the driver goes through them."""
+_CHASE_TURN = 0.06
+_FOV_DEG = {"seat": 80.0, "chase": 75.0, "above": 60.0}
+
+
+class LiveView:
+    """Draws what the driver sees, in low resolution and at the renderer's lowest tier.
+
+    Args:
+        stage: Town, weather and renderer.
+        size_px: Width and height of the pictures [px].
+    """
+
+    def __init__(self, stage: SensorStage, size_px: tuple[int, int]) -> None:
+        self._stage = stage
+        self._lenses = {name: Pinhole.from_fov(*size_px, _FOV_DEG[name]) for name in VIEWS}
+        self._heading_rad: float | None = None
+
+    def picture(self, world: DrivingWorld, view: str) -> NDArray[np.uint8]:
+        """Colour picture of now, sRGB, shape (H, W, 3), C-contiguous."""
+        now = world.now_ns
+        T_world_base = world.timeline.ego_motion([now]).T_world_frame[0]
+        renderer = self._stage.renderer()
+        instances = instances_at(self._stage, world.timeline, now)
+        pose = self._pose(T_world_base, view)
+        drawn = renderer.draw(self._lenses[view], pose, instances)
+        rgb = renderer.shade(drawn, self._stage.weather, stamp_ns=now, seed=self._stage.seed)
+        return np.ascontiguousarray(rgb)
+
+    def _pose(self, T_world_base: Array, view: str) -> Array:
+        """Pose of the optical frame (4, 4) in the world."""
+        if view == "seat":
+            return T_world_base @ _placed((1.75, 0.0, 1.45), pitch_rad=0.04)
+        heading = math.atan2(T_world_base[1, 0], T_world_base[0, 0])
+        # The chase camera swings after the car, as a following eye does.
+        known = heading if self._heading_rad is None else self._heading_rad
+        known += math.remainder(heading - known, 2.0 * math.pi) * (1.0 if view == "above" else _CHASE_TURN)
+        self._heading_rad = known
+        turn = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.0, known)), T_world_base[:3, 3])
+        if view == "chase":
+            return turn @ _placed((-5.5, 0.0, 2.9), pitch_rad=0.14)
+        return turn @ _placed((6.0, 0.0, 32.0), pitch_rad=math.pi / 2)
+
+
+def _placed(position_m: tuple[float, float, float], *, pitch_rad: float) -> Array:
+    """Pose of an optical frame in an FLU frame, nose down positive."""
+    return from_rotation(quat_to_matrix(rpy_to_quat(0.0, pitch_rad, 0.0)) @ R_FLU_OPTICAL, position_m)

@@ -1,0 +1,94 @@
+"""A route for devices that hardly look at it, and sticks that SDL makes in software."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import pytest
+
+from carlaloc_env.town.route import Route
+
+WHEEL, GAMEPAD = 2, 1
+
+
+def bundled_sdl() -> ctypes.CDLL:
+    """The SDL that pygame has loaded."""
+    maps = Path("/proc/self/maps")
+    if not maps.exists():
+        pytest.skip("virtual joysticks are made through /proc, which is missing here")
+    found = re.findall(r"(/\S*libSDL2-2\S*)", maps.read_text())
+    if not found or not hasattr(ctypes.CDLL(found[0]), "SDL_JoystickAttachVirtual"):
+        pytest.skip("this SDL has no virtual joysticks")
+    sdl = ctypes.CDLL(found[0])
+    sdl.SDL_JoystickOpen.restype = ctypes.c_void_p
+    sdl.SDL_JoystickSetVirtualAxis.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_int16]
+    sdl.SDL_JoystickSetVirtualButton.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_uint8]
+    sdl.SDL_JoystickInstanceID.argtypes = [ctypes.c_void_p]
+    return sdl
+
+
+class VirtualStick:
+    """A plugged-in joystick, no hardware needed; pulled out at the end of a `with` block."""
+
+    def __init__(self, kind: int = WHEEL, axes: int = 4, buttons: int = 25) -> None:
+        self._sdl = bundled_sdl()
+        index = self._sdl.SDL_JoystickAttachVirtual(kind, axes, buttons, 0)
+        if index < 0:
+            pytest.skip("SDL cannot attach a virtual joystick here")
+        self._handle = self._sdl.SDL_JoystickOpen(index)
+        self._instance = self._sdl.SDL_JoystickInstanceID(self._handle)
+        self._plugged = True
+
+    def axis(self, number: int, value: float) -> None:
+        """Move an axis to a raw value, −1…1."""
+        self._sdl.SDL_JoystickSetVirtualAxis(self._handle, number, round(32767 * value))
+
+    def button(self, number: int, down: bool) -> None:
+        """Press or release a button."""
+        self._sdl.SDL_JoystickSetVirtualButton(self._handle, number, int(down))
+
+    def unplug(self) -> None:
+        """Pull it out."""
+        if not self._plugged:
+            return
+        self._plugged = False
+        for index in range(self._sdl.SDL_NumJoysticks()):
+            if self._sdl.SDL_JoystickGetDeviceInstanceID(index) == self._instance:
+                self._sdl.SDL_JoystickDetachVirtual(index)
+                return
+
+    def __enter__(self) -> VirtualStick:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.unplug()
+
+
+@pytest.fixture
+def plug() -> type[VirtualStick]:
+    """Makes virtual sticks."""
+    return VirtualStick
+
+
+@pytest.fixture
+def straight_route() -> Route:
+    """A kilometre eastwards at 50 km/h."""
+    x = np.arange(0.0, 1001.0)
+    zero = np.zeros(len(x))
+    return Route(
+        position_m=np.stack([x, zero, zero], axis=1),
+        heading_rad=zero,
+        slope=zero,
+        curvature_radpm=zero,
+        speed_limit_mps=np.full(len(x), 13.9),
+        lane=np.zeros(len(x), dtype=np.int64),
+        lane_station_m=x,
+        length_m=1000.0,
+        closed=False,
+    )

@@ -1,0 +1,261 @@
+"""Wheels and pedals as SDL delivers them: first values, plugs pulled and put back, calibration."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pygame")
+
+from carlaloc_env.clock import TICK_HZ
+from carlaloc_env.driver_view import DriverView
+from carlaloc_env.errors import DeviceError
+from carlaloc_env.physics.params import VehicleParams
+from carlaloc_env.town.route import Route
+from recorder.devices.calibrate import calibrate
+from recorder.devices.commands import Command
+from recorder.devices.human import HumanDevice
+from recorder.devices.inputs import Inputs, usb_of_guid
+from recorder.devices.profile import DeviceProfile, known_profiles, read_profile
+
+Plug = Callable[..., Any]
+
+SHIPPED = "name: Virtual Wheel\nkind: wheel\nrotation_deg: 900\n" + "\n".join(
+    (
+        "steer: {axis: 0, rest: 0.0, full: -1.0, opposite: 1.0, dead_zone: 0.0, saturation: 0.0}",
+        "throttle: {axis: 2, rest: 1.0, full: -1.0}",
+        "brake: {axis: 3, rest: 1.0, full: -1.0}",
+        "buttons: {handbrake: 0, reverse: 1, camera: 3}",
+    )
+)
+
+
+@pytest.fixture
+def inputs() -> Iterator[Inputs]:
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    source = Inputs(window=False)
+    yield source
+    source.close()
+
+
+@pytest.fixture
+def profiles() -> list[DeviceProfile]:
+    return [read_profile(SHIPPED, "test")]
+
+
+def view(route: Route, speed_mps: float = 0.0) -> DriverView:
+    return DriverView(
+        tick=0,
+        position_m=np.zeros(3),
+        heading_rad=0.0,
+        speed_mps=speed_mps,
+        acceleration_mps2=0.0,
+        route=route,
+        route_s_m=0.0,
+        offset_m=0.0,
+        speed_limit_mps=13.9,
+    )
+
+
+def run(device: HumanDevice, seen: DriverView, seconds: float) -> list[tuple[float, float, float]]:
+    trace = []
+    for k in range(round(seconds * TICK_HZ)):
+        if k % 8 == 0:
+            device.poll()
+        c = device.read(seen)
+        trace.append((c.steer, c.throttle, c.brake))
+    return trace
+
+
+def test_pedal_that_has_not_moved_is_not_half_pressed(
+    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+) -> None:
+    with plug() as stick:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, profiles)
+        assert max(throttle for _, throttle, _ in run(device, view(straight_route), 0.5)) == 0.0
+        stick.axis(2, 1.0)
+        assert run(device, view(straight_route), 0.5)[-1][1] == 0.0
+        stick.axis(2, -1.0)
+        assert run(device, view(straight_route), 0.5)[-1][1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_wheel_turns_the_road_wheels_by_its_ratio(
+    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+) -> None:
+    with plug() as stick:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, profiles)
+        stick.axis(0, -0.2)
+        steer = run(device, view(straight_route), 1.0)[-1][0]
+    params = VehicleParams()
+    assert np.degrees(steer * params.steer_max_rad) == pytest.approx(0.2 * 450.0 / 12.0, rel=1e-3)
+    assert device.raw.steer == pytest.approx(0.2, abs=1e-3)
+
+
+def test_unplugging_brakes_gently_and_plugging_in_goes_on(
+    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+) -> None:
+    stick = plug()
+    inputs.pump()
+    device = HumanDevice("wheel", inputs, profiles)
+    stick.axis(0, -0.3)
+    stick.axis(2, -0.5)
+    before = run(device, view(straight_route, 10.0), 1.0)
+    assert before[-1][1] > 0.5
+    assert device.message is None
+    stick.unplug()
+    lost = run(device, view(straight_route, 10.0), 3.0)
+    assert ("device_lost" in [kind for kind, _ in device.plugged]) or not device.is_connected
+    assert device.message is not None
+    assert "UNPLUGGED" in device.message
+    assert lost[-1][1] == 0.0
+    assert lost[-1][2] == pytest.approx(0.3, abs=0.01)
+    assert abs(lost[-1][0]) < 0.3 * abs(before[-1][0])
+    steps = np.abs(np.diff(np.array(before[-1:] + lost), axis=0)).max(axis=0)
+    assert steps[0] < 0.01
+    assert steps[2] < 0.01
+    with plug() as again:
+        run(device, view(straight_route), 0.1)
+        again.axis(2, 1.0)
+        again.axis(0, 0.2)
+        back = run(device, view(straight_route), 1.0)
+        assert device.is_connected
+        assert device.message is None
+        assert back[-1][0] < -0.1
+        assert back[-1][2] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_buttons_become_commands(
+    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+) -> None:
+    with plug() as stick:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, profiles)
+        stick.button(3, True)
+        device.poll()
+        assert device.commands == [Command.CAMERA]
+        stick.button(0, True)
+        stick.button(1, True)
+        device.poll()
+        controls = device.read(view(straight_route))
+        assert controls.handbrake
+        assert controls.reverse
+        stick.button(1, False)
+        device.poll()
+        stick.button(1, True)
+        device.poll()
+        assert device.read(view(straight_route, 9.0)).reverse, "no reverse gear at speed"
+
+
+def test_pedals_of_their_own_go_before_the_wheels(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
+    wheel = read_profile(SHIPPED, "test")
+    pedals = read_profile(
+        "name: Virtual GameController\nkind: pedals\nthrottle: {axis: 1, rest: -1.0, full: 1.0}\n", "test"
+    )
+    with plug() as stick, plug(1) as feet:
+        inputs.pump()
+        names = {s.name for s in inputs}
+        assert len(names) == 2, names
+        other = next(s.name for s in inputs if "Wheel" not in s.name)
+        pedals = read_profile(
+            f"name: {other}\nkind: pedals\nthrottle: {{axis: 1, rest: -1.0, full: 1.0}}\n", "test"
+        )
+        device = HumanDevice("wheel", inputs, [wheel, pedals])
+        stick.axis(2, -1.0)
+        stick.axis(0, -0.1)
+        feet.axis(1, 0.0)
+        feet.axis(1, -0.1)
+        steer, throttle, _ = run(device, view(straight_route), 1.0)[-1]
+        assert throttle == pytest.approx((0.45 - 0.03) / 0.95, abs=0.01)
+        assert steer > 0.0
+
+
+def test_without_a_device_the_error_names_the_next_step(inputs: Inputs) -> None:
+    with pytest.raises(DeviceError, match="plug one in"):
+        HumanDevice("wheel", inputs, known_profiles())
+
+
+def test_calibration_as_a_person_does_it(inputs: Inputs, tmp_path: Path, plug: Plug) -> None:
+    """A person follows the lines shown; this wheel has its pedals swapped and the throttle upside down."""
+    stick = plug()
+    for axis, rest in ((0, 0.0), (1, -1.0), (2, 1.0), (3, 0.0)):
+        stick.axis(axis, 0.5)
+        stick.axis(axis, rest)
+    inputs.pump()
+    moves = {"LEFT": (0, 0.97), "RIGHT": (0, -0.96), "THROTTLE": (1, 1.0), "BRAKE": (2, -1.0)}
+    rests = {0: 0.0, 1: -1.0, 2: 1.0}
+    moved: list[int] = []
+
+    def person(line: str) -> None:
+        if "Let go" in line and moved:
+            stick.axis(moved[-1], rests[moved[-1]])
+        for word, (axis, value) in moves.items():
+            if word in line:
+                moved.append(axis)
+                stick.axis(axis, value)
+
+    path = calibrate("wheel", ask=person, inputs=inputs, folder=tmp_path)
+    stick.unplug()
+    profile = read_profile(path.read_text(), "x")
+    assert profile.calibrated
+    assert profile.steer is not None
+    assert profile.throttle is not None
+    assert profile.brake is not None
+    assert (profile.steer.axis, profile.throttle.axis, profile.brake.axis) == (0, 1, 2)
+    assert profile.steer.full == pytest.approx(0.97, abs=0.01)
+    assert (profile.throttle.rest, profile.throttle.full) == pytest.approx((-1.0, 1.0), abs=0.01)
+    assert (profile.brake.rest, profile.brake.full) == pytest.approx((1.0, -1.0), abs=0.01)
+
+
+def test_usb_ids_are_read_from_guids() -> None:
+    """Bytes 4–5 and 8–9 of a G29's GUID on Linux."""
+    assert usb_of_guid("030000006d0400004fc2000011010000") == "046d:c24f"
+    assert usb_of_guid("rubbish") == "0000:0000"
+
+
+def test_no_display_is_needed() -> None:
+    """Rules out that a wheel without a window opens one."""
+    code = "from recorder.devices.inputs import Inputs; Inputs(window=False).pump()"
+    env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")}
+    subprocess.run([sys.executable, "-c", code], check=True, env=env, timeout=60)
+
+
+@pytest.mark.soak
+def test_plugging_for_twenty_minutes(
+    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+) -> None:
+    """In and out some thousand times, sticks moved by another thread meanwhile: nothing leaks or jumps."""
+    device, stick = None, plug()
+    inputs.pump()
+    device = HumanDevice("wheel", inputs, profiles)
+    end, plugged, rng, last = time.monotonic() + 1200.0, True, np.random.default_rng(1), (0.0, 0.0, 0.0)
+    rounds = 0
+    while time.monotonic() < end:
+        rounds += 1
+        if rng.random() < 0.3:
+            if plugged:
+                stick.unplug()
+            else:
+                stick = plug()
+            plugged = not plugged
+        elif plugged:
+            stick.axis(int(rng.integers(4)), float(rng.uniform(-1, 1)))
+        for row in run(device, view(straight_route, 8.0), 0.05):
+            assert all(np.isfinite(row))
+            assert abs(row[0] - last[0]) < 0.2
+            last = row
+        assert device.is_connected == plugged
+        assert len(inputs.sticks) == int(plugged)
+        time.sleep(0.02)
+    assert rounds > 1000
+    assert threading.active_count() < 8
