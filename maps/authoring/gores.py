@@ -212,6 +212,7 @@ def build_gore(
         pairs = [(i, i) for i in range(count)]
         road = connect(part, source, target, pairs, numbers, z, outer=not own, path=line, inner=True)
         road.name, road.kind = f"{part.name} through", source.road.kind
+        _paint(road, source)
         roads.append(road)
         if own:
             _wedge(road, source if gore.merges else target, gore, -1)
@@ -219,7 +220,9 @@ def build_gore(
             pairs = [(0, count)] if gore.merges else [(count, 0)]
             road = connect(part, *ends, pairs, numbers, z, outer=True, path=inside)
             road.name, road.kind = f"{part.name} ramp", ramp.road.kind
+            _paint(road, ramp)
             roads.append(road)
+            road.sections[0].centre = Mark(0.0, "solid")
             _wedge(road, ramp, gore, 1)
     return roads
 
@@ -247,9 +250,14 @@ def _wedge(road: RoadPart, whole: Leg, gore: Gore, side: int) -> None:
             lane.successor = border.lane_id
         lane.marks = [Mark(0.0, "none", "standard", 0.0)]
         lanes.append(lane)
-    # The line between through lane and ramp, and between ramp and nose.
-    if side < 0:
-        driving = [lane for lane in section.right if lane.kind == "driving"]
-        driving[-1].marks = [Mark(0.0, "solid")]
-    else:
-        section.centre = Mark(0.0, "solid")
+
+
+def _paint(road: RoadPart, leg: Leg) -> None:
+    """Lane and edge lines; a kerb at the median needs none."""
+    section = road.sections[0]
+    driving = [lane for lane in section.right if lane.kind == "driving"]
+    for lane in driving[:-1]:
+        lane.marks = [Mark(0.0, "broken", change="both", dash=(3.0, 6.0))]
+    driving[-1].marks = [Mark(0.0, "solid")]
+    if leg.road.sections[0].right[0].kind == "driving":
+        section.centre = Mark(0.0, "solid", "yellow")
