@@ -35,9 +35,13 @@ class GeoReference:
 
     def geodetic_to_enu(self, geodetic: ArrayLike) -> Array:
         """World points [m] (..., 3) of latitude [deg], longitude [deg], height [m] (..., 3)."""
+        return self.ecef_to_enu(geodetic_to_ecef(geodetic))
+
+    def ecef_to_enu(self, ecef_m: ArrayLike) -> Array:
+        """World points [m] (..., 3) of Earth-centred points [m] (..., 3)."""
         T = self._T_ecef_enu()
         turn = geometry.from_rotation(T[:3, :3].T)
-        return geometry.apply(turn, geodetic_to_ecef(geodetic) - T[:3, 3])
+        return geometry.apply(turn, np.asarray(ecef_m, dtype=np.float64) - T[:3, 3])
 
     def _T_ecef_enu(self) -> Array:
         lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)

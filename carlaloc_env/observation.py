@@ -120,7 +120,9 @@ def values_of(sample: Sample) -> NDArray[Any]:
     if isinstance(sample, Imu):
         return np.concatenate([sample.specific_force_mps2, sample.angular_rate_radps])
     if isinstance(sample, GnssFix):
-        return np.array([sample.latitude_deg, sample.longitude_deg, sample.altitude_m, float(sample.has_fix)])
+        if not sample.has_fix:
+            return np.zeros(4)
+        return np.array([sample.latitude_deg, sample.longitude_deg, sample.altitude_m, 1.0])
     if isinstance(sample, Speed):
         return np.array([sample.speed_mps])
     if isinstance(sample, ObservedSample):

@@ -197,7 +197,11 @@ class GnssFix(Sample):
     covariance_enu_m2: NDArray[np.float64]
     """Covariance of the position, east, north, up [m²], shape (3, 3)."""
     has_fix: bool = True
-    """Whether enough satellites were seen."""
+    """Whether enough satellites were seen; without a fix the place is NaN."""
+    solution: str = "single"
+    """How the place was found: ``none``, ``single``, or with a base station ``float`` or ``fixed``."""
+    satellites: int = 0
+    """Satellites used; 0 where none are modelled."""
 
     def __post_init__(self) -> None:
         _check(self, "covariance_enu_m2", np.float64, (3, 3))

@@ -329,7 +329,9 @@ def _imu(maker: MessageMaker, header: Message, sample: Imu) -> Message:
 
 
 def _nav_sat_fix(maker: MessageMaker, header: Message, sample: GnssFix) -> Message:
-    status = maker.new("sensor_msgs/NavSatStatus", status=0 if sample.has_fix else -1, service=1)
+    # A base station's corrections are an augmentation from the ground (STATUS_GBAS_FIX).
+    level = {"none": -1, "single": 0, "float": 2, "fixed": 2}[sample.solution if sample.has_fix else "none"]
+    status = maker.new("sensor_msgs/NavSatStatus", status=level, service=1)
     covariance = sample.covariance_enu_m2
     diagonal = not np.any(covariance - np.diag(np.diag(covariance)))
     return maker.new(
@@ -340,7 +342,7 @@ def _nav_sat_fix(maker: MessageMaker, header: Message, sample: GnssFix) -> Messa
         longitude=sample.longitude_deg,
         altitude=sample.altitude_m,
         position_covariance=np.ascontiguousarray(covariance).reshape(-1),
-        position_covariance_type=2 if diagonal else 3,
+        position_covariance_type=(2 if diagonal else 3) if sample.has_fix else 0,
     )
 
 

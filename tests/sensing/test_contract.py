@@ -43,6 +43,7 @@ CONFIGS: dict[str, SensorConfig] = {
     ),
     "radar": RadarConfig(mount=Mount(position_m=(1.2, 0, 1.85), rpy_deg=(0, 0, 60)), columns=40),
     "gnss": GnssConfig(mount=Mount(position_m=(0.7, 0, 1.5))),
+    "satellites": GnssConfig(name="satellites", model="satellites", mount=Mount(position_m=(0.7, 0, 1.5))),
     "speed": SpeedConfig(noise_mps=0.1),
 }
 RIG = SensorRig(sensors=tuple(CONFIGS.values()))
@@ -119,7 +120,7 @@ def test_live_equals_replayed(scenery: Any, replayed: dict[Any, Any]) -> None:
         samples += rig.measure(live, (step - 1) * STEP_NS if step else -1, step * STEP_NS)
         live.forget_before((step - 4) * STEP_NS)
     assert by_key(samples) == replayed
-    assert len({key[0] for key in replayed}) == 8
+    assert len({key[0] for key in replayed}) == 9
 
 
 @pytest.mark.parametrize("name", sorted(CONFIGS))
