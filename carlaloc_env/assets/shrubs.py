@@ -79,7 +79,7 @@ def tufts(
     height_m: float,
     tint: tuple[int, int, int],
     *,
-    blade_m: float = 0.05,
+    blade_m: float = 0.04,
     spread: float = 0.35,
 ) -> Mesh:
     """Long grass or weeds: blades of one triangle each in a round patch, normals up like the ground's."""

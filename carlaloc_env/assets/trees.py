@@ -284,7 +284,8 @@ def _crown(
     if form.shape == "cone":
         # Long boughs carry more needles than the leader.
         weight = weight * (0.35 + 0.4 * np.sqrt(np.sum(chosen[:, :2] ** 2, axis=-1)))
-    squash, ragged = (0.45, 0.35) if form.shape == "cone" else (0.82, 0.28 if high else 0.36)
+    squash = {"cone": 0.45, "column": 1.7}.get(form.shape, 0.82)
+    ragged = 0.28 if high and form.shape != "cone" else 0.36
     core_m2 = _CORE_SHARE[detail] * area_m2
     radii = weight * np.sqrt(core_m2 / (CLUMP_AREA * float(np.sum(weight**2))))
     body = clumps(rng, chosen, radii, middle, form.tint, squash=squash, ragged=ragged)

@@ -15,9 +15,10 @@ from carlaloc_env.town.cells import cell_uv
 from carlaloc_env.town.facades import facade
 from carlaloc_env.town.looks import Look
 from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.palettes import Tint
 from carlaloc_env.town.roofs import add_roof
 from carlaloc_env.town.shopfronts import GARAGE_DOOR
-from carlaloc_env.town.styles import STYLES, ZONE_STYLES, Style, Tint
+from carlaloc_env.town.styles import STYLES, ZONE_STYLES, Style
 from carlaloc_env.town.walls import Wall, around
 
 Array = NDArray[np.float64]
@@ -117,6 +118,8 @@ def draw_look(style: Style, rng: np.random.Generator) -> Look:
         tint=(int(tint[0] * shade), int(tint[1] * shade), int(tint[2] * shade)),
         trim=style.trims[int(rng.integers(len(style.trims)))],
         sign=_SIGNS[int(rng.integers(len(_SIGNS)))],
+        accent=style.accents[int(rng.integers(len(style.accents)))],
+        roof=style.roofs[int(rng.integers(len(style.roofs)))],
     )
 
 

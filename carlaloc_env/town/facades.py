@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from carlaloc_env.semantics import Tag
 from carlaloc_env.town.cells import cell_uv
 from carlaloc_env.town.looks import Look, trim_faces, wall_faces
 from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.ornaments import Openings, wall_ornaments, window_ornaments
 from carlaloc_env.town.shopfronts import GARAGE_DOOR, street_storey
 from carlaloc_env.town.walls import Wall
 
@@ -19,16 +18,6 @@ Array = NDArray[np.float64]
 
 FULL_DETAIL_M = 24.0
 """Above this height windows lose sills and reveals: from the street nobody sees them [m]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Openings:
-    """Window openings of a wall, parallel arrays in wall coordinates [m], shape (N,)."""
-
-    a0: Array
-    a1: Array
-    z0: Array
-    z1: Array
 
 
 def facade(
@@ -60,6 +49,7 @@ def facade(
     if first < storeys:
         _window_storeys(out, wall, look, centre, width, levels_m[first:], rng, front=front)
     _mouldings(out, wall, look, levels_m, pitch, front=front)
+    wall_ornaments(out, wall, look, levels_m, centre, width, front)
 
 
 def _window_storeys(
@@ -110,7 +100,10 @@ def _windows(
     style = look.style
     pick = rng.integers(0, 1 << 16, len(w.a0))
     pane = wall.front(w.a0, w.a1, w.z0, w.z1, -style.recess_m)
-    out.quads(pane, material=Material.WINDOW, tag=Tag.BUILDING, uv_m=cell_uv(Material.WINDOW, pick))
+    glass = Material.WINDOW_WIDE if style.wide else Material.WINDOW
+    out.quads(pane, material=glass, tag=Tag.BUILDING, uv_m=cell_uv(glass, pick))
+    if front:
+        window_ornaments(out, wall, look, w, pick)
     near = w.z0 < FULL_DETAIL_M
     a0, a1, z0, z1 = (x[near] for x in (w.a0, w.a1, w.z0, w.z1))
     wall_faces(out, look, wall.reveal(a0, a1, z0, z1, style.recess_m))
@@ -118,7 +111,8 @@ def _windows(
         return
     sill = wall.box(a0 - 0.06, a1 + 0.06, z0 - 0.08, z0, 0.09)
     out.quads(sill, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
-    if style.courses or look.material in (Material.BRICK_RED, Material.BRICK_BROWN):
+    masonry = (Material.BRICK_RED, Material.BRICK_BROWN, Material.RUBBLE)
+    if style.courses or look.material in masonry:
         lintel = wall.box(a0 - 0.1, a1 + 0.1, z1, z1 + 0.2, 0.05)
         out.quads(lintel, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
     if style.balconies > 0.0:
@@ -131,6 +125,9 @@ def _balconies(out: MeshBuilder, wall: Wall, look: Look, a0: Array, a1: Array, f
     if not len(a0):
         return
     left, right, depth = a0 - 0.35, a1 + 0.35, 1.0
+    if "loggias" in look.style.ornaments:
+        _loggias(out, wall, look, left, right, floor)
+        return
     slab = wall.box(left, right, floor - 0.12, floor + 0.02, depth)
     out.quads(slab, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
     rail = [wall.box(left, right, floor + 0.95, floor + 1.02, depth, depth - 0.05)]
@@ -139,7 +136,19 @@ def _balconies(out: MeshBuilder, wall: Wall, look: Look, a0: Array, a1: Array, f
         rail.append(wall.box(a, a + 0.04, floor, floor + 0.95, depth, depth - 0.04))
     for a in (left, right - 0.04):
         rail.append(wall.box(a, a + 0.04, floor + 0.95, floor + 1.02, depth - 0.05))
-    out.quads(np.concatenate(rail), material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=(45, 47, 50))
+    out.quads(np.concatenate(rail), material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.accent)
+
+
+def _loggias(out: MeshBuilder, wall: Wall, look: Look, left: Array, right: Array, floor: Array) -> None:
+    """Balconies with solid parapets and side walls."""
+    depth = 1.25
+    slab = wall.box(left, right, floor - 0.14, floor + 0.02, depth)
+    cheeks = [wall.box(a, a + 0.12, floor, floor + 2.3, depth) for a in (left, right - 0.12)]
+    trim_faces(out, look, np.concatenate([slab, *cheeks]))
+    front = wall.box(left, right, floor, floor + 0.98, depth, depth - 0.08)
+    out.quads(front, material=Material.SIDING, tag=Tag.BUILDING, colour=look.accent)
+    rail = wall.box(left, right, floor + 1.05, floor + 1.1, depth, depth - 0.06)
+    out.quads(rail, material=Material.METAL_GALVANISED, tag=Tag.BUILDING)
 
 
 def _entrance_storey(

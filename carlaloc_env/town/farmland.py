@@ -60,7 +60,7 @@ CROPS: dict[str, Crop] = {
     "stubble": Crop(height_m=0.12, material=Material.CROP, tint=(205, 180, 120)),
 }
 """Crops that cover their plots."""
-KINDS = (*CROPS, "meadow", "pasture", "orchard", "wheat", "maize", "ploughed")
+KINDS = (*CROPS, *CROPS, "meadow", "pasture", "orchard", "wheat", "maize")
 """What plots hold, each as likely as it is often named."""
 
 

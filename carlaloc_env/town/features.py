@@ -4,24 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env import rng
+from carlaloc_env.assets.billboard import billboard
+from carlaloc_env.assets.street import bus_shelter
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.buildings import BuildingPlan, building_mesh, draw_look
-from carlaloc_env.town.cells import cell_uv
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.copies import copies, poses
+from carlaloc_env.town.farms import barn, farm, silo
+from carlaloc_env.town.filling_station import filling_station
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
+from carlaloc_env.town.monuments import fountain, monument
 from carlaloc_env.town.polygons import Area, areas_only, triangulate
 from carlaloc_env.town.styles import STYLES
-from carlaloc_env.town.walls import around
 
 Array = NDArray[np.float64]
 HeightOf = Callable[[Array], Array]
@@ -49,8 +51,6 @@ VIADUCT_CLEAR_M = 6.2
 """Free height under a viaduct [m]."""
 VIADUCT_WIDTH_M = 8.0
 """Width of its deck [m]."""
-_STONE = (235, 228, 210)
-_RED, _WHITE = (170, 18, 14), (235, 235, 230)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,112 +111,6 @@ def _placed(feature: Feature, xy: Array) -> Array:
     return np.stack([feature.position[0] + c * x - s * y, feature.position[1] + s * x + c * y], axis=-1)
 
 
-def _monument(_: Feature, __: np.random.Generator) -> Mesh:
-    """An obelisk on steps, 13 m high."""
-    out = MeshBuilder()
-    steps = [(4.0, 0.35), (3.2, 0.7), (2.4, 1.05)]
-    low = [(-half, -half, height - 0.35 if height > 0.4 else -0.5) for half, height in steps]
-    high = [(half, half, height) for half, height in steps]
-    out.quads(box_quads(low, high), material=Material.ASHLAR, tag=Tag.STATIC, colour=_STONE)
-    plinth = box_quads(
-        [(-1.3, -1.3, 1.05), (-1.5, -1.5, 3.1)], [(1.3, 1.3, 3.1), (1.5, 1.5, 3.45)], bottom=True
-    )
-    out.quads(plinth, material=Material.ASHLAR, tag=Tag.STATIC, colour=(215, 208, 190))
-    ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=np.float64)
-    levels = [(0.95, 3.45), (0.62, 11.8), (0.02, 13.0)]
-    for (a, z0), (b, z1) in pairwise(levels):
-        base = np.column_stack([ring * a, np.full(4, z0)])
-        head = np.column_stack([ring * b, np.full(4, z1)])
-        faces = np.stack([base, np.roll(base, -1, 0), np.roll(head, -1, 0), head], axis=1)
-        out.quads(faces, material=Material.ASHLAR, tag=Tag.STATIC, colour=_STONE)
-    for wall in around(2.6, 2.6):
-        plate = wall.front(0.5, 2.1, 1.5, 2.6, 0.02) - np.array([1.3, 1.3, 0.0])
-        out.quads(plate, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=(70, 55, 25))
-    return out.build()
-
-
-def _filling_station(_: Feature, __: np.random.Generator) -> Mesh:
-    """Canopy, four pumps, a shop and a price sign; its front looks along +x."""
-    out = MeshBuilder()
-    posts = np.array([(x, y) for x in (-1.0, 7.0) for y in (-5.5, 5.5)])
-    columns = box_quads(
-        np.column_stack([posts - 0.2, np.full(4, -0.5)]), np.column_stack([posts + 0.2, np.full(4, 5.0)])
-    )
-    out.quads(columns, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_WHITE)
-    out.quads(
-        box_quads([-3.0, -9.0, 5.0], [9.0, 9.0, 5.9], bottom=True),
-        material=Material.METAL_PAINTED,
-        tag=Tag.BUILDING,
-        colour=_WHITE,
-    )
-    out.quads(
-        box_quads([-3.04, -9.04, 5.25], [9.04, 9.04, 5.6]),
-        material=Material.METAL_PAINTED,
-        tag=Tag.BUILDING,
-        colour=_RED,
-    )
-    lights = np.array([(x, y) for x in (0.0, 3.0, 6.0) for y in (-6.0, 0.0, 6.0)])
-    z = np.full(len(lights), 4.985)
-    corners = [np.column_stack([lights + d, z]) for d in ((-0.4, -0.4), (-0.4, 0.4), (0.4, 0.4), (0.4, -0.4))]
-    out.quads(
-        np.stack(corners, axis=1), material=Material.LAMP_WHITE, tag=Tag.BUILDING, colour=(120, 120, 115)
-    )
-    _pumps(out)
-    _kiosk(out)
-    _price_sign(out)
-    return out.build()
-
-
-def _pumps(out: MeshBuilder) -> None:
-    for x in (0.0, 6.0):
-        out.quads(
-            box_quads([x - 0.6, -6.5, -0.1], [x + 0.6, 6.5, 0.16]), material=Material.KERB, tag=Tag.STATIC
-        )
-        for y in (-3.0, 3.0):
-            body = box_quads([x - 0.3, y - 0.5, 0.16], [x + 0.3, y + 0.5, 1.9])
-            out.quads(body, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_WHITE)
-            belt = box_quads([x - 0.32, y - 0.52, 1.45], [x + 0.32, y + 0.52, 1.8])
-            out.quads(belt, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_RED)
-
-
-def _kiosk(out: MeshBuilder) -> None:
-    """The shop behind the pumps, front along +x."""
-    low, high = np.array([-12.5, -7.0, -0.5]), np.array([-6.0, 7.0, 3.8])
-    out.quads(box_quads(low, high), material=Material.PLASTER, tag=Tag.BUILDING, colour=(240, 238, 230))
-    y = np.array([-6.3, -3.1, 1.1, 4.3])
-    zeros, face = np.zeros(4), np.full(4, -5.97)
-    glass = np.stack(
-        [
-            np.column_stack([face, y + dy, zeros + z])
-            for dy, z in ((0, 0.4), (2.4, 0.4), (2.4, 2.8), (0, 2.8))
-        ],
-        axis=1,
-    )
-    cells = cell_uv(Material.SHOP_FRONT, np.arange(4))
-    out.quads(glass, material=Material.SHOP_FRONT, tag=Tag.BUILDING, uv_m=cells)
-    door = np.array([[(-5.97, -0.5, 0.0), (-5.97, 0.8, 0.0), (-5.97, 0.8, 2.3), (-5.97, -0.5, 2.3)]])
-    uv = cell_uv(Material.DOOR, np.array([1]))
-    out.quads(door, material=Material.DOOR, tag=Tag.BUILDING, uv_m=uv)
-    band = box_quads([-12.6, -7.1, 3.1], [-5.85, 7.1, 3.75])
-    out.quads(band, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=_RED)
-
-
-def _price_sign(out: MeshBuilder) -> None:
-    legs = box_quads([(11.4, 9.5, -0.3), (11.4, 11.3, -0.3)], [(11.6, 9.7, 3.2), (11.6, 11.5, 3.2)])
-    out.quads(legs, material=Material.METAL_GALVANISED, tag=Tag.STATIC)
-    board = box_quads([11.35, 9.4, 3.2], [11.65, 11.6, 7.0], bottom=True)
-    out.quads(board, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=_RED)
-    for x, sign in ((11.66, 1.0), (11.34, -1.0)):
-        y0, y1 = (9.5, 11.5) if sign > 0 else (11.5, 9.5)
-        z0, z1 = np.array([3.4, 4.6, 5.8]), np.array([4.4, 5.6, 6.8])
-        plates = [
-            np.column_stack([np.full(3, x), np.full(3, y), z])
-            for y, z in ((y0, z0), (y1, z0), (y1, z1), (y0, z1))
-        ]
-        uv = cell_uv(Material.POSTER, np.array([2, 8, 15]), aspect=2.0)
-        out.quads(np.stack(plates, axis=1), material=Material.POSTER, tag=Tag.STATIC, uv_m=uv)
-
-
 def _apron(area: Area, floor: HeightOf) -> Mesh:
     out = MeshBuilder()
     xy, triangles = triangulate(area, 3.0)
@@ -236,6 +130,26 @@ def _building(feature: Feature, draw: np.random.Generator) -> Mesh:
     # The building's own front looks along −y from (0, 0) to (width, 0).
     turn = poses([(depth / 2, -width / 2, 0.0)], np.pi / 2)
     return copies(mesh, turn, 0)
+
+
+def _billboard(feature: Feature, draw: np.random.Generator) -> Mesh:
+    size = {"width_m": feature.size[0], "height_m": feature.size[1]} if len(feature.size) > 1 else {}
+    return billboard(int(draw.integers(0, 8)), **size)
+
+
+def _car_park(feature: Feature, draw: np.random.Generator) -> Mesh:
+    """Rows of bays of 2.5 × 5 m on both sides of lanes of 6 m, with lamps and a low wall behind."""
+    depth, width = _extent(feature)
+    out = MeshBuilder()
+    bays = int((width - 2.0) / 2.5)
+    y = (np.arange(bays + 1) - bays / 2) * 2.5
+    for x in np.arange(-depth / 2 + 0.5, depth / 2 - 5.0, 11.0):
+        low = np.column_stack([np.full(len(y), x), y - 0.06, np.full(len(y), 0.02)])
+        high = low + np.array([5.0, 0.12, 0.03])
+        out.quads(box_quads(low, high), material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
+    wall = box_quads([-depth / 2, -width / 2, -0.4], [-depth / 2 + 0.25, width / 2, 0.7])
+    out.quads(wall, material=Material.RUBBLE, tag=Tag.WALL)
+    return out.build()
 
 
 def _viaduct(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
@@ -296,8 +210,15 @@ def _pier_places(feature: Feature, paved: Area, length_m: float) -> list[float]:
 WORLD_MAKERS: dict[str, Callable[[Feature, Area, HeightOf], Mesh]] = {"viaduct": _viaduct}
 """Features that follow the ground below them: from the feature, everything paved and the heights."""
 LOCAL_MAKERS: dict[str, Callable[[Feature, np.random.Generator], Mesh]] = {
-    "monument": _monument,
-    "filling_station": _filling_station,
+    "monument": lambda _, __: monument(),
+    "fountain": lambda _, __: fountain(),
+    "filling_station": lambda _, __: filling_station(),
     "building": _building,
+    "car_park": _car_park,
+    "bus_stop": lambda _, draw: bus_shelter(int(draw.integers(0, 16))),
+    "farm": lambda feature, draw: farm(*_extent(feature)[::-1], draw),
+    "barn": lambda feature, draw: barn(*_extent(feature)[::-1], draw),
+    "silo": lambda feature, _: silo(*feature.size[:2]),
+    "billboard": _billboard,
 }
 """Features that stand level on their place, made round the origin with their front along +x."""

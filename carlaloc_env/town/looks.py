@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.meshing import MeshBuilder
-from carlaloc_env.town.styles import Style, Tint
+from carlaloc_env.town.palettes import Tint
+from carlaloc_env.town.styles import Style
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,10 @@ class Look:
     """Linear tint of sills, cornices and frames."""
     sign: Tint
     """Linear tint of shop signs and awnings."""
+    accent: Tint = (60, 64, 66)
+    """Linear tint of shutters, rails, doors' canopies and timber."""
+    roof: tuple[Material, Tint] = (Material.ROOF_TILE, (255, 235, 220))
+    """Material of a pitched roof with its linear tint."""
 
 
 def wall_faces(out: MeshBuilder, look: Look, quads: Array) -> None:

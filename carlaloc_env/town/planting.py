@@ -93,7 +93,7 @@ def long_grass(land: Land, props: PropField) -> None:
         if extra <= 0.0 or len(line) < 3:
             continue
         right = rights(line)
-        for distance in (0.7, 1.5, 2.8):
+        for distance in (0.5, 1.1, 1.9, 3.2):
             keep = draw.random(len(line)) < 0.85 / (0.4 + distance)
             shift = distance + draw.uniform(-0.3, 0.5, len(line))
             spots.append((line[:, :2] + right * shift[:, None])[keep])
@@ -106,7 +106,7 @@ def long_grass(land: Land, props: PropField) -> None:
     scale = draw.uniform(0.6, 1.3, len(xy))
     for k in range(6):
         rows = sort == k
-        make = partial(tufts, k, 20, 0.45, 0.38 + 0.1 * (k % 3), _BLADES[k % 3])
+        make = partial(tufts, k, 26, 0.55, 0.20 + 0.08 * (k % 3), _BLADES[k % 3])
         props.put(("tuft", k), make, land.on_ground(xy[rows], -0.03), yaw[rows], scale[rows])
 
 

@@ -48,9 +48,12 @@ def street_storey(
     trim_faces(out, look, wall.reveal(a0, a1, low, head, recess))
     pane = wall.front(a0[others], a1[others], riser, head, -recess)
     pick = rng.integers(0, 1 << 16, int(others.sum()))
-    material = Material.SHOP_FRONT if shop else Material.CURTAIN_WALL
-    uv = cell_uv(material, pick) if shop else None
-    out.quads(pane, material=material, tag=Tag.BUILDING, uv_m=uv)
+    if shop:
+        for material, own in ((Material.SHOP_FRONT, pick % 2 == 0), (Material.SHOP_FRONT_B, pick % 2 == 1)):
+            uv = cell_uv(material, pick[own] // 2)
+            out.quads(pane[own], material=material, tag=Tag.BUILDING, uv_m=uv)
+    else:
+        out.quads(pane, material=Material.CURTAIN_WALL, tag=Tag.BUILDING)
     _door_bay(out, wall, look, float(a0[door]), float(a1[door]), z0, head, recess, rng)
     if shop:
         _shop_signs(out, wall, look, a0, a1, head, rng)
@@ -103,9 +106,9 @@ def _shop_signs(
     out.quads(band, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.sign)
     plate = wall.front(a0 + 0.08, a1 - 0.08, head + 0.14, head + 0.72, 0.13)
     pick = rng.integers(0, 1 << 16, len(a0))
-    out.quads(
-        plate, material=Material.POSTER, tag=Tag.BUILDING, uv_m=cell_uv(Material.POSTER, pick, aspect=5.0)
-    )
+    uv = cell_uv(Material.SHOP_SIGN, pick)
+    out.quads(plate, material=Material.SHOP_SIGN, tag=Tag.BUILDING, uv_m=uv)
+    _blades(out, wall, look, a1[pick % 3 == 0] - 0.1, head, pick[pick % 3 == 0])
     awned = rng.random(len(a0)) < 0.45
     if awned.any():
         left, right = a0[awned], a1[awned]
@@ -124,3 +127,17 @@ def _shop_signs(
         out.quads(
             both, material=Material.CLOTH, tag=Tag.BUILDING, colour=tuple(max(1, c - 20) for c in look.sign)
         )
+
+
+def _blades(out: MeshBuilder, wall: Wall, look: Look, a: Array, head: float, pick: NDArray[np.int64]) -> None:
+    """Small signs that stand out of the wall, readable along the pavement from both sides."""
+    if not len(a):
+        return
+    low, high = head + 0.95, head + 1.65
+    arm = wall.box(a - 0.02, a + 0.02, high + 0.02, high + 0.06, 0.85)
+    out.quads(arm, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=(30, 30, 32))
+    left = wall.left_side(a - 0.03, 0.15, 0.85, low, high)
+    right = wall.right_side(a + 0.03, 0.15, 0.85, low, high)
+    uv = cell_uv(Material.POSTER, pick, aspect=1.4)
+    out.quads(left, material=Material.POSTER, tag=Tag.BUILDING, uv_m=uv)
+    out.quads(right, material=Material.POSTER, tag=Tag.BUILDING, uv_m=uv)

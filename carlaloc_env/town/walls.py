@@ -92,7 +92,9 @@ class Wall:
 
     def _faces(self, corners: list[tuple[ArrayLike, ArrayLike, ArrayLike]]) -> Array:
         columns = [np.atleast_1d(np.asarray(x, dtype=np.float64)) for corner in corners for x in corner]
-        count = max(len(column) for column in columns)
+        count = max(len(column) for column in columns) if all(map(len, columns)) else 0
+        if count == 0:
+            return np.zeros((0, 4, 3))
         a, b, z = (np.empty((count, 4)) for _ in range(3))
         for k in range(4):
             a[:, k], b[:, k], z[:, k] = columns[3 * k : 3 * k + 3]
