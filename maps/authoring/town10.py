@@ -4,7 +4,7 @@
        105  ╭── TN ── N ─ Opera Bd ─ TE ──╮       N: staggered crossing, one leg at a time
             │Tin Lane │                   │
         62  TW ───────╯                   │
-         0  W ─ Market Bd ─ C ─ Market Bd ─ E     C: protected left turns; E: slip road to the south
+         0  W ─ Market Bd ─ C ─ Market Bd ─ E     C: protected left turns
             │               │             │
       -105  ╰─ Harbour Dr ─ S ──── P ─────╯       P: lights for walkers alone
     water   ~~~~~~~~~~~~~~~~~~~~~~~~~~~~~~~
