@@ -147,7 +147,8 @@ MATERIALS: dict[Material, MaterialInfo] = {
     Material.GRAVEL: _info(2.0, 0.95, 0.8, 0.30),
     Material.DOOR: _info(1.0, 0.60, 0.1, 0.35),
     Material.PLATE: _info(1.0, 0.40, 0.0, 0.60, 0.90),
-    Material.LAMP_TAIL: _info(0.3, 0.30, 0.0, 0.30, 0.3, 500.0),
+    # Dimmer than real ones: a night picture's fixed exposure shows no difference to a brake lamp above 16.
+    Material.LAMP_TAIL: _info(0.3, 0.30, 0.0, 0.30, 0.3, 5.0),
     Material.SIDING: _info(2.4, 0.75, 0.2, 0.50),
     Material.SHEET_METAL: _info(2.0, 0.50, 0.1, 0.40),
     Material.RUBBLE: _info(2.4, 0.85, 0.6, 0.40),

@@ -204,6 +204,12 @@ def _skin(shape: BodyShape, d: Array, grid: Array, rows: tuple[int, ...], paint:
     part[:, 0] = 1
     if shape.cladding:
         part[:, 1] = 1
+    # The folded edge inside a wheel arch.
+    z = grid[:, :6, 2]
+    level = np.abs(np.diff(z, axis=1)) < 1e-6
+    folded = level[:-1] & level[1:]
+    step = np.any(level[:-1] != level[1:], axis=1) & (np.diff(d) < 0.02)
+    part[:, :5] = np.where(folded | step[:, None], 1, part[:, :5])
     part[:, 5] = np.where(glazed, 2, np.where(span, 1, 0))
     part[:, 7:] = np.where(screen | rear, 2, 0)[:, None]
     if shape.bed is not None:

@@ -28,6 +28,7 @@ class Decals:
         self._lift_m = lift_m
         self._corners = body.vertices_m[body.triangles].astype(np.float64)
         self._normals = body.normals[body.triangles].astype(np.float64)
+        self._lifts = _welded_normals(body)[body.triangles]
         self._face = cross(
             self._corners[:, 1] - self._corners[:, 0], self._corners[:, 2] - self._corners[:, 0]
         )
@@ -100,7 +101,7 @@ class Decals:
         turn = edge - edge.mean(axis=0)
         area = np.sum(turn[:, 0] * np.roll(turn[:, 1], -1) - np.roll(turn[:, 0], -1) * turn[:, 1])
         edge = edge if area > 0 else edge[::-1]
-        points, normals = list[Array](), list[Array]()
+        points, normals, lifts = list[Array](), list[Array](), list[Array]()
         triangles: list[tuple[int, int, int]] = []
         for k in self._candidates(edge, axis, facing, across):
             flat = self._corners[k][:, across]
@@ -112,6 +113,7 @@ class Decals:
             # Written out without BLAS, so that a model has the same bits on every machine.
             points.append(np.sum(share[:, :, None] * self._corners[k][None], axis=1))
             normals.append(np.sum(share[:, :, None] * self._normals[k][None], axis=1))
+            lifts.append(np.sum(share[:, :, None] * self._lifts[k][None], axis=1))
             triangles += [(begin, begin + i, begin + i + 1) for i in range(1, len(clipped) - 1)]
         if not triangles:
             return False
@@ -120,7 +122,7 @@ class Decals:
         lift = self._lift_m + 0.003 * layer
         self.meshes.append(
             make_mesh(
-                at + lift * normal,
+                at + lift * np.concatenate(lifts),
                 triangles,
                 material=look.material,
                 tag=look.tag,
@@ -140,6 +142,15 @@ class Decals:
         depth = facing * (high if facing > 0 else low)[:, axis]
         near = depth > depth.max() - _REACH_M if axis == 0 else depth > 0.3 * depth.max()
         return np.flatnonzero(touching & near & (facing * self._face[:, axis] > _FACING))
+
+
+def _welded_normals(body: Mesh) -> Array:
+    """Normals that are the same at a place on both sides of an edge, so that patches do not gape there."""
+    place = np.round(body.vertices_m.astype(np.float64) * 1e4).astype(np.int64)
+    _, weld = np.unique(place, axis=0, return_inverse=True)
+    total = np.stack([np.bincount(weld.ravel(), body.normals[:, k]) for k in range(3)], axis=1)
+    total /= np.maximum(np.sqrt(np.sum(total**2, axis=1, keepdims=True)), 1e-9)
+    return np.asarray(total[weld.ravel()], dtype=np.float64)
 
 
 def clip(polygon: Array, outline: Array) -> Array:

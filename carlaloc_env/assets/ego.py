@@ -39,9 +39,13 @@ def ego_body() -> Mesh:
     """Body of the ego: origin on the ground below the rear axle, x ahead, −0.95 m … 3.75 m."""
     body = placed(car(EGO_SPEC).whole, (EGO_REAR_M + 0.5 * EGO_SIZE_M[0], 0.0, 0.0))
     painted = body.material == Material.CAR_PAINT
+    # Its lenses would glow at the lower edge of its own cameras' pictures.
+    lens = body.material == Material.LAMP_WHITE
     return replace(
         body,
         # Matt, so that the bonnet stays dark under a bright sky.
-        material=np.where(painted, Material.METAL_PAINTED, body.material).astype(np.uint8),
+        material=np.where(
+            painted, Material.METAL_PAINTED, np.where(lens, Material.PLASTIC, body.material)
+        ).astype(np.uint8),
         colour=np.where(painted[:, None], np.array(EGO_TINT), body.colour).astype(np.uint8),
     )

@@ -1,0 +1,104 @@
+"""LiDAR rays against the depth picture: both must meet the same actors, steered, striding, near and far."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carlaloc_env import geometry
+from carlaloc_env.assets.articulation import LOW_FROM_M
+from carlaloc_env.assets.catalog import VEHICLES, WALKERS
+from carlaloc_env.assets.library import build_library
+from carlaloc_env.assets.placing import place_actors
+from carlaloc_env.errors import RenderError
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.surfaces import plain_albedo
+from carlaloc_env.scene import EGO_INSTANCE, make_mesh
+from carlaloc_env.semantics import Tag
+from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+
+pytest.importorskip("open3d", reason="Open3D casts the rays")
+try:
+    create_context().release()
+except RenderError as no_opengl:
+    pytest.skip(str(no_opengl), allow_module_level=True)
+
+EYE_M = np.array([0.0, 0.0, 1.6])
+CAMERA = Pinhole(width_px=640, height_px=180, fx_px=320.0, fy_px=320.0, cx_px=320.0, cy_px=90.0)
+
+
+def actors() -> tuple[ActorCatalog, ActorFrame]:
+    """Every vehicle once near and once far, and walkers in mid-stride, beside each other ahead."""
+    names = (*VEHICLES, *VEHICLES, *WALKERS)
+    count, vehicles = len(names), len(VEHICLES)
+    bearing = np.radians(np.linspace(-40.0, 40.0, vehicles))
+    near, far = np.full(vehicles, 24.0), np.full(vehicles, LOW_FROM_M + 25.0)
+    walk = np.radians(np.linspace(-38.0, 38.0, len(WALKERS)))
+    distance = np.concatenate([near, far, np.full(len(WALKERS), 9.0)])
+    bearing = np.concatenate([bearing, bearing + 0.03, walk])
+    place = np.stack([distance * np.cos(bearing), distance * np.sin(bearing), np.zeros(count)], axis=1)
+    catalog = ActorCatalog(
+        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
+        model=names,
+        tag=np.array(
+            [int(VEHICLES[n].tag) if n in VEHICLES else int(Tag.PEDESTRIAN) for n in names], np.uint8
+        ),
+        size_m=np.ones((count, 3), np.float32),
+        tint=np.full((count, 3), 90, np.uint8),
+    )
+    frame = ActorFrame(
+        position_m=place.astype(np.float32),
+        heading_rad=np.linspace(-2.0, 2.5, count).astype(np.float32),
+        pitch_rad=np.linspace(-0.05, 0.05, count).astype(np.float32),
+        speed_mps=np.full(count, 1.3, np.float32),
+        travelled_m=np.linspace(0.0, 9.0, count).astype(np.float32),
+        steer_rad=np.linspace(-0.6, 0.6, count).astype(np.float32),
+        lights=np.zeros(count, np.uint8),
+    )
+    return catalog, frame
+
+
+def test_rays_meet_the_shapes_that_cameras_see() -> None:
+    """At pixel centres on actors, the ray's hit is the picture's actor, and as far away within 3 cm."""
+    from carlaloc_env.raycast import RayScene
+
+    r = 300.0
+    ground = make_mesh(
+        [[-r, -r, 0], [r, -r, 0], [r, r, 0], [-r, r, 0]],
+        [[0, 1, 2], [0, 2, 3]],
+        material=Material.ASPHALT,
+        tag=Tag.ROAD,
+    )
+    library, (catalog, frame) = build_library(), actors()
+    T = geometry.from_rotation(geometry.R_FLU_OPTICAL, EYE_M)
+    with SceneRenderer([ground], library, quality="low", albedo=plain_albedo()) as renderer:
+        picture = renderer.draw(CAMERA, T, place_actors(catalog, frame, library, eye_m=EYE_M))
+        depth, (_, instance) = picture.depth_m(), picture.labels()
+    v, u = np.nonzero(instance > EGO_INSTANCE)
+    local = np.stack(
+        [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones(len(u))], axis=-1
+    )
+    length = np.linalg.norm(local, axis=1)
+    timeline = Timeline(catalog)
+    for _ in range(2):
+        timeline.append_step(frame, np.zeros(0, np.uint8))
+    hits = RayScene([ground], library).cast(
+        np.tile(EYE_M, (len(u), 1)),
+        local / length[:, None] @ T[:3, :3].T,
+        np.zeros(len(u), np.int64),
+        timeline,
+        200.0,
+        ego=False,
+    )
+    same = hits.instance == instance[v, u]
+    assert same.mean() > 0.99
+    gap = np.abs(hits.range_m[same] / length[same] - depth[v, u][same])
+    assert np.mean(gap < 0.03) > 0.985
+    seen = np.unique(instance[v, u][same])
+    assert len(seen) > 0.7 * len(catalog)
+    for actor in seen:
+        own = gap[instance[v, u][same] == actor]
+        assert np.median(own) < 0.01
