@@ -177,12 +177,22 @@ class DrivingWorld:
             self._listener.on_tick(self._tick, self.state, controls)
 
     def _ego_view(self) -> EgoView:
-        x, y, z = (float(value) for value in self.state.position_m)
-        heading = self.state.heading_rad
-        ahead = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
-        return EgoView(
-            position_m=(x + ahead * float(np.cos(heading)), y + ahead * float(np.sin(heading)), z),
-            heading_rad=heading,
-            speed_mps=self.state.speed_mps,
-            length_m=EGO_SIZE_M[0],
-        )
+        return ego_view(self.state.position_m, self.state.heading_rad, self.state.speed_mps)
+
+
+def ego_view(position_m: NDArray[np.float64], heading_rad: float, speed_mps: float) -> EgoView:
+    """The ego as other road users see it.
+
+    Args:
+        position_m: Place of `base_link` [m], world (3,).
+        heading_rad: Direction of the car [rad].
+        speed_mps: Forward speed [m/s].
+    """
+    x, y, z = (float(value) for value in position_m)
+    ahead = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
+    return EgoView(
+        position_m=(x + ahead * float(np.cos(heading_rad)), y + ahead * float(np.sin(heading_rad)), z),
+        heading_rad=heading_rad,
+        speed_mps=speed_mps,
+        length_m=EGO_SIZE_M[0],
+    )

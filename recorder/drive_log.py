@@ -15,6 +15,21 @@ from carlaloc_env.timeline import ActorCatalog, ActorFrame
 from recorder.episode import EgoRow, EpisodeWriter
 
 
+def ego_row(state: EgoState, controls: Controls, raw: Controls | None) -> EgoRow:
+    """What an episode keeps of the ego after a tick."""
+    return EgoRow(
+        position_m=state.position_m,
+        quat_xyzw=state.quat_xyzw,
+        velocity_world_mps=state.velocity_world_mps,
+        omega_body_radps=state.omega_body_radps,
+        controls=controls,
+        raw=raw,
+        road_wheel_rad=state.road_wheel_rad,
+        speed_mps=state.speed_mps,
+        wheel_spin_radps=state.wheel_spin_radps,
+    )
+
+
 class DriveLog:
     """A `DriveListener` that records; one for each attempt at a drive.
 

@@ -98,6 +98,21 @@ class EgoRow:
     wheel_spin_radps: ArrayLike = (0.0, 0.0, 0.0, 0.0)
     """Spin of the wheels: front left, front right, rear left, rear right [rad/s], shape (4,)."""
 
+    @classmethod
+    def of(cls, row: np.void) -> EgoRow:
+        """The row that `pack_ego` made an `EGO_DTYPE` of."""
+        return cls(
+            position_m=row["position_m"],
+            quat_xyzw=row["quat_xyzw"],
+            velocity_world_mps=row["velocity_world_mps"],
+            omega_body_radps=row["omega_body_radps"],
+            controls=_controls(row, ""),
+            raw=_controls(row, "raw_"),
+            road_wheel_rad=float(row["road_wheel_rad"]),
+            speed_mps=float(row["speed_mps"]),
+            wheel_spin_radps=row["wheel_spin_radps"],
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Event:
@@ -139,6 +154,16 @@ def pack_ego(tick: int, row: EgoRow) -> bytes:
         done.handbrake,
         raw.reverse,
         raw.handbrake,
+    )
+
+
+def _controls(row: np.void, prefix: str) -> Controls:
+    return Controls(
+        steer=float(row[prefix + "steer"]),
+        throttle=float(row[prefix + "throttle"]),
+        brake=float(row[prefix + "brake"]),
+        reverse=bool(row[prefix + "reverse"]),
+        handbrake=bool(row[prefix + "handbrake"]),
     )
 
 

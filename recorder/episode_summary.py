@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,12 @@ import numpy as np
 from carlaloc_env.geometry import quat_to_rpy, wrap_angle
 from carlaloc_env.semantics import Tag
 from recorder.episode import Episode
+from recorder.rules import VIOLATIONS
 
 LOOP_CLOSED_M = 5.0
 """Ends nearer than this close a loop [m]."""
+TABLE_SHARE = 0.01
+"""How far the length may be from the paper's Table III, as a share of it."""
 LOOP_CLOSED_DEG = 10.0
 """Ends whose headings differ by less close a loop [deg]."""
 
@@ -46,6 +50,12 @@ class EpisodeSummary:
     """Walkers in the traffic."""
     collisions: int
     """Collisions of the ego."""
+    violations: dict[str, int]
+    """How often each rule was broken."""
+    table_length_m: float | None
+    """Length that the paper's Table III gives for this town's route [m], None where it gives none."""
+    meets_table: bool | None
+    """Whether length (within 1 %) and loop are as the table says; None where it says nothing."""
     complete: bool
     """Whether the file is whole."""
     health: str
@@ -63,6 +73,13 @@ def summarise(episode: Episode) -> EpisodeSummary:
         yaw = quat_to_rpy(episode.ego["quat_xyzw"][[0, -1]])[:, 2]
         closure_deg = float(np.degrees(abs(wrap_angle(yaw[1] - yaw[0]))))
     walkers = int(np.count_nonzero(episode.header.catalog.tag == Tag.PEDESTRIAN))
+    closed = length_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
+    table_m = episode.header.route.get("table_length_m")
+    loop = bool(episode.header.route.get("closed"))
+    counts = Counter(event.kind for event in episode.events)
+    meets = None
+    if table_m is not None:
+        meets = abs(length_m - table_m) <= TABLE_SHARE * table_m and (closed or not loop)
     good_until = f"good until {episode.last_good_ns / 1e9:.3f} s"
     return EpisodeSummary(
         path=str(episode.path),
@@ -74,10 +91,13 @@ def summarise(episode: Episode) -> EpisodeSummary:
         length_m=length_m,
         closure_m=closure_m,
         closure_deg=closure_deg,
-        loop_closed=length_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG,
+        loop_closed=closed,
         vehicles=len(episode.header.catalog) - walkers,
         walkers=walkers,
-        collisions=sum(event.kind == "collision" for event in episode.events),
+        collisions=counts["collision"],
+        violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
+        table_length_m=table_m,
+        meets_table=meets,
         complete=episode.complete,
         health="complete" if episode.complete else f"{episode.problem}; {good_until}",
     )

@@ -22,7 +22,8 @@ from carlaloc_env.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import TrafficConfig
 from carlaloc_env.yaml_config import from_mapping
-from recorder.episode import EgoRow, Episode, EpisodeWriter
+from recorder.drive_log import ego_row
+from recorder.episode import Episode, EpisodeWriter
 from recorder.episode_actors import pack_actors
 
 _FIRST_DRIVEN_TICK = 2
@@ -71,20 +72,7 @@ class _Comparison:
             if row[name].tobytes() != np.asarray(getattr(state, name), np.float64).tobytes():
                 self._differs(tick, f"the ego's {name} ({away:.3g} m apart)")
         if self.writer is not None:
-            self.writer.ego(
-                tick,
-                EgoRow(
-                    position_m=state.position_m,
-                    quat_xyzw=state.quat_xyzw,
-                    velocity_world_mps=state.velocity_world_mps,
-                    omega_body_radps=state.omega_body_radps,
-                    controls=controls,
-                    raw=self._episode.raw_controls.at(tick),
-                    road_wheel_rad=state.road_wheel_rad,
-                    speed_mps=state.speed_mps,
-                    wheel_spin_radps=state.wheel_spin_radps,
-                ),
-            )
+            self.writer.ego(tick, ego_row(state, controls, self._episode.raw_controls.at(tick)))
 
     def on_step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
         known = self._episode.steps

@@ -38,5 +38,11 @@ def show(result: dict[str, Any]) -> None:
     ends = f"ends {result['closure_m']:.1f} m and {result['closure_deg']:.1f}° from where it began"
     print(f"  loop       {'closed' if result['loop_closed'] else 'open'}: {ends}")
     print(f"  actors     {result['vehicles']} vehicles, {result['walkers']} walkers, seed {result['seed']}")
-    print(f"  collisions {result['collisions']}")
+    broken = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in result["violations"].items())
+    print(f"  collisions {result['collisions']}; rules broken: {broken or 'none'}")
+    if result["meets_table"] is not None:
+        verdict = "meets" if result["meets_table"] else "does not meet"
+        print(
+            f"  table      {verdict} the paper's: {result['table_length_m']:.0f} m within 1 %, and its loop"
+        )
     print(f"  health     {result['health']}")

@@ -16,7 +16,7 @@ from carlaloc_env import __version__
 from carlaloc_env.errors import CarlaLocError
 from recorder.cli.arguments import shared_options
 
-COMMANDS = ("doctor", "maps", "record", "info", "replay", "evaluate")
+COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate")
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2

@@ -1,0 +1,103 @@
+"""Make new episodes of recorded ones: cut, join, drop or thin actors, other traffic.
+
+Examples:
+  carlaloc edit cut drive.mcap --start 10 --end 70 --out part.mcap
+  carlaloc edit join part1.mcap part2.mcap --out whole.mcap
+  carlaloc edit actors drive.mcap --drop walkers,bus --out without.mcap
+  carlaloc edit actors drive.mcap --keep 0.5 --out half.mcap
+  carlaloc edit traffic drive.mcap --seed 8 --out other.mcap
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from typing import Any
+
+from carlaloc_env.errors import ConfigError
+from recorder.cli.arguments import path_argument, shared_options
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Sub-commands of `carlaloc edit`."""
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    shared = [shared_options(nested=True)]
+    cut = actions.add_parser("cut", parents=shared, help="a stretch of a drive as a drive of its own")
+    cut.add_argument("--start", type=float, default=0.0, metavar="S", help="where it begins [s]")
+    cut.add_argument("--end", type=float, required=True, metavar="S", help="where it ends [s]")
+    join = actions.add_parser("join", parents=shared, help="two drives as one, at a standstill")
+    actors = actions.add_parser("actors", parents=shared, help="the same drive with fewer others")
+    actors.add_argument("--drop", help="all, vehicles, walkers, models or ids, with commas between them")
+    actors.add_argument("--keep", type=float, metavar="SHARE", help="share of the others that stays")
+    traffic = actions.add_parser("traffic", parents=shared, help="the same drive among other traffic")
+    traffic.add_argument("--seed", type=int, required=True, help="seed of the new traffic")
+    for action in (cut, join, actors, traffic):
+        action.add_argument("episode", type=path_argument, help="episode (.mcap)")
+        if action is join:
+            action.add_argument("second", type=path_argument, help="episode that follows")
+        action.add_argument("--out", type=path_argument, required=True, help="new episode")
+        action.add_argument("--force", action="store_true", help="replace an older episode of this name")
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Edit."""
+    from recorder.episode import Episode
+    from recorder.episode_summary import summarise
+
+    extra = {"cut": _cut, "join": _join, "actors": _actors, "traffic": _traffic}[arguments.action](arguments)
+    return {**asdict(summarise(Episode.load(arguments.out))), **extra}
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print what came out."""
+    print(
+        f"{result['path']}: {result['duration_s']:.1f} s, {result['length_m']:.1f} m, "
+        f"{result['vehicles']} vehicles, {result['walkers']} walkers"
+    )
+    if result.get("touching_s"):
+        print(f"  somebody's box overlaps the ego's for {result['touching_s']:.2f} s; try another seed")
+
+
+def _cut(arguments: argparse.Namespace) -> dict[str, Any]:
+    from recorder.episode_edit import cut_episode
+
+    span = (arguments.start, arguments.end)
+    cut_episode(arguments.episode, arguments.out, *span, overwrite=arguments.force)
+    return {}
+
+
+def _join(arguments: argparse.Namespace) -> dict[str, Any]:
+    from recorder.episode_edit import join_episodes
+
+    join_episodes(arguments.episode, arguments.second, arguments.out, overwrite=arguments.force)
+    return {}
+
+
+def _actors(arguments: argparse.Namespace) -> dict[str, Any]:
+    from recorder.episode_edit import drop_actors, thin_actors
+
+    if (arguments.drop is None) == (arguments.keep is None):
+        raise ConfigError("give either --drop or --keep, e.g. --drop walkers")
+    if arguments.drop is not None:
+        names = [name.strip() for name in arguments.drop.split(",")]
+        drop_actors(arguments.episode, arguments.out, names, overwrite=arguments.force)
+    else:
+        thin_actors(arguments.episode, arguments.out, arguments.keep, overwrite=arguments.force)
+    return {}
+
+
+def _traffic(arguments: argparse.Namespace) -> dict[str, Any]:
+    from tqdm import tqdm
+
+    from recorder.other_traffic import change_traffic
+
+    with tqdm(unit="step", desc="traffic", disable=None, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        result = change_traffic(
+            arguments.episode, arguments.out, arguments.seed, overwrite=arguments.force, progress=progress
+        )
+    return {"touching_s": result.touching_s}
