@@ -26,7 +26,14 @@ def poses(feet_m: ArrayLike, yaw_rad: ArrayLike, scale: ArrayLike = 1.0) -> Arra
     return T
 
 
-def copies(mesh: Mesh, T: Array, first_instance: int, leaf_tint: Array | None = None) -> Mesh:
+def copies(
+    mesh: Mesh,
+    T: Array,
+    first_instance: int,
+    leaf_tint: Array | None = None,
+    *,
+    tinted: Material = Material.LEAF,
+) -> Mesh:
     """All copies of one prop as one mesh, with an instance id each.
 
     Args:
@@ -34,6 +41,7 @@ def copies(mesh: Mesh, T: Array, first_instance: int, leaf_tint: Array | None = 
         T: Poses, rotation times a common scale, shape (N, 4, 4).
         first_instance: Instance id of the first copy; the others follow.
         leaf_tint: Factor on the colour of leaves for each copy, shape (N, 3).
+        tinted: Takes the factor in the place of leaves.
     """
     count, size = len(T), len(mesh.vertices_m)
     v = mesh.vertices_m.astype(np.float64)
@@ -45,7 +53,7 @@ def copies(mesh: Mesh, T: Array, first_instance: int, leaf_tint: Array | None = 
     normals = np.stack([sum(T[:, i, k, None] * n[:, k] for k in range(3)) / scale for i in range(3)], axis=-1)
     colour = np.tile(mesh.colour, (count, 1)).reshape(count, size, 3)
     if leaf_tint is not None:
-        leaves = mesh.material == Material.LEAF
+        leaves = mesh.material == tinted
         tinted = mesh.colour[leaves][None] * leaf_tint[:, None]
         colour[:, leaves] = np.clip(tinted, 0, 255).astype(np.uint8)
     offsets = np.arange(count, dtype=np.uint32)[:, None, None] * np.uint32(size)

@@ -19,6 +19,7 @@ from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import TownAreas, town_areas
 from carlaloc_env.town.bridges import add_bridges, raised_parts
 from carlaloc_env.town.buildings import building_mesh
+from carlaloc_env.town.car_parks import place_car_parks
 from carlaloc_env.town.chunks import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
 from carlaloc_env.town.config import TownConfig
@@ -35,9 +36,11 @@ from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.painted import RoadPainter
 from carlaloc_env.town.pavements import add_pavements
-from carlaloc_env.town.polygons import Area, areas_only
+from carlaloc_env.town.polygons import Area, areas_only, polygons_of
 from carlaloc_env.town.road_details import add_road_details
+from carlaloc_env.town.road_edges import road_edges
 from carlaloc_env.town.roads import add_roads
+from carlaloc_env.town.roadside import RoadsideSite, line_roads
 from carlaloc_env.town.sections import KERB_M, Strip, road_strips
 from carlaloc_env.town.signposts import add_signals, add_signs
 from carlaloc_env.town.skyline import add_skyline
@@ -51,6 +54,8 @@ Array = NDArray[np.float64]
 
 OVERHEAD_CLEAR_M = 2.5
 """Distance of buildings and trees from raised roads [m]."""
+PROMENADE_M = 3.7
+"""Quays this near to something paved have a railing of their own [m]."""
 SOLID_PROPS = (
     ("bus_shelter", 0.8, 2.4),
     ("column", 0.65, 3.2),
@@ -103,7 +108,8 @@ def build_scenery(
     add_islands(raised, areas, kerb_field)
     shore = shores(levels.waters, zones, areas.low_paved)
     ground = _ground(areas, kerb_field, levels, bank_tops(shore), box)
-    add_terrain(raised, bounds, _ground_paving(levels, areas), zones, ground)
+    seas = _seas(config, levels)
+    add_terrain(raised, bounds, _ground_paving(levels, areas), zones, ground, seas)
     tunnel_lamps = add_underpasses(raised, levels)
     decks = raised_parts(
         levels, deck_field, [(j, carried[j.id]) for j in areas.junctions if j.id in carried], areas.low_paved
@@ -111,7 +117,9 @@ def build_scenery(
     if decks is not None:
         add_bridges(raised, levels, decks, kerb_field, ground)
     overhead = shapely.Polygon() if decks is None else decks.whole
-    add_water(raised, levels.waters, shore, ground, shapely.buffer(overhead, 0.8))
+    promenades = shapely.union_all([area for kind, area in zones if kind == "waterfront"])
+    lined = shapely.difference(shapely.buffer(promenades, 1.5), shapely.buffer(areas.paved, PROMENADE_M))
+    add_water(raised, levels.waters, shore, ground, shapely.buffer(overhead, 0.8), lined)
     paint = MeshBuilder()
     add_markings(paint, strips, roads)
     RoadPainter(network, strips, areas).add_all(paint)
@@ -119,6 +127,9 @@ def build_scenery(
     taken = sites(config.features)
     cuts = _cuts(levels, overhead)
     reserved = shapely.union_all([cuts, *(site.ground for site in taken)])
+    edges = road_edges(strips, roads, levels)
+    parks = place_car_parks(edges, zones, shapely.union(areas.paved, reserved), ground, seed)
+    reserved = shapely.union_all([reserved, *(park.area() for park in parks)])
     lots = place_lots(strips, shapely.union(areas.paved, reserved), zones, seed)
     bases = _base_heights(lots, ground)
     buildings = _buildings(lots, bases, seed)
@@ -131,7 +142,23 @@ def build_scenery(
     clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
     footprints = [lot.footprint() for lot in lots]
     roofed = shapely.union_all([overhead, *(s.area(s.detached) for s in levels.stretches)])
-    furnisher = Furnisher(zones, np.concatenate(clear), route_m, footprints, roofed, seed)
+    number += len(lights) + len(signs)
+    beside = RoadsideSite(
+        strips=strips,
+        roads=roads,
+        edges=edges,
+        areas=areas,
+        zones=zones,
+        crosswalks=network.crosswalks,
+        ground=ground,
+        blocked=shapely.union_all([reserved, *footprints]),
+        car_parks=parks,
+        seed=seed,
+    )
+    roadside = line_roads(solid, beside, number)
+    number += roadside.instances
+    kept_free = [*footprints, *polygons_of(roadside.taken)]
+    furnisher = Furnisher(zones, np.concatenate(clear), route_m, kept_free, roofed, seed)
     for strip in strips:
         if strip.junction_id is None:
             furnisher.pavement(strip)
@@ -141,13 +168,15 @@ def build_scenery(
         ground=ground,
         strips=strips,
         roads=Raster(bounds, [areas.paved]),
-        taken=Raster(bounds, [areas.paved, reserved, *footprints, *(z for k, z in zones if k == "water")]),
+        taken=Raster(
+            bounds,
+            [areas.paved, reserved, roadside.taken, *footprints, *(z for k, z in zones if k == "water")],
+        ),
         route=None if route_m is None or not len(route_m) else cKDTree(route_m),
         seed=seed,
     )
     cover = MeshBuilder()
-    green = dress_land(raised, cover, solid, land)
-    number += len(lights) + len(signs)
+    green = dress_land(raised, cover, solid, land, lots)
     features = [
         feature_mesh(site, areas.paved, floor.height, seed, number + k) for k, site in enumerate(taken)
     ]
@@ -157,19 +186,29 @@ def build_scenery(
     number += len(features) + furnisher.count
     props += green.meshes(number)
     number += green.count
-    far = add_skyline(bounds, zones, ground, seed, number)
+    far = add_skyline(bounds, zones, ground, seed, number, shapely.union_all([sea for sea, _ in seas]))
     _add_posts(solid, furnisher.placed, light_feet, green.feet_m(is_tree))
 
     firm = raised.build()
     vertices, triangles = weld([solid.build(), firm])
-    parts = [lanes.build(), firm, cover.build(), paint.build()]
-    parts += [*buildings, *lights, *signs, *features, *props]
+    parts = [
+        lanes.build(),
+        firm,
+        cover.build(),
+        paint.build(),
+        *buildings,
+        *lights,
+        *signs,
+        *features,
+        *roadside.meshes,
+        *props,
+    ]
     return Scenery(
         chunks=split_chunks(merge(parts)) + split_chunks(merge(far), FAR_CHUNK_M),
         collision_vertices_m=vertices,
         collision_triangles=triangles,
         lenses=lenses,
-        lamps_m=np.concatenate([furnisher.lamps_m(), tunnel_lamps]),
+        lamps_m=np.concatenate([furnisher.lamps_m(), roadside.lamps_m, tunnel_lamps]),
     )
 
 
@@ -209,6 +248,17 @@ def _ground_paving(levels: Levels, areas: TownAreas) -> Area:
         result = shapely.difference(result, stretch.area(stretch.detached))
         result = shapely.union(result, stretch.area(grown(~stretch.detached), WALL_M))
     return areas_only(shapely.union_all([result, levels.upper, *(water.area for water in levels.waters)]))
+
+
+def _seas(config: TownConfig, levels: Levels) -> list[tuple[Area, float]]:
+    """Waters as wide as `town.toml` draws them, beyond the town's near ground, with their levels [m]."""
+    found = []
+    for zone in config.zones:
+        whole = shapely.make_valid(shapely.Polygon(zone.polygon))
+        near = [water.level_m for water in levels.waters if shapely.intersects(water.area, whole)]
+        if zone.kind == "water" and near:
+            found.append((whole, min(near)))
+    return found
 
 
 def _carried_junctions(levels: Levels, strips: Sequence[Strip]) -> dict[str, State]:

@@ -40,11 +40,19 @@ _TREES = ("park", "plane", "conifer")
 
 
 def add_skyline(
-    bounds: Area, zones: Sequence[tuple[str, Area]], ground: Ground, seed: int, first_instance: int
+    bounds: Area,
+    zones: Sequence[tuple[str, Area]],
+    ground: Ground,
+    seed: int,
+    first_instance: int,
+    sea: Area | None = None,
 ) -> list[Mesh]:
-    """Far buildings and trees round the border; instance ids count up from `first_instance`."""
+    """Far buildings and trees round the border, not in the sea; ids count up from `first_instance`."""
     draw = rng.stream(seed, "skyline")
     places, distance = _places(bounds, draw)
+    if sea is not None:
+        dry = ~shapely.dwithin(sea, shapely.points(places), 30.0)
+        places, distance = places[dry], distance[dry]
     x0, y0, x1, y1 = shapely.bounds(bounds)
     on_border = np.clip(places, [x0, y0], [x1, y1])
     z = ground.height(on_border) - 0.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,10 @@ LAP_M = 0.06
 """How far the ground reaches below pavements, and how far it lies below their edge [m]."""
 BANK_SLOPE, BANK_SHOULDER_M = 1.8, 0.8
 """Run over rise of an embankment's sides, and the level shoulder above them [m]."""
+FAR_CELL_M = 80.0
+"""Side of the triangles of far waters [m]."""
+SEA_BED_M = 2.0
+"""How far the far land lies below far waters [m]."""
 FAR_M = 1200.0
 """How far the far land reaches [m]."""
 
@@ -79,9 +84,23 @@ def zone_areas(config: TownConfig, bounds: Area) -> list[tuple[str, Area]]:
 
 
 def add_terrain(
-    out: MeshBuilder, bounds: Area, paved: Area, zones: list[tuple[str, Area]], ground: Ground
+    out: MeshBuilder,
+    bounds: Area,
+    paved: Area,
+    zones: list[tuple[str, Area]],
+    ground: Ground,
+    seas: Sequence[tuple[Area, float]] = (),
 ) -> None:
-    """Ground inside the bounds wherever nothing is paved, and the far land outside."""
+    """Ground inside the bounds wherever nothing is paved, and the far land and waters outside.
+
+    Args:
+        out: Where it goes.
+        bounds: The near ground.
+        paved: What it leaves free.
+        zones: Kinds of scenery with their areas.
+        ground: Heights of the ground.
+        seas: Waters that go on outside the bounds, with their levels [m].
+    """
     free = shapely.difference(bounds, shapely.buffer(paved, -LAP_M, join_style="mitre"))
     for kind, zone in zones:
         if kind == "water":
@@ -93,7 +112,13 @@ def add_terrain(
         z = ground.height(xy) - LAP_M / 2
         tint = np.array(colour) * (0.93 + 0.07 * _mottle(xy))[:, None]
         out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=tint)
-    _far_land(out, bounds, ground)
+    _far_land(out, bounds, ground, seas)
+    for area, level_m in seas:
+        far = shapely.intersection(area, shapely.buffer(bounds, FAR_M, join_style="mitre"))
+        xy, triangles = triangulate(areas_only(shapely.difference(far, bounds)), FAR_CELL_M)
+        if len(xy):
+            points = np.column_stack([xy, np.full(len(xy), level_m)])
+            out.triangles(points, triangles, material=Material.WATER, tag=Tag.WATER)
 
 
 def _mottle(xy: Array) -> Array:
@@ -103,7 +128,7 @@ def _mottle(xy: Array) -> Array:
     return wave
 
 
-def _far_land(out: MeshBuilder, bounds: Area, ground: Ground) -> None:
+def _far_land(out: MeshBuilder, bounds: Area, ground: Ground, seas: Sequence[tuple[Area, float]]) -> None:
     """A skirt of ever larger quads from the border of the near ground to the horizon."""
     x0, y0, x1, y1 = shapely.bounds(bounds)
     count = 24
@@ -123,6 +148,9 @@ def _far_land(out: MeshBuilder, bounds: Area, ground: Ground) -> None:
     for reach in (-2.0, 60.0, 250.0, FAR_M):
         xy = ring + outward * reach
         z = ground.height(np.clip(xy, [x0, y0], [x1, y1])) - 0.4
+        for area, level_m in seas:
+            wet = shapely.dwithin(area, shapely.points(xy), 3.0)
+            z = np.where(wet, np.minimum(z, level_m - SEA_BED_M), z)
         rows.append(np.column_stack([xy, z]))
     out.grid(
         np.stack(rows, axis=0)[::-1],

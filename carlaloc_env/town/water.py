@@ -14,7 +14,7 @@ from carlaloc_env.semantics import Tag
 from carlaloc_env.town.level_graph import grown, runs
 from carlaloc_env.town.meshing import MeshBuilder, extrude
 from carlaloc_env.town.polygons import Area, areas_only, polygons_of, rings, triangulate
-from carlaloc_env.town.terrain import Ground
+from carlaloc_env.town.terrain import LAP_M, Ground
 
 Array = NDArray[np.float64]
 
@@ -22,14 +22,16 @@ BRIDGE_DROP_M = 2.7
 """Height of the lowest bridge over the water below it [m]."""
 SHORE_DROP_M = 1.5
 """Height of the lower parts of the shore over the water [m]."""
-BANK_M = 5.0
+BANK_M = 6.0
 """Width of a sloping bank [m]."""
-BANK_RISE_M = 1.0
+BANK_RISE_M = 0.7
 """Height of the top of a sloping bank over the water [m]."""
 QUAY_NEAR_M = 6.0
 """Shores this near to something paved have a quay wall [m]."""
 COPING_M = (0.5, 0.16)
 """Width and height of a quay's coping [m]."""
+WING_M = 16.0
+"""Longer quays have a railing [m]."""
 RAIL_M = 1.05
 """Height of the railing on a quay [m]."""
 _QUAY_ZONES = ("downtown", "skyscraper", "waterfront", "industrial")
@@ -98,7 +100,12 @@ def bank_tops(found: Sequence[Shore]) -> list[Array]:
 
 
 def add_water(
-    out: MeshBuilder, waters: Sequence[Water], found: Sequence[Shore], ground: Ground, bridged: Area
+    out: MeshBuilder,
+    waters: Sequence[Water],
+    found: Sequence[Shore],
+    ground: Ground,
+    bridged: Area,
+    lined: Area,
 ) -> None:
     """Surfaces, banks and quays.
 
@@ -108,8 +115,10 @@ def add_water(
         found: Their shores.
         ground: Heights of the land.
         bridged: Where roads pass over the water.
+        lined: Where something else keeps people from the water.
     """
     shapely.prepare(bridged)
+    shapely.prepare(lined)
     for water in waters:
         xy, triangles = triangulate(water.area, _CELL_M)
         if len(xy):
@@ -121,12 +130,12 @@ def add_water(
             free = ~shapely.contains_xy(bridged, shore.line_m[:, 0], shore.line_m[:, 1])
             for a, b in runs(grown(free)):
                 if b - a > 1:
-                    _quay(out, shore.line_m[a:b], shore.water.level_m, ground)
+                    _quay(out, shore.line_m[a:b], shore.water.level_m, ground, lined)
     for water in waters:
         _banks(out, water, [shore for shore in found if shore.water is water and not shore.quay], ground)
 
 
-def _quay(out: MeshBuilder, line: Array, level_m: float, ground: Ground) -> None:
+def _quay(out: MeshBuilder, line: Array, level_m: float, ground: Ground, lined: Area) -> None:
     outward = _right(line)
     top = np.column_stack([line, ground.height(line) + COPING_M[1]])
     low = top.copy()
@@ -140,7 +149,10 @@ def _quay(out: MeshBuilder, line: Array, level_m: float, ground: Ground) -> None
     foot[:, 2] -= COPING_M[1] + 0.25
     step, uv = extrude(foot, back)
     out.quads(step, uv_m=uv, material=Material.CONCRETE, tag=Tag.WALL, colour=(215, 212, 204))
-    _railing(out, top, outward)
+    # Short walls beside a bridge are its wings.
+    for a, b in runs(~shapely.contains_xy(lined, line[:, 0], line[:, 1])):
+        if (b - a) * _STEP_M > WING_M:
+            _railing(out, top[a:b], outward[a:b])
 
 
 def _railing(out: MeshBuilder, top: Array, outward: Array) -> None:
@@ -160,21 +172,16 @@ def _railing(out: MeshBuilder, top: Array, outward: Array) -> None:
                 tag=Tag.FENCE,
                 colour=tint,
             )
-    posts = foot
-    for angle in (0.0, np.pi / 2):
-        stem = 0.03 * np.array([np.cos(angle), np.sin(angle), 0.0])
-        up = np.array([0.0, 0.0, RAIL_M])
-        for sign in (1.0, -1.0):
-            face = np.stack(
-                [
-                    posts - sign * half,
-                    posts + sign * half,
-                    posts + sign * half + up,
-                    posts - sign * half + up,
-                ],
-                axis=1,
-            )
-            out.quads(face, material=Material.METAL_PAINTED, tag=Tag.FENCE, colour=tint)
+    up = np.array([0.0, 0.0, RAIL_M])
+    for stem in (np.array([0.03, 0.0, 0.0]), np.array([0.0, 0.03, 0.0])):
+        a, b = foot - stem, foot + stem
+        faces = np.stack([a, b, b + up, a + up], axis=1)
+        out.quads(
+            np.concatenate([faces, faces[:, ::-1]]),
+            material=Material.METAL_PAINTED,
+            tag=Tag.FENCE,
+            colour=tint,
+        )
 
 
 def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Ground) -> None:
@@ -193,7 +200,7 @@ def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Gro
         if not len(xy):
             continue
         share = np.clip(shapely.distance(rim, shapely.points(xy)) / BANK_M, 0.0, 1.0)
-        z = ground.height(xy) * (1.0 - share) + (water.level_m - 0.5) * share
+        z = (ground.height(xy) - LAP_M / 2) * (1.0 - share) + (water.level_m - 0.5) * share
         out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=colour)
 
 
