@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.assets.foliage import GREEN
 from carlaloc_env.assets.shapes import Look, box, lathe, placed
 from carlaloc_env.assets.shrubs import tufts
 from carlaloc_env.materials import Material
@@ -40,7 +41,7 @@ def maize(seed: int, tint: Tint) -> Mesh:
     )
     corners = np.concatenate([lower, upper, stem])
     light = rng.uniform(0.7, 1.0, (len(corners), 1))
-    colour = np.clip(np.array(tint) * light, 0, 255).astype(np.uint8)
+    colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)
     count = 3 * len(corners)
     return make_mesh(
         corners.reshape(-1, 3),

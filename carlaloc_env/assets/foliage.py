@@ -12,6 +12,9 @@ from carlaloc_env.semantics import Tag
 
 Array = NDArray[np.float64]
 Tint = tuple[int, int, int]
+"""Tint relative to a green leaf; parts of yellow and red leaves may exceed 255."""
+GREEN = np.array([0.65, 0.82, 0.84])
+"""What a green leaf keeps of the texture's colour, which leaves room for leaves that are not green."""
 
 _GOLDEN = (1.0 + 5.0**0.5) / 2.0
 _CORNERS = np.array(
@@ -65,7 +68,7 @@ def leaf_triangles(
     bent = _unit(0.3 * normal + 0.7 * out)
     light = rng.uniform(0.72, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.06, (count, 3)), 0.8, 1.2)
     light = light * np.broadcast_to(shade, (count,))[:, None]
-    colour = np.clip(np.array(tint) * light, 0, 255).astype(np.uint8)
+    colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)
     uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack(
         [np.cos(angle), np.sin(angle)], -1
     )
@@ -115,7 +118,7 @@ def clumps(
         0.8, 1.0, (count, 12)
     )
     hue = np.clip(rng.normal(1.0, 0.05, (count, 1, 3)), 0.85, 1.15)
-    colour = np.clip(np.array(tint) * shade[..., None] * hue, 0, 255).astype(np.uint8)
+    colour = np.clip(np.array(tint) * GREEN * shade[..., None] * hue, 0, 255).astype(np.uint8)
     # The octahedral map of the sphere, unfolded to about true scale.
     taxi = np.sum(np.abs(turned), axis=-1)
     uv = 1.6 * radii[:, None, None] * turned[..., :2] / taxi[..., None]

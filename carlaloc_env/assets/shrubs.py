@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.foliage import clumps, directions, leaf_triangles
+from carlaloc_env.assets.foliage import GREEN, clumps, directions, leaf_triangles
 from carlaloc_env.assets.shapes import Look, box, tube
 from carlaloc_env.materials import Material
 from carlaloc_env.rng import stream
@@ -20,7 +20,7 @@ def hedge(
 ) -> Mesh:
     """Clipped hedge along +x from the origin."""
     rng = stream(seed, "hedge")
-    core = Look(Material.LEAF, Tag.VEGETATION, (150, 165, 130))
+    core = Look(Material.LEAF, Tag.VEGETATION, (86, 122, 99))
     inner = box(
         core,
         (length_m - 0.04, width_m - 0.10, height_m - 0.06),
@@ -95,7 +95,7 @@ def tufts(
     normals = np.stack([lean[:, 0] / high, lean[:, 1] / high, np.ones(count)], axis=-1)
     normals /= np.sqrt(np.sum(normals * normals, axis=-1, keepdims=True))
     light = rng.uniform(0.7, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.07, (count, 3)), 0.8, 1.2)
-    colour = np.clip(np.array(tint) * light, 0, 255).astype(np.uint8)
+    colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)
     return make_mesh(
         vertices.reshape(-1, 3),
         np.arange(3 * count).reshape(-1, 3),

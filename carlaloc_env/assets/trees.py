@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.foliage import CLUMP_AREA, TRIANGLE_AREA, clumps, directions, leaf_triangles
+from carlaloc_env.assets.foliage import CLUMP_AREA, GREEN, TRIANGLE_AREA, clumps, directions, leaf_triangles
 from carlaloc_env.assets.shapes import Look, tube
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.geometry import cross
@@ -75,7 +75,7 @@ FORMS: dict[str, TreeForm] = {
     ),
     "autumn": TreeForm(
         height_m=(7.0, 10.0), crown_m=(4.5, 6.0), trunk_m=(0.22, 0.32), bare_m=(2.2, 2.8), branches=9,
-        twigs=2, rise=(0.35, 0.85), shape="round", leaf_m=0.26, density=7.2, tint=(255, 118, 72), clumps=30,
+        twigs=2, rise=(0.35, 0.85), shape="round", leaf_m=0.26, density=7.2, tint=(430, 165, 60), clumps=30,
     ),
     "birch": TreeForm(
         height_m=(10.0, 15.0), crown_m=(3.8, 5.0), trunk_m=(0.18, 0.28), bare_m=(2.4, 3.4), branches=13,
@@ -167,7 +167,7 @@ def _palm(
     index = np.arange(count * 3 * n).reshape(count, 3, n)
     a, b, d, e = index[:, :-1, :-1], index[:, :-1, 1:], index[:, 1:, 1:], index[:, 1:, :-1]
     triangles = np.stack([np.stack([a, b, d], -1), np.stack([a, d, e], -1)], -2).reshape(-1, 3)
-    colour = np.clip(np.array(form.tint) * (0.7 + 0.3 * share)[:, None], 0, 255).astype(np.uint8)
+    colour = np.clip(np.array(form.tint) * GREEN * (0.7 + 0.3 * share)[:, None], 0, 255).astype(np.uint8)
     leaves = make_mesh(
         points.reshape(-1, 3),
         triangles,

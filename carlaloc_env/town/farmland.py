@@ -51,11 +51,11 @@ class Crop:
 
 
 CROPS: dict[str, Crop] = {
-    "wheat": Crop(height_m=0.8, material=Material.CROP, tint=(255, 212, 128), blades=(255, 235, 150)),
-    "barley": Crop(height_m=0.7, material=Material.CROP, tint=(175, 190, 105), blades=(230, 245, 150)),
-    "rape": Crop(height_m=1.2, material=Material.CROP, tint=(255, 228, 22), blades=(255, 235, 60)),
-    "beet": Crop(height_m=0.35, material=Material.LEAF, tint=(225, 250, 190), blades=(190, 235, 160)),
-    "maize": Crop(height_m=1.9, material=Material.LEAF, tint=(180, 205, 130), blades=(205, 235, 140)),
+    "wheat": Crop(height_m=0.8, material=Material.CROP, tint=(255, 212, 128), blades=(447, 330, 190)),
+    "barley": Crop(height_m=0.7, material=Material.CROP, tint=(175, 190, 105), blades=(380, 320, 190)),
+    "rape": Crop(height_m=1.2, material=Material.CROP, tint=(255, 228, 22), blades=(447, 330, 60)),
+    "beet": Crop(height_m=0.35, material=Material.LEAF, tint=(128, 185, 144), blades=(190, 235, 160)),
+    "maize": Crop(height_m=1.9, material=Material.LEAF, tint=(103, 152, 99), blades=(205, 235, 140)),
     "ploughed": Crop(height_m=0.12, material=Material.FURROWS, tint=(255, 250, 245)),
     "stubble": Crop(height_m=0.12, material=Material.CROP, tint=(205, 180, 120)),
 }

@@ -34,7 +34,7 @@ DETAIL_M = 22.0
 PROTOTYPES = 4
 """Different trees of each kind."""
 _BUSHES = ((215, 225, 190), (170, 200, 150), (235, 225, 150), (200, 190, 130))
-_BLADES = ((200, 215, 150), (235, 220, 150), (150, 190, 110))
+_BLADES = ((230, 225, 160), (340, 270, 180), (170, 200, 120))
 
 
 def plant(land: Land, props: PropField, fields: Area) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 
 from carlaloc_env.town.farmland import add_plots, lay_plots
+from carlaloc_env.town.gardens import add_gardens
 from carlaloc_env.town.land import Land
+from carlaloc_env.town.lots import Lot
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.planting import plant
 from carlaloc_env.town.promenade import line_waterfront
@@ -13,18 +15,22 @@ from carlaloc_env.town.prop_field import PropField
 from carlaloc_env.town.wayside import line_highways
 
 
-def dress_land(raised: MeshBuilder, cover: MeshBuilder, solid: MeshBuilder, land: Land) -> PropField:
-    """Fields, waysides, promenades and plants.
+def dress_land(
+    raised: MeshBuilder, cover: MeshBuilder, solid: MeshBuilder, land: Land, lots: Sequence[Lot]
+) -> PropField:
+    """Fields, waysides, promenades, gardens and plants.
 
     Args:
         raised: Takes ground that carries cars.
         cover: Takes what is seen but gives way, such as crops.
         solid: Takes what is hit.
         land: The town's land.
+        lots: Its buildings.
     """
     props = PropField()
     line_highways(raised, solid, props, land)
     line_waterfront(props, land)
+    add_gardens(cover, props, land, lots)
     fields = add_plots(cover, props, land, lay_plots(land))
     plant(land, props, fields)
     return props

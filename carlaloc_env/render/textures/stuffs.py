@@ -113,7 +113,7 @@ def leaf(rng: np.random.Generator, size: int) -> Layer:
     log = canvas[..., 0] + 0.10 * fbm(rng, size, 0.15, 0.01, 0.8)
     warm = canvas[..., 1]
     tint = np.stack([log + warm, log, log - 0.5 * warm], axis=-1)
-    return layer((0.085, 0.148, 0.038), tint, 0.85)
+    return layer((0.130, 0.180, 0.045), tint, 0.85)
 
 
 def wood(rng: np.random.Generator, size: int) -> Layer:

@@ -100,7 +100,7 @@ def curtain_wall(rng: np.random.Generator, size: int) -> Layer:
     blind = rng.choice([0.0, 0.0, 0.25, 0.45, 0.8], count)[index]
     tone = np.exp(0.35 * rng.standard_normal(count))[index]
     slat = 0.75 + 0.25 * np.sin(2 * np.pi * height * 28)
-    glass = 0.035 * tone * (0.7 + 0.9 * height)
+    glass = 0.065 * tone * (0.6 + 0.9 * height)
     ceiling = 0.10 * smoothstep(0.05, 0.02, np.abs(height - 0.82)) * (np.mod(index, 3) == 0)
     covered = smoothstep(-0.01, 0.01, height - (1 - blind)) * (blind > 0)
     value = glass + ceiling + covered * (0.26 * slat - glass) * 0.8
