@@ -7,7 +7,7 @@ from gymnasium.envs.registration import register
 
 __version__ = "0.1.0"
 
-TOWNS = ("Town01", "Town03", "Town05", "Town06", "Town07", "Town10", "Town10HD")
+TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10", "Town10HD")
 """Towns that come with the package, each as `CarlaLoc-<town>-v0`; Town10HD is another name of Town10."""
 
 _ENTRY_POINT = "carlaloc_env.env:CarlaLocEnv"

@@ -153,11 +153,12 @@ def part_of(records: Records, first: float, last: float) -> Records:
     result = []
     for k, (start, (a, b, c, d)) in enumerate(records):
         end = records[k + 1][0] if k + 1 < len(records) else float("inf")
-        if end <= first + 1e-9 or start >= last - 1e-9:
+        if end <= first + 1e-6 or start >= last - 1e-6:
             continue
         u = max(first - start, 0.0)
         cubic = (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * d * u), c + 3 * d * u, d)
-        result.append((max(start - first, 0.0), cubic))
+        # A length of a nanometre comes from rounding.
+        result.append((start - first if start - first > 1e-6 else 0.0, cubic))
     return tuple(result)
 
 

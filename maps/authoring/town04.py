@@ -1,0 +1,200 @@
+"""Town04: a figure-of-eight motorway with four lanes each way, two interchanges and a small town in one lobe.
+
+    y  205        ╭──────────────── North Rd ────────────────╮
+                  │   ╭───────────╮  Farm  ╭───────────╮     │
+                  │  ╱  rest area  ╲      ╱   the town   ╲   │
+         0  WX ─ WO ╪ WI ─ V        ╲ ╳  ╱  M1─M2─M3 ─ EI ╪ EO ─ EX
+                  │  ╲             ╱      ╲             ╱    │
+                  │   ╰───────────╯        ╰───────────╯     │
+      -205        ╰──────────────── South Rd ────────────────╯
+
+Carriageway A runs from the crossing into the east lobe (anticlockwise) and back through the west lobe; B is A
+turned by half a circle. On the line from north-west to south-east both pass over, on the other one under.
+The drive is one circuit of A.
+"""
+
+from __future__ import annotations
+
+import math
+
+from .curves import Path, Piece, Pose
+from .gores import Exit, Gore, Merge, OnRay
+from .newton import solve
+from .paths import meeting
+from .plan import TownPlan
+from .profiles import Climb, Profile
+from .sections import CrossSection
+
+PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+
+BARE = {"gutter_m": 0.0, "sidewalk_m": 0.0}
+MOTORWAY = CrossSection(lanes=4, back=0, inner_shoulder_m=0.8, shoulder_m=2.5, **BARE)
+RAMP = CrossSection(lanes=1, back=0, lane_m=4.0, inner_shoulder_m=0.5, shoulder_m=1.5, **BARE)
+RURAL = CrossSection(lanes=2, lane_m=3.5, gutter_m=0.5, sidewalk_m=0.0)
+LINK = CrossSection(lanes=1, lane_m=3.5, gutter_m=0.5, sidewalk_m=1.8)
+STREET = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=2.5)
+LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=1.8)
+
+CIRCUIT_M = 2108.0
+SLANT_RAD = math.radians(34.6)  # of both lines that cross in the middle
+ASIDE_M = 1.8  # from the middle of the motorway to a carriageway's left lane: half the median, inner shoulder
+CLOTHOID_M = 70.0
+TOP_M, BOTTOM_M, LOBE_M = 3.3, -3.3, -2.5  # heights at the crossing and round the lobes
+DECK_M = 3.6  # height of the local roads that pass over the lobes' far ends
+
+INNER_X, OUTER_X, CROSS_X, EDGE_Y = 348.0, 452.0, 520.0, 205.0
+
+
+def plan() -> TownPlan:
+    """Nodes and roads of the town."""
+    town = TownPlan(name="Town04", projection=PROJECTION)
+    _motorway(town)
+    for side, turn in (("East", 1.0), ("West", -1.0)):
+        _interchange(town, side, turn)
+    _outer_roads(town)
+    _small_town(town)
+    _rest_area(town)
+    return town
+
+
+def _bend(radius: float, sign: float) -> list[Piece]:
+    """Clothoid, arc, clothoid through half a circle and twice the slant."""
+    k = sign / radius
+    arc = radius * (math.pi + 2 * SLANT_RAD) - CLOTHOID_M
+    return [Piece(CLOTHOID_M, 0.0, k), Piece(arc, k, k), Piece(CLOTHOID_M, k, 0.0)]
+
+
+def _half(radius: float, sign: float) -> tuple[float, list[Piece]]:
+    """Straight from the crossing to the bend of a lobe, and the bend."""
+    bend = _bend(radius, sign)
+    end = Path(Pose(0.0, 0.0, 0.0), tuple(bend)).end
+    return -meeting(Pose(0.0, 0.0, 0.0), end)[0], bend
+
+
+def _circuit(radius: float) -> list[Piece]:
+    """Pieces of carriageway A: the outer way round the east lobe, the inner way round the west lobe."""
+    first, east = _half(radius + ASIDE_M, 1.0)
+    second, west = _half(radius - ASIDE_M, -1.0)
+    return [Piece(first), *east, Piece(first + second), *west, Piece(second)]
+
+
+def carriageway(turned: bool) -> Path:
+    """Left border of the left lane of carriageway A, or of B."""
+
+    def miss(unknown: object) -> list[float]:
+        (radius,) = unknown  # type: ignore[misc]
+        return [math.fsum(p.length for p in _circuit(radius)) - CIRCUIT_M]
+
+    radius = round(solve(miss, [145.0])[0], 9)
+    x, heading = -ASIDE_M / math.sin(SLANT_RAD), -SLANT_RAD
+    start = Pose(-x, 0.0, heading + math.pi) if turned else Pose(x, 0.0, heading)
+    return Path(start, tuple(_circuit(radius))).settled()
+
+
+def _motorway(town: TownPlan) -> None:
+    path = carriageway(False)
+    lengths = [piece.length for piece in path.pieces]
+    outer = lengths[0] + 0.5 * math.fsum(lengths[1:4])
+    inner = math.fsum(lengths[:5]) + 0.5 * math.fsum(lengths[5:8])
+    middle, total = math.fsum(lengths[:4]) + lengths[0], path.length
+    run = (TOP_M - LOBE_M) / 0.04
+    points = (
+        (70.0, TOP_M), (70.0 + run, LOBE_M),
+        (middle - 100.0, LOBE_M), (middle - 45.0, BOTTOM_M),
+        (middle + 45.0, BOTTOM_M), (middle + 100.0, LOBE_M),
+        (total - 70.0 - run, LOBE_M), (total - 70.0, TOP_M),
+    )  # fmt: skip
+    profile = Profile(points, 18.5)
+    for name, turned, far, near in (("A", False, "East", "West"), ("B", True, "West", "East")):
+        gores: tuple[Gore, ...] = (
+            Exit(name=f"{far} outer exit", at_m=outer - 165.0),
+            Merge(name=f"{far} outer entry", at_m=outer + 165.0),
+            Exit(name=f"{near} inner exit", at_m=inner - 198.0),
+            Merge(name=f"{near} inner entry", at_m=inner + 198.0),
+        )
+        town.loop(
+            f"Motorway {name}", carriageway(turned), MOTORWAY, 80, kind="motorway", climb=profile, gores=gores
+        )
+
+
+def _interchange(town: TownPlan, side: str, turn: float) -> None:
+    """A local road over the far end of a lobe, and four ramps; `turn` −1 turns it by half a circle."""
+    tag = side[0]
+    town.node(
+        f"{tag}I", turn * INNER_X, 0.0, DECK_M, control="stop", crosswalks=False, minor=_ramps(side, "inner")
+    )
+    town.node(
+        f"{tag}O", turn * OUTER_X, 0.0, DECK_M, control="stop", crosswalks=False, minor=_ramps(side, "outer")
+    )
+    town.node(f"{tag}X", turn * CROSS_X, 0.0, DECK_M, control="signals", corner_m=11.0)
+    town.road(
+        f"{side} Bridge", f"{tag}I", f"{tag}O", LINK, 50,
+        bridges=((f"{side} Bridge", turn * 0.5 * (INNER_X + OUTER_X), 0.0, 60.0),),
+    )  # fmt: skip
+    town.road(f"{side} Link", f"{tag}O", f"{tag}X", LINK, 40)
+    town.road(
+        f"{side} outer off", f"{side} outer exit", f"{tag}O", RAMP, 50, bends=(OnRay(52.0, 55.0, 25.0),)
+    )
+    town.road(
+        f"{side} outer on", f"{tag}O", f"{side} outer entry", RAMP, 50, bends=(OnRay(52.0, 55.0, 25.0),)
+    )
+    town.road(
+        f"{side} inner off", f"{side} inner exit", f"{tag}I", RAMP, 40, bends=(OnRay(40.0, 45.0, 20.0),)
+    )
+    town.road(
+        f"{side} inner on", f"{tag}I", f"{side} inner entry", RAMP, 40, bends=(OnRay(40.0, 45.0, 20.0),)
+    )
+
+
+def _ramps(side: str, place: str) -> tuple[str, ...]:
+    return (f"{side} {place} off",)
+
+
+def _outer_roads(town: TownPlan) -> None:
+    """Country roads north and south of the motorway."""
+    town.node("NF", 0.0, EDGE_Y, 0.0, control="stop", crosswalks=False)
+    town.node("SF", 0.0, -EDGE_Y, 0.0, control="stop", crosswalks=False)
+    town.node("FN", 0.0, 110.0, 0.5, control="bulb")
+    town.node("FS", 0.0, -110.0, -0.5, control="bulb")
+    for name, sign in (("North", 1.0), ("South", -1.0)):
+        tag = name[0]
+        corner = (sign * CROSS_X, sign * EDGE_Y, 70.0, 40.0)
+        other = (-sign * CROSS_X, sign * EDGE_Y, 70.0, 40.0)
+        first, last = ("EX", "WX") if sign > 0 else ("WX", "EX")
+        gentle = Climb(grade=0.03, k_m=14.0)
+        town.road(f"{name} Rd 1", first, f"{tag}F", RURAL, 70, kind="rural", bends=(corner,), climb=gentle)
+        town.road(f"{name} Rd 2", f"{tag}F", last, RURAL, 70, kind="rural", bends=(other,), climb=gentle)
+        town.road(f"{name} Farm", f"{tag}F", f"F{tag}", LANE, 30)
+
+
+def _small_town(town: TownPlan) -> None:
+    """Three streets by three in the east lobe; the main street climbs to the bridge."""
+    row, columns = 74.0, (162.0, 200.0, 236.0)
+    for k, x in enumerate(columns, 1):
+        town.node(f"M{k}", x, 0.0, control="signals" if k == 3 else "stop", corner_m=8.0)
+        if k > 1:
+            town.node(f"N{k}", x, row, control="stop", corner_m=7.5)
+            town.node(f"S{k}", x, -row, control="all_stop", corner_m=7.5)
+    town.node("NE", 292.0, row, 0.0, control="bulb")
+    town.node("SE", 292.0, -row, 0.0, control="bulb")
+    town.road("Main St 1", "M1", "M2", STREET, 40)
+    town.road("Main St 2", "M2", "M3", STREET, 40)
+    town.road("Main St 3", "M3", "EI", STREET, 40, climb=Climb(grade=0.075, k_m=4.7))
+    for tag, sign in (("N", 1.0), ("S", -1.0)):
+        name = "North" if sign > 0 else "South"
+        town.road(f"{name} Row 1", "M1", f"{tag}2", LANE, 30, bends=((columns[0], sign * row, 18.0, 8.0),))
+        town.road(f"{name} Row 2", f"{tag}2", f"{tag}3", LANE, 30)
+        town.road(f"{name} Close", f"{tag}3", f"{tag}E", LANE, 30)
+        town.road(f"{name} St 2", "M2", f"{tag}2", LANE, 30)
+        town.road(f"{name} St 3", "M3", f"{tag}3", STREET, 40)
+
+
+def _rest_area(town: TownPlan) -> None:
+    """A loop of a street behind the western interchange."""
+    town.node("V", -236.0, 0.0, control="stop", corner_m=9.0, minor=("Rest Area Rd",))
+    town.node("VB", -170.0, 0.0, control="stop", corner_m=9.0)
+    town.road("Rest Area Rd", "V", "WI", LINK, 40, climb=Climb(grade=0.075, k_m=4.7))
+    for name, sign in (("North", 1.0), ("South", -1.0)):
+        bends = ((-236.0, sign * 70.0, 26.0, 10.0), (-170.0, sign * 70.0, 26.0, 10.0))
+        town.road(f"Rest Area {name}", "V", "VB", LANE, 30, bends=bends)
+    town.road("Rest Area Mid", "V", "VB", LANE, 30)
