@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.rig import Rig
 from carlaloc_env.samples import (
+    CanState,
     DepthImage,
     GnssFix,
     Image,
@@ -20,6 +21,7 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
     Speed,
+    WheelTicks,
 )
 
 Observation = dict[str, NDArray[Any]]
@@ -125,6 +127,11 @@ def values_of(sample: Sample) -> NDArray[Any]:
         return np.array([sample.latitude_deg, sample.longitude_deg, sample.altitude_m, 1.0])
     if isinstance(sample, Speed):
         return np.array([sample.speed_mps])
+    if isinstance(sample, WheelTicks):
+        return np.concatenate([sample.ticks.astype(np.float64), sample.rate_radps])
+    if isinstance(sample, CanState):
+        pedals = [sample.throttle, sample.brake, float(sample.gear), float(sample.handbrake)]
+        return np.array([sample.steering_wheel_rad, sample.speed_mps, *pedals])
     if isinstance(sample, ObservedSample):
         return sample.observed()
     raise TypeError(f"{type(sample).__name__} has no place in observations; give it a method observed()")

@@ -12,13 +12,15 @@ from pathlib import Path
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.rig import SensorRig
-from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.can import CanConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
 from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
+from carlaloc_env.sensors.wheels import WheelsConfig
 
 IMU_X_M = 1.5
 """The IMU, the paper's origin, ahead of the rear axle [m]."""
@@ -48,8 +50,16 @@ def paper_rig() -> SensorRig:
 
 
 def flu_rig() -> SensorRig:
-    """The same places with the IMU in FLU axes and the true angles and timing of an HDL-32E."""
-    sensors = (_imu("flu"), *_cameras(), _hdl32e(), *_radars(), _gnss(), SpeedConfig())
+    """The same places with the IMU in FLU axes, the angles and timing of an HDL-32E, wheels and CAN."""
+    sensors: tuple[SensorConfig, ...] = (
+        _imu("flu"),
+        *_cameras(),
+        _hdl32e(),
+        *_radars(),
+        _gnss(),
+        SpeedConfig(),
+    )
+    sensors += (WheelsConfig(), CanConfig())
     return SensorRig(name="flu", sensors=sensors)
 
 

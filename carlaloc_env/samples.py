@@ -216,6 +216,45 @@ class Speed(Sample):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WheelTicks(Sample):
+    """Counters of the wheels: front left, front right, rear left, rear right."""
+
+    ticks: NDArray[np.int64]
+    """Ticks counted since the drive began, less when rolling back, shape (4,)."""
+    rate_radps: NDArray[np.float64]
+    """Spin over the last period, from the ticks in it [rad/s], shape (4,)."""
+    ticks_per_turn: int
+    """Ticks in one turn of a wheel, 96 = two of each of 48 teeth."""
+
+    def __post_init__(self) -> None:
+        _check(self, "ticks", np.int64, (4,))
+        _check(self, "rate_radps", np.float64, (4,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CanState(Sample):
+    """What a car tells on its CAN bus, rounded to the bus' steps."""
+
+    steering_wheel_rad: float
+    """Angle of the steering wheel, left positive [rad]."""
+    speed_mps: float
+    """Speed on the dashboard: mean of the rear wheels', negative backwards [m/s]."""
+    wheel_speed_mps: NDArray[np.float64]
+    """Speed of each wheel's tread: front left, front right, rear left, rear right [m/s], shape (4,)."""
+    throttle: float
+    """Throttle pedal 0–1, 1 = down."""
+    brake: float
+    """Brake pedal 0–1, 1 = down."""
+    gear: int
+    """Selected gear: 1 = forwards, −1 = reverse."""
+    handbrake: bool
+    """Whether the handbrake is pulled, 1 = pulled."""
+
+    def __post_init__(self) -> None:
+        _check(self, "wheel_speed_mps", np.float64, (4,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Odometry(Sample):
     """True motion of a frame; `frame_id` is the frame whose motion this is."""
 

@@ -11,6 +11,7 @@ from carlaloc_env.geodesy import GeoReference
 from carlaloc_env.presets import paper_rig
 from carlaloc_env.rig import Rig, SensorRig
 from carlaloc_env.samples import (
+    CanState,
     DepthImage,
     GnssFix,
     Image,
@@ -21,6 +22,7 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
     Speed,
+    WheelTicks,
 )
 from recorder.writers.messages import ENCODERS
 from recorder.writers.topics import PROFILES, TopicProfile
@@ -52,6 +54,10 @@ TAIL = """\
 * `camera_info`: `plumb_bob` with five zeros; R is the identity, P = [K 0].
 * `imu`: no orientation (covariance[0] = −1); covariances 0 stand for "unknown", the noise densities are in
   the calibration files.
+* `wheel_joints` (rig `flu`, `/wheels/joint_states`): sensor_msgs/JointState, angles of whole ticks [rad] and
+  spins [rad/s] of `wheel_front_left`, `wheel_front_right`, `wheel_rear_left`, `wheel_rear_right`.
+* `can_steering`, `can_wheels`, `can_pedals` (rig `flu`, `/can/frames`): can_msgs/Frame with the identifiers
+  0x0C1, 0x0C2, 0x0C3; `calibration/can.dbc` describes their signals.
 * `odometry`: header frame `world`, child frame `base_link`; the twist is in the child frame.
 * `/tf_static` is latched and holds one transform from `base_link` to each sensor; `/clock` comes at 100 Hz.
 """
@@ -66,6 +72,8 @@ _KIND_OF_SENSOR: dict[str, type[Sample]] = {
     "imu": Imu,
     "gnss": GnssFix,
     "speed": Speed,
+    "wheels": WheelTicks,
+    "can": CanState,
 }
 
 

@@ -194,6 +194,7 @@ class GnssSensor(Sensor):
         slow, echo = self._slow.rows(number)[0, used], self._multipath.rows(number)[0, used]
         weak = factor[used] / np.maximum(directions[used, 2], 0.1)
         grown = 1.0 + config.multipath_growth * hidden
+        parts: tuple[tuple[Array, Array], ...]
         if solution == "single":
             parts = (
                 (config.code_noise_m * weak, noise),

@@ -27,8 +27,8 @@ GRAVITY_MPS2 = 9.81
 """Gravity along −z of the world [m/s²]."""
 ORIENTATIONS = ("none", "truth")
 """What `ImuConfig.orientation` may be."""
-WHEEL_RADIUS_M = 0.334
-"""Radius of the ego's wheels [m], as in its physics."""
+WHEEL_RADIUS_M = 0.311
+"""Rolling radius of the ego's wheels under their load [m], as in its physics."""
 _DPS, _G = math.pi / 180.0, 9.81
 
 IMU_GRADES: dict[str, dict[str, float]] = {

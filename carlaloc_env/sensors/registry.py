@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.can import CanConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
 from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
+from carlaloc_env.sensors.wheels import WheelsConfig
 
 SENSOR_KINDS: dict[str, type[SensorConfig]] = {
     "camera": CameraConfig,
@@ -17,5 +19,7 @@ SENSOR_KINDS: dict[str, type[SensorConfig]] = {
     "imu": ImuConfig,
     "gnss": GnssConfig,
     "speed": SpeedConfig,
+    "wheels": WheelsConfig,
+    "can": CanConfig,
 }
 """Configuration class of each kind of sensor."""

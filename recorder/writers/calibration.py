@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from recorder.writers.can_bus import dbc
 from recorder.writers.fast_lio import fast_lio_yaml
 from recorder.writers.kalibr import camchain_yaml, imu_yaml
 from recorder.writers.lego_loam import lego_loam_notes
@@ -21,7 +22,7 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
     ``extrinsics.yaml`` always; with a camera and an IMU ``kalibr/camchain-imucam.yaml``; with an IMU
     ``kalibr/imu.yaml``; with two cameras ``orbslam3_stereo.yaml`` and ``vins_fusion/stereo.yaml``,
     with an IMU as well the inertial ones; with a LiDAR and an IMU ``fast_lio.yaml`` and notes for
-    LeGO-LOAM.
+    LeGO-LOAM; with a CAN bus ``can.dbc``.
 
     Args:
         folder: Where the files go.
@@ -57,6 +58,8 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
     if rig.lidar is not None and rig.imu is not None:
         texts["fast_lio.yaml"] = fast_lio_yaml(rig, topics)
         texts["lego_loam.md"] = lego_loam_notes(rig.lidar, topics)
+    if "can" in rig.frames:
+        texts["can.dbc"] = dbc()
     return texts
 
 

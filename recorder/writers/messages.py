@@ -13,9 +13,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from carlaloc_env import geometry
+from carlaloc_env.car_track import WHEELS
 from carlaloc_env.errors import WriterError
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.samples import (
+    CanState,
     DepthImage,
     GnssFix,
     Image,
@@ -26,7 +28,9 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
     Speed,
+    WheelTicks,
 )
+from recorder.writers import can_bus
 
 Message = Any
 """An object of one of the typestore's classes, which exist at run time only."""
@@ -55,6 +59,8 @@ _DEFINITIONS = {
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
     "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
     "float32 doppler_velocity\nfloat32 amplitude\n",
+    "can_msgs/msg/Frame": "std_msgs/Header header\nuint32 id\nbool is_rtr\nbool is_extended\n"
+    "bool is_error\nuint8 dlc\nuint8[8] data\n",
     "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
 }
 """Public message types that the type stores of rosbags lack, or that ROS 1's does."""
@@ -352,6 +358,35 @@ def _twist(maker: MessageMaker, header: Message, sample: Speed) -> Message:
     return maker.new("geometry_msgs/TwistStamped", header=header, twist=twist)
 
 
+def _wheel_joints(maker: MessageMaker, header: Message, sample: WheelTicks) -> Message:
+    """Angles are whole ticks."""
+    return maker.new(
+        "sensor_msgs/JointState",
+        header=header,
+        name=[f"wheel_{name}" for name in WHEELS],
+        position=sample.ticks * (2.0 * np.pi / sample.ticks_per_turn),
+        velocity=sample.rate_radps,
+        effort=np.zeros(0),
+    )
+
+
+def _can_frame(frame: str) -> Callable[[MessageMaker, Message, Any], Message]:
+    def make(maker: MessageMaker, header: Message, sample: CanState) -> Message:
+        identifier, data = can_bus.encode(frame, sample)
+        return maker.new(
+            "can_msgs/Frame",
+            header=header,
+            id=identifier,
+            is_rtr=False,
+            is_extended=False,
+            is_error=False,
+            dlc=len(data),
+            data=np.frombuffer(data.ljust(8, b"\0"), dtype=np.uint8),
+        )
+
+    return make
+
+
 def _odometry(maker: MessageMaker, header: Message, sample: Odometry) -> Message:
     """The pose is in the header's frame, the twist in the child's (nav_msgs/Odometry)."""
     velocity = geometry.quat_rotate(geometry.quat_conjugate(sample.quat_xyzw), sample.velocity_world_mps)
@@ -387,6 +422,10 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "imu": ("sensor_msgs/msg/Imu", _imu),
     "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", _nav_sat_fix),
     "twist": ("geometry_msgs/msg/TwistStamped", _twist),
+    "wheel_joints": ("sensor_msgs/msg/JointState", _wheel_joints),
+    "can_steering": ("can_msgs/msg/Frame", _can_frame("STEERING_AND_SPEED")),
+    "can_wheels": ("can_msgs/msg/Frame", _can_frame("WHEEL_SPEEDS")),
+    "can_pedals": ("can_msgs/msg/Frame", _can_frame("PEDALS")),
     "odometry": ("nav_msgs/msg/Odometry", _odometry),
 }
 """Message type and function of every way to write a sample."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from carlaloc_env.errors import WriterError, unknown_name
 from carlaloc_env.samples import (
+    CanState,
     DepthImage,
     GnssFix,
     Image,
@@ -17,6 +18,7 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
     Speed,
+    WheelTicks,
 )
 
 
@@ -121,6 +123,10 @@ STANDARD = TopicProfile(
         TopicRule(sample=Imu, stream="*", topic="/{}/data", message="imu"),
         TopicRule(sample=GnssFix, stream="*", topic="/{}/fix", message="nav_sat_fix"),
         TopicRule(sample=Speed, stream="*", topic="/{}", message="twist"),
+        TopicRule(sample=WheelTicks, stream="*", topic="/{}/joint_states", message="wheel_joints"),
+        TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_steering"),
+        TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_wheels"),
+        TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_pedals"),
         TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
     ),
 )

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
 from rosbags.typesys import Stores
 
-from carlaloc_env.samples import RadarScan, Sample
+from carlaloc_env.samples import CanState, GnssFix, Imu, RadarScan, Sample, WheelTicks
+from recorder.writers.can_bus import FRAMES, dbc
 from recorder.writers.messages import ENCODERS, MessageMaker, make_typestore
 from recorder.writers.topics import STANDARD
 
+OFFICIAL_MD5 = {
+    "radar_msgs/msg/RadarScan": "6dfacef1e665538dbd8e159d5ce7a97a",
+    "can_msgs/msg/Frame": "64ae5cebf967dc6aae4e78f5683a5b25",
+    "sensor_msgs/msg/JointState": "3066dcd76a6cfaef579bd0f34173e9fd",
+}
 STORES = (Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE)
 POINT_TYPES = {2: "<u1", 4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4", 8: "<f8"}
 
@@ -63,7 +70,7 @@ def scan() -> RadarScan:
 def test_definitions_are_the_official_ones() -> None:
     """MD5 sums of the ROS 1 definitions."""
     typestore = make_typestore()
-    for name, md5 in {"radar_msgs/msg/RadarScan": "6dfacef1e665538dbd8e159d5ce7a97a"}.items():
+    for name, md5 in OFFICIAL_MD5.items():
         assert typestore.generate_msgdef(name)[1] == md5
 
 
@@ -87,3 +94,79 @@ def test_radar_messages(store: Stores) -> None:
 def test_topics_of_radar() -> None:
     topics = [route.topic for route in STANDARD.routes(RadarScan, "radar_left")]
     assert topics == ["/radar/left/points", "/radar/left/scan"]
+
+
+@pytest.mark.parametrize("store", STORES, ids=str)
+def test_wheels_are_joints(store: Stores) -> None:
+    """Angles of whole ticks in radians, names in the order of the wheels."""
+    sample = WheelTicks(
+        sensor="wheels", frame_id="wheels", stamp_ns=0, ticks=np.array([96, 48, -24, 0]),
+        rate_radps=np.array([1.0, 2.0, 3.0, 4.0]), ticks_per_turn=96,
+    )  # fmt: skip
+    message = round_trip(store, "wheel_joints", sample)
+    assert message.name[0] == "wheel_front_left"
+    assert message.position == pytest.approx(np.pi * np.array([2.0, 1.0, -0.5, 0.0]))
+    assert message.velocity.tolist() == [1.0, 2.0, 3.0, 4.0]
+
+
+def can_state() -> CanState:
+    return CanState(
+        sensor="can", frame_id="can", stamp_ns=0, steering_wheel_rad=np.radians(-123.4), speed_mps=-2.57,
+        wheel_speed_mps=np.array([1.0, 2.0, -3.01, 4.5]), throttle=0.124, brake=1.0, gear=-1, handbrake=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("store", STORES, ids=str)
+def test_can_frames_decode_by_their_dbc(store: Stores) -> None:
+    """Bits read as the DBC file says give back the sample's values; every line of it is used."""
+    text = dbc()
+    frames = {
+        int(m[1]): (m[2], int(m[3])) for m in re.finditer(r"^BO_ (\d+) (\w+): (\d+) CAR$", text, re.MULTILINE)
+    }
+    found = {}
+    for encoder in ("can_steering", "can_wheels", "can_pedals"):
+        message = round_trip(store, encoder, can_state())
+        name, size = frames[message.id]
+        assert message.dlc == size
+        block = text[text.index(f" {name}:") :].split("BO_")[0]
+        for signal, start, factor in re.findall(r"SG_ (\w+) : (\d+)\|16@1- \(([\d.]+),0\)", block):
+            raw = int.from_bytes(
+                bytes(message.data)[int(start) // 8 : int(start) // 8 + 2], "little", signed=True
+            )
+            found[signal] = raw * float(factor)
+    assert found == pytest.approx(
+        {"SteeringWheelAngle": -123.4, "Speed": -2.57, "Gear": -1.0, "Handbrake": 1.0, "FrontLeft": 1.0,
+         "FrontRight": 2.0, "RearLeft": -3.01, "RearRight": 4.5, "Throttle": 12.4, "Brake": 100.0}
+    )  # fmt: skip
+    assert sum(len(signals) for _, signals in FRAMES.values()) == len(found)
+
+
+@pytest.mark.parametrize("store", STORES, ids=str)
+def test_imu_orientation_is_marked(store: Stores) -> None:
+    """No estimate: covariance[0] = −1; an attitude comes with its variance."""
+    head: dict[str, Any] = {"sensor": "imu", "frame_id": "imu", "stamp_ns": 0}
+    plain = Imu(**head, specific_force_mps2=np.zeros(3), angular_rate_radps=np.zeros(3))
+    assert round_trip(store, "imu", plain).orientation_covariance[0] == -1.0
+    quat = np.array([0.0, 0.6, 0.0, 0.8])
+    full = Imu(
+        **head, specific_force_mps2=np.zeros(3), angular_rate_radps=np.zeros(3), quat_xyzw=quat,
+        orientation_noise_rad=0.1,
+    )  # fmt: skip
+    message = round_trip(store, "imu", full)
+    assert message.orientation_covariance == pytest.approx(np.eye(3).reshape(-1) * 0.01)
+    assert (message.orientation.y, message.orientation.w) == (0.6, 0.8)
+
+
+@pytest.mark.parametrize(
+    ("solution", "status", "kind"), [("none", -1, 0), ("single", 0, 3), ("float", 2, 3), ("fixed", 2, 3)]
+)
+def test_gnss_status(solution: str, status: int, kind: int) -> None:
+    """NavSatStatus: −1 no fix, 0 fix, 2 augmented from the ground; covariance unknown without a fix."""
+    fix = GnssFix(
+        sensor="gnss", frame_id="gnss", stamp_ns=0, latitude_deg=49.0, longitude_deg=8.0, altitude_m=100.0,
+        covariance_enu_m2=np.array([[4.0, 1.0, 0.0], [1.0, 4.0, 0.0], [0.0, 0.0, 9.0]]),
+        has_fix=solution != "none", solution=solution, satellites=9,
+    )  # fmt: skip
+    message = round_trip(Stores.ROS1_NOETIC, "nav_sat_fix", fix)
+    assert message.status.status == status
+    assert message.position_covariance_type == kind

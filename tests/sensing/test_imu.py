@@ -249,7 +249,7 @@ def rolling(scenery: Any, speed: float, seconds: float, throttle: float = 1.0) -
     """A straight drive whose wheels roll without slip."""
     drive = scenery.drive(scenery.straight(speed), seconds)
     ticks = round(seconds * 200) + 2
-    spin = np.full((ticks, 4), speed / 0.334)
+    spin = np.full((ticks, 4), speed / 0.311)
     controls = np.tile([throttle, 0.0, 0.0, 0.0], (ticks, 1))
     drive.car = CarTrack.from_arrays(spin, np.zeros(ticks), controls)
     return drive
@@ -290,7 +290,7 @@ def test_motor_vibration_follows_the_motor(scenery: Any) -> None:
     full = rows(imu.measure(rolling(scenery, 5.0, 20.0), stamps))[:, :3] - [0, 0, 9.81]
     assert full.std(axis=0) == pytest.approx([0.5] * 3, rel=0.02)
     frequency, power = welch(full[:, 1], fs=200.0, nperseg=2048)
-    assert frequency[np.argmax(power)] == pytest.approx(9 * 5.0 / (2 * np.pi * 0.334), abs=0.15)
+    assert frequency[np.argmax(power)] == pytest.approx(9 * 5.0 / (2 * np.pi * 0.311), abs=0.15)
     idle = rows(imu.measure(rolling(scenery, 5.0, 20.0, throttle=0.0), stamps))[:, :3] - [0, 0, 9.81]
     assert idle.std() == pytest.approx(0.1, rel=0.02)
 

@@ -1,0 +1,86 @@
+"""Wheel odometry: ticks of the four wheels, slip and all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+
+from carlaloc_env import rng
+from carlaloc_env.clock import TICK_NS
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.samples import Sample, WheelTicks
+from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
+from carlaloc_env.timeline import Timeline
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WheelsConfig(SensorConfig):
+    """Encoders on the four wheels, as of an anti-lock brake system that tells directions."""
+
+    kind: ClassVar[str] = "wheels"
+
+    name: str = "wheels"
+    """Name of the sensor and its stream."""
+    mount: Mount = field(default_factory=Mount)
+    """Of no effect: the wheels are where the car has them, `base_link` between the rear ones."""
+    rate_hz: float = 100.0
+    """Measurements per second [Hz]."""
+    ticks_per_turn: int = 96
+    """Ticks in one turn, 96 = both edges of a ring of 48 teeth."""
+
+    def __post_init__(self) -> None:
+        SensorConfig.__post_init__(self)
+        if self.ticks_per_turn < 1:
+            raise ConfigError(f"wheels '{self.name}': ticks_per_turn {self.ticks_per_turn}; give at least 1")
+
+    def build(self, world: World) -> WheelsSensor:
+        """The encoders in a world."""
+        return WheelsSensor(self, world.seed)
+
+
+class WheelsSensor(Sensor):
+    """Counts teeth that have passed since the drive began; each ring begins at its own angle.
+
+    The angles are the physics' own, so that wheels slip under brakes and power and the outer ones
+    turn faster in a bend.
+    """
+
+    config: WheelsConfig
+
+    def __init__(self, config: WheelsConfig, seed: int) -> None:
+        super().__init__(config)
+        self._offset = rng.stream(seed, f"{config.name}/offset").random(4)
+
+    def streams(self) -> dict[str, spaces.Space[Any]]:
+        """Ticks of four wheels, then their spin [rad/s]: front left, front right, rear left, rear right."""
+        return {self.config.name: spaces.Box(-1e12, 1e12, (8,), np.float64)}
+
+    def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
+        """One `WheelTicks` per stamp [ns]."""
+        if not stamps_ns:
+            return []
+        period_ns = self.schedule.period_ticks * TICK_NS
+        stamps = np.asarray(stamps_ns, dtype=np.int64)
+        before = np.maximum(stamps - period_ns, 0)
+        per_rad = self.config.ticks_per_turn / (2.0 * math.pi)
+        now, then = (
+            np.floor(timeline.car.at(times).wheel_angle_rad * per_rad + self._offset).astype(np.int64)
+            for times in (stamps, before)
+        )
+        rate = (now - then) / per_rad / (period_ns * 1e-9)
+        return [
+            WheelTicks(
+                sensor=self.config.name,
+                frame_id=self.config.frame_id,
+                stamp_ns=int(stamp),
+                ticks=ticks.copy(),
+                rate_radps=spin.copy(),
+                ticks_per_turn=self.config.ticks_per_turn,
+            )
+            for stamp, ticks, spin in zip(stamps_ns, now, rate, strict=True)
+        ]
