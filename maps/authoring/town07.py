@@ -42,7 +42,7 @@ PLACES = {
     "Q1": (10.0, -132.0), "Q2": (6.0, -80.0), "Q3": (12.0, -24.0), "Q4": (8.0, 20.0), "Q5": (14.0, 108.0),
     "R1": (76.0, -128.0), "R2": (72.0, -78.0), "R3": (80.0, -26.0), "R4": (84.0, 108.0),
 }  # fmt: skip
-STOP = ("T1", "T2", "T3", "B1", "B2", "B3", "E1", "E2", "E3", "W1", "W3", "R3")
+STOP = ("T1", "T2", "T3", "B1", "B2", "B3", "E1", "E2", "E3", "W1", "W3")
 
 
 def land(x: float, y: float) -> tuple[float, tuple[float, float]]:
@@ -73,7 +73,7 @@ def _nodes(town: TownPlan) -> None:
         options: dict[str, object] = {"control": "stop" if name in STOP else "yield", "corner_m": 7.0}
         if name == "Q2":
             options = {"control": "signals", "corner_m": 8.0, "crosswalks": True}
-        elif name == "R1":
+        elif name in ("R1", "R3"):
             options["control"] = "all_stop"
         elif name == "Q5":
             options |= {"control": "stop", "minor": ("Hill Lane 2", "North Lake Lane")}
