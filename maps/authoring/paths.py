@@ -32,7 +32,7 @@ def cut(path: Path, first_m: float, last_m: float, *, closed: bool = False) -> P
         return cut(path, first_m - length, last_m - length, closed=True)
     if closed and last_m > length + 1e-6:
         head, tail = cut(path, first_m, length), cut(path, 0.0, last_m - length)
-        return Path(head.start, head.pieces + tail.pieces)
+        return Path(head.start, _joined(head.pieces, tail.pieces))
     if not -1e-6 <= first_m < last_m <= length + 1e-6:
         raise PlanError(f"a path of {length:.1f} m cannot be cut from {first_m:.1f} to {last_m:.1f} m")
     pieces: list[Piece] = []
@@ -47,6 +47,13 @@ def cut(path: Path, first_m: float, last_m: float, *, closed: bool = False) -> P
         rate = (piece.k1 - piece.k0) / piece.length
         pieces.append(Piece(b - a, piece.k0 + rate * a, piece.k0 + rate * b))
     return Path(path.at(max(first_m, 0.0)), tuple(pieces))
+
+
+def _joined(head: tuple[Piece, ...], tail: tuple[Piece, ...]) -> tuple[Piece, ...]:
+    """Both in a row; a straight or an arc that was cut in two is one again."""
+    a, b = head[-1], tail[0]
+    whole = a.kind == b.kind and a.kind in ("line", "arc") and abs(a.k1 - b.k0) < 1e-12
+    return (*head[:-1], Piece(a.length + b.length, a.k0, b.k1), *tail[1:]) if whole else (*head, *tail)
 
 
 def shifted(path: Path, right_m: float) -> Path:

@@ -16,6 +16,8 @@ The drive is one circuit of A.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 from .curves import Path, Piece, Pose
 from .gores import Exit, Gore, Merge, OnRay
@@ -27,7 +29,7 @@ from .sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 
-BARE = {"gutter_m": 0.0, "sidewalk_m": 0.0}
+BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
 MOTORWAY = CrossSection(lanes=4, back=0, inner_shoulder_m=0.8, shoulder_m=2.5, **BARE)
 RAMP = CrossSection(lanes=1, back=0, lane_m=4.0, inner_shoulder_m=0.5, shoulder_m=1.5, **BARE)
 RURAL = CrossSection(lanes=2, lane_m=3.5, gutter_m=0.5, sidewalk_m=0.0)
@@ -81,9 +83,8 @@ def _circuit(radius: float) -> list[Piece]:
 def carriageway(turned: bool) -> Path:
     """Left border of the left lane of carriageway A, or of B."""
 
-    def miss(unknown: object) -> list[float]:
-        (radius,) = unknown  # type: ignore[misc]
-        return [math.fsum(p.length for p in _circuit(radius)) - CIRCUIT_M]
+    def miss(unknown: Sequence[float]) -> list[float]:
+        return [math.fsum(p.length for p in _circuit(unknown[0])) - CIRCUIT_M]
 
     radius = round(solve(miss, [145.0])[0], 9)
     x, heading = -ASIDE_M / math.sin(SLANT_RAD), -SLANT_RAD

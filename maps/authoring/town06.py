@@ -13,6 +13,8 @@ The drive: eastwards along the highway in its right lane, over into the auxiliar
 
 from __future__ import annotations
 
+from typing import Any
+
 from .extra_lanes import ExtraLane
 from .gores import Exit, Merge, OnRay
 from .plan import TownPlan
@@ -21,7 +23,7 @@ from .sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=49.05 +lon_0=8.3 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 
-BARE = {"gutter_m": 0.0, "sidewalk_m": 0.0}
+BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
 PARKWAY = CrossSection(lanes=3, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
 PARKWAY_END = CrossSection(lanes=2, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
 HIGHWAY = CrossSection(lanes=3, back=2, lane_m=3.6, median_m=6.0, shoulder_m=2.5, pocket_m=3.3, **BARE)
@@ -72,7 +74,7 @@ def _nodes(town: TownPlan) -> None:
 
 def _parkway(town: TownPlan) -> None:
     """Three lanes each way between A1 and A3; left turns at A1 by the crossovers UW and UE."""
-    third = {"width_m": 3.6, "taper_m": 30.0}
+    third: dict[str, Any] = {"width_m": 3.6, "taper_m": 30.0}
     town.road("Parkway 1", "SW", "UW", PARKWAY_END, 70)
     town.road(
         "Parkway 2", "A1", "UW", PARKWAY_END, 80,
