@@ -76,7 +76,7 @@ def lane_area(strip: Strip, kinds: Sequence[str]) -> list[Area]:
 def town_areas(
     strips: Sequence[Strip],
     roads: Sequence[Road],
-    overhead: Area | None = None,
+    overhead: Mapping[int, Area] | None = None,
     carried: frozenset[str] = frozenset(),
 ) -> TownAreas:
     """All areas of a map.
@@ -84,32 +84,24 @@ def town_areas(
     Args:
         strips: All roads as strips.
         roads: All roads.
-        overhead: What of the roads passes over others; junctions on the ground do not see it.
+        overhead: What of each strip, by its number, passes over others; the ground does not see it.
         carried: Junctions that stand above the ground; they see all of it and nothing below.
     """
+    above = overhead or {}
     plain = [strip for strip in strips if strip.junction_id is None]
-    plain_road = union(area for strip in plain for area in lane_area(strip, ("roadway",)))
-    plain_raised = union(area for strip in plain for area in lane_area(strip, ("walkway", "median")))
+    low_road, high_road = _plain_areas(strips, ("roadway",), above)
+    low_raised, high_raised = _plain_areas(strips, ("walkway", "median"), above)
     groups: dict[str, list[Strip]] = {}
     for strip in strips:
         if strip.junction_id is not None:
             groups.setdefault(strip.junction_id, []).append(strip)
     widths = _corner_widths(plain, roads)
-    above = shapely.Polygon() if overhead is None else overhead
-    low = _level(
-        shapely.difference(plain_road, above),
-        shapely.difference(plain_raised, above),
-        {name: group for name, group in groups.items() if name not in carried},
-        widths,
-    )
-    if above.is_empty:
+    on_ground = {name: group for name, group in groups.items() if name not in carried}
+    low = _level(low_road, low_raised, on_ground, widths)
+    if not above:
         return low
-    high = _level(
-        shapely.intersection(plain_road, above),
-        shapely.intersection(plain_raised, above),
-        {name: group for name, group in groups.items() if name in carried},
-        widths,
-    )
+    in_air = {name: group for name, group in groups.items() if name in carried}
+    high = _level(high_road, high_raised, in_air, widths)
     by_id = {junction.id: junction for junction in (*low.junctions, *high.junctions)}
     return TownAreas(
         roadway=shapely.union(low.roadway, high.roadway),
@@ -119,6 +111,25 @@ def town_areas(
         low_paved=low.paved,
         carried=carried,
     )
+
+
+def _plain_areas(
+    strips: Sequence[Strip], kinds: Sequence[str], above: Mapping[int, Area]
+) -> tuple[Area, Area]:
+    """Lanes of some kinds outside junctions: on the ground, and overhead."""
+    low: list[Area] = []
+    high: list[Area] = []
+    for number, strip in enumerate(strips):
+        if strip.junction_id is not None:
+            continue
+        lanes = lane_area(strip, kinds)
+        if number not in above:
+            low += lanes
+            continue
+        own = above[number]
+        low += [shapely.difference(lane, own) for lane in lanes]
+        high += [shapely.intersection(lane, own) for lane in lanes]
+    return union(low), union(high)
 
 
 def _level(

@@ -185,26 +185,3 @@ def _fences(out: MeshBuilder, park: CarPark, ground: Ground, instance: int) -> N
 
 def _mesh_fence() -> Mesh:
     return fence(3.0, 1.0, kind="rails")
-
-
-def feature_car_park(width_m: float, depth_m: float, draw: np.random.Generator) -> Mesh:
-    """Rows of bays with cars on a level yard round the origin; its front looks along +x."""
-    out, cars = MeshBuilder(), ParkedCars()
-    rows = max(1, int((depth_m + AISLE_M) / (BAY_M[1] + AISLE_M)))
-    bays = int((width_m - 1.0) / BAY_M[0])
-    x0 = -0.5 * (rows * BAY_M[1] + (rows - 1) * AISLE_M)
-    lines = []
-    for row in range(rows):
-        x = x0 + row * (BAY_M[1] + AISLE_M)
-        for bay in range(bays + 1):
-            y = (bay - bays / 2) * BAY_M[0]
-            half = _LINE_M / 2
-            corners = [(x, y - half), (x + BAY_M[1], y - half), (x + BAY_M[1], y + half), (x, y + half)]
-            lines.append([(*corner, 0.045) for corner in corners])
-            if bay < bays and draw.random() < OCCUPIED:
-                spot = np.array([x + BAY_M[1] / 2, y + BAY_M[0] / 2, 0.035])
-                cars.put(spot, np.pi if draw.random() < 0.5 else 0.0, draw)
-    out.quads(np.array(lines), material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
-    for mesh in cars.meshes(0):
-        out.add(mesh)
-    return out.build()

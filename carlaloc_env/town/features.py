@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.assets.billboard import billboard
+from carlaloc_env.assets.site_works import construction_site
 from carlaloc_env.assets.street import bus_shelter
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
@@ -23,6 +24,7 @@ from carlaloc_env.town.filling_station import filling_station
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
 from carlaloc_env.town.monuments import fountain, monument
 from carlaloc_env.town.polygons import Area, areas_only, triangulate
+from carlaloc_env.town.road_features import gantry, pier
 from carlaloc_env.town.styles import STYLES
 
 Array = NDArray[np.float64]
@@ -207,7 +209,11 @@ def _pier_places(feature: Feature, paved: Area, length_m: float) -> list[float]:
     return places
 
 
-WORLD_MAKERS: dict[str, Callable[[Feature, Area, HeightOf], Mesh]] = {"viaduct": _viaduct}
+WORLD_MAKERS: dict[str, Callable[[Feature, Area, HeightOf], Mesh]] = {
+    "viaduct": _viaduct,
+    "gantry": gantry,
+    "pier": pier,
+}
 """Features that follow the ground below them: from the feature, everything paved and the heights."""
 LOCAL_MAKERS: dict[str, Callable[[Feature, np.random.Generator], Mesh]] = {
     "monument": lambda _, __: monument(),
@@ -220,5 +226,6 @@ LOCAL_MAKERS: dict[str, Callable[[Feature, np.random.Generator], Mesh]] = {
     "barn": lambda feature, draw: barn(*_extent(feature)[::-1], draw),
     "silo": lambda feature, _: silo(*feature.size[:2]),
     "billboard": _billboard,
+    "construction_site": lambda feature, draw: construction_site(*_extent(feature)[::-1], draw),
 }
 """Features that stand level on their place, made round the origin with their front along +x."""

@@ -87,6 +87,10 @@ class RoadGraph:
             result[own[label == label[place]]] = True
         return result
 
+    def leads_out(self, mask: Mask) -> bool:
+        """Whether rows that hold `mask` are joined to any that do not."""
+        return bool((~mask[self._links[np.flatnonzero(mask)].indices]).any())
+
     def nearest(self, strip: int, xy_m: Array) -> int:
         """Row of a strip that is nearest to a point in plan."""
         rows = self.rows(strip)

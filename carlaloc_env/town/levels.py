@@ -107,9 +107,11 @@ class Levels:
         """Plan-view area of all strips where they have one of some states."""
         return _area(self.graph, np.isin(self.state, states))
 
-    def overhead(self) -> Area:
-        """What of the roads outside junctions stands above the ground."""
-        return _area(self.graph, np.isin(self.state, (State.OPEN, State.FILLED)) & ~self.graph.junction)
+    def overhead(self) -> dict[int, Area]:
+        """What of each strip outside junctions stands above the ground, by the strip's number."""
+        graph = self.graph
+        up = np.isin(self.state, (State.OPEN, State.FILLED)) & ~graph.junction
+        return {int(k): _area(graph, up & (graph.strip == k)) for k in np.unique(graph.strip[up])}
 
     def states_at(self, strip: int, s_m: Array) -> States:
         """State of a strip at stations, shape (N,)."""
@@ -192,7 +194,8 @@ def _regions(graph: RoadGraph, crossings: Sequence[Crossing]) -> tuple[Mask, Mas
     """Rows that are raised and rows that are sunken, (M,) each.
 
     At each crossing the smaller of two sets leaves the ground: all that is joined to the upper road above
-    half the height between both, or all that is joined to the lower road below it.
+    half the height between both, or all that is joined to the lower road below it. A set from which no
+    road leads to the other height is itself the ground.
     """
     z = graph.middle_m[:, 2]
     raised, sunken = np.zeros(len(z), dtype=bool), np.zeros(len(z), dtype=bool)
@@ -202,7 +205,7 @@ def _regions(graph: RoadGraph, crossings: Sequence[Crossing]) -> tuple[Mask, Mas
         half = 0.5 * (z[crossing.low] + z[crossing.high])
         up = graph.component(z > half, crossing.high)
         down = graph.component(z < half, crossing.low)
-        lifted = up.sum() <= down.sum()
+        lifted = (not graph.leads_out(up), up.sum()) <= (not graph.leads_out(down), down.sum())
         near = np.hypot(*(graph.middle_m[:, :2] - crossing.point_m).T) < REACH_M
         if lifted:
             raised |= _followed(graph, up & near, z)

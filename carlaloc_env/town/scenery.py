@@ -157,7 +157,7 @@ def build_scenery(
     )
     roadside = line_roads(solid, beside, number)
     number += roadside.instances
-    kept_free = [*footprints, *polygons_of(roadside.taken)]
+    kept_free = [*footprints, *polygons_of(roadside.taken), *polygons_of(overhead)]
     furnisher = Furnisher(zones, np.concatenate(clear), route_m, kept_free, roofed, seed)
     for strip in strips:
         if strip.junction_id is None:
