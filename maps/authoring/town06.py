@@ -27,8 +27,10 @@ BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
 PARKWAY = CrossSection(lanes=3, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
 PARKWAY_END = CrossSection(lanes=2, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
 HIGHWAY = CrossSection(lanes=3, back=2, lane_m=3.6, median_m=6.0, shoulder_m=2.5, pocket_m=3.3, **BARE)
+HIGHWAY_END = CrossSection(lanes=2, lane_m=3.6, median_m=6.0, shoulder_m=2.5, pocket_m=3.3, **BARE)
 AVENUE = CrossSection(lanes=2, lane_m=3.6, median_m=4.0, gutter_m=0.4, sidewalk_m=2.0, pocket_m=3.3)
 CROSS_ROAD = CrossSection(lanes=2, lane_m=3.5, gutter_m=0.3, sidewalk_m=1.8)
+CROSS_ROAD_END = CrossSection(lanes=2, back=1, lane_m=3.5, gutter_m=0.3, sidewalk_m=1.8)
 LANE = CrossSection(lanes=1, lane_m=3.3, gutter_m=0.3, sidewalk_m=1.6)
 RAMP = CrossSection(lanes=1, back=0, lane_m=4.2, inner_shoulder_m=0.6, shoulder_m=1.2, **BARE)
 
@@ -112,8 +114,9 @@ def _mill_road(town: TownPlan) -> None:
 def _highway(town: TownPlan) -> None:
     """The highway rises by 2.6 m over a long wave; an exit to Mill Road and a merge from it."""
     town.road(
-        "Highway 1", "CW", "C1", HIGHWAY, 80, kind="rural",
+        "Highway 1", "CW", "C1", HIGHWAY_END, 80, kind="rural",
         ends=("plain", "pocket"), taper_m=30.0, stores_m=(0.0, 35.0),
+        extra=(ExtraLane(side="R", first_m=30.0, width_m=3.6, taper_m=50.0),),
     )  # fmt: skip
     wave = Profile(((90.0, 0.0), (260.0, 2.6), (520.0, 2.6), (700.0, 0.0)), 22.0)
     town.road(
@@ -147,7 +150,9 @@ def _cross_roads(town: TownPlan) -> None:
         town.road(f"{side} Rd 1", f"S{tag}", f"B{tag}", AVENUE, 60)
         town.road(f"{side} Rd 2", f"B{tag}", f"C{tag}", AVENUE, 60)
         town.road(f"{side} Rd 3", f"C{tag}", f"N{tag}", AVENUE, 60)
-    town.road("County Rd 1", "B1", "A1", CROSS_ROAD, 50)
+    # Nobody turns left into its northbound carriageway: the second lane begins on the way.
+    second = ExtraLane(side="L", last_m=-20.0, taper_m=30.0)
+    town.road("County Rd 1", "B1", "A1", CROSS_ROAD_END, 50, extra=(second,))
     town.road("County Rd 2", "KC", "B1", CROSS_ROAD, 50)
     town.road("County Rd 3", "C1", "KC", CROSS_ROAD, 50)
     town.road("County Rd 4", "D1", "C1", CROSS_ROAD, 50)
