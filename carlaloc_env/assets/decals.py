@@ -148,9 +148,10 @@ def _welded_normals(body: Mesh) -> Array:
     """Normals that are the same at a place on both sides of an edge, so that patches do not gape there."""
     place = np.round(body.vertices_m.astype(np.float64) * 1e4).astype(np.int64)
     _, weld = np.unique(place, axis=0, return_inverse=True)
-    total = np.stack([np.bincount(weld.ravel(), body.normals[:, k]) for k in range(3)], axis=1)
-    total /= np.maximum(np.sqrt(np.sum(total**2, axis=1, keepdims=True)), 1e-9)
-    return np.asarray(total[weld.ravel()], dtype=np.float64)
+    sums = [np.bincount(weld.ravel(), body.normals[:, k].astype(np.float64)) for k in range(3)]
+    total: Array = np.stack(sums, axis=1).astype(np.float64)
+    length = np.maximum(np.sqrt(np.sum(total**2, axis=1, keepdims=True)), 1e-9)
+    return np.asarray((total / length)[weld.ravel()], dtype=np.float64)
 
 
 def clip(polygon: Array, outline: Array) -> Array:

@@ -20,9 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     shared = [shared_options(nested=True)]
     actions.add_parser("list", parents=shared, help="names and sizes of all towns")
-    preview = actions.add_parser("preview", parents=shared, help="picture of a town from above")
+    preview = actions.add_parser("preview", parents=shared, help="a town from above and from its streets")
     preview.add_argument("town", help="town, or a .xodr file")
-    preview.add_argument("--out", type=path_argument, required=True, help="PNG to write")
+    preview.add_argument("--out", type=path_argument, required=True, help="PNG or JPEG to write")
     check = actions.add_parser("check", parents=shared, help="problems of an OpenDRIVE file")
     check.add_argument("file", type=path_argument, help="OpenDRIVE file")
     check.add_argument("--waypoints", type=positive_seconds, metavar="STEP_M", help="list waypoints [m]")

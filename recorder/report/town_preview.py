@@ -1,4 +1,4 @@
-"""A picture of a town from above, with its name and a scale."""
+"""One sheet about a town: from above with lanes, route, spawn points and lights, and four street views."""
 
 from __future__ import annotations
 
@@ -6,26 +6,45 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from carlaloc_env.assets.placing import place_actors
 from carlaloc_env.errors import WriterError
-from carlaloc_env.geometry import from_rotation
+from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.projection import FAR_M
+from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene import Instances
 from carlaloc_env.stage import SensorStage
+from carlaloc_env.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.tables import TrafficTables
 from carlaloc_env.weather import weather_by_name
+from recorder.report.standing_traffic import standing_traffic
+from recorder.report.town_map import STRIP_PX, MapView, draw_map
 
-_FOV_DEG = 60.0
+Picture = NDArray[np.uint8]
+Array = NDArray[np.float64]
+
+STREET_VIEWS = 4
+MAP_PX = (1360, 1080 - STRIP_PX)
+"""Width and height of the view from above [px]."""
+STREET_PX = (480, 270)
+"""Width and height of a street view [px]."""
+_MAP_FOVS_DEG = (42.0, 52.0, 64.0, 80.0, 100.0)
+_EYE_M = 1.6
+_VEHICLES = 220
+_CLEAR_M = 14.0
+"""No vehicle stands nearer before a street view's eye [m]."""
 
 
-def draw_town(town: Town, out: Path, *, width_px: int = 1600, height_px: int = 1200) -> Path:
-    """Draw a town obliquely from the south, in clear weather.
+def draw_town(town: Town, out: Path, *, quality: str = "high") -> Path:
+    """Write a town's sheet.
 
     Args:
         town: The town.
-        out: PNG to write.
-        width_px: Width of the picture [px].
-        height_px: Height of the picture [px].
+        out: PNG or JPEG to write.
+        quality: Render quality.
 
     Raises:
         RenderError: OpenGL is missing.
@@ -33,27 +52,114 @@ def draw_town(town: Town, out: Path, *, width_px: int = 1600, height_px: int = 1
     """
     if out.exists():
         raise WriterError(f"{out} exists; choose another --out or delete it first")
-    driving = [lane.index for lane in town.network.lanes if lane.type == "driving"]
-    tables = town.network.tables
-    roads = tables.position_m[np.isin(np.repeat(np.arange(len(tables.count)), tables.count), driving)]
-    low, high = roads.min(axis=0), roads.max(axis=0)
-    centre, reach = 0.5 * (low + high), float(np.max((high - low)[:2]))
-    distance = 0.56 * reach / np.tan(np.radians(_FOV_DEG / 2))
-    down = np.radians(50.0)
-    forward = np.array([0.0, np.cos(down), -np.sin(down)])
-    right = np.array([1.0, 0.0, 0.0])
-    pose = from_rotation(
-        np.stack([right, np.cross(forward, right), forward], axis=1), centre - distance * forward
-    )
-    stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"), quality="high")
+    sheet = cv2.cvtColor(town_sheet(town, quality=quality), cv2.COLOR_RGB2BGR)
+    part = out.with_name(f".part-{out.name}")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        written = out.suffix.lower() in (".png", ".jpg", ".jpeg") and cv2.imwrite(str(part), sheet)
+    except OSError:
+        written = False
+    if not written:
+        raise WriterError(
+            f"cannot write {out}; give a name that ends in .png or .jpg in a folder you may write to"
+        )
+    return part.replace(out)
+
+
+def town_sheet(town: Town, *, quality: str = "high") -> Picture:
+    """View from above with its legend, and four street views beside it, sRGB, shape (1080, 1840, 3).
+
+    Args:
+        town: The town.
+        quality: Render quality.
+
+    Raises:
+        RenderError: OpenGL is missing.
+    """
+    stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"), quality=quality)
     try:
         renderer = stage.renderer()
-        picture = renderer.draw(Pinhole.from_fov(width_px, height_px, _FOV_DEG), pose, Instances())
-        rgb = renderer.shade(picture, stage.weather, stamp_ns=0, seed=0)
+        view = _from_above(town)
+        gbuffer = renderer.draw(view.camera, view.T_world_camera, Instances())
+        plan = draw_map(town, view, renderer.shade(gbuffer, stage.weather), _spawn_points(town))
+        catalog, frame = standing_traffic(town.network, _VEHICLES)
+        streets = []
+        for k, T in enumerate(street_poses(town, STREET_VIEWS)):
+            picture = _street(stage, renderer, T, catalog, frame)
+            streets.append(_labelled(picture, f"{chr(ord('A') + k)}"))
+            _mark(plan, view, T, chr(ord("A") + k))
     finally:
         stage.close()
-    out.parent.mkdir(parents=True, exist_ok=True)
-    part = out.with_name(f".part-{out.name}")
-    if out.suffix.lower() != ".png" or not cv2.imwrite(str(part), cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)):
-        raise WriterError(f"cannot write {out}; give a name that ends in .png in a folder you may write to")
-    return part.replace(out)
+    return np.hstack([plan, np.vstack(streets)])
+
+
+def street_poses(town: Town, count: int) -> list[Array]:
+    """Poses (4, 4) of a driver's eye, optical frame, spread along the route or over the lanes."""
+    if town.route is not None:
+        s = (np.arange(count) + 0.35) / count * town.route.length_m
+        at = town.route.at(s)
+        places, headings = at.position_m, at.heading_rad
+    else:
+        lanes, stations = TrafficTables(town.network).starting_places(0, np.zeros((0, 3)))
+        pose = town.network.pose(lanes[:count], stations[:count])
+        places, headings = pose.position_m, pose.heading_rad
+    poses = []
+    for place, heading in zip(places, headings, strict=True):
+        c, s_ = np.cos(heading), np.sin(heading)
+        R_world_flu = np.array([[c, -s_, 0.0], [s_, c, 0.0], [0.0, 0.0, 1.0]])
+        poses.append(from_rotation(R_world_flu @ R_FLU_OPTICAL, place + np.array([0.0, 0.0, _EYE_M])))
+    return poses
+
+
+def _from_above(town: Town) -> MapView:
+    """Camera straight above the town that sees all its roads, north up."""
+    tables = town.network.tables
+    low, high = tables.position_m.min(axis=0), tables.position_m.max(axis=0)
+    centre, ground = 0.5 * (low + high), float(np.median(tables.position_m[:, 2]))
+    half = 0.5 * (high - low)[:2] + 18.0
+    width, height = MAP_PX
+    # From as high as the renderer draws: the higher, the less houses lean outwards.
+    for fov_deg in _MAP_FOVS_DEG:
+        camera = Pinhole.from_fov(width, height, fov_deg)
+        distance = 2.0 * max(half[0] * camera.fx_px / width, half[1] * camera.fy_px / height)
+        corner = np.array([0.5 * width / camera.fx_px, 0.5 * height / camera.fy_px, 1.0]) * distance
+        if float(np.sqrt(np.sum(corner**2))) < 0.95 * FAR_M:
+            break
+    # x east, y south, z down.
+    looking_down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    eye = np.array([centre[0], centre[1], ground + distance])
+    return MapView(camera=camera, T_world_camera=from_rotation(looking_down, eye))
+
+
+def _spawn_points(town: Town) -> Array:
+    lanes, stations = TrafficTables(town.network).starting_places(0, np.zeros((0, 3)))
+    return np.asarray(town.network.pose(lanes, stations).position_m)
+
+
+def _street(
+    stage: SensorStage, renderer: SceneRenderer, T: Array, catalog: ActorCatalog, frame: ActorFrame
+) -> Picture:
+    eye = T[:3, 3]
+    clear = np.flatnonzero(np.sum((frame.position_m - eye) ** 2, axis=1) > _CLEAR_M**2)
+    seen = place_actors(catalog.take(clear), frame.take(clear), stage.library, eye_m=eye)
+    camera = Pinhole.from_fov(2 * STREET_PX[0], 2 * STREET_PX[1], 80.0)
+    rgb = renderer.shade(renderer.draw(camera, T, seen), stage.weather)
+    return np.asarray(cv2.resize(rgb, STREET_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def _labelled(picture: Picture, text: str) -> Picture:
+    cv2.rectangle(picture, (6, 6), (30, 32), (0, 0, 0), -1)
+    cv2.putText(picture, text, (11, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
+    return picture
+
+
+def _mark(plan: Picture, view: MapView, T: Array, text: str) -> None:
+    """Letter of a street view on the map, with an arrow the way it looks."""
+    tip = T[:3, 3] + 16.0 * T[:3, 2]
+    (a, b), _ = view.pixels(np.stack([T[:3, 3], tip]))
+    cv2.arrowedLine(plan, a, b, (0, 0, 0), 5, cv2.LINE_AA, tipLength=0.35)
+    cv2.arrowedLine(plan, a, b, (255, 235, 60), 2, cv2.LINE_AA, tipLength=0.35)
+    cv2.circle(plan, a, 12, (0, 0, 0), -1, cv2.LINE_AA)
+    cv2.putText(
+        plan, text, (a[0] - 7, a[1] + 7), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (255, 235, 60), 2, cv2.LINE_AA
+    )
