@@ -17,7 +17,7 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.can import CanConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
+from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
 from carlaloc_env.sensors.wheels import WheelsConfig
@@ -121,13 +121,7 @@ def _gnss() -> GnssConfig:
 
 
 def _hdl32e() -> LidarConfig:
-    return LidarConfig(
-        mount=_mount(-0.3, LIDAR_Z_M),
-        elevations_deg=HDL32E_ELEVATIONS_DEG,
-        elevation_offset_deg=0.02,
-        firing_ns=HDL32E_FIRING_NS,
-        columns=1085,
-    )
+    return LidarConfig(mount=_mount(-0.3, LIDAR_Z_M), **LidarConfig.preset_values("hdl32e"))
 
 
 def _radars() -> tuple[RadarConfig, ...]:

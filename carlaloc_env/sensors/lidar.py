@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -16,13 +16,18 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry, materials
+from carlaloc_env import geometry, materials, rng
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
+from carlaloc_env.sensors.lidar_air import GROUND_TAGS, air_at
+from carlaloc_env.sensors.lidar_beam import sub_rays, weigh
+from carlaloc_env.sensors.lidar_spray import spray_ranges
+from carlaloc_env.sensors.lidar_weather import BEAM_MRAD, SolidEchoes, strongest_echoes
 from carlaloc_env.sensors.noise import white
 from carlaloc_env.timeline import Timeline
+from carlaloc_env.weather import WeatherParameters
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
@@ -43,9 +48,22 @@ OUTPUTS = ("cloud", "semantic")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarConfig(SensorConfig):
-    """A spinning LiDAR; the defaults are the CARLA-Loc paper's."""
+    """A spinning LiDAR; the defaults are the CARLA-Loc paper's.
+
+    ``preset: hdl32e`` has the angles, firing order and timing of the Velodyne HDL-32E, its elevations
+    0.02° higher so that none lies on the edge of A-LOAM's ring bins.
+    """
 
     kind: ClassVar[str] = "lidar"
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
+        "paper": {},
+        "hdl32e": {
+            "elevations_deg": HDL32E_ELEVATIONS_DEG,
+            "elevation_offset_deg": 0.02,
+            "firing_ns": HDL32E_FIRING_NS,
+            "columns": 1085,
+        },
+    }
 
     name: str = "lidar"
     """Name of the sensor, its first stream and its frame."""
@@ -71,6 +89,18 @@ class LidarConfig(SensorConfig):
     """Loss of intensity on the way there, exp(−a·R) [1/m]; CARLA's default."""
     drop_weak: bool = False
     """Whether surfaces too dark for their distance give no return."""
+    sectors: int = 0
+    """Parts of a revolution in which time stands still, 10 = CARLA at 200 Hz; 0: time runs on."""
+    divergence_mrad: float = 0.0
+    """Width of the beam [mrad]; above 0 five rays per beam are weighed, which mixes near edges."""
+    dropoff_general: float = 0.0
+    """Share of points lost at random, as CARLA's, 0.45 = its default."""
+    dropoff_intensity_limit: float = 0.8
+    """Intensity exp(−a·R) above which no point is lost for weakness, 1 = at the sensor."""
+    dropoff_zero_intensity: float = 0.0
+    """Share of points of no intensity that are lost, as CARLA's, 0.4 = its default."""
+    weather: bool = False
+    """Whether fog, rain, spray and wet ground are felt; weak returns are dropped then."""
     ego_returns: bool = False
     """Whether hits on the ego's own body are reported; they always throw a shadow."""
     outputs: tuple[str, ...] = OUTPUTS
@@ -91,6 +121,11 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{what}: firing_ns must lie within one column")
         if self.columns < 1 or not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
             raise ConfigError(f"{what}: needs columns ≥ 1, 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")
+        shares = (self.dropoff_general, self.dropoff_intensity_limit, self.dropoff_zero_intensity)
+        if not all(0.0 <= share <= 1.0 for share in shares) or self.dropoff_intensity_limit == 0.0:
+            raise ConfigError(f"{what}: drop-off figures must lie in 0…1, the intensity limit above 0")
+        if self.sectors < 0 or self.divergence_mrad < 0:
+            raise ConfigError(f"{what}: sectors and divergence_mrad must not be negative")
         if not self.outputs or set(self.outputs) - set(OUTPUTS):
             raise ConfigError(f"{what}: outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}")
 
@@ -130,6 +165,11 @@ class LidarSensor(Sensor):
         order = np.argsort(firing, kind="stable")
         self._firing_ns = firing[order]
         self._offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1)
+        if config.sectors:
+            held = np.arange(config.columns) * config.sectors // config.columns
+            self._column_ns = held * config.sweep_ns // config.sectors
+            self._offset_ns = np.repeat(self._column_ns, len(firing))
+        self.depends_on_weather = config.weather
         self._ring = np.tile(order.astype(np.uint16), config.columns)
         self._directions = self._make_directions(order)
         self._rays = self._directions.reshape(3, -1).T
@@ -173,27 +213,43 @@ class LidarSensor(Sensor):
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """The clouds of the sweeps that begin at the given stamps [ns]."""
-        return [cloud for stamp in stamps_ns for cloud in self._sweep(timeline, int(stamp))]
+        return [
+            cloud
+            for stamp in stamps_ns
+            for cloud in self.measure_conditions(timeline, int(stamp), [self._world.weather])[0]
+        ]
+
+    def measure_conditions(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
+    ) -> list[list[Sample]]:
+        """The clouds of one sweep under several weathers; rays are cast once."""
+        rays, hits = self._cast(timeline, stamp_ns)
+        if not self.config.weather:
+            clouds = self._clouds(stamp_ns, rays, hits, self._intensity(hits))
+            return [clouds for _ in weathers]
+        return [self._clouds(stamp_ns, *self._felt(timeline, stamp_ns, rays, hits, w)) for w in weathers]
 
     def _stream_names(self) -> dict[str, str]:
         names = {"cloud": self.config.name, "semantic": f"{self.config.name}_semantic"}
         return {output: names[output] for output in OUTPUTS if output in self.config.outputs}
 
-    def _sweep(self, timeline: Timeline, stamp_ns: int) -> list[Sample]:
-        config = self.config
-        rays, hits = self._cast(timeline, stamp_ns)
+    def _clouds(self, stamp_ns: int, rays: NDArray[np.intp], hits: Hits, intensity: F32) -> list[Sample]:
+        """Samples of what rays met, those out of range and dropped ones left out."""
+        config, seed = self.config, self._world.seed
         # One number for every ray that is fired, so that a car in the way of some rays does not
         # change the noise of the others.
-        noise = white(self._world.seed, f"{config.name}/range", stamp_ns, config.rays)
+        noise = white(seed, f"{config.name}/range", stamp_ns, config.rays)
         kept = np.flatnonzero((hits.range_m >= config.range_min_m) & (hits.range_m <= config.range_max_m))
-        if config.drop_weak:
+        if config.drop_weak and not config.weather:
             kept = kept[self._is_detected(hits.take(kept))]
-        hits, seen = hits.take(kept), rays[kept]
+        if config.dropoff_general or config.dropoff_zero_intensity:
+            lots = rng.stream(seed, f"{config.name}/dropoff", stamp_ns).random((config.rays, 2))
+            kept = kept[self._stays(hits.range_m[kept], lots[rays[kept]])]
+        hits, seen, intensity = hits.take(kept), rays[kept], intensity[kept]
         distance = hits.range_m + config.range_noise_m * noise[seen]
         points = np.empty((len(seen), 3), np.float32)
         for axis in range(3):
             points[:, axis] = self._rays[:, axis][seen] * distance
-        intensity = self._intensity(hits)
         clouds: list[Sample] = []
         for output, stream in self._stream_names().items():
             labelled = output == "semantic"
@@ -219,15 +275,16 @@ class LidarSensor(Sensor):
         config = self.config
         own = self._own_body_hits()
         free = np.flatnonzero(~np.isfinite(own.range_m))
-        origins, directions = self._world_rays(timeline, stamp_ns)
-        found = self._world.rays().cast(
-            np.take(origins, free, axis=1).T,
-            np.take(directions, free, axis=1).T,
-            stamp_ns + self._offset_ns[free],
-            timeline,
-            config.range_max_m,
-            ego=False,
-        )
+        origins, directions = (np.take(v, free, axis=1).T for v in self._world_rays(timeline, stamp_ns))
+
+        def cast(along: Array) -> Hits:
+            when = stamp_ns + self._offset_ns[free]
+            return self._world.rays().cast(origins, along, when, timeline, config.range_max_m, ego=False)
+
+        found = cast(directions)
+        if config.divergence_mrad:
+            around = [cast(along) for along in sub_rays(directions, 1e-3 * config.divergence_mrad)]
+            found = weigh([found, *around], self._power)
         if not config.ego_returns:
             return free, found
         hits = dataclasses.replace(own, **{name: getattr(own, name).copy() for name in own.__slots__})
@@ -252,7 +309,7 @@ class LidarSensor(Sensor):
         motion = timeline.ego_motion(stamp_ns + self._column_ns).at_mount(self._T_base_lidar)
         local = self._directions
         origins = np.broadcast_to(motion.position_m.T[:, :, None], local.shape)
-        if self._firing_ns.any():
+        if self._firing_ns.any() and not self.config.sectors:
             later = self._firing_ns * 1e-9
             w, d = motion.omega_body_radps.T[:, :, None], local
             turning = (w[1] * d[2] - w[2] * d[1], w[2] * d[0] - w[0] * d[2], w[0] * d[1] - w[1] * d[0])
@@ -271,8 +328,72 @@ class LidarSensor(Sensor):
         strength: F32 = np.clip((diffuse + retro) * fade, 0.0, 255.0).astype(np.float32)
         return strength
 
+    def _power(self, hits: Hits) -> Array:
+        """Strength of echoes without their R⁻²: ρ·cosθ, and ten times as much for retro-reflectors."""
+        diffuse = self._reflectance[hits.material] * hits.cos_incidence
+        return (diffuse + 10.0 * self._retro[hits.material]).astype(np.float64)
+
     def _is_detected(self, hits: Hits) -> NDArray[np.bool_]:
         """Whether the echo ρ·cosθ/R² exceeds that of a 90 % target at the longest range (LISA)."""
-        power = self._reflectance[hits.material] * hits.cos_incidence + 10.0 * self._retro[hits.material]
-        result: NDArray[np.bool_] = power >= 0.9 * (hits.range_m / self.config.range_max_m) ** 2
+        share = (hits.range_m / self.config.range_max_m).astype(np.float64)
+        result: NDArray[np.bool_] = self._power(hits) >= 0.9 * share * share
         return result
+
+    def _stays(self, range_m: F32, lots: Array) -> NDArray[np.bool_]:
+        """Whether points survive CARLA's drop-off (RayCastLidar.cpp): some of all, more of the weak."""
+        config = self.config
+        intensity = np.exp(-config.attenuation_per_m * range_m.astype(np.float64))
+        slope = config.dropoff_zero_intensity / config.dropoff_intensity_limit
+        likely = slope * intensity + 1.0 - config.dropoff_zero_intensity
+        strong = intensity > config.dropoff_intensity_limit
+        result: NDArray[np.bool_] = (lots[:, 0] >= config.dropoff_general) & (strong | (lots[:, 1] < likely))
+        return result
+
+    def _felt(
+        self,
+        timeline: Timeline,
+        stamp_ns: int,
+        rays: NDArray[np.intp],
+        hits: Hits,
+        weather: WeatherParameters,
+    ) -> tuple[NDArray[np.intp], Hits, F32]:
+        """Rays, what they return under a weather, and how strongly: the strongest echo of each wins.
+
+        Echoes of fog, drops and spray have no tag and no instance.
+        """
+        config = self.config
+        air = air_at(weather, float(self._T_base_lidar[2, 3]))
+        lots = 1.0 - rng.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
+        lots = lots[rays]
+        reach = np.minimum(hits.range_m, np.float32(config.range_max_m))
+        spray = None
+        if air.wetness > 0 and len(timeline.catalog):
+            origins, directions = (np.take(v, rays, axis=1).T for v in self._world_rays(timeline, stamp_ns))
+            middle = stamp_ns + config.sweep_ns // 2
+            spray = spray_ranges(
+                origins, directions, reach, middle, timeline, wetness=air.wetness, uniform=lots[:, 5]
+            )
+        ground = np.isin(hits.tag, GROUND_TAGS)
+        echoes = SolidEchoes(
+            range_m=reach.astype(np.float64),
+            power=np.where(np.isfinite(hits.range_m), self._power(hits), 0.0),
+            intensity=self._intensity(hits).astype(np.float64),
+            reflectance=np.where(ground, self._reflectance[hits.material], 0.0).astype(np.float64),
+            cos_incidence=hits.cos_incidence.astype(np.float64),
+        )
+        place, intensity, airborne = strongest_echoes(
+            air,
+            echoes,
+            beam_rad=1e-3 * (config.divergence_mrad or BEAM_MRAD),
+            range_min_m=config.range_min_m,
+            power_min=0.9 / config.range_max_m**2,
+            spray_m=spray,
+            lots=lots,
+        )
+        seen = np.flatnonzero(np.isfinite(place))
+        found = hits.take(seen)
+        soft = np.flatnonzero(airborne[seen])
+        found.put(soft, Hits.none(len(soft)))
+        found.range_m[:] = place[seen]
+        found.cos_incidence[soft] = 1.0
+        return rays[seen], found, intensity[seen]

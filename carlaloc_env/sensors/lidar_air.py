@@ -1,0 +1,192 @@
+"""What air, rain and wet ground do to a LiDAR's echoes: pure functions of ranges, powers and numbers.
+
+Powers are in the scale of LISA: a diffuse surface of reflectance ρ met at an angle θ at the
+distance R gives ρ·cosθ/R², and the weakest echo that is seen is that of a 90 % target at the
+longest range. Extinction is the camera's (`weather.extinction_per_m`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.semantics import Tag
+from carlaloc_env.weather import MOR_CONTRAST, WeatherParameters
+
+Array = NDArray[np.float64]
+
+BACKSCATTER_PER_MOR = 0.046
+"""Backscatter of fog β [1/(m sr)] times its optical range [m] (Rasshofer et al. 2011; Hahner et al. 2021)."""
+PULSE_S = 20e-9
+"""Half-power width of the laser pulse [s] (Hahner et al., "Fog simulation on real LiDAR point clouds")."""
+OVERLAP_M = (0.9, 1.0)
+"""Where the receiver begins to see the beam, and where it sees all of it [m] (same source)."""
+WATER_REFLECTANCE = 0.0198
+"""Reflectance of a drop's face, ((n − 1)/(n + 1))² with n = 1.328 at 905 nm."""
+DROP_DENSITY_PER_M4 = 8e6
+"""N₀ of Marshall and Palmer, "The distribution of raindrops with size" (1948) [1/m⁴]."""
+DROP_MIN_M = 0.05e-3
+"""Smallest drop counted [m]."""
+GROUND_TAGS = (Tag.ROAD, Tag.ROAD_LINE, Tag.SIDEWALK, Tag.GROUND, Tag.TERRAIN, Tag.BRIDGE)
+"""What can stand under water."""
+_LIGHT_MPS = 299_792_458.0
+_STEP_M = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Air:
+    """The air at one height: extinction and what of it scatters back."""
+
+    extinction_per_m: float
+    """Extinction [1/m]: echoes fall as exp(−2αR)."""
+    backscatter_per_m_sr: float
+    """Backscatter of fog and dust [1/(m sr)]."""
+    rain_mmph: float
+    """Rain rate [mm/h]."""
+    wetness: float
+    """How wet the ground is, 0–1."""
+
+
+def air_at(weather: WeatherParameters, height_m: float) -> Air:
+    """Air of a weather at a height above the ground [m]; fog thins upwards as for the camera."""
+    fog = weather.fog_extinction_per_m * math.exp(-max(height_m, 0.0) / weather.fog_scale_height_m)
+    rain = rain_extinction_per_m(weather.rain_mmph)
+    total = fog + weather.uniform_extinction_per_m
+    haze = max(total - rain, 0.0)
+    return Air(
+        extinction_per_m=total,
+        backscatter_per_m_sr=BACKSCATTER_PER_MOR * haze / -math.log(MOR_CONTRAST),
+        rain_mmph=weather.rain_mmph,
+        wetness=weather.surface_wetness,
+    )
+
+
+def rain_extinction_per_m(rain_mmph: float) -> float:
+    """Extinction by rain [1/m]: drops of Marshall and Palmer that hide twice their cross-section."""
+    return 3.7e-4 * rain_mmph**0.63 if rain_mmph > 0 else 0.0
+
+
+class FogEcho:
+    """Echo of the fog before a target: strongest a few metres away.
+
+    P_soft(R) = π·β·∫ sin²(πt/2τ)·exp(−2αr)·ξ(r)/r² d(ct/2), r = R − ct/2 (Rasshofer's model in the
+    form of Hahner et al. 2021, eq. 8, in the scale of this module).
+    """
+
+    def __init__(self, air: Air, *, reach_m: float = 60.0) -> None:
+        self.range_m = np.arange(0.0, reach_m + _STEP_M, _STEP_M)
+        low, high = OVERLAP_M
+        r = np.maximum(self.range_m, 1e-3)
+        density = np.clip((r - low) / (high - low), 0.0, 1.0) * np.exp(-2 * air.extinction_per_m * r) / r**2
+        length = 0.5 * _LIGHT_MPS * 2.0 * PULSE_S
+        shape = np.sin(math.pi * np.arange(0.0, length, _STEP_M) / length) ** 2
+        spread = np.convolve(density, shape)[: len(r)] * _STEP_M
+        self.power = math.pi * air.backscatter_per_m_sr * spread
+        """Echo at each of `range_m`."""
+        self.peak_m = float(self.range_m[np.argmax(self.power)])
+        """Where the echo is strongest [m]."""
+        self._peak = np.maximum.accumulate(self.power)
+        self._share = np.cumsum(density)
+
+    def strongest(self, range_m: Array) -> Array:
+        """Strongest echo of the fog up to each distance [m], shape (N,)."""
+        row = np.minimum(np.maximum(range_m, 0.0) / _STEP_M, len(self._peak) - 1.0).astype(np.intp)
+        result: Array = self._peak[row]
+        return result
+
+    def place(self, range_m: Array, uniform: Array) -> Array:
+        """Where in the fog before each distance the echo comes from [m], shape (N,).
+
+        Drawn in proportion to what each metre sends back, since real fog drifts in wisps.
+        """
+        row = np.minimum(np.maximum(range_m, 0.0) / _STEP_M, len(self._share) - 1.0).astype(np.intp)
+        drawn: Array = np.interp(uniform * self._share[row], self._share, self.range_m)
+        return drawn
+
+
+class DropEcho:
+    """The strongest echo of all raindrops in a beam.
+
+    A drop of diameter D at r sends back ρ_w·exp(−2αr)·min((D/D_beam)², 1)/r² (Goodin et al. 2019;
+    Kilic et al., "LISA", 2021). The number of drops whose echo exceeds p is Poisson distributed with a
+    mean Λ(p), so the strongest has the distribution exp(−Λ(p)): one number per ray replaces the
+    thousands of drops of each beam.
+    """
+
+    def __init__(
+        self, air: Air, *, divergence_rad: float, range_min_m: float, power_min: float, reach_m: float = 60.0
+    ) -> None:
+        slope_per_m = 4100.0 * air.rain_mmph**-0.21
+        r = np.linspace(max(range_min_m, 0.5), reach_m, 1200)
+        radius = r * math.tan(0.5 * divergence_rad)
+        volume = math.pi * radius * radius * (r[1] - r[0])
+        fade = WATER_REFLECTANCE * np.exp(-2 * air.extinction_per_m * r) / r**2
+        self.power = np.geomspace(0.02 * power_min, fade.max(), 240)
+        least = 2 * radius * np.sqrt(np.minimum(self.power[:, None] / fade, 1.0))
+        many = DROP_DENSITY_PER_M4 / slope_per_m * np.exp(-slope_per_m * np.maximum(least, DROP_MIN_M))
+        many = np.where(self.power[:, None] <= fade, many, 0.0) * volume
+        self.expected = np.sum(many, axis=1)
+        """Mean number of drops in a beam with a stronger echo than each of `power`."""
+        self._range_m, self._share = r, np.cumsum(many, axis=1)
+
+    def draw(self, uniform: Array) -> tuple[Array, Array]:
+        """Power of the strongest drop's echo and its distance [m] of N beams.
+
+        Args:
+            uniform: Numbers of (0, 1], shape (N, 2).
+
+        Returns:
+            Powers, 0 where no drop is worth a mention, and distances, each (N,).
+        """
+        wanted = -np.log(uniform[:, 0])
+        row = np.searchsorted(-self.expected, -wanted) - 1
+        power = np.where(row >= 0, self.power[np.maximum(row, 0)], 0.0)
+        place = np.zeros(len(power))
+        some = np.flatnonzero(row >= 0)
+        for k in np.unique(row[some]):
+            mine = some[row[some] == k]
+            share = self._share[k]
+            place[mine] = np.interp(uniform[mine, 1] * share[-1], share, self._range_m)
+        return power, place
+
+
+def wet_reflectance(reflectance: Array, cos_incidence: Array, wetness: float) -> Array:
+    """Reflectance towards the sensor of ground under a film of water, shape (N,).
+
+    Light passes the surface twice (Fresnel) and is partly held back inside by total reflection:
+    ρ' = T(θ)²·ρ / (n²·(1 − 0.47·ρ)) (Lekner and Dorf, "Why some things are darker when wet", Appl. Opt.
+    27, 1988; the film as in LiDAR_snow_sim, Hahner et al. 2022). Grazing light is mirrored away.
+
+    Args:
+        reflectance: Dry diffuse reflectance, shape (N,).
+        cos_incidence: Cosine between ray and surface normal, shape (N,).
+        wetness: Share of the ground under water, 0–1.
+    """
+    passed = 1.0 - fresnel(cos_incidence, 1.33)
+    inner = passed * passed * reflectance / (1.33**2 * (1.0 - 0.47 * reflectance))
+    result: Array = (1.0 - wetness) * reflectance + wetness * inner
+    return result
+
+
+def fresnel(cos_incidence: Array, n: float) -> Array:
+    """Reflectance of a smooth surface of refractive index n for unpolarised light, shape (N,)."""
+    c = np.clip(cos_incidence, 0.0, 1.0)
+    inside = np.sqrt(1.0 - (1.0 - c * c) / (n * n))
+    across = (c - n * inside) / (c + n * inside)
+    along = (inside - n * c) / (inside + n * c)
+    result: Array = 0.5 * (across * across + along * along)
+    return result
+
+
+def spray_density_per_m(wetness: float, speed_mps: Array) -> Array:
+    """Extinction of the spray behind wheels [1/m]: grows with the square of the speed above 5 m/s.
+
+    Ours, at the level of Walz et al., "A benchmark for spray from nearby cutting vehicles" (ITSC 2021):
+    about half of the rays that cross the plume of a car at 25 m/s on a soaked road return from it.
+    """
+    push = np.clip((speed_mps - 5.0) / 20.0, 0.0, 1.5)
+    result: Array = 0.25 * wetness * push * push
+    return result
