@@ -1,7 +1,7 @@
 """Town10: a skyscraper city on a headland, of boulevards with medians and left-turn pockets.
 
     y  164            ╭─ Theatre St ─╮
-       105  ╭── TN ── N ─ Opera Bd ─ TE ──╮       N: staggered crossing, one leg at a time
+       105  ╭── TN ── N ─ Opera Bd ─ TE ──╮       N: staggered crossing
             │Tin Lane │                   │
         62  TW ───────╯                   │
          0  W ─ Market Bd ─ C ─ Market Bd ─ E     C: protected left turns
@@ -24,6 +24,7 @@ HARBOUR = CrossSection(lanes=2, lane_m=3.5, median_m=3.0, sidewalk_m=9.0, left_s
 STREET = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=3.0)
 LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=2.0)
 
+LIMIT_KMH = 30  # with junctions every 105 m, traffic that may go no faster flows at a better share of it
 PITCH = 105.8  # of the three rows and columns, chosen for a drive of 1115 m
 BEND = (22.0, 12.0)  # radius and clothoids of the town's corners
 SOUTH_Z, MIDDLE_Z, NORTH_Z = 0.0, 0.4, 0.9
@@ -44,41 +45,45 @@ def plan() -> TownPlan:
 def _nodes(town: TownPlan) -> None:
     p = PITCH
     town.node("C", 0.0, 0.0, MIDDLE_Z, corner_m=9.0)
-    town.node("N", 0.0, p, NORTH_Z, control="split", corner_m=12.0)
+    town.node("N", 0.0, p, NORTH_Z, corner_m=12.0)
     town.node("E", p, 0.0, MIDDLE_Z)
     town.node("S", 0.0, -p, SOUTH_Z)
-    town.node("W", -p, 0.0, MIDDLE_Z, control="split")
+    town.node("W", -p, 0.0, MIDDLE_Z)
     town.node("P", 62.0, -p, SOUTH_Z, control="walkers")
-    town.node("TE", THEATRE_X, p, NORTH_Z, control="stop", corner_m=7.5, crosswalks="minor")
-    town.node("TN", ALLEY_X, p, NORTH_Z, control="stop", corner_m=7.5, crosswalks="minor")
+    town.node("TE", THEATRE_X, p, NORTH_Z, control="yield", corner_m=7.5, crosswalks="minor")
+    town.node("TN", ALLEY_X, p, NORTH_Z, control="yield", corner_m=7.5, crosswalks="minor")
     town.node("TW", -p, ALLEY_Y, 0.65, control="yield", corner_m=7.5, crosswalks="minor")
 
 
 def _boulevards(town: TownPlan) -> None:
     p, bd = PITCH, BOULEVARD
     pocket = {"taper_m": 16.0, "stores_m": (24.0, 24.0)}
-    town.road("Market Bd 1", "W", "C", bd, 50, ends=("plain", "pocket"), **pocket)
-    town.road("Market Bd 2", "C", "E", bd, 50, ends=("pocket", "plain"), **pocket)
-    town.road("Central Bd 1", "S", "C", bd, 50, ends=("plain", "pocket"), **pocket)
-    town.road("Central Bd 2", "C", "N", bd, 50, ends=("pocket", "plain"), **pocket)
-    town.road("Exchange Av", "E", "TE", bd, 50, bends=((p, p, *BEND),))
-    town.road("Opera Bd 1", "TE", "N", bd, 40)
-    town.road("Opera Bd 2", "N", "TN", bd, 40)
-    town.road("Mint Av 1", "TN", "TW", bd, 40, bends=((-p, p, *BEND),))
-    town.road("Mint Av 2", "TW", "W", bd, 50)
+    town.road("Market Bd 1", "W", "C", bd, LIMIT_KMH, ends=("plain", "pocket"), **pocket)
+    town.road("Market Bd 2", "C", "E", bd, LIMIT_KMH, ends=("pocket", "plain"), **pocket)
+    town.road("Central Bd 1", "S", "C", bd, LIMIT_KMH, ends=("plain", "pocket"), **pocket)
+    town.road("Central Bd 2", "C", "N", bd, LIMIT_KMH, ends=("pocket", "plain"), **pocket)
+    town.road("Exchange Av", "E", "TE", bd, LIMIT_KMH, bends=((p, p, *BEND),))
+    town.road("Opera Bd 1", "TE", "N", bd, LIMIT_KMH)
+    town.road("Opera Bd 2", "N", "TN", bd, LIMIT_KMH)
+    town.road("Mint Av 1", "TN", "TW", bd, LIMIT_KMH, bends=((-p, p, *BEND),))
+    town.road("Mint Av 2", "TW", "W", bd, LIMIT_KMH)
 
 
 def _harbour(town: TownPlan) -> None:
     """Along the water, with the promenade on the right."""
     p, bd = PITCH, HARBOUR
     pocket = {"taper_m": 16.0, "stores_m": (24.0, 24.0)}
-    town.road("Harbour Dr 1", "W", "S", bd, 50, bends=((-p, -p, *BEND),), ends=("plain", "pocket"), **pocket)
-    town.road("Harbour Dr 2", "S", "P", bd, 40)
-    town.road("Harbour Dr 3", "P", "E", bd, 50, bends=((p, -p, *BEND),), ends=("plain", "pocket"), **pocket)
+    town.road(
+        "Harbour Dr 1", "W", "S", bd, LIMIT_KMH, bends=((-p, -p, *BEND),), ends=("plain", "pocket"), **pocket
+    )
+    town.road("Harbour Dr 2", "S", "P", bd, LIMIT_KMH)
+    town.road(
+        "Harbour Dr 3", "P", "E", bd, LIMIT_KMH, bends=((p, -p, *BEND),), ends=("plain", "pocket"), **pocket
+    )
 
 
 def _lanes(town: TownPlan) -> None:
-    town.road("Tin Lane", "TW", "TN", LANE, 30, bends=((ALLEY_X, ALLEY_Y, 16.0, 8.0),))
+    town.road("Tin Lane", "TW", "TN", LANE, LIMIT_KMH, bends=((ALLEY_X, ALLEY_Y, 16.0, 8.0),))
     corners = ((THEATRE_X, THEATRE_Y, 15.0, 8.0), (STAGGER, THEATRE_Y, 15.0, 8.0))
     beside = ((0.0, 0.0), (STAGGER, 0.0))
-    town.road("Theatre St", "TE", "N", STREET, 30, bends=corners, shifts=beside)
+    town.road("Theatre St", "TE", "N", STREET, LIMIT_KMH, bends=corners, shifts=beside)
