@@ -52,12 +52,9 @@ class CarSpec:
     """Upright rear window, heights from and to [m]."""
     rails: bool = False
     """Whether bars run along the roof."""
-    roof_paint: tuple[int, int, int] | None = None
     exhausts: int = 1
     valance_m: float = 0.12
     """Height of the dark lower edge of nose and tail [m]."""
-    spare: bool = False
-    """Whether a spare wheel hangs on the tail."""
 
 
 def car(spec: CarSpec) -> VehicleParts:
@@ -77,7 +74,7 @@ def car(spec: CarSpec) -> VehicleParts:
         for x in axles
         for m in arch_liner(x, radius + shape.arch_m, radius, (half - 0.34, 0.985 * half), spec.tag)
     ]
-    body = merge([shell, *decals.meshes, *liners, *_mirrors(spec), *_roof(spec, decals), *_belly(spec)])
+    body = merge([shell, *decals.meshes, *liners, *_mirrors(spec), *_roof(spec, decals), _belly(spec)])
     return assemble(
         body=body,
         low=_low(spec),
@@ -201,21 +198,18 @@ def _roof(spec: CarSpec, decals: Decals) -> list[Mesh]:
     return parts
 
 
-def _belly(spec: CarSpec) -> list[Mesh]:
-    """Dark block between the wheels, so that no light falls through the arches; a spare wheel."""
+def _belly(spec: CarSpec) -> Mesh:
+    """Dark block between the wheels, so that no light falls through the arches."""
     shape = spec.shape
     width = shape.width_m - 2 * spec.tyre_width_m - 0.2
     length = shape.axles_d[-1] - shape.axles_d[0] + shape.tyre_m + 0.2
     middle = 0.5 * shape.length_m - 0.5 * (shape.axles_d[-1] + shape.axles_d[0])
     low, high = shape.clearance_m + 0.02, 0.5 * shape.tyre_m + 0.25
-    parts = [
-        box(
-            Look(Material.PLASTIC, spec.tag, (5, 5, 5)),
-            (length, width, high - low),
-            (middle, 0.0, 0.5 * (low + high)),
-        )
-    ]
-    return parts
+    return box(
+        Look(Material.PLASTIC, spec.tag, (5, 5, 5)),
+        (length, width, high - low),
+        (middle, 0.0, 0.5 * (low + high)),
+    )
 
 
 def _low(spec: CarSpec) -> Mesh:
