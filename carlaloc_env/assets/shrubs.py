@@ -51,11 +51,11 @@ def shrub(seed: int = 0, detail: str = "high", tint: tuple[int, int, int] = (215
     centres = around * np.array([0.55, 0.55, 0.25]) * radius + (0.0, 0.0, 0.5 * height)
     centres[:, 2] += np.linspace(-0.1, 0.2, 7) * height
     size = 0.6 * radius
-    used = centres if high else centres[::2]
-    radii = np.full(len(used), size if high else 1.25 * size)
+    used = centres if high else centres[::3]
+    radii = np.full(len(used), size if high else 1.4 * size)
     middle = np.array([0.0, 0.0, 0.35 * height])
     body = clumps(rng, used, radii, middle, tint, squash=0.85)
-    count, edge = (90, 0.14) if high else (14, 0.34)
+    count, edge = (90, 0.14) if high else (12, 0.34)
     out = directions(rng, count)
     out[:, 2] = np.abs(out[:, 2])
     points = out * np.array([radius, radius, 0.62 * height]) * rng.uniform(0.85, 1.15, (count, 1))
@@ -69,7 +69,7 @@ def shrub(seed: int = 0, detail: str = "high", tint: tuple[int, int, int] = (215
         )
         for a in 2 * np.pi * np.arange(5) / 5
     ]
-    return merge([*(stems if high else stems[:2]), body, leaves])
+    return merge([*(stems if high else ()), body, leaves])
 
 
 def tufts(

@@ -98,10 +98,14 @@ FORMS: dict[str, TreeForm] = {
 }  # fmt: skip
 """All kinds of trees."""
 
-_CORE_SHARE = {"high": 0.78, "low": 0.90}
+DETAILS = ("high", "low", "far")
+"""Levels of detail: beside the ego's route, beside other roads, and farther off."""
+_CORE_SHARE = {"high": 0.78, "low": 0.90, "far": 0.95}
 """Part of the leaf area that clumps have."""
-_LOW_LEAF = 2.0
-"""How many times larger leaves are at low detail."""
+_CLUMP_SHARE = {"high": 1.0, "low": 0.34, "far": 0.15}
+"""Part of the clumps that is kept; they grow to keep their area."""
+_LEAF_SCALE = {"high": 1.0, "low": 2.2, "far": 3.5}
+"""How many times larger leaves are."""
 
 
 def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
@@ -110,15 +114,15 @@ def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
     Args:
         kind: A key of `FORMS`.
         seed: Chooses size and branching; the same tree at both levels of detail.
-        detail: ``high`` (1–3 k triangles) or ``low`` (an eighth, same leaf area).
+        detail: ``high`` (1–4 k triangles), ``low`` (a sixth) or ``far`` (a twentieth), same leaf area.
 
     Raises:
         ConfigError: unknown kind or detail.
     """
     if kind not in FORMS:
         raise ConfigError(unknown_name("tree", kind, FORMS))
-    if detail not in ("high", "low"):
-        raise ConfigError(unknown_name("level of detail", detail, ("high", "low")))
+    if detail not in DETAILS:
+        raise ConfigError(unknown_name("level of detail", detail, DETAILS))
     form, rng = FORMS[kind], stream(seed, f"tree/{kind}")
     height, crown, trunk, bare = (
         float(rng.uniform(*bounds)) for bounds in (form.height_m, form.crown_m, form.trunk_m, form.bare_m)
@@ -212,7 +216,8 @@ def _skeleton(
         end = start + reach * np.array([np.cos(turn), np.sin(turn), slope])
         bend = 0.5 * (start + end) + np.array([0, 0, -0.06 * reach if form.shape == "cone" else 0.08 * reach])
         r0 = radius * (0.32 if form.shape == "cone" else 0.5) * (1 - 0.6 * share)
-        if (k % 4 == 0 and (high or form.shape != "cone")) or (high and (form.shape != "cone" or k % 2 == 0)):
+        sparse = k % 4 == 0 and detail != "far" and (high or form.shape != "cone")
+        if sparse or (high and (form.shape != "cone" or k % 2 == 0)):
             wood.append(
                 tube(
                     bark,
@@ -277,19 +282,20 @@ def _crown(
 ) -> list[Mesh]:
     """Clumps at the points, and leaves that stand out of them."""
     high = detail == "high"
-    chosen = (
-        points if high else points[: max(round((0.26 if form.shape == "cone" else 0.42) * len(points)), 6)]
-    )
+    share = _CLUMP_SHARE[detail] * (0.7 if form.shape == "cone" and not high else 1.0)
+    chosen = points[: max(round(share * len(points)), 6)]
     weight = rng.uniform(0.75, 1.25, len(points))[: len(chosen)]
     if form.shape == "cone":
         # Long boughs carry more needles than the leader.
         weight = weight * (0.35 + 0.4 * np.sqrt(np.sum(chosen[:, :2] ** 2, axis=-1)))
     squash = {"cone": 0.45, "column": 1.7}.get(form.shape, 0.82)
     ragged = 0.28 if high and form.shape != "cone" else 0.36
-    core_m2 = _CORE_SHARE[detail] * area_m2
+    # Surface of a spheroid over that of a sphere, after K. Thomsen's approximation.
+    flat = ((1.0 + 2.0 * squash**1.6075) / 3.0) ** (1.0 / 1.6075)
+    core_m2 = _CORE_SHARE[detail] * area_m2 / flat
     radii = weight * np.sqrt(core_m2 / (CLUMP_AREA * float(np.sum(weight**2))))
     body = clumps(rng, chosen, radii, middle, form.tint, squash=squash, ragged=ragged)
-    size = form.leaf_m * (1.0 if high else _LOW_LEAF)
+    size = form.leaf_m * _LEAF_SCALE[detail]
     count = max(int((area_m2 - _area_m2(body)) / (TRIANGLE_AREA * size**2)), 8)
     owner = rng.integers(0, len(chosen), count)
     away = directions(rng, count)

@@ -30,11 +30,8 @@ def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:
 
 def _part(mesh: Mesh, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Mesh:
     triangles = mesh.triangles[rows]
-    used = np.unique(triangles)
-    first = int(used[0])
-    number = np.zeros(int(used[-1]) - first + 1, dtype=np.uint32)
-    number[used - first] = np.arange(len(used), dtype=np.uint32)
-    renumbered = number[triangles - first]
+    used, number = np.unique(triangles, return_inverse=True)
+    renumbered = number.reshape(-1, 3).astype(np.uint32)
     return Mesh(
         vertices_m=mesh.vertices_m[used],
         triangles=renumbered,

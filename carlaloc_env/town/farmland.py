@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.assets.farm_things import bale, fence_panel, maize, stalks
-from carlaloc_env.assets.trees import tree
+from carlaloc_env.assets.trees import DETAILS, tree
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.meshing import MeshBuilder, extrude
-from carlaloc_env.town.planting import PROTOTYPES, put_bushes
+from carlaloc_env.town.planting import PROTOTYPES, put_bushes, tree_detail
 from carlaloc_env.town.polygons import Area, areas_only, polygons_of, rings, triangulate
 from carlaloc_env.town.prop_field import PropField
 
@@ -30,7 +30,7 @@ PLOT_M = (55.0, 120.0)
 """Sides between which plots lie [m]."""
 TRACK_M = 3.0
 """Grass between two plots [m]."""
-NEAR_M = 45.0
+NEAR_M = 34.0
 """Fields show single plants as far as this from the roads [m]."""
 CELL_M = 8.0
 """Side of a field's triangles [m]."""
@@ -142,11 +142,11 @@ def _split(low: Array, high: Array, draw: np.random.Generator) -> list[tuple[flo
 
 
 def _free_parts(land: Land, whole: Area) -> list[Area]:
-    """Parts of a plot that keep a verge from everything, found on a grid of 2 m."""
+    """Parts of a plot that keep a verge from everything, found on a grid of 3 m."""
     if whole.is_empty or whole.area < 300.0:
         return []
     x0, y0, x1, y1 = shapely.bounds(whole)
-    step = 2.0
+    step = 3.0
     x, y = np.arange(x0, x1, step) + step / 2, np.arange(y0, y1, step) + step / 2
     grid = np.stack([a.ravel() for a in np.meshgrid(x, y, indexing="ij")], axis=-1)
     if not len(grid):
@@ -210,7 +210,7 @@ def _border_plants(props: PropField, land: Land, plot: Plot, draw: np.random.Gen
         return
     edge = shapely.distance(shapely.boundary(plot.area), shapely.points(xy))
     deep = 1.6 if plot.kind != "maize" else 2.4
-    keep = (edge < deep) | (draw.random(len(xy)) < 0.22)
+    keep = (edge < deep) | (draw.random(len(xy)) < 0.16)
     xy = xy[keep] + draw.uniform(-0.15, 0.15, (int(keep.sum()), 2))
     sort = draw.integers(0, 4, len(xy))
     yaw, scale = draw.uniform(0, 2 * np.pi, len(xy)), draw.uniform(0.9, 1.15, len(xy))
@@ -229,14 +229,14 @@ def _orchard(props: PropField, land: Land, plot: Plot, draw: np.random.Generator
     xy = xy + draw.normal(0.0, 0.15, xy.shape)
     xy = xy[land.taken.distance_m(xy) > 3.5]
     variant = draw.integers(0, PROTOTYPES, len(xy))
-    near = land.near_route(xy, 25.0) & (land.route is not None)
+    detail = tree_detail(land, xy)
     yaw, tint = draw.uniform(0, 2 * np.pi, len(xy)), draw.uniform(0.8, 1.05, (len(xy), 1)) * np.ones(3)
     for v in range(PROTOTYPES):
-        for detail, side in (("high", near), ("low", ~near)):
-            rows = (variant == v) & side
-            make = partial(tree, "orchard", v, detail)
+        for level, word in enumerate(DETAILS):
+            rows = (variant == v) & (detail == level)
+            make = partial(tree, "orchard", v, word)
             feet = land.on_ground(xy[rows], -0.05)
-            props.put(("tree orchard", v, detail), make, feet, yaw[rows], 0.95, tint[rows])
+            props.put(("tree orchard", v, word), make, feet, yaw[rows], 0.95, tint[rows])
 
 
 def _rows(plot: Plot, across_m: float, along_m: float) -> Array:

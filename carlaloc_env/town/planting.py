@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.assets.shrubs import shrub, tufts
-from carlaloc_env.assets.trees import tree
+from carlaloc_env.assets.trees import DETAILS, tree
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.lots import frontages
 from carlaloc_env.town.polygons import Area
@@ -31,6 +31,8 @@ TRUNK_CLEAR_M = {"highway": 9.0, "rural": 5.0}
 """Least distance of trunks from anything paved or built in some zones [m]; 3 m elsewhere."""
 DETAIL_M = 22.0
 """Trees this near to the ego's route are detailed [m]."""
+FAR_M = 28.0
+"""Trees farther than this from all roads are coarse [m]."""
 PROTOTYPES = 4
 """Different trees of each kind."""
 _BUSHES = ((215, 225, 190), (170, 200, 150), (235, 225, 150), (200, 190, 130))
@@ -62,13 +64,19 @@ def put_trees(
     kind, variant = draw.integers(0, len(kinds), count), draw.integers(0, PROTOTYPES, count)
     yaw, scale = draw.uniform(0, 2 * np.pi, count), draw.uniform(0.85, 1.15, count)
     tint = draw.uniform(0.8, 1.1, (count, 1)) * draw.uniform(0.93, 1.07, (count, 3))
-    near = land.near_route(feet_m[:, :2], DETAIL_M) & (land.route is not None)
+    detail = tree_detail(land, feet_m[:, :2])
     for k, name in enumerate(kinds):
         for v in range(PROTOTYPES):
-            for detail, side in (("high", near), ("low", ~near)):
-                rows = (kind == k) & (variant == v) & side
-                make = partial(tree, name, v, detail)
-                props.put((f"tree {name}", v, detail), make, feet_m[rows], yaw[rows], scale[rows], tint[rows])
+            for level, word in enumerate(DETAILS):
+                rows = (kind == k) & (variant == v) & (detail == level)
+                make = partial(tree, name, v, word)
+                props.put((f"tree {name}", v, word), make, feet_m[rows], yaw[rows], scale[rows], tint[rows])
+
+
+def tree_detail(land: Land, xy_m: Array) -> NDArray[np.int64]:
+    """Index into `DETAILS` for trees at points (N, 2) [m]."""
+    near = land.near_route(xy_m, DETAIL_M) & (land.route is not None)
+    return np.where(near, 0, np.where(land.roads.distance_m(xy_m) < FAR_M, 1, 2))
 
 
 def put_bushes(props: PropField, feet_m: Array, draw: np.random.Generator) -> None:
