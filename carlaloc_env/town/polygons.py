@@ -33,6 +33,11 @@ def strip_polygon(left_m: Array, right_m: Array) -> Area:
     a, b = left_m[:-1, :2], left_m[1:, :2]
     c, d = right_m[1:, :2], right_m[:-1, :2]
     quads = shapely.polygons(np.stack([a, d, c, b, a], axis=1))
+    # Most strips do not fold: their outline is the area, which saves the union of all quads.
+    whole = shapely.polygons(np.concatenate([left_m[:, :2], right_m[::-1, :2], left_m[:1, :2]]))
+    size = shapely.area(quads).sum()
+    if shapely.is_valid(whole) and abs(whole.area - size) < 1e-9 * (1.0 + size):
+        return shapely.MultiPolygon([whole]) if whole.area > 1e-9 else shapely.Polygon()
     quads = shapely.make_valid(quads[shapely.area(quads) > 1e-9])
     return areas_only(shapely.union_all(quads, grid_size=1e-4)) if len(quads) else shapely.Polygon()
 

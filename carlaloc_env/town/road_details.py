@@ -1,4 +1,4 @@
-"""Repairs, manhole covers and drains: what makes one metre of road unlike the next."""
+"""Repairs, sealed cracks, tyre marks, manhole covers and drains: what makes one metre unlike the next."""
 
 from __future__ import annotations
 
@@ -24,6 +24,12 @@ COVER_M = 0.0025
 """Height of covers and drains above the road [m]."""
 PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 14.0, 38.0, 22.0
 """Mean distances of repairs and covers on one lane, and of drains along a kerb [m]."""
+CRACK_STEP_M, JOINT_STEP_M = 16.0, 70.0
+"""Mean distances of sealed cracks and of joints across one lane [m]."""
+TYRE_MARK_M, TYRE_WIDTH_M, TRACK_M = 30.0, 0.19, 1.5
+"""Length before a road's end on which cars brake, width of a tyre's mark, and distance of the two [m]."""
+CRACK_M = 0.0022
+"""Height of cracks and tyre marks above the road [m]."""
 
 
 def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
@@ -37,6 +43,8 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
             if strip.kind(lane) == "roadway" and strip.lanes[lane].type == "driving":
                 _patches(out, strip, lane, painted, draw)
                 _covers(out, strip, lane, painted, draw)
+                _cracks(out, strip, lane, draw)
+                _tyre_marks(out, strip, lane, draw)
             _drains(out, strip, lane, draw)
 
 
@@ -69,7 +77,64 @@ def _covers(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np.
         rim[:, 2] += COVER_M
         fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
         # Angles run from left to forward: clockwise seen from above.
-        out.triangles(rim, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(34, 31, 28))
+        out.triangles(rim, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(17, 15, 13))
+
+
+def _cracks(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+    """Cracks sealed with bitumen: some wander along the lane, some are joints across it."""
+    for start in _places(strip, CRACK_STEP_M, draw):
+        length, width = float(draw.uniform(2.0, 9.0)), float(draw.uniform(0.035, 0.075))
+        room = _width_at(strip, lane, start, start + length)
+        side = float(draw.uniform(0.15, 0.85)) * room
+        steps = np.linspace(0.0, length, max(4, int(length / 0.6)))
+        wander = np.cumsum(draw.normal(0.0, 0.09, len(steps)))
+        if room > 2.0 and start + length < strip.s_m[-1] - 0.3:
+            across = np.clip(side + wander, 0.12, room - 0.12)
+            _ribbon(out, strip, lane, start + steps, across, width, 6.0)
+    for start in _places(strip, JOINT_STEP_M, draw):
+        room = _width_at(strip, lane, start - 0.3, start + 0.3)
+        if room > 2.0:
+            _sheet(out, strip, lane, (start, start + 0.06), (0.02, room - 0.02), CRACK_M, Material.PLAIN, 7.0)
+
+
+def _tyre_marks(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+    """Pairs of dark streaks where cars brake before the road's end."""
+    ahead = strip.lanes[lane].id < 0
+    for _ in range(int(draw.poisson(0.5))):
+        length, gone = float(draw.uniform(5.0, 14.0)), float(draw.uniform(1.0, TYRE_MARK_M - 14.0))
+        far = strip.s_m[-1] - gone if ahead else strip.s_m[0] + gone
+        start = far - length if ahead else far
+        if start < strip.s_m[0] + 0.5 or start + length > strip.s_m[-1] - 0.5:
+            continue
+        room = _width_at(strip, lane, start, start + length)
+        if room < TRACK_M + 1.0:
+            continue
+        side = 0.5 * (room - TRACK_M) + float(draw.uniform(-0.25, 0.25))
+        steps = np.linspace(0.0, length, max(4, int(length / 2.0)))
+        veer = float(draw.normal(0.0, 0.12)) * (steps / length) ** 2
+        grey = float(draw.uniform(105.0, 150.0))
+        for offset in (0.0, TRACK_M):
+            across = np.clip(side + offset + veer, 0.12, room - 0.12)
+            _ribbon(out, strip, lane, start + steps, across, TYRE_WIDTH_M, grey, Material.ASPHALT)
+
+
+def _ribbon(
+    out: MeshBuilder,
+    strip: Strip,
+    lane: int,
+    s: Array,
+    across_m: Array,
+    width_m: float,
+    grey: float,
+    material: Material = Material.PLAIN,
+) -> None:
+    """A thin band along a lane whose middle lies `across_m` from the lane's right edge, shape (N,)."""
+    half = 0.5 * width_m
+    sides = (across_m - half, across_m + half)
+    rows = np.stack([beside(strip, lane + 1, s, offset) for offset in sides], axis=1)
+    rows[..., 2] += CRACK_M
+    uv = np.stack([np.stack([offset, s], axis=-1) for offset in sides], axis=1)
+    out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv, colour=(grey, grey, grey))
 
 
 def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
@@ -85,7 +150,7 @@ def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator
         for start in _places(strip, DRAIN_STEP_M, draw):
             if start + 0.6 < strip.s_m[-1] - 0.5:
                 span = (start, start + 0.55)
-                _sheet(out, strip, lane, span, (low, high), COVER_M, Material.PLAIN, 28.0)
+                _sheet(out, strip, lane, span, (low, high), COVER_M, Material.PLAIN, 13.0)
 
 
 def _sheet(

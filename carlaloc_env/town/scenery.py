@@ -26,6 +26,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.features import feature_mesh, sites
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.furniture import Furnisher
+from carlaloc_env.town.junction_details import add_junction_details
 from carlaloc_env.town.junctions import add_corners, add_islands, add_junction_surface, corner_edges
 from carlaloc_env.town.land import Land, Raster
 from carlaloc_env.town.level_graph import grown
@@ -103,7 +104,9 @@ def build_scenery(
     kerb_field, deck_field = level_fields(strips, levels, [_road_edges(strip) for strip in strips])
     for junction in areas.junctions:
         field = deck_field if junction.id in carried and deck_field is not None else kerb_field
-        add_junction_surface(raised, junction, JunctionField(junction.strips, network.surface), seed)
+        surface = JunctionField(junction.strips, network.surface)
+        add_junction_surface(raised, junction, surface, seed)
+        add_junction_details(lanes, junction, surface, seed)
         add_corners(raised, junction, areas, field)
     add_islands(raised, areas, kerb_field)
     shore = shores(levels.waters, zones, areas.low_paved)

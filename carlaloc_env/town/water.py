@@ -36,6 +36,7 @@ RAIL_M = 1.05
 """Height of the railing on a quay [m]."""
 _QUAY_ZONES = ("downtown", "skyscraper", "waterfront", "industrial")
 _STEP_M = 1.5
+_BORDER_M = 0.5
 _CELL_M = 8.0
 
 
@@ -74,7 +75,8 @@ def water_level_m(area: Area, ground_m: Array, bridges_m: Array) -> float:
 
 
 def shores(waters: Sequence[Water], zones: Sequence[tuple[str, Area]], paved: Area) -> list[Shore]:
-    """Shores of all waters, cut where quays end."""
+    """Shores of all waters, cut where quays end; a water that goes on outside the town has none there."""
+    x0, y0, x1, y1 = shapely.bounds(shapely.MultiPolygon(polygons_of([area for _, area in zones])))
     near = shapely.buffer(paved, QUAY_NEAR_M)
     urban = shapely.union_all([area for kind, area in zones if kind in _QUAY_ZONES])
     near = shapely.union(near, shapely.buffer(urban, 2.0))
@@ -84,9 +86,10 @@ def shores(waters: Sequence[Water], zones: Sequence[tuple[str, Area]], paved: Ar
         for ring in rings(water.area, _STEP_M):
             middle = 0.5 * (ring[1:] + ring[:-1])
             quay = shapely.contains_xy(near, middle[:, 0], middle[:, 1])
-            change = np.flatnonzero(np.diff(quay.astype(np.int8))) + 1
-            for a, b in zip(np.r_[0, change], np.r_[change, len(middle)], strict=True):
-                found.append(Shore(line_m=ring[a : b + 1], quay=bool(quay[a]), water=water))
+            inside = (np.abs(middle - [x0, y0]) > _BORDER_M) & (np.abs(middle - [x1, y1]) > _BORDER_M)
+            for kind in (True, False):
+                for a, b in runs((quay == kind) & inside.all(axis=1)):
+                    found.append(Shore(line_m=ring[a : b + 1], quay=kind, water=water))
     return found
 
 

@@ -1,0 +1,78 @@
+"""Covers, repairs and sealed cracks on the surface of junctions."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env import rng
+from carlaloc_env.materials import Material
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.areas import JunctionArea
+from carlaloc_env.town.fields import JunctionField
+from carlaloc_env.town.meshing import MeshBuilder
+from carlaloc_env.town.polygons import Area, areas_only, triangulate
+from carlaloc_env.town.road_details import COVER_M, CRACK_M, PATCH_M
+
+Array = NDArray[np.float64]
+
+AREA_M2 = 160.0
+"""Area of a junction for each repair and each pair of cracks; covers have three times as much [m²]."""
+MARGIN_M = 0.4
+"""Distance of all of it from kerbs and from where roads begin [m]."""
+_CELL_M = 1.5
+_COVER_RADIUS_M = 0.33
+
+
+def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int) -> None:
+    """What roads and traffic have left on one junction."""
+    inner = areas_only(shapely.buffer(junction.roadway, -MARGIN_M), 4.0)
+    if inner.is_empty or inner.area < 40.0:
+        return
+    draw = rng.stream(seed, f"junction details/{junction.id}")
+    number = inner.area / AREA_M2
+    patches = [_patch(point, draw) for point in _points(inner, draw.poisson(number), draw)]
+    cracks = [_crack(point, draw) for point in _points(inner, draw.poisson(2.0 * number), draw)]
+    covers = [
+        shapely.Point(*point).buffer(_COVER_RADIUS_M, quad_segs=3)
+        for point in _points(inner, draw.poisson(number / 3.0) + 1, draw)
+    ]
+    looks = (
+        (patches, PATCH_M, Material.ASPHALT_OLD, float(draw.uniform(190, 250))),
+        (cracks, CRACK_M, Material.PLAIN, 6.0),
+        (covers, COVER_M, Material.PLAIN, 15.0),
+    )
+    taken: Area = shapely.MultiPolygon()
+    for shapes, lift, material, grey in reversed(looks):
+        area = shapely.difference(shapely.intersection(shapely.union_all(shapes), inner), taken)
+        taken = shapely.union(taken, area)
+        xy, triangles = triangulate(areas_only(area), _CELL_M)
+        if len(xy):
+            points = np.column_stack([xy, field.height(xy) + lift])
+            out.triangles(points, triangles, material=material, tag=Tag.ROAD, colour=(grey, grey, grey))
+
+
+def _points(area: Area, count: int, draw: np.random.Generator) -> Array:
+    """Up to `count` points (K, 2) in an area."""
+    x0, y0, x1, y1 = shapely.bounds(area)
+    xy = draw.uniform((x0, y0), (x1, y1), (4 * int(count) + 4, 2))
+    shapely.prepare(area)
+    return np.asarray(xy[shapely.contains_xy(area, xy[:, 0], xy[:, 1])][: int(count)])
+
+
+def _patch(point: Array, draw: np.random.Generator) -> Area:
+    """A rectangle in any direction."""
+    turn = float(draw.uniform(0.0, np.pi))
+    along = np.array([np.cos(turn), np.sin(turn)])
+    half = along * float(draw.uniform(0.6, 3.0))
+    line = shapely.LineString([point - half, point + half])
+    return shapely.buffer(line, float(draw.uniform(0.4, 1.0)), cap_style="flat")
+
+
+def _crack(point: Array, draw: np.random.Generator) -> Area:
+    """A line that wanders."""
+    turn = float(draw.uniform(0.0, 2.0 * np.pi)) + np.cumsum(draw.normal(0.0, 0.35, 9))
+    steps = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * float(draw.uniform(0.3, 0.8))
+    line = shapely.LineString(point + np.cumsum(steps, axis=0))
+    return shapely.buffer(line, float(draw.uniform(0.02, 0.035)), cap_style="flat", join_style="bevel")
