@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from embree_alone import embree_alone
 from memory import can_measure, peak_memory_bytes
 from naive_pybullet import NaiveWorld
 from scenario import RANGE_M, SEED, TOWN, Drive, advance, drive_among
@@ -35,6 +36,7 @@ from carlaloc_env.weather import weather_by_name
 from recorder.devices.registry import open_device
 
 ACTORS_IN_RANGE = 50
+CROWDED = 60
 ACTORS_IN_TOWN = 100
 _GENTLE = Controls(throttle=0.3)
 
@@ -173,6 +175,42 @@ def lidar(bench: Bench) -> Row:
         12.0,
         f"actors within {bench.drive.farthest_m:.0f} of {RANGE_M:.0f} m; "
         f"rayTestBatch over {naive.bodies} bodies",
+    )
+
+
+def lidar_rate(bench: Bench) -> Row:
+    """A whole scan, both clouds, against Embree alone casting the same rays at everything held still."""
+    steps = 5 if bench.quick else 100
+    drive = drive_among(bench.town, CROWDED, steps=steps, sweeps=1)
+    stamp, timeline = drive.stamps_ns[0], drive.timeline
+    sensor = bench.sensor(LidarConfig)
+    config = sensor.config
+    assert isinstance(config, LidarConfig)
+    columns = stamp + np.arange(config.columns) * config.sweep_ns // config.columns
+    T = timeline.ego_motion(columns).at_mount(config.mount.T_base_sensor).T_world_frame
+    azimuth = np.pi - 2 * np.pi * (np.arange(config.columns) + 0.5) / config.columns
+    turn, lift = np.meshgrid(azimuth, np.radians(config.elevations_deg), indexing="ij")
+    local = np.stack([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)], axis=-1)
+    directions = np.einsum("cij,cbj->cbi", T[:, :3, :3], local)
+    origins = np.broadcast_to(T[:, None, :3, 3], directions.shape)
+    rays = np.concatenate([origins, directions], axis=-1).reshape(-1, 6).astype(np.float32)
+    alone = embree_alone(bench.town.chunks, bench.stage.library, timeline, stamp, rays)
+    times = time_calls({"ours": lambda: sensor.measure(timeline, [stamp]), "embree": alone}, 6 * bench.repeat)
+    ours, embree = times["ours"], times["embree"]
+    return Row(
+        name="lidar_rate",
+        what=f"LiDAR scan of {len(rays)} rays, {CROWDED} actors; rate against bare Embree, still scene",
+        value=embree.least_s / ours.least_s,
+        unit="of Embree's rate",
+        target=0.5,
+        ours=ours,
+        note=f"actors within {drive.farthest_m:.0f} m; shortest times of {ours.calls} calls in turn",
+        detail={
+            "embree_ms": 1e3 * embree.least_s,
+            "ours_ms": 1e3 * ours.least_s,
+            "ratio_of_medians": embree.median_s / ours.median_s,
+            "ratio_of_cpu": embree.cpu_s / ours.cpu_s,
+        },
     )
 
 
@@ -350,6 +388,7 @@ def memory(bench: Bench) -> Row:
 
 ROWS: dict[str, Callable[[Bench], Row]] = {
     "lidar": lidar,
+    "lidar_rate": lidar_rate,
     "camera": camera,
     "physics": physics,
     "driving": driving,

@@ -1,0 +1,41 @@
+"""What Embree alone needs for a LiDAR's rays: town and actors as one scene, held still, nothing else done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import open3d
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.placing import place_actors
+from carlaloc_env.scene import Mesh, ModelLibrary, merge
+from carlaloc_env.timeline import Timeline
+
+
+def embree_alone(
+    chunks: tuple[Mesh, ...],
+    library: ModelLibrary,
+    timeline: Timeline,
+    stamp_ns: int,
+    rays: NDArray[np.float32],
+) -> Callable[[], object]:
+    """A call that casts rays against everything where it stands at one instant.
+
+    Args:
+        chunks: Meshes of the town.
+        library: Models of the actors.
+        timeline: Where the actors are.
+        stamp_ns: The instant [ns].
+        rays: Origins [m] and directions, world, shape (N, 6).
+    """
+    placed = place_actors(timeline.catalog, timeline.actors_at(stamp_ns), library)
+    actors = [
+        library.meshes[m].transformed(T) for m, T in zip(placed.model, placed.T_world_model, strict=True)
+    ]
+    whole = merge([*chunks, *actors])
+    tensor = open3d.core.Tensor.from_numpy
+    scene = open3d.t.geometry.RaycastingScene()
+    triangles = np.ascontiguousarray(whole.triangles, dtype=np.uint32)
+    scene.add_triangles(tensor(np.ascontiguousarray(whole.vertices_m, dtype=np.float32)), tensor(triangles))
+    return lambda: scene.cast_rays(tensor(rays))
