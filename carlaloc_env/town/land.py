@@ -32,8 +32,9 @@ class Raster:
         mask = np.full(size, 1, dtype=np.uint8)
         for shape in shapes:
             fill(mask, shape, self._low, 0)
-        # Half a cell's diagonal is given away, so that the true distance is never less.
-        distance = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * CELL_M - 0.71 * CELL_M
+        # Outlines and points are moved to cells, each by half a diagonal at most; the true distance is
+        # never less than what is left.
+        distance = (cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) - 1.42) * CELL_M
         self._distance_m = np.where(mask == 0, -1.0, distance).astype(np.float32)
 
     def distance_m(self, xy_m: Array) -> Array:

@@ -101,7 +101,7 @@ def long_grass(land: Land, props: PropField) -> None:
         if extra <= 0.0 or len(line) < 3:
             continue
         right = rights(line)
-        for distance in (0.5, 1.1, 1.9, 3.2):
+        for distance in (0.9, 1.5, 2.3, 3.4):
             keep = draw.random(len(line)) < 0.85 / (0.4 + distance)
             shift = distance + draw.uniform(-0.3, 0.5, len(line))
             spots.append((line[:, :2] + right * shift[:, None])[keep])
@@ -109,7 +109,7 @@ def long_grass(land: Land, props: PropField) -> None:
         return
     xy = np.concatenate(spots)
     zone = land.zone_of(xy)
-    xy = xy[np.isin(zone, ("rural", "highway", "park")) & (land.taken.distance_m(xy) > 0.15)]
+    xy = xy[np.isin(zone, ("rural", "highway", "park")) & (land.taken.distance_m(xy) > 0.1)]
     sort, yaw = draw.integers(0, 6, len(xy)), draw.uniform(0, 2 * np.pi, len(xy))
     scale = draw.uniform(0.6, 1.3, len(xy))
     for k in range(6):
