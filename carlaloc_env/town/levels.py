@@ -40,6 +40,8 @@ WALL_M = 0.3
 """Thickness of walls beside sunken and raised roads [m]."""
 OPEN_M = 3.4
 """A road at least this high above a town's ground stands on piers, a lower one between walls [m]."""
+LANDING_M = 1.5
+"""Decks lower than this over the ground lie on it [m]."""
 ABUTMENT_M = 3.5
 """Distance of abutments from the road that passes below [m]."""
 WING_M = 14.0
@@ -106,6 +108,10 @@ class Levels:
     def area(self, *states: State) -> Area:
         """Plan-view area of all strips where they have one of some states."""
         return _area(self.graph, np.isin(self.state, states))
+
+    def landings(self) -> Area:
+        """Ends of decks that lie on the ground itself, beside a water."""
+        return _area(self.graph, (self.state == State.OPEN) & (self.lift_m < LANDING_M))
 
     def overhead(self) -> dict[int, Area]:
         """What of each strip outside junctions stands above the ground, by the strip's number."""

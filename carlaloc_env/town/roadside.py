@@ -50,6 +50,8 @@ class RoadsideSite:
     """Heights of the ground."""
     blocked: Area
     """Buildings, car parks and whatever else is reserved, without what is paved."""
+    overhead: Area
+    """Raised roads."""
     car_parks: Sequence[CarPark]
     """Car parks to be laid out."""
     seed: int
@@ -82,7 +84,7 @@ def line_roads(solid: MeshBuilder, site: RoadsideSite, first_instance: int) -> R
     masts, lights, feet = mast_meshes(site.edges, medians, site.zones, paved, site.ground, number)
     number += len(feet)
     blocked = shapely.union_all([site.blocked, paved, rails, *_discs(feet)])
-    rows = place_lines(site.edges, site.zones, blocked, site.ground, site.seed)
+    rows = place_lines(site.edges, site.zones, blocked, site.overhead, site.ground, site.seed)
     poles, pole_feet = add_lines(fittings, rows, number)
     number += len(pole_feet)
     blocked = shapely.union_all([blocked, *_discs(pole_feet)])

@@ -155,6 +155,7 @@ def build_scenery(
         crosswalks=network.crosswalks,
         ground=ground,
         blocked=shapely.union_all([reserved, *footprints]),
+        overhead=overhead,
         car_parks=parks,
         seed=seed,
     )
@@ -246,7 +247,9 @@ def _cuts(levels: Levels, overhead: Area) -> Area:
 
 def _ground_paving(levels: Levels, areas: TownAreas) -> Area:
     """What the terrain leaves free: all paving on the ground, open cuts, filled stretches and waters."""
-    result = shapely.union(areas.low_paved, levels.area(State.FILLED, State.BANK))
+    result = shapely.union(
+        areas.low_paved, shapely.union(levels.area(State.FILLED, State.BANK), levels.landings())
+    )
     for stretch in levels.stretches:
         result = shapely.difference(result, stretch.area(stretch.detached))
         result = shapely.union(result, stretch.area(grown(~stretch.detached), WALL_M))

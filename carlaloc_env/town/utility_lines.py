@@ -15,6 +15,7 @@ from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.copies import copies, poses
+from carlaloc_env.town.level_graph import runs
 from carlaloc_env.town.levels import State
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.polygons import Area
@@ -41,7 +42,12 @@ _WIRE_POINTS = 9
 
 
 def place_lines(
-    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], blocked: Area, ground: Ground, seed: int
+    edges: Sequence[RoadEdge],
+    zones: Sequence[tuple[str, Area]],
+    blocked: Area,
+    overhead: Area,
+    ground: Ground,
+    seed: int,
 ) -> list[tuple[Array, Array]]:
     """Rows of poles: feet (N, 3) [m] and the directions of their cross-arms [rad], (N,).
 
@@ -49,6 +55,7 @@ def place_lines(
         edges: Edges of all roads.
         zones: Kinds of scenery with their areas.
         blocked: Where nothing may stand.
+        overhead: Raised roads, which no wire crosses.
         ground: Heights of the ground.
         seed: Seed of the town.
     """
@@ -63,7 +70,10 @@ def place_lines(
             continue
         if len(edge.line_m) < 1.5 * SPAN_M or edge.road_type == "motorway":
             continue
-        rows += _rows(edge, AWAY_M[kind], blocked, ground)
+        for feet, yaws in _rows(edge, AWAY_M[kind], blocked, ground):
+            spans = shapely.linestrings(np.stack([feet[:-1, :2], feet[1:, :2]], axis=1))
+            free = ~shapely.dwithin(spans, overhead, 2.0)
+            rows += [(feet[a : b + 1], yaws[a : b + 1]) for a, b in runs(free)]
     return rows
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import lane_area
+from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
@@ -79,7 +80,7 @@ class Built:
     """A map and its scenery."""
 
     network: LaneNetwork
-    scenery: Scenery
+    scenery: Scenery | None
     mesh: Mesh
 
     def scene(self, *tags: Tag) -> o3d.t.geometry.RaycastingScene:
@@ -109,11 +110,11 @@ class Built:
                     parts.append(shapely.Polygon(np.concatenate([left[:, :2], right[::-1, :2]])))
         return shapely.union_all(parts)
 
-    def lanes(self, kind: str = "driving") -> Array:
-        """Lane points (M, 3) at the middle and near both edges, every metre."""
+    def lanes(self, only: list[int] | None = None) -> Array:
+        """Points (M, 3) of driving lanes at the middle and near both edges, every metre."""
         found = []
         for lane in self.network.lanes:
-            if lane.type == kind:
+            if lane.type == "driving" and lane.length_m > 1.5 and (only is None or lane.index in only):
                 station = np.arange(0.5, lane.length_m - 0.4, 1.0)
                 pose = self.network.pose([lane.index] * len(station), station)
                 width = self.network.width_m([lane.index] * len(station), station)
@@ -310,6 +311,22 @@ def test_parked_cars_stand_off_driving_lanes_and_pavements(river: Built) -> None
     assert not shapely.contains_xy(busy, cars[:, 0], cars[:, 1]).any()
     parking = shapely.buffer(river.lane_area("parking"), 0.05)
     assert shapely.contains_xy(parking, cars[:, 0], cars[:, 1]).any()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", sorted(known_towns()))
+def test_every_lane_of_every_town_is_whole_and_free(name: str) -> None:
+    """Outside junctions roads lie where the map says, on every level, and nothing hangs over any lane."""
+    town = load_town(name)
+    built = Built(town.network, None, merge(town.chunks))
+    plain = [lane.index for lane in town.network.lanes if lane.junction_id is None]
+    surface = built.scene(Tag.ROAD, Tag.BRIDGE, Tag.TERRAIN, Tag.GROUND, Tag.SIDEWALK, Tag.WATER)
+    points = built.lanes(only=plain)
+    fall = _cast(surface, points + UP * 2.0, (0.0, 0.0, -1.0)) - 2.0
+    assert np.abs(fall).max() < 0.02
+    free = _cast(built.scene(), built.lanes() + UP * 0.3, (0.0, 0.0, 1.0)) + 0.3
+    leaves = _cast(built.scene(Tag.VEGETATION), built.lanes() + UP * 0.3, (0.0, 0.0, 1.0)) + 0.3
+    assert free[free < leaves].min(initial=np.inf) >= 4.5
 
 
 def test_wires_hang_as_catenaries() -> None:
