@@ -10,12 +10,12 @@ import numpy as np
 from gymnasium import spaces
 
 from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.samples import DepthImage, Image, Sample, SemanticImage
 from carlaloc_env.scene import Instances, concatenate_instances
-from carlaloc_env.semantics import Tag
+from carlaloc_env.semantics import TAG_TABLES, Tag, tags_in
 from carlaloc_env.sensors.base import Camera, Mount, SensorConfig, World
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather import WeatherParameters
@@ -43,6 +43,8 @@ class CameraConfig(SensorConfig):
     """Intrinsics."""
     outputs: tuple[str, ...] = OUTPUTS
     """Streams: ``rgb``, ``depth``, ``semantic``."""
+    tag_table: str = TAG_TABLES[0]
+    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
@@ -50,6 +52,8 @@ class CameraConfig(SensorConfig):
             raise ConfigError(
                 f"camera '{self.name}': outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}"
             )
+        if self.tag_table not in TAG_TABLES:
+            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
 
     @property
     def frame_id(self) -> str:
@@ -130,7 +134,7 @@ class CameraSensor(Camera):
                     sensor=self._stream("semantic"),
                     frame_id=frame_id,
                     stamp_ns=stamp_ns,
-                    tag=tag,
+                    tag=tags_in(self.config.tag_table, tag),
                     instance=instance,
                 )
             )

@@ -17,9 +17,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from carlaloc_env import geometry, materials, rng
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
+from carlaloc_env.semantics import TAG_TABLES, tags_in
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.lidar_air import GROUND_TAGS, air_at
 from carlaloc_env.sensors.lidar_beam import sub_rays, weigh
@@ -105,10 +106,14 @@ class LidarConfig(SensorConfig):
     """Whether hits on the ego's own body are reported; they always throw a shadow."""
     outputs: tuple[str, ...] = OUTPUTS
     """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
+    tag_table: str = TAG_TABLES[0]
+    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
 
     def __post_init__(self) -> None:
         SensorConfig.__post_init__(self)
         what = f"LiDAR '{self.name}'"
+        if self.tag_table not in TAG_TABLES:
+            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
         if not self.elevations_deg or any(abs(e) > 90 for e in self.elevations_deg):
             raise ConfigError(f"{what}: elevations_deg needs angles from −90 to 90")
         if list(self.elevations_deg) != sorted(self.elevations_deg):
@@ -263,7 +268,7 @@ class LidarSensor(Sensor):
                     ring=self._ring[seen],
                     offset_ns=self._offset_ns[seen].astype(np.uint32),
                     sweep_ns=config.sweep_ns,
-                    tag=hits.tag if labelled else None,
+                    tag=tags_in(config.tag_table, hits.tag) if labelled else None,
                     instance=hits.instance if labelled else None,
                     cos_incidence=hits.cos_incidence if labelled else None,
                 )
