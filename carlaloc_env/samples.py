@@ -6,11 +6,13 @@ of measurement since the drive began.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from carlaloc_env import geometry
 
 
 def _check(sample: object, name: str, dtype: type[np.generic], shape: tuple[int | None, ...]) -> None:
@@ -47,7 +49,7 @@ class Sample:
 
 def _same(a: object, b: object) -> bool:
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        return a.dtype == b.dtype and np.array_equal(a, b)
+        return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
     return bool(a == b)
 
 
@@ -85,6 +87,36 @@ class SemanticImage(Sample):
     def __post_init__(self) -> None:
         _check(self, "tag", np.uint8, (None, None))
         _check(self, "instance", np.uint32, (None, None))
+
+
+EVENT = np.dtype([("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
+"""One event, 13 bytes: time since the drive began [ns], column, row [px], 1 = brighter or 0 = darker."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Events(Sample):
+    """What an event camera fired in one period; `stamp_ns` is the end of the period."""
+
+    events: NDArray[np.void]
+    """Rows of `EVENT`, none later than `stamp_ns`, ordered by time, shape (N,)."""
+    width_px: int
+    """Width of the sensor [px]."""
+    height_px: int
+    """Height of the sensor [px]."""
+    period_ns: int
+    """Length of the period [ns]; all events lie after its beginning."""
+
+    def __post_init__(self) -> None:
+        if self.events.dtype != EVENT or self.events.ndim != 1:
+            raise ValueError(f"Events.events is {self.events.dtype}{list(self.events.shape)}, not EVENT[N]")
+
+    def observed(self) -> NDArray[np.uint8]:
+        """Counts of brighter and darker events per pixel, 255 = 255 or more, shape (H, W, 2)."""
+        e = self.events
+        flat = (e["y"].astype(np.int64) * self.width_px + e["x"]) * 2 + (1 - e["p"].astype(np.int64))
+        counts = np.bincount(flat, minlength=2 * self.width_px * self.height_px)
+        shape = (self.height_px, self.width_px, 2)
+        return np.minimum(counts, 255).astype(np.uint8).reshape(shape)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -201,7 +233,7 @@ class GnssFix(Sample):
     solution: str = "single"
     """How the place was found: ``none``, ``single``, or with a base station ``float`` or ``fixed``."""
     satellites: int = 0
-    """Satellites used; 0 where none are modelled."""
+    """Number of satellites used [1]; 0 where none are modelled."""
 
     def __post_init__(self) -> None:
         _check(self, "covariance_enu_m2", np.float64, (3, 3))
@@ -224,7 +256,7 @@ class WheelTicks(Sample):
     rate_radps: NDArray[np.float64]
     """Spin over the last period, from the ticks in it [rad/s], shape (4,)."""
     ticks_per_turn: int
-    """Ticks in one turn of a wheel, 96 = two of each of 48 teeth."""
+    """Ticks in one turn of a wheel [1]; 96 = two of each of 48 teeth."""
 
     def __post_init__(self) -> None:
         _check(self, "ticks", np.int64, (4,))
@@ -242,11 +274,11 @@ class CanState(Sample):
     wheel_speed_mps: NDArray[np.float64]
     """Speed of each wheel's tread: front left, front right, rear left, rear right [m/s], shape (4,)."""
     throttle: float
-    """Throttle pedal 0–1, 1 = down."""
+    """Throttle pedal [0–1], 1 = down."""
     brake: float
-    """Brake pedal 0–1, 1 = down."""
+    """Brake pedal [0–1], 1 = down."""
     gear: int
-    """Selected gear: 1 = forwards, −1 = reverse."""
+    """Selected gear [1 or −1]: 1 = forwards, −1 = reverse."""
     handbrake: bool
     """Whether the handbrake is pulled, 1 = pulled."""
 
@@ -266,9 +298,57 @@ class Odometry(Sample):
     """Velocity in world axes [m/s], shape (3,)."""
     angular_rate_radps: NDArray[np.float64]
     """Body rate in `frame_id` [rad/s], shape (3,)."""
+    acceleration_world_mps2: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    """Acceleration in world axes, gravity not included [m/s²], shape (3,)."""
 
     def __post_init__(self) -> None:
         _check(self, "position_m", np.float64, (3,))
         _check(self, "quat_xyzw", np.float64, (4,))
         _check(self, "velocity_world_mps", np.float64, (3,))
         _check(self, "angular_rate_radps", np.float64, (3,))
+        _check(self, "acceleration_world_mps2", np.float64, (3,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ObjectList(Sample):
+    """True boxes of all other road users, whether seen or not, parallel arrays of N."""
+
+    id: NDArray[np.uint32]
+    """Instance id, the one that points and pixels carry, shape (N,)."""
+    tag: NDArray[np.uint8]
+    """Semantic `Tag`, shape (N,)."""
+    position_m: NDArray[np.float64]
+    """Middle of the box in the world [m], shape (N, 3)."""
+    heading_rad: NDArray[np.float64]
+    """Direction the object faces, anticlockwise from east [rad], shape (N,)."""
+    pitch_rad: NDArray[np.float64]
+    """Nose up positive [rad], shape (N,)."""
+    size_m: NDArray[np.float64]
+    """Length, width, height [m], shape (N, 3)."""
+    velocity_mps: NDArray[np.float64]
+    """Velocity in world axes [m/s], shape (N, 3)."""
+    yaw_rate_radps: NDArray[np.float64]
+    """Rate of the heading [rad/s], shape (N,)."""
+    visible: NDArray[np.float64]
+    """Share that is not hidden behind other things, 0–1; NaN beyond 120 m or unknown, shape (N,)."""
+    distance_m: NDArray[np.float64]
+    """Distance from where visibility is judged [m], shape (N,)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.id)
+        _check(self, "id", np.uint32, (count,))
+        _check(self, "tag", np.uint8, (count,))
+        for name in ("position_m", "size_m", "velocity_mps"):
+            _check(self, name, np.float64, (count, 3))
+        for name in ("heading_rad", "pitch_rad", "yaw_rate_radps", "visible", "distance_m"):
+            _check(self, name, np.float64, (count,))
+
+    @property
+    def occluded(self) -> NDArray[np.float64]:
+        """Share that is hidden behind other things, shape (N,)."""
+        return 1.0 - self.visible
+
+    @property
+    def quat_xyzw(self) -> NDArray[np.float64]:
+        """Attitudes, map box to world, shape (N, 4)."""
+        return geometry.rpy_to_quat(np.zeros(len(self.id)), -self.pitch_rad, self.heading_rad)

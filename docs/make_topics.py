@@ -16,6 +16,7 @@ from carlaloc_env.samples import (
     GnssFix,
     Image,
     Imu,
+    ObjectList,
     Odometry,
     PointCloud,
     RadarScan,
@@ -59,6 +60,13 @@ TAIL = """\
 * `can_steering`, `can_wheels`, `can_pedals` (rig `flu`, `/can/frames`): can_msgs/Frame with the identifiers
   0x0C1, 0x0C2, 0x0C3; `calibration/can.dbc` describes their signals.
 * `odometry`: header frame `world`, child frame `base_link`; the twist is in the child frame.
+* `acceleration`: geometry_msgs/AccelStamped of `base_link` in its own axes, gravity not included.
+* `objects`: derived_object_msgs/ObjectArray, the type of CARLA's ROS bridge; boxes (`shape`), attitude,
+  velocity in world axes, class, for every actor whether seen or not. `object_table`: the same as a
+  PointCloud2 with one row per actor, which needs no further message package, and with what the former has no
+  field for: `visible` (share not hidden behind other things, seen from the LiDAR, NaN beyond 120 m) and the
+  semantic tag.
+  Their `id` is the `id` of `points_labelled` and `radar_points` and the value of pixels in `image_instances`.
 * `/tf_static` is latched and holds one transform from `base_link` to each sensor; `/clock` comes at 100 Hz.
 """
 _KINDS: tuple[tuple[str, type[Sample]], ...] = (
@@ -91,6 +99,7 @@ def streams_of(config: SensorRig) -> Iterator[tuple[str, type[Sample], str, floa
             kind = _KIND_OF_SENSOR.get(sensor.config.kind) or next(pictures)
             yield stream, kind, sensor.config.frame_id, sensor.config.rate_hz
     yield "truth", Odometry, "base_link", 200.0
+    yield "objects", ObjectList, "world", 20.0
 
 
 def rows_of(profile: TopicProfile) -> list[tuple[str, str, str, str, float]]:

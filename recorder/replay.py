@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from shutil import rmtree
 
@@ -21,6 +22,7 @@ from carlaloc_env.presets import rig_by_name
 from carlaloc_env.rig import Rig, SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Camera
+from carlaloc_env.sensors.objects import objects_at
 from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.timeline import Timeline
@@ -223,6 +225,7 @@ def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
         quality=job.config.quality,
     )
     rig = config.build(stage)
+    objects = _object_truth(config, stage)
     writers = [
         sequence_writers(
             sequence,
@@ -243,9 +246,8 @@ def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
         first, end = job.span_ns
         for begin in range(first, end, STEP_NS):
             window = (begin, min(begin + STEP_NS, end))
-            for group, samples in zip(
-                writers, measure_window(rig, timeline, window, job.camera_ns, weathers), strict=True
-            ):
+            rows = measure_window(rig, timeline, window, job.camera_ns, weathers, objects)
+            for group, samples in zip(writers, rows, strict=True):
                 for sample in samples:
                     group.write(sample)
                     counts[sample.sensor] = counts.get(sample.sensor, 0) + 1
@@ -261,12 +263,21 @@ def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
     return counts
 
 
+def _object_truth(config: SensorRig, stage: SensorStage) -> Callable[[Timeline, int], Sample]:
+    """Truth of all actors; rigs without rays do without visibility, so that they need no Open3D."""
+    eyes = [sensor.mount.position_m for kind in ("lidar", "radar") for sensor in config.of_kind(kind)]
+    if not eyes:
+        return objects_at
+    return partial(objects_at, rays=stage.rays(), eye_m=eyes[0])
+
+
 def measure_window(
     rig: Rig,
     timeline: Timeline,
     window_ns: tuple[int, int],
     camera_ns: tuple[int, int],
     weathers: list[WeatherParameters],
+    objects: Callable[[Timeline, int], Sample] | None = None,
 ) -> list[list[Sample]]:
     """Samples with stamps in a window [ns], ordered by stamp, one list per weather.
 
@@ -276,6 +287,7 @@ def measure_window(
         window_ns: Beginning and end (not included).
         camera_ns: Stretch in which cameras take pictures.
         weathers: Weathers of pictures and of sensors that feel the weather; all other samples are shared.
+        objects: Gives the truth of all actors at a stamp [ns]; None: left out.
     """
     first, end = window_ns
     shared: list[tuple[int, int, Sample]] = []
@@ -299,6 +311,9 @@ def measure_window(
                     row += [(stamp, place, sample) for sample in samples]
         else:
             shared += [(sample.stamp_ns, place, sample) for sample in sensor.measure(timeline, stamps)]
+    if objects is not None:
+        steps = range(-(-first // STEP_NS) * STEP_NS, end, STEP_NS)
+        shared += [(stamp, -1, objects(timeline, stamp)) for stamp in steps]
     ticks = np.arange(first, end, TICK_NS)
     shared += [(truth.stamp_ns, -1, truth) for truth in truth_at(timeline, ticks.tolist(), np.eye(4))]
     return [[sample for _, _, sample in sorted(shared + row, key=lambda item: item[:2])] for row in pictures]

@@ -33,6 +33,7 @@ def truth_at(
             quat_xyzw=motion.quat_xyzw[i].copy(),
             velocity_world_mps=motion.velocity_world_mps[i].copy(),
             angular_rate_radps=motion.omega_body_radps[i].copy(),
+            acceleration_world_mps2=motion.acceleration_world_mps2[i].copy(),
         )
         for i, stamp in enumerate(stamps_ns)
     ]

@@ -22,6 +22,7 @@ from carlaloc_env.samples import (
     GnssFix,
     Image,
     Imu,
+    ObjectList,
     Odometry,
     PointCloud,
     RadarScan,
@@ -30,6 +31,7 @@ from carlaloc_env.samples import (
     Speed,
     WheelTicks,
 )
+from carlaloc_env.semantics import Tag
 from recorder.writers import can_bus
 
 Message = Any
@@ -52,11 +54,34 @@ _RADAR_DTYPE = np.dtype(
     ]
 )
 """Detections: metres, m/s (positive = moving away), dB, dBsm, radians; label, id and origin are truth."""
+_OBJECT_DTYPE = np.dtype(
+    [
+        ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("length", "<f4"), ("width", "<f4"), ("height", "<f4"),
+        ("heading", "<f4"), ("pitch", "<f4"), ("vx", "<f4"), ("vy", "<f4"), ("vz", "<f4"),
+        ("yaw_rate", "<f4"), ("visible", "<f4"), ("distance", "<f4"), ("label", "u1"), ("id", "<u4"),
+    ]
+)  # fmt: skip
+"""True objects, world frame: metres, radians, m/s, rad/s; visible 0–1 or NaN."""
+_CLASSES = {
+    Tag.PEDESTRIAN: 4, Tag.RIDER: 5, Tag.BICYCLE: 5, Tag.CAR: 6, Tag.TRUCK: 7, Tag.MOTORCYCLE: 8, Tag.BUS: 9,
+    Tag.TRAIN: 9,
+}  # fmt: skip
+"""derived_object_msgs/Object's classification of semantic tags."""
 _DATATYPES = {"<f4": _FLOAT32, "<u4": _UINT32, "<u2": _UINT16, "|u1": _UINT8}
 
 
 _DEFINITIONS = {
     "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+    "derived_object_msgs/msg/Object": "std_msgs/Header header\nuint32 id\nuint8 detection_level\n"
+    "uint8 OBJECT_DETECTED=0\nuint8 OBJECT_TRACKED=1\nbool object_classified\ngeometry_msgs/Pose pose\n"
+    "geometry_msgs/Twist twist\ngeometry_msgs/Accel accel\ngeometry_msgs/Polygon polygon\n"
+    "shape_msgs/SolidPrimitive shape\nuint8 classification\nuint8 CLASSIFICATION_UNKNOWN=0\n"
+    "uint8 CLASSIFICATION_UNKNOWN_SMALL=1\nuint8 CLASSIFICATION_UNKNOWN_MEDIUM=2\n"
+    "uint8 CLASSIFICATION_UNKNOWN_BIG=3\nuint8 CLASSIFICATION_PEDESTRIAN=4\nuint8 CLASSIFICATION_BIKE=5\n"
+    "uint8 CLASSIFICATION_CAR=6\nuint8 CLASSIFICATION_TRUCK=7\nuint8 CLASSIFICATION_MOTORCYCLE=8\n"
+    "uint8 CLASSIFICATION_OTHER_VEHICLE=9\nuint8 CLASSIFICATION_BARRIER=10\nuint8 CLASSIFICATION_SIGN=11\n"
+    "uint8 classification_certainty\nuint32 classification_age\n",
+    "derived_object_msgs/msg/ObjectArray": "std_msgs/Header header\nderived_object_msgs/Object[] objects\n",
     "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
     "float32 doppler_velocity\nfloat32 amplitude\n",
     "can_msgs/msg/Frame": "std_msgs/Header header\nuint32 id\nbool is_rtr\nbool is_extended\n"
@@ -387,6 +412,69 @@ def _can_frame(frame: str) -> Callable[[MessageMaker, Message, Any], Message]:
     return make
 
 
+def _objects(maker: MessageMaker, header: Message, sample: ObjectList) -> Message:
+    """Boxes in the world; the twist is in world axes, as CARLA's ROS bridge has it."""
+    nothing = maker.vector(np.zeros(3))
+    still = maker.new("geometry_msgs/Accel", linear=nothing, angular=nothing)
+    no_polygon = maker.new("geometry_msgs/Polygon", points=[])
+    # ROS 2's primitive has a polygon of its own for prisms.
+    extra = {"polygon": no_polygon} if "polygon" in maker.fields_of("shape_msgs/SolidPrimitive") else {}
+    objects = [
+        maker.new(
+            "derived_object_msgs/Object",
+            header=header,
+            id=int(sample.id[k]),
+            detection_level=1,
+            object_classified=True,
+            pose=maker.pose(sample.position_m[k], quat),
+            twist=maker.new(
+                "geometry_msgs/Twist",
+                linear=maker.vector(sample.velocity_mps[k]),
+                angular=maker.vector(np.array([0.0, 0.0, sample.yaw_rate_radps[k]])),
+            ),
+            accel=still,
+            polygon=no_polygon,
+            shape=maker.new("shape_msgs/SolidPrimitive", type=1, dimensions=sample.size_m[k].copy(), **extra),
+            classification=_CLASSES.get(Tag(int(sample.tag[k])), 0),
+            classification_certainty=255,
+            classification_age=0,
+        )
+        for k, quat in enumerate(sample.quat_xyzw)
+    ]
+    return maker.new("derived_object_msgs/ObjectArray", header=header, objects=objects)
+
+
+def _object_table(maker: MessageMaker, header: Message, sample: ObjectList) -> Message:
+    rows = np.zeros(len(sample.id), dtype=_OBJECT_DTYPE)
+    for names, values in (
+        (("x", "y", "z"), sample.position_m),
+        (("length", "width", "height"), sample.size_m),
+        (("vx", "vy", "vz"), sample.velocity_mps),
+    ):
+        for axis, name in enumerate(names):
+            rows[name] = values[:, axis]
+    rows["heading"], rows["pitch"], rows["yaw_rate"] = (
+        sample.heading_rad,
+        sample.pitch_rad,
+        sample.yaw_rate_radps,
+    )
+    rows["visible"], rows["distance"] = sample.visible, sample.distance_m
+    rows["label"], rows["id"] = sample.tag, sample.id
+    return maker.table(header, rows)
+
+
+def _image_instances(maker: MessageMaker, header: Message, sample: SemanticImage) -> Message:
+    return maker.image(header, sample.instance.astype(np.int32), "32SC1")
+
+
+def _acceleration(maker: MessageMaker, header: Message, sample: Odometry) -> Message:
+    """In the axes of the frame itself, gravity not included."""
+    turn = geometry.quat_conjugate(sample.quat_xyzw)
+    linear = maker.vector(geometry.quat_rotate(turn, sample.acceleration_world_mps2))
+    accel = maker.new("geometry_msgs/Accel", linear=linear, angular=maker.vector(np.zeros(3)))
+    return maker.new("geometry_msgs/AccelStamped", header=header, accel=accel)
+
+
 def _odometry(maker: MessageMaker, header: Message, sample: Odometry) -> Message:
     """The pose is in the header's frame, the twist in the child's (nav_msgs/Odometry)."""
     velocity = geometry.quat_rotate(geometry.quat_conjugate(sample.quat_xyzw), sample.velocity_world_mps)
@@ -426,6 +514,10 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "can_steering": ("can_msgs/msg/Frame", _can_frame("STEERING_AND_SPEED")),
     "can_wheels": ("can_msgs/msg/Frame", _can_frame("WHEEL_SPEEDS")),
     "can_pedals": ("can_msgs/msg/Frame", _can_frame("PEDALS")),
+    "objects": ("derived_object_msgs/msg/ObjectArray", _objects),
+    "object_table": ("sensor_msgs/msg/PointCloud2", _object_table),
+    "image_instances": ("sensor_msgs/msg/Image", _image_instances),
+    "acceleration": ("geometry_msgs/msg/AccelStamped", _acceleration),
     "odometry": ("nav_msgs/msg/Odometry", _odometry),
 }
 """Message type and function of every way to write a sample."""

@@ -12,6 +12,7 @@ from carlaloc_env.samples import (
     GnssFix,
     Image,
     Imu,
+    ObjectList,
     Odometry,
     PointCloud,
     RadarScan,
@@ -128,9 +129,23 @@ STANDARD = TopicProfile(
         TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_wheels"),
         TopicRule(sample=CanState, stream="*", topic="/{}/frames", message="can_pedals"),
         TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
+        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/acceleration", message="acceleration"),
+        TopicRule(sample=ObjectList, stream="*", topic="/ground_truth/objects", message="objects"),
+        TopicRule(sample=ObjectList, stream="*", topic="/ground_truth/object_table", message="object_table"),
     ),
 )
 """Every sensor, with transforms and clock."""
+
+FULL = TopicProfile(
+    name="full",
+    rules=(
+        *STANDARD.rules,
+        TopicRule(
+            sample=SemanticImage, stream="semantic_*", topic="/camera/{}/instance", message="image_instances"
+        ),
+    ),
+)
+"""`STANDARD` and a picture of instance ids beside every semantic one, another 3.7 MB each."""
 
 PAPER = TopicProfile(
     name="paper",
@@ -162,7 +177,7 @@ SLAM = TopicProfile(
 )
 """What SLAM systems read: grey pictures and the plain cloud, a third of the size of `STANDARD`."""
 
-PROFILES = {profile.name: profile for profile in (STANDARD, PAPER, SLAM)}
+PROFILES = {profile.name: profile for profile in (STANDARD, PAPER, SLAM, FULL)}
 """All profiles by name."""
 
 

@@ -44,6 +44,7 @@ OFFICIAL_MD5 = {
     "sensor_msgs/msg/CameraInfo": "c9a58c1b0b154e0e6da7578cb991d214",
     "nav_msgs/msg/Odometry": "cd5e73d190d741a2f92e81eda573aca7",
     "geometry_msgs/msg/TwistStamped": "98d34b0043a2093cf9d9345ab6eef12e",
+    "geometry_msgs/msg/AccelStamped": "d8a98a5d81351b6eb0578c78557e7659",
     "rosgraph_msgs/msg/Clock": "a9c97c1d230cfc112e270351a944ee47",
     "tf2_msgs/msg/TFMessage": "94810edda583a504dfda3829e70d7eec",
 }
@@ -176,6 +177,7 @@ def test_topics_types_and_official_sums(standard: Path) -> None:
         "/clock": ("rosgraph_msgs/msg/Clock", 20),
         "/imu/data": ("sensor_msgs/msg/Imu", 40),
         "/ground_truth/odometry": ("nav_msgs/msg/Odometry", 40),
+        "/ground_truth/acceleration": ("geometry_msgs/msg/AccelStamped", 40),
         "/lidar/points": ("sensor_msgs/msg/PointCloud2", 4),
         "/gnss/fix": ("sensor_msgs/msg/NavSatFix", 1),
         "/speed": ("geometry_msgs/msg/TwistStamped", 4),

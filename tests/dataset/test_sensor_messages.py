@@ -9,10 +9,20 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores
 
-from carlaloc_env.samples import CanState, GnssFix, Imu, RadarScan, Sample, WheelTicks
+from carlaloc_env.samples import (
+    CanState,
+    GnssFix,
+    Imu,
+    ObjectList,
+    Odometry,
+    RadarScan,
+    Sample,
+    SemanticImage,
+    WheelTicks,
+)
 from recorder.writers.can_bus import FRAMES, dbc
 from recorder.writers.messages import ENCODERS, MessageMaker, make_typestore
-from recorder.writers.topics import STANDARD
+from recorder.writers.topics import PROFILES, STANDARD
 
 OFFICIAL_MD5 = {
     "radar_msgs/msg/RadarScan": "6dfacef1e665538dbd8e159d5ce7a97a",
@@ -170,3 +180,60 @@ def test_gnss_status(solution: str, status: int, kind: int) -> None:
     message = round_trip(Stores.ROS1_NOETIC, "nav_sat_fix", fix)
     assert message.status.status == status
     assert message.position_covariance_type == kind
+
+
+def two_objects() -> ObjectList:
+    return ObjectList(
+        sensor="objects", frame_id="world", stamp_ns=0, id=np.array([2**23 + 1, 2**23 + 2], np.uint32),
+        tag=np.array([14, 12], np.uint8), position_m=np.array([[1.0, 2.0, 0.7], [5.0, 6.0, 0.9]]),
+        heading_rad=np.array([np.pi / 2, 0.0]), pitch_rad=np.array([0.0, 0.0]),
+        size_m=np.array([[4.5, 1.8, 1.4], [0.6, 0.6, 1.8]]),
+        velocity_mps=np.array([[0.0, 9.0, 0.0], [1.2, 0.0, 0.0]]), yaw_rate_radps=np.array([0.1, 0.0]),
+        visible=np.array([0.5, np.nan]), distance_m=np.array([10.0, 130.0]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("store", STORES, ids=str)
+def test_objects_as_carlas_bridge_writes_them(store: Stores) -> None:
+    """Box, class and world-frame velocity; the table adds what the message has no field for."""
+    message = round_trip(store, "objects", two_objects())
+    car, walker = message.objects
+    assert (car.id, car.classification, walker.classification) == (2**23 + 1, 6, 4)
+    assert car.shape.type == 1
+    assert car.shape.dimensions.tolist() == [4.5, 1.8, 1.4]
+    assert car.pose.orientation.z == pytest.approx(np.sin(np.pi / 4))
+    assert (car.twist.linear.y, car.twist.angular.z) == (9.0, 0.1)
+    rows = table(round_trip(store, "object_table", two_objects()))
+    assert rows["id"].tolist() == [2**23 + 1, 2**23 + 2]
+    assert rows["visible"][0] == 0.5
+    assert np.isnan(rows["visible"][1])
+    assert rows["vy"][0] == 9.0
+    assert rows["label"].tolist() == [14, 12]
+
+
+@pytest.mark.parametrize("store", STORES, ids=str)
+def test_acceleration_is_in_the_frames_own_axes(store: Stores) -> None:
+    """Facing north, an acceleration to the north is ahead."""
+    truth = Odometry(
+        sensor="truth", frame_id="base_link", stamp_ns=0, position_m=np.zeros(3),
+        quat_xyzw=np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]), velocity_world_mps=np.zeros(3),
+        angular_rate_radps=np.zeros(3), acceleration_world_mps2=np.array([0.0, 2.0, 0.0]),
+    )  # fmt: skip
+    linear = round_trip(store, "acceleration", truth).accel.linear
+    assert (linear.x, linear.y, linear.z) == pytest.approx((2.0, 0.0, 0.0), abs=1e-12)
+
+
+def test_instance_pictures_hold_the_ids_of_the_boxes() -> None:
+    instance = np.array([[0, 7], [2**23 + 1, 2**23 + 2]], np.uint32)
+    tags = np.zeros((2, 2), np.uint8)
+    picture = SemanticImage(
+        sensor="semantic_left", frame_id="camera_left", stamp_ns=0, tag=tags, instance=instance
+    )  # fmt: skip
+    message = round_trip(Stores.ROS1_NOETIC, "image_instances", picture)
+    assert message.encoding == "32SC1"
+    assert np.array_equal(message.data.view("<i4").reshape(2, 2), instance)
+    topics = {
+        name: [r.topic for r in PROFILES[name].routes(SemanticImage, "semantic_left")] for name in PROFILES
+    }
+    assert topics["full"] == ["/camera/left/semantic", "/camera/left/instance"]
+    assert topics["standard"] == ["/camera/left/semantic"]
