@@ -237,7 +237,9 @@ def _wedge(road: RoadPart, whole: Leg, gore: Gore, side: int) -> None:
     lanes = section.right if side < 0 else section.left
     length = road.length
     for border in borders:
-        width = border.width_m
+        # The ramp's outermost strip also covers what is left clear where both have parted.
+        spare = NOSE_GAP_M if side > 0 and border is borders[-1] else 0.0
+        width = border.width_m + spare
         cubic = (0.0, 0.0, 0.0, width / length**3)
         if gore.merges:
             cubic = (width, -3 * width / length, 3 * width / length**2, -width / length**3)

@@ -44,7 +44,7 @@ CLOTHOID_M = 70.0
 TOP_M, BOTTOM_M, LOBE_M = 3.3, -3.3, -2.5  # heights at the crossing and round the lobes
 DECK_M = 3.6  # height of the local roads that pass over the lobes' far ends
 
-INNER_X, OUTER_X, CROSS_X, EDGE_Y = 348.0, 452.0, 520.0, 205.0
+INNER_X, OUTER_X, CROSS_X, EDGE_Y = 348.0, 452.0, 545.0, 205.0
 
 
 def plan() -> TownPlan:
@@ -121,12 +121,8 @@ def _motorway(town: TownPlan) -> None:
 def _interchange(town: TownPlan, side: str, turn: float) -> None:
     """A local road over the far end of a lobe, and four ramps; `turn` −1 turns it by half a circle."""
     tag = side[0]
-    town.node(
-        f"{tag}I", turn * INNER_X, 0.0, DECK_M, control="stop", crosswalks=False, minor=_ramps(side, "inner")
-    )
-    town.node(
-        f"{tag}O", turn * OUTER_X, 0.0, DECK_M, control="stop", crosswalks=False, minor=_ramps(side, "outer")
-    )
+    town.node(f"{tag}I", turn * INNER_X, 0.0, DECK_M, crosswalks=False)
+    town.node(f"{tag}O", turn * OUTER_X, 0.0, DECK_M, crosswalks=False)
     town.node(f"{tag}X", turn * CROSS_X, 0.0, DECK_M, control="signals", corner_m=11.0)
     town.road(
         f"{side} Bridge", f"{tag}I", f"{tag}O", LINK, 50,
@@ -147,10 +143,6 @@ def _interchange(town: TownPlan, side: str, turn: float) -> None:
     )
 
 
-def _ramps(side: str, place: str) -> tuple[str, ...]:
-    return (f"{side} {place} off",)
-
-
 def _outer_roads(town: TownPlan) -> None:
     """Country roads north and south of the motorway."""
     town.node("NF", 0.0, EDGE_Y, 0.0, control="stop", crosswalks=False)
@@ -163,8 +155,15 @@ def _outer_roads(town: TownPlan) -> None:
         other = (-sign * CROSS_X, sign * EDGE_Y, 70.0, 40.0)
         first, last = ("EX", "WX") if sign > 0 else ("WX", "EX")
         gentle = Climb(grade=0.03, k_m=14.0)
-        town.road(f"{name} Rd 1", first, f"{tag}F", RURAL, 70, kind="rural", bends=(corner,), climb=gentle)
-        town.road(f"{name} Rd 2", f"{tag}F", last, RURAL, 70, kind="rural", bends=(other,), climb=gentle)
+        options: dict[str, Any] = {
+            "kind": "rural",
+            "climb": gentle,
+            "taper_m": 32.0,
+            "stores_m": (35.0, 35.0),
+        }
+        start, end = ("median", "plain"), ("plain", "pocket")
+        town.road(f"{name} Rd 1", first, f"{tag}F", RURAL, 70, bends=(corner,), ends=start, **options)
+        town.road(f"{name} Rd 2", f"{tag}F", last, RURAL, 70, bends=(other,), ends=end, **options)
         town.road(f"{name} Farm", f"{tag}F", f"F{tag}", LANE, 30)
 
 
@@ -191,11 +190,10 @@ def _small_town(town: TownPlan) -> None:
 
 
 def _rest_area(town: TownPlan) -> None:
-    """A loop of a street behind the western interchange."""
-    town.node("V", -236.0, 0.0, control="stop", corner_m=9.0, minor=("Rest Area Rd",))
-    town.node("VB", -170.0, 0.0, control="stop", corner_m=9.0)
+    """A street that leads round and back, behind the western interchange."""
+    town.node("V", -236.0, 0.0, corner_m=9.0)
     town.road("Rest Area Rd", "V", "WI", LINK, 40, climb=Climb(grade=0.075, k_m=4.7))
+    town.node("VB", -165.0, 0.0, control="none", corner_m=9.0, crosswalks=False)
     for name, sign in (("North", 1.0), ("South", -1.0)):
-        bends = ((-236.0, sign * 70.0, 26.0, 10.0), (-170.0, sign * 70.0, 26.0, 10.0))
+        bends = ((-236.0, sign * 70.0, 26.0, 10.0), (-165.0, sign * 70.0, 26.0, 10.0))
         town.road(f"Rest Area {name}", "V", "VB", LANE, 30, bends=bends)
-    town.road("Rest Area Mid", "V", "VB", LANE, 30)

@@ -58,16 +58,16 @@ def _nodes(town: TownPlan) -> None:
     town.node("A1", K1, SOUTH, no_left=("Parkway 2", "County Rd 1"), crosswalks="minor", corner_m=12.0)
     town.node("UE", -110.0, SOUTH, control="none", crosswalks=False, least_m=12.0, u_turns=("Parkway 3",))
     town.node("A3", K3, SOUTH, corner_m=12.0)
-    town.node("BW", WEST, MILL, control="split")
+    town.node("BW", WEST, MILL, control="stop")
     town.node("B1", K1, MILL)
-    town.node("B2", OFF, MILL, control="split", crosswalks=False)
+    town.node("B2", OFF, MILL, control="stop", crosswalks=False, minor=("Mill exit", "Parkway exit"))
     town.node("B3", ON, MILL, control="stop", crosswalks=False)
-    town.node("B4", K3, MILL, control="split")
-    town.node("BE", EAST, MILL, control="split")
-    town.node("CW", WEST, HIGH, control="split")
+    town.node("B4", K3, MILL, control="stop")
+    town.node("BE", EAST, MILL, control="stop")
+    town.node("CW", WEST, HIGH)
     town.node("C1", K1, HIGH, corner_m=12.0)
-    town.node("CE", EAST, HIGH, control="split")
-    town.node("D1", K1, NORTH, control="split", corner_m=12.0)
+    town.node("CE", EAST, HIGH)
+    town.node("D1", K1, NORTH, corner_m=12.0)
     town.node("D2", CLOSE, NORTH, control="stop", crosswalks="minor", corner_m=12.0)
     town.node("KC", K1, -30.0, control="stop", crosswalks="minor", corner_m=8.0)
     town.node("F", -400.0, -30.0, 0.0, control="bulb")
@@ -145,16 +145,20 @@ def _north(town: TownPlan) -> None:
 
 
 def _cross_roads(town: TownPlan) -> None:
-    for side in ("West", "East"):
+    store: dict[str, Any] = {"taper_m": 25.0, "stores_m": (28.0, 28.0)}
+    left, right = ("pocket", "plain"), ("plain", "pocket")
+    for side, north, south in (("West", left, ("plain", "plain")), ("East", right, right)):
         tag = side[0]
-        town.road(f"{side} Rd 1", f"S{tag}", f"B{tag}", AVENUE, 60)
-        town.road(f"{side} Rd 2", f"B{tag}", f"C{tag}", AVENUE, 60)
-        town.road(f"{side} Rd 3", f"C{tag}", f"N{tag}", AVENUE, 60)
+        town.road(f"{side} Rd 1", f"S{tag}", f"B{tag}", AVENUE, 60, ends=south, **store)
+        town.road(f"{side} Rd 2", f"B{tag}", f"C{tag}", AVENUE, 60, ends=north, **store)
+        last = north if side == "West" else ("plain", "plain")
+        town.road(f"{side} Rd 3", f"C{tag}", f"N{tag}", AVENUE, 60, ends=last, **store)
     # Nobody turns left into its northbound carriageway: the second lane begins on the way.
     second = ExtraLane(side="L", last_m=-20.0, taper_m=30.0)
-    town.road("County Rd 1", "B1", "A1", CROSS_ROAD_END, 50, extra=(second,))
-    town.road("County Rd 2", "KC", "B1", CROSS_ROAD, 50)
-    town.road("County Rd 3", "C1", "KC", CROSS_ROAD, 50)
-    town.road("County Rd 4", "D1", "C1", CROSS_ROAD, 50)
+    short: dict[str, Any] = {"taper_m": 24.0, "stores_m": (20.0, 20.0)}
+    town.road("County Rd 1", "B1", "A1", CROSS_ROAD_END, 50, extra=(second,), ends=left, **short)
+    town.road("County Rd 2", "KC", "B1", CROSS_ROAD, 50, ends=right, **short)
+    town.road("County Rd 3", "C1", "KC", CROSS_ROAD, 50, ends=left, **short)
+    town.road("County Rd 4", "D1", "C1", CROSS_ROAD, 50, ends=right, **short)
     town.road("Farm Rd", "KC", "F", LANE, 30)
     town.road("School Rd", "B4", "A3", LANE, 40)

@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from .curves import Piece, Pose
 from .parts import ControllerPart, JunctionPart, Link, ObjectPart, RoadPart, SignalPart
-from .sections import LanePlan, Mark, SectionPlan
+from .sections import Cubic, LanePlan, Mark, SectionPlan
 
 DATE = "2025-01-01T00:00:00"
 _DIGITS = {"length": 10, "curvature": 14, "angle": 12}
@@ -171,12 +171,13 @@ def _cubic(values: Iterable[float]) -> dict[str, str]:
 
 def _lanes(xml: XmlText, sections: list[SectionPlan]) -> None:
     xml.open("lanes")
-    before = None
+    written: tuple[float, Cubic] | None = None
     for section in sections:
         for ds, record in section.offset:
-            if record != before:
-                xml.leaf("laneOffset", s=section.s + ds, **_cubic(record))
-            before = record if not any(record[1:]) else None
+            s = section.s + ds
+            if written is None or not _goes_on(written, s, record):
+                xml.leaf("laneOffset", s=s, **_cubic(record))
+                written = (s, record)
     for section in sections:
         xml.open("laneSection", s=section.s)
         if section.left:
@@ -196,6 +197,13 @@ def _lanes(xml: XmlText, sections: list[SectionPlan]) -> None:
             xml.close("right")
         xml.close("laneSection")
     xml.close("lanes")
+
+
+def _goes_on(written: tuple[float, Cubic], s: float, record: Cubic) -> bool:
+    """Whether a record says no more than the one before it does at its place."""
+    u, (a, b, c, d) = s - written[0], written[1]
+    same = (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * d * u), c + 3 * d * u, d)
+    return all(abs(x - y) < 1e-12 for x, y in zip(same, record, strict=True))
 
 
 def _lane(xml: XmlText, lane_id: int, lane: LanePlan) -> None:
