@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.assets.catalog import EGO_SIZE_M
+from carlaloc_env.traffic.columns import Array, Flags, Index, columns
+from carlaloc_env.traffic.compiled import compiled
+from carlaloc_env.traffic.presence import Presence, add_body
+from carlaloc_env.traffic.roads import Roads
+from carlaloc_env.traffic.state import HELD, Fleet
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-
-_TOUCH_M = 2.0
+CELL_M = 8.0
+_OVERLAP_M = 0.3
+_HEIGHT_M = 3.0
 _HEAD_FOR_M = 1.5
 _LOOK_AHEAD_S = 2.0
+_FOUND = 48
+_ALONG = 0.7
+"""Cosine of the angle within which the ego drives along a lane."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,43 +34,170 @@ class EgoView:
     """Heading [rad]."""
     speed_mps: float
     """Forward speed [m/s]."""
-    length_m: float = 4.7
+    length_m: float = EGO_SIZE_M[0]
     """Length of the ego [m]."""
+    width_m: float = EGO_SIZE_M[1]
+    """Width of the ego [m]."""
+
+    def numbers(self) -> Array:
+        """Centre [m], cosine and sine of the heading, speed [m/s], half length and half width [m], (8,)."""
+        c, s = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        half = (0.5 * self.length_m, 0.5 * self.width_m)
+        return np.array([*self.position_m, c, s, self.speed_mps, *half], dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EgoLanes:
-    """Lanes that the ego occupies, and those it reaches within two seconds."""
+class Found:
+    """Lanes that the ego touches."""
 
     lane: Index
-    """Lanes its box touches, shape (K,)."""
-    station_m: Array
-    """Station of its centre on them [m], shape (K,)."""
-    speed_mps: Array
-    """Its speed along them [m/s], shape (K,)."""
-    ahead: tuple[tuple[int, float], ...]
-    """Lane and station [m] of points before its front, straight on, nearest first."""
+    row: Index
+    """Sample nearest to the ego's centre."""
+    m: Array
+    """How far ahead of or behind that centre it lies [m]."""
 
 
-def find_ego_lanes(network: LaneNetwork, lane_length_m: Array, ego: EgoView) -> EgoLanes:
-    """Where the ego is on the lanes: those nearest to its centre line, shifted by half its width."""
-    c, s = math.cos(ego.heading_rad), math.sin(ego.heading_rad)
-    reach = np.arange(0.0, max(_LOOK_AHEAD_S * ego.speed_mps, 0.5), 1.0)
-    body = np.repeat([-0.4 * ego.length_m, 0.0, 0.4 * ego.length_m], 3)
-    along = np.concatenate([body, reach])
-    side = np.concatenate([np.tile([-0.7, 0.0, 0.7], 3), 0.0 * reach])
-    offset = np.stack([along * c - side * s, along * s + side * c, np.zeros(len(along))], axis=-1)
-    # One search for both questions: its cost hardly depends on the number of points.
-    nearest = network.nearest(np.array(ego.position_m) + offset)
-    count = len(body)
-    near = np.flatnonzero(nearest.distance_m[:count] < _TOUCH_M)
-    touched, first = np.unique(nearest.lane[near], return_index=True)
-    station = nearest.station_m[near[first]] - body[near[first]]
-    heading = network.pose(touched, np.clip(station, 0.0, lane_length_m[touched])).heading_rad
-    on_way = np.flatnonzero(nearest.distance_m[count:] < _HEAD_FOR_M) + count
-    return EgoLanes(
-        lane=touched.astype(np.int64),
-        station_m=station,
-        speed_mps=np.maximum(0.0, ego.speed_mps * np.cos(heading - ego.heading_rad)),
-        ahead=tuple(zip(nearest.lane[on_way].tolist(), nearest.station_m[on_way].tolist(), strict=True)),
+class Cells(NamedTuple):
+    """Samples of the driving lanes sorted into square cells."""
+
+    corner_m: Array
+    """South-west corner of the first cell [m], (2,)."""
+    size: Index
+    """Cells from west to east and from south to north, (2,)."""
+    first: Index
+    """Rows of `row` for each cell, (cells + 1,)."""
+    row: Index
+    """Samples, (R,)."""
+    lane: Index
+    """Lane of each of them, (R,)."""
+    found: Found
+    """Room for the lanes that were found."""
+
+
+def build_cells(roads: Roads, driving: Flags) -> Cells:
+    """Cells over all samples of some lanes, (N,) of them."""
+    owner = np.repeat(np.arange(len(driving)), roads.lane.row_count)
+    rows = np.flatnonzero(driving[owner])
+    xy = roads.row.position_m[rows, :2]
+    corner = np.floor(xy.min(axis=0) / CELL_M) * CELL_M
+    place = ((xy - corner) / CELL_M).astype(np.int64)
+    size = place.max(axis=0) + 1
+    cell = place[:, 1] * size[0] + place[:, 0]
+    order = np.argsort(cell, kind="stable")
+    first = np.searchsorted(cell[order], np.arange(size[0] * size[1] + 1))
+    return Cells(
+        corner_m=corner,
+        size=size,
+        first=first.astype(np.int64),
+        row=rows[order].astype(np.int64),
+        lane=owner[rows[order]],
+        found=columns(Found, _FOUND),
     )
+
+
+@compiled
+def place_ego(there: Presence, cells: Cells, roads: Roads, fleet: Fleet, ego: Array) -> None:
+    """Put the ego on every lane that its box touches, and hold the junction lanes it drives along.
+
+    Its body is the last row of the fleet; to whatever lies straight ahead of it within two seconds it
+    has the first right.
+    """
+    me = len(fleet.speed_mps) - 1
+    fleet.speed_mps[me] = ego[5]
+    fleet.held_lane[me, :] = -1
+    _touch(there, cells, roads, fleet, me, ego)
+    reach = max(_LOOK_AHEAD_S * ego[5], 0.5)
+    steps = int(reach) + 1
+    for k in range(steps):
+        ahead = ego[6] + reach * k / steps
+        _head_for(cells, roads, fleet, me, ego, ego[0] + ahead * ego[3], ego[1] + ahead * ego[4], ahead)
+
+
+@compiled
+def _cell_range(cells: Cells, x: float, y: float) -> tuple[int, int, int, int]:
+    i = int(np.floor((x - cells.corner_m[0]) / CELL_M))
+    j = int(np.floor((y - cells.corner_m[1]) / CELL_M))
+    return (
+        max(i - 1, 0),
+        min(i + 2, int(cells.size[0])),
+        max(j - 1, 0),
+        min(j + 2, int(cells.size[1])),
+    )
+
+
+@compiled
+def _touch(there: Presence, cells: Cells, roads: Roads, fleet: Fleet, me: int, ego: Array) -> None:
+    west, east, south, north = _cell_range(cells, ego[0], ego[1])
+    lanes, rows, best = cells.found.lane, cells.found.row, cells.found.m
+    found = 0
+    for j in range(south, north):
+        for i in range(west, east):
+            cell = j * cells.size[0] + i
+            for k in range(cells.first[cell], cells.first[cell + 1]):
+                row, lane = cells.row[k], cells.lane[k]
+                if abs(roads.row.position_m[row, 2] - ego[2]) > _HEIGHT_M:
+                    continue
+                c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
+                dx, dy = ego[0] - roads.row.position_m[row, 0], ego[1] - roads.row.position_m[row, 1]
+                along, across = dx * c + dy * s, dy * c - dx * s
+                cos, sin = abs(c * ego[3] + s * ego[4]), abs(c * ego[4] - s * ego[3])
+                if abs(along) > ego[6] * cos + ego[7] * sin:
+                    continue
+                if abs(across) > 0.5 * roads.row.width_m[row] + ego[6] * sin + ego[7] * cos - _OVERLAP_M:
+                    continue
+                known = 0
+                while known < found and lanes[known] != lane:
+                    known += 1
+                if known == found:
+                    if found == _FOUND:
+                        continue
+                    found += 1
+                    best[known] = np.inf
+                if abs(along) < best[known]:
+                    lanes[known], best[known], rows[known] = lane, abs(along), row
+    for k in range(found):
+        lane, row = lanes[k], rows[k]
+        c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
+        along = (ego[0] - roads.row.position_m[row, 0]) * c + (ego[1] - roads.row.position_m[row, 1]) * s
+        station = (row - roads.lane.row_first[lane]) * roads.lane.row_step_m[lane] + along
+        turn = c * ego[3] + s * ego[4]
+        half = ego[6] * abs(turn) + ego[7] * abs(c * ego[4] - s * ego[3])
+        add_body(there, lane, station, half, max(0.0, ego[5] * turn), me)
+        if turn > _ALONG and roads.lane.junction[lane] >= 0:
+            _hold(fleet, me, lane, station + half)
+
+
+@compiled
+def _head_for(
+    cells: Cells, roads: Roads, fleet: Fleet, me: int, ego: Array, x: float, y: float, ahead_m: float
+) -> None:
+    i = int(np.floor((x - cells.corner_m[0]) / CELL_M))
+    j = int(np.floor((y - cells.corner_m[1]) / CELL_M))
+    if i < 0 or j < 0 or i >= cells.size[0] or j >= cells.size[1]:
+        return
+    cell = j * cells.size[0] + i
+    for k in range(cells.first[cell], cells.first[cell + 1]):
+        row, lane = cells.row[k], cells.lane[k]
+        if roads.lane.junction[lane] < 0 or abs(roads.row.position_m[row, 2] - ego[2]) > _HEIGHT_M:
+            continue
+        c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
+        dx, dy = x - roads.row.position_m[row, 0], y - roads.row.position_m[row, 1]
+        along, across = dx * c + dy * s, dy * c - dx * s
+        if (
+            abs(along) < roads.lane.row_step_m[lane]
+            and abs(across) < _HEAD_FOR_M
+            and c * ego[3] + s * ego[4] > _ALONG
+        ):
+            station = (row - roads.lane.row_first[lane]) * roads.lane.row_step_m[lane] + along
+            _hold(fleet, me, lane, station - (ahead_m - ego[6]))
+
+
+@compiled
+def _hold(fleet: Fleet, me: int, lane: int, front_m: float) -> None:
+    for k in range(HELD):
+        if fleet.held_lane[me, k] == lane:
+            return
+        if fleet.held_lane[me, k] < 0:
+            fleet.held_lane[me, k] = lane
+            fleet.held_front_m[me, k] = front_m
+            fleet.held_ticket[me, k] = 0
+            return

@@ -1,166 +1,176 @@
-"""Who may enter a junction: a lane through it is reserved as a whole, conflicts are known beforehand.
-
-A vehicle is admitted to a junction lane when its signal permits, no conflicting reservation is in
-the way, no vehicle of higher rank would arrive within the accepted gap, and the lane behind the
-junction has room for it. It keeps the reservation until its tail has left.
-"""
+"""Where the lanes through a junction meet: zones that two of them share, and who ranks first."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.geometry import wrap_angle
 from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.traffic.columns import Array, Flags, Index, fill, starts
 
-Array = NDArray[np.float64]
+Links = Sequence[Sequence[int]]
+_Row = tuple[int, int, float, float, float, float]
 
 _SAMPLE_M = 0.5
-_CLEAR_M = 2.5
-"""Centre lines closer than this conflict: two swept widths of 2.2 m and a margin [m]."""
+_CLEAR_M = 2.9
+"""Centre lines closer than this share a zone: two swept widths of 2.2 m and a margin [m]."""
+CROSSING, MERGING, PARTING = 0, 1, 2
+"""Kinds of zones: the lanes cross, end in the same lane, or begin in the same lane."""
+RANK_MINOR, RANK_LEFT, RANK_RIGHT, RANK_STRAIGHT = 0, 1, 2, 3
+"""Who goes first: the higher rank."""
+STOP_LINE_M = 1.0
+"""Where no signal says so, drivers stop this far before the junction [m]."""
+_TURN_RAD = 0.5
+_NEAR_JUNCTION_M = 12.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Conflict:
-    """Where another junction lane crosses or touches this one."""
+class Zones:
+    """Zones that lanes share with others, Z rows."""
 
-    lane: int
+    other: Index
     """The other lane."""
-    enter_m: float
-    """First station of this lane that lies in the conflict [m]."""
-    leave_other_m: float
-    """Station of the other lane behind which its traffic is out of the way [m]."""
+    kind: Index
+    """CROSSING, MERGING or PARTING."""
+    enter_m: Array
+    """Station of this lane at which the zone begins [m]."""
+    leave_m: Array
+    """Station of this lane at which it ends [m]."""
+    other_enter_m: Array
+    """Station of the other lane at which the zone begins [m]."""
+    other_leave_m: Array
+    """Station of the other lane at which it ends [m]."""
 
 
-class JunctionTable:
-    """Junction lanes, their conflicts and their rank, computed once per town."""
+class Rules(NamedTuple):
+    """What signs and signals ask for, by lane."""
 
-    def __init__(self, network: LaneNetwork) -> None:
-        lanes = network.lanes
-        self.is_junction = np.array(
-            [lane.junction_id is not None and lane.type == "driving" for lane in lanes], dtype=bool
-        )
-        self.conflicts: dict[int, tuple[Conflict, ...]] = {}
-        by_junction: dict[str, list[int]] = defaultdict(list)
-        for lane in lanes:
-            if self.is_junction[lane.index] and lane.junction_id is not None:
-                by_junction[lane.junction_id].append(lane.index)
-        for members in by_junction.values():
-            self._add_conflicts(network, members)
-        self.rank = self._ranks(network)
+    rank: Index
+    """Rank of each junction lane, (N,)."""
+    stop_m: Array
+    """Station at which a driver stops before the junction [m], (N,)."""
+    stop_sign: Flags
+    """Junction lanes behind a stop sign, (N,)."""
+    heads: list[list[int]]
+    """Numbers of the signal heads that each lane obeys."""
 
-    def _add_conflicts(self, network: LaneNetwork, members: list[int]) -> None:
-        trees, stations, points = [], [], []
-        for index in members:
-            length = network.lanes[index].length_m
-            s = np.linspace(0.0, length, max(2, int(length / _SAMPLE_M) + 1))
-            xyz = network.pose(np.full(len(s), index), s).position_m
-            stations.append(s)
-            points.append(xyz)
-            trees.append(cKDTree(xyz))
-        found: dict[int, list[Conflict]] = {index: [] for index in members}
-        for a, lane_a in enumerate(members):
-            for b, lane_b in enumerate(members):
-                if a == b:
-                    continue
-                near_a = np.asarray(trees[b].query(points[a])[0]) < _CLEAR_M
-                near_b = np.asarray(trees[a].query(points[b])[0]) < _CLEAR_M
-                if near_a.any() and near_b.any():
-                    found[lane_a].append(
-                        Conflict(
-                            lane=lane_b,
-                            enter_m=float(stations[a][near_a][0]),
-                            leave_other_m=float(stations[b][near_b][-1]),
-                        )
-                    )
-        self.conflicts.update({index: tuple(rows) for index, rows in found.items()})
 
-    def _ranks(self, network: LaneNetwork) -> NDArray[np.int64]:
-        """3 straight on, 2 right, 1 left, 0 behind a stop or yield sign."""
-        rank = np.zeros(len(network.lanes), np.int64)
-        minor = {
-            lane for sign in network.static_signs if sign.kind in ("stop", "yield") for lane in sign.lanes
-        }
-        for lane in network.lanes:
-            if not self.is_junction[lane.index]:
+def find_zones(network: LaneNetwork, junction: Index, after: Links, before: Links) -> tuple[Index, Zones]:
+    """Where each lane's rows begin (N + 1,), and all zones that two lanes of one junction share."""
+    members: dict[int, list[int]] = defaultdict(list)
+    for lane in np.flatnonzero(junction >= 0).tolist():
+        members[int(junction[lane])].append(lane)
+    rows: list[list[_Row]] = [[] for _ in junction]
+    for lanes in members.values():
+        for a, row in _zones_of(network, after, before, lanes):
+            rows[a].append(row)
+    flat = [row for own in rows for row in own]
+    names = ("other", "kind", "enter_m", "leave_m", "other_enter_m", "other_leave_m")
+    table = fill(Zones, len(flat), **{name: [row[k] for row in flat] for k, name in enumerate(names)})
+    return starts(rows), table
+
+
+def _zones_of(
+    network: LaneNetwork, after: Links, before: Links, lanes: list[int]
+) -> Iterable[tuple[int, _Row]]:
+    points, stations = [], []
+    for lane in lanes:
+        length = network.lanes[lane].length_m
+        s = np.linspace(0.0, length, max(2, int(length / _SAMPLE_M) + 1))
+        points.append(network.pose(np.full(len(s), lane), s).position_m)
+        stations.append(s)
+    trees = [cKDTree(own) for own in points]
+    low = np.array([own.min(axis=0) for own in points]) - _CLEAR_M
+    high = np.array([own.max(axis=0) for own in points])
+    for a, lane in enumerate(lanes):
+        for b, other in enumerate(lanes):
+            if a == b or (low[a] > high[b]).any() or (low[b] > high[a]).any():
                 continue
-            ends = network.pose(np.full(2, lane.index), np.array([0.0, lane.length_m])).heading_rad
-            turn = float(wrap_angle(ends[1] - ends[0]))
-            rank[lane.index] = 3 if abs(turn) < 0.5 else 2 if turn < 0 else 1
-            if minor.intersection(lane.predecessors) or lane.index in minor:
-                rank[lane.index] = 0
-        return rank
+            near_a = np.asarray(trees[b].query(points[a])[0]) < _CLEAR_M
+            near_b = np.asarray(trees[a].query(points[b])[0]) < _CLEAR_M
+            if not (near_a.any() and near_b.any()):
+                continue
+            kind = _kind(after, before, lane, other)
+            if kind == PARTING:
+                near_a, near_b = _run_from_start(near_a), _run_from_start(near_b)
+            own, its = stations[a][near_a], stations[b][near_b]
+            yield lane, (other, kind, float(own[0]), float(own[-1]), float(its[0]), float(its[-1]))
 
 
-@dataclass(slots=True, kw_only=True)
-class Request:
-    """A vehicle that comes up to a junction lane and wants in."""
-
-    vehicle: int
-    lane: int
-    """Junction lane asked for."""
-    distance_m: float
-    """From the front bumper to the lane's start [m]."""
-    speed_mps: float
-    waited_s: float
-    """How long it has stood [s]."""
-    permitted: bool
-    """Whether its signal lets it go."""
-    has_room: bool
-    """Whether the lane behind the junction has room for it."""
+def _kind(after: Links, before: Links, lane: int, other: int) -> int:
+    if set(before[lane]) & set(before[other]):
+        return PARTING
+    return MERGING if set(after[lane]) & set(after[other]) else CROSSING
 
 
-class Reservations:
-    """Junction lanes held by vehicles, and the decision to hold one more."""
+def _run_from_start(near: Flags) -> Flags:
+    apart = np.flatnonzero(~near)
+    result = near.copy()
+    if len(apart) and apart[0] > 0:
+        result[apart[0] :] = False
+    return result
 
-    def __init__(self, table: JunctionTable) -> None:
-        self._table = table
-        self.held: dict[int, dict[int, float]] = defaultdict(dict)
-        """Lane → vehicle → station of its tail on that lane [m], negative before it entered."""
 
-    def clear(self) -> None:
-        """Drop all reservations."""
-        self.held.clear()
+def find_rules(network: LaneNetwork, junction: Index, turn_rad: Array, after: Links, before: Links) -> Rules:
+    """Signs, signals and ranks of all lanes."""
+    heads: list[list[int]] = [[] for _ in network.lanes]
+    length = np.array([lane.length_m for lane in network.lanes])
+    stop = length - STOP_LINE_M
+    for index, head in enumerate(network.signals):
+        for lane, station in zip(head.lanes, head.stop_station_m, strict=True):
+            stop[lane] = min(stop[lane], station)
+        for lane in head.junction_lanes or head.lanes:
+            heads[lane].append(index)
+    minor, stopping = _signed(network, junction, after)
+    for sign in network.static_signs:
+        if sign.kind in ("stop", "yield"):
+            for lane, station in zip(sign.lanes, sign.stop_station_m, strict=True):
+                if junction[lane] < 0 and length[lane] - station < _NEAR_JUNCTION_M:
+                    stop[lane] = min(stop[lane], station)
+    rank = np.zeros(len(heads), np.int64)
+    slower = _slower_approaches(network, junction, before)
+    for lane in np.flatnonzero(junction >= 0).tolist():
+        turn = turn_rad[lane]
+        rank[lane] = RANK_STRAIGHT if abs(turn) < _TURN_RAD else RANK_RIGHT if turn < 0 else RANK_LEFT
+        if minor[lane] or (lane in slower and not heads[lane]):
+            rank[lane] = RANK_MINOR
+    return Rules(rank, np.maximum(stop, 0.0), stopping, heads)
 
-    def holds(self, vehicle: int, lane: int) -> bool:
-        """Whether the vehicle has been admitted to the lane."""
-        return vehicle in self.held[lane]
 
-    def release(self, vehicle: int, lane: int) -> None:
-        """The vehicle's tail has left the lane."""
-        self.held[lane].pop(vehicle, None)
+def _signed(network: LaneNetwork, junction: Index, after: Links) -> tuple[Flags, Flags]:
+    """Junction lanes behind stop or yield signs, and those behind stop signs."""
+    minor = np.zeros(len(network.lanes), dtype=bool)
+    stopping = minor.copy()
+    for sign in network.static_signs:
+        if sign.kind not in ("stop", "yield"):
+            continue
+        for lane in sign.lanes:
+            inside = [lane] if junction[lane] >= 0 else _inside_after(junction, after, lane)
+            minor[inside] = True
+            stopping[inside] |= sign.kind == "stop"
+    return minor, stopping
 
-    def admit(self, requests: list[Request]) -> None:
-        """Grant what can be granted, higher rank and earlier arrival first."""
-        rank = self._table.rank
-        order = sorted(
-            requests,
-            key=lambda r: (-int(rank[r.lane]), r.distance_m / max(r.speed_mps, 1.0), r.vehicle),
-        )
-        for request in order:
-            if request.permitted and request.has_room and self._is_free(request, requests):
-                self.held[request.lane][request.vehicle] = -request.distance_m
 
-    def _is_free(self, request: Request, requests: list[Request]) -> bool:
-        for conflict in self._table.conflicts[request.lane]:
-            for vehicle, tail_m in self.held[conflict.lane].items():
-                if vehicle != request.vehicle and tail_m < conflict.leave_other_m:
-                    return False
-        rank = self._table.rank
-        rivals = {conflict.lane for conflict in self._table.conflicts[request.lane]}
-        gap_s = max(2.0, 4.5 - 0.1 * request.waited_s)
-        for other in requests:
-            if (
-                other.lane in rivals
-                and rank[other.lane] > rank[request.lane]
-                and other.permitted
-                and other.has_room
-                and request.waited_s < 20.0
-                and other.distance_m / max(other.speed_mps, 0.5) < gap_s
-            ):
-                return False
-        return True
+def _inside_after(junction: Index, after: Links, lane: int) -> list[int]:
+    """Junction lanes that a plain lane leads to within the next few sections."""
+    frontier = [lane]
+    for _ in range(4):
+        following = [n for m in frontier for n in after[m]]
+        inside = [n for n in following if junction[n] >= 0]
+        if inside:
+            return inside
+        frontier = following
+    return []
+
+
+def _slower_approaches(network: LaneNetwork, junction: Index, before: Links) -> set[int]:
+    """Junction lanes whose approach is clearly slower than the fastest one: slip roads that merge."""
+    fastest: dict[int, float] = defaultdict(float)
+    speed: dict[int, float] = {}
+    for lane in np.flatnonzero(junction >= 0).tolist():
+        speed[lane] = max((network.lanes[n].speed_limit_mps for n in before[lane]), default=0.0)
+        fastest[int(junction[lane])] = max(fastest[int(junction[lane])], speed[lane])
+    return {lane for lane, own in speed.items() if own < 0.8 * fastest[int(junction[lane])]}

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.town.network import LaneNetwork
 
+_LEFT_RAD = 0.5
+
 
 class SignalState(IntEnum):
     """What a signal head shows."""
@@ -25,20 +27,22 @@ class SignalState(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalTiming:
-    """Durations that all junctions of a town share."""
+    """Durations that all junctions of a town share; by default those of CARLA's traffic lights."""
 
-    green_s: float = 18.0
+    green_s: float = 10.0
     """Green of each phase [s]."""
-    yellow_s: float = 3.3
-    """Yellow [s]; 1 + v/6.1 at 50 km/h (ITE, deceleration 3.05 m/s²)."""
+    left_green_s: float = 7.0
+    """Green of phases that hold protected left turns alone, at most `green_s` [s]."""
+    yellow_s: float = 3.0
+    """Yellow [s]."""
     all_red_s: float = 2.0
     """Red for everybody between two phases [s]."""
     offset_s: float = 0.0
     """How much later all cycles begin [s]."""
 
     def __post_init__(self) -> None:
-        if self.green_s <= 0 or self.yellow_s < 0 or self.all_red_s < 0:
-            raise ConfigError("signal timing: green_s must be positive, yellow_s and all_red_s not negative")
+        if self.green_s <= 0 or self.left_green_s <= 0 or self.yellow_s < 0 or self.all_red_s < 0:
+            raise ConfigError("signal timing: greens must be positive, yellow_s and all_red_s not negative")
 
 
 class SignalPlan:
@@ -50,32 +54,39 @@ class SignalPlan:
     """
 
     def __init__(
-        self, start_ns: NDArray[np.int64], cycle_ns: NDArray[np.int64], timing: SignalTiming
+        self,
+        start_ns: NDArray[np.int64],
+        green_ns: NDArray[np.int64],
+        cycle_ns: NDArray[np.int64],
+        yellow_s: float,
     ) -> None:
         self._start_ns = start_ns
+        self._green_ns = green_ns
         self._cycle_ns = cycle_ns
-        self._green_ns = round(timing.green_s * 1e9)
-        self._yellow_ns = round(timing.yellow_s * 1e9)
+        self._yellow_ns = round(yellow_s * 1e9)
 
     @classmethod
     def from_network(cls, network: LaneNetwork, timing: SignalTiming | None = None) -> SignalPlan:
         """Plan of all heads of `network.signals`, in their order."""
         timing = timing or SignalTiming()
-        phase_ns = round((timing.green_s + timing.yellow_s + timing.all_red_s) * 1e9)
         count = len(network.signals)
-        start = np.zeros(count, np.int64)
-        cycle = np.full(count, phase_ns, np.int64)
+        start, green = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        cycle = np.ones(count, np.int64)
         groups: dict[str, list[int]] = defaultdict(list)
         for index, head in enumerate(network.signals):
             groups[head.junction_id or f"signal {head.id}"].append(index)
         for junction, heads in groups.items():
             phases = _phases(network, junction, heads)
-            total = phase_ns * max(2, 1 + max(phases))
+            durations = _green_durations(network, heads, phases, timing)
+            clear_s = timing.yellow_s + timing.all_red_s
+            begins = np.cumsum([0.0, *(duration + clear_s for duration in durations)])
+            total = round(float(begins[-1]) * 1e9)
             offset = int.from_bytes(hashlib.blake2b(junction.encode(), digest_size=4).digest(), "big")
             for index, phase in zip(heads, phases, strict=True):
-                cycle[index] = total
-                start[index] = phase * phase_ns + offset % 1000 * total // 1000 + round(timing.offset_s * 1e9)
-        return cls(start, cycle, timing)
+                cycle[index], green[index] = total, round(durations[phase] * 1e9)
+                start[index] = round(float(begins[phase]) * 1e9)
+                start[index] += offset % 1000 * total // 1000 + round(timing.offset_s * 1e9)
+        return cls(start, green, cycle, timing.yellow_s)
 
     def state_at(self, stamp_ns: int) -> NDArray[np.uint8]:
         """`SignalState` of every head at a time [ns], shape (S,)."""
@@ -83,6 +94,11 @@ class SignalPlan:
         state = np.where(into < self._green_ns, SignalState.GREEN, SignalState.RED)
         yellow = (into >= self._green_ns) & (into < self._green_ns + self._yellow_ns)
         return np.where(yellow, SignalState.YELLOW, state).astype(np.uint8)
+
+    def until_green_s(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Time until each head next turns green [s], 0 while it is green, shape (S,)."""
+        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
+        return np.where(into < self._green_ns, 0.0, (self._cycle_ns - into) / 1e9)
 
 
 def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:
@@ -102,6 +118,25 @@ def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[in
             keys.append((1, _axis(network, index)))
     order = sorted(set(keys))  # type: ignore[type-var]
     return [order.index(key) for key in keys]
+
+
+def _green_durations(
+    network: LaneNetwork, heads: list[int], phases: list[int], timing: SignalTiming
+) -> list[float]:
+    """Green of each phase [s]; a lone phase is followed by one in which nobody may drive."""
+    durations = []
+    for phase in range(1 + max(phases)):
+        members = [network.signals[k] for k, own in zip(heads, phases, strict=True) if own == phase]
+        lanes = [lane for head in members for lane in head.junction_lanes]
+        left = bool(lanes) and all(_turns_left(network, lane) for lane in lanes)
+        durations.append(min(timing.left_green_s, timing.green_s) if left else timing.green_s)
+    return durations if len(durations) > 1 else [*durations, timing.green_s]
+
+
+def _turns_left(network: LaneNetwork, lane: int) -> bool:
+    tables = network.tables
+    first, count = int(tables.first[lane]), int(tables.count[lane])
+    return bool(tables.heading_rad[first + count - 1] - tables.heading_rad[first] > _LEFT_RAD)
 
 
 def _axis(network: LaneNetwork, index: int) -> str:

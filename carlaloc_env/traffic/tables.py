@@ -7,18 +7,19 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route_choice import lanes_that_go_on
-from carlaloc_env.traffic.car_following import SpeedTables
-from carlaloc_env.traffic.junctions import JunctionTable
+from carlaloc_env.traffic.ego_view import build_cells
+from carlaloc_env.traffic.footways import build_ground
+from carlaloc_env.traffic.roads import build_roads
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-SPACING_M = 14.0
+SPACING_M = 12.0
 """Least distance between two vehicles at the start [m]."""
 KEEP_CLEAR_M = 20.0
 """Distance from the ego's start that stays empty [m]."""
-_END_ROOM_M = 6.0
+_END_ROOM_M = 7.0
+_NARROWEST_M = 2.5
 
 
 class TrafficTables:
@@ -26,10 +27,11 @@ class TrafficTables:
 
     def __init__(self, network: LaneNetwork) -> None:
         self.network = network
-        self.speeds = SpeedTables(network)
-        self.junctions = JunctionTable(network)
-        self.onward = lanes_that_go_on(network)
-        self.turn_rad = _turns(network)
+        self.roads = build_roads(network)
+        self.ground = build_ground(network, self.roads)
+        driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
+        self.cells = build_cells(self.roads, driving)
+        self._driving = driving
 
     def starting_places(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:
         """Lanes and stations [m] at which vehicles may start, in the order in which they are taken.
@@ -41,26 +43,20 @@ class TrafficTables:
             keep_clear_m: Points [m] (K, 3) whose surroundings stay empty: the ego's start.
         """
         slots: list[tuple[int, float]] = []
-        for lane in self.network.lanes:
-            if lane.junction_id is not None or not self.onward[lane.index]:
-                continue
-            room = lane.length_m - 2 * _END_ROOM_M
+        usable = self._driving & (self.roads.lane.junction < 0) & self.roads.lane.lasting
+        for lane in np.flatnonzero(usable).tolist():
+            room = float(self.roads.lane.length_m[lane]) - 2 * _END_ROOM_M
             for k in range(int(room // SPACING_M) + 1 if room > 0 else 0):
-                slots.append((lane.index, _END_ROOM_M + k * SPACING_M))
+                slots.append((lane, _END_ROOM_M + k * SPACING_M))
         order = rng.stream(seed, "traffic/place").permutation(len(slots))
         lanes = np.array([slots[k][0] for k in order], np.int64)
         stations = np.array([slots[k][1] for k in order])
-        if len(keep_clear_m) and len(lanes):
+        if not len(lanes):
+            return lanes, stations
+        keep = self.network.width_m(lanes, stations) > _NARROWEST_M
+        if len(keep_clear_m):
             where = self.network.pose(lanes, stations).position_m
-            distance = np.min(np.linalg.norm(where[:, None] - keep_clear_m[None], axis=-1), axis=1)
-            lanes, stations = lanes[distance > KEEP_CLEAR_M], stations[distance > KEEP_CLEAR_M]
-        return lanes, stations
-
-
-def _turns(network: LaneNetwork) -> Array:
-    """Heading change along every lane [rad], −π…π."""
-    lane = np.arange(len(network.lanes))
-    length = np.array([lane.length_m for lane in network.lanes])
-    change = network.pose(lane, length).heading_rad - network.pose(lane, np.zeros(len(lane))).heading_rad
-    result: Array = np.mod(change + np.pi, 2 * np.pi) - np.pi
-    return result
+            keep &= (
+                np.min(np.linalg.norm(where[:, None] - keep_clear_m[None], axis=-1), axis=1) > KEEP_CLEAR_M
+            )
+        return lanes[keep], stations[keep]

@@ -1,4 +1,4 @@
-"""Traffic: car following in equilibrium, signals as formulas, and a run of Town03 watched from outside."""
+"""Traffic: car following in equilibrium, speed tables, signals as formulas, seeds, a standing ego."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ from numpy.typing import NDArray
 
 from carlaloc_env.clock import STEP_NS
 from carlaloc_env.errors import ConfigError
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline import ActorFrame
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.traffic.car_following import SpeedTables, idm_plus
+from carlaloc_env.traffic.car_following import (
+    COMFORT_BRAKING_MPS2,
+    LATERAL_ACCELERATION_MPS2,
+    SLOWEST_BEND_MPS,
+    allowed_speeds,
+    idm_plus,
+)
 from carlaloc_env.traffic.ego_view import EgoView
 from carlaloc_env.traffic.signal_plan import SignalPlan, SignalState, SignalTiming
 from carlaloc_env.traffic.tables import TrafficTables
@@ -36,32 +41,23 @@ def tables(network: LaneNetwork) -> TrafficTables:
     return TrafficTables(network)
 
 
-def test_equilibrium_gap_is_standstill_gap_plus_headway() -> None:
+LAW = (1.2, 2.0, 1.4, 2.0)
+"""Headway [s], standstill gap [m], acceleration and braking [m/s²]."""
+
+
+@pytest.mark.parametrize("speed", [3.0, 8.0, 13.0])
+def test_equilibrium_gap_is_standstill_gap_plus_headway(speed: float) -> None:
     """In equilibrium behind a leader of equal speed the gap is s0 + v·T, exactly."""
-    speed = np.array([3.0, 8.0, 13.0])
-    one = np.ones(3)
-    law = {
-        "headway_s": 1.2 * one,
-        "standstill_m": 2.0 * one,
-        "acceleration_mps2": 1.4 * one,
-        "braking_mps2": 2.0 * one,
-    }
-    held = idm_plus(speed, 20.0 * one, 2.0 + 1.2 * speed, speed, **law)
-    assert np.allclose(held, 0.0, atol=1e-12)
-    assert (idm_plus(speed, 20.0 * one, 1.5 + 1.2 * speed, speed, **law) < 0).all()
-    free = idm_plus(speed, speed, np.full(3, np.inf), speed, **law)
-    assert np.allclose(free, 0.0, atol=1e-12)
+    assert idm_plus(speed, 20.0, 2.0 + 1.2 * speed, speed, *LAW) == pytest.approx(0.0, abs=1e-12)
+    assert idm_plus(speed, 20.0, 1.5 + 1.2 * speed, speed, *LAW) < 0
+    assert idm_plus(speed, speed, np.inf, speed, *LAW) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_following_car_settles_at_the_equilibrium_gap() -> None:
     """A car that comes up behind a leader at 8 m/s settles at s0 + v·T without touching it."""
     gap, speed, closest = 60.0, 14.0, 60.0
     for _ in range(4000):
-        a = idm_plus(
-            np.array([speed]), np.array([14.0]), np.array([gap]), np.array([8.0]),
-            headway_s=np.array([1.2]), standstill_m=np.array([2.0]),
-            acceleration_mps2=np.array([1.4]), braking_mps2=np.array([2.0]),
-        )[0]  # fmt: skip
+        a = idm_plus(speed, 14.0, gap, 8.0, *LAW)
         gap += (8.0 - speed) * 0.05
         speed += a * 0.05
         closest = min(closest, gap)
@@ -71,15 +67,20 @@ def test_a_following_car_settles_at_the_equilibrium_gap() -> None:
 
 def test_speed_tables_keep_lateral_acceleration(network: LaneNetwork) -> None:
     """No lane may be driven faster than its limit or than its bend allows."""
-    tables = SpeedTables(network)
-    for lane in network.lanes:
-        station = np.linspace(0.0, lane.length_m, 40)
-        index = np.full(40, lane.index)
-        v = tables.at(index, station)
-        # The table holds the value of the sample before; bends change little over half a metre.
-        bend = np.abs(network.pose(index, np.floor(station / 0.5) * 0.5).curvature_radpm)
-        assert (v * v * bend <= 2.2 + 1e-6).all()
-        assert (v <= network.speed_limit_mps(index, station) + 1e-9).all()
+    v, tables = allowed_speeds(network), network.tables
+    assert (v <= tables.speed_limit_mps + 1e-9).all()
+    # Kinks tighter than any car can turn are driven through at walking pace.
+    bend = np.abs(tables.curvature_radpm)
+    assert (v * v * bend <= LATERAL_ACCELERATION_MPS2 + 1e-6)[v > SLOWEST_BEND_MPS].all()
+    assert LATERAL_ACCELERATION_MPS2 <= 3.0
+
+
+def test_speed_tables_leave_room_to_brake(network: LaneNetwork) -> None:
+    """From every sample to the next, v² falls by no more than comfortable braking takes off."""
+    v, tables = allowed_speeds(network), network.tables
+    for first, count, step in zip(tables.first, tables.count, tables.step_m, strict=True):
+        own = v[first : first + count]
+        assert (own[:-1] ** 2 - own[1:] ** 2 <= 2.0 * COMFORT_BRAKING_MPS2 * step + 1e-6).all()
 
 
 def test_signal_groups_of_a_junction_are_never_open_together(network: LaneNetwork) -> None:
@@ -121,6 +122,38 @@ def test_signal_phases_last_as_long_as_configured(network: LaneNetwork) -> None:
     )
 
 
+def test_protected_left_turns_have_a_green_of_their_own(network: LaneNetwork) -> None:
+    """Phases that hold left turns alone are green for `left_green_s`, all others for `green_s`."""
+    timing = SignalTiming(green_s=15.0, left_green_s=6.0, yellow_s=3.0, all_red_s=2.0)
+    plan = SignalPlan.from_network(network, timing)
+    states = np.array([plan.state_at(k * STEP_NS) for k in range(20 * 200)])
+    kinds = set()
+    for index, head in enumerate(network.signals):
+        green = states[:, index] == SignalState.GREEN
+        edges = np.flatnonzero(np.diff(green.astype(int)))
+        runs = {round((b - a) * 0.05, 1) for a, b in itertools.pairwise(edges) if green[a + 1]}
+        lanes = np.array(head.junction_lanes)
+        length = np.array([network.lanes[n].length_m for n in lanes])
+        turn = network.pose(lanes, length).heading_rad - network.pose(lanes, 0.0 * length).heading_rad
+        left = bool((np.mod(turn + np.pi, 2.0 * np.pi) - np.pi > 0.5).all())
+        kinds.add((left, next(iter(runs))))
+        assert len(runs) == 1
+    assert (False, 15.0) in kinds
+    assert (True, 6.0) in kinds
+
+
+def test_time_until_green_agrees_with_the_states(network: LaneNetwork) -> None:
+    """After the announced time each head is green, and just before it is not."""
+    plan = SignalPlan.from_network(network, SignalTiming())
+    for second in range(0, 120, 7):
+        waits = plan.until_green_s(second * 1_000_000_000)
+        for head in range(len(network.signals)):
+            at = round((second + waits[head]) * 1e9)
+            assert plan.state_at(at)[head] == SignalState.GREEN
+            if waits[head] > 0.0:
+                assert plan.state_at(at - 1_000_000)[head] != SignalState.GREEN
+
+
 def test_an_offset_shifts_every_cycle(network: LaneNetwork) -> None:
     """The state at t with an offset is the state at t less the offset without it."""
     plain = SignalPlan.from_network(network, SignalTiming())
@@ -128,108 +161,6 @@ def test_an_offset_shifts_every_cycle(network: LaneNetwork) -> None:
     for second in range(0, 200, 3):
         shifted = later.state_at(round((second + 7.5) * 1e9))
         assert (shifted == plain.state_at(second * 1_000_000_000)).all()
-
-
-def _boxes(frame: ActorFrame, catalog: ActorCatalog, which: NDArray[np.intp]) -> NDArray[np.float64]:
-    """Corners of boxes in the plane, shape (N, 4, 2)."""
-    half = 0.5 * catalog.size_m[which, :2].astype(np.float64)
-    c, s = np.cos(frame.heading_rad[which]), np.sin(frame.heading_rad[which])
-    signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)])
-    local = half[:, None, :] * signs[None]
-    x = c[:, None] * local[..., 0] - s[:, None] * local[..., 1]
-    y = s[:, None] * local[..., 0] + c[:, None] * local[..., 1]
-    return frame.position_m[which, None, :2] + np.stack([x, y], axis=-1)
-
-
-def _overlapping(boxes: NDArray[np.float64], height_m: NDArray[np.float32]) -> int:
-    """Pairs of boxes that overlap, by separating axes."""
-    centre = boxes.mean(axis=1)
-    count = 0
-    for a in range(len(boxes)):
-        near = np.flatnonzero(np.linalg.norm(centre - centre[a], axis=1) < 14.0)
-        for b in near[near > a]:
-            if abs(float(height_m[a] - height_m[b])) > 3.0:
-                continue
-            edges = np.concatenate([np.diff(boxes[a][:3], axis=0), np.diff(boxes[b][:3], axis=0)])
-            axes = np.stack([-edges[:, 1], edges[:, 0]], axis=-1)
-            pa, pb = boxes[a] @ axes.T, boxes[b] @ axes.T
-            count += bool(((pa.max(0) > pb.min(0)) & (pb.max(0) > pa.min(0))).all())
-    return count
-
-
-@pytest.fixture(scope="module")
-def run(network: LaneNetwork, tables: TrafficTables) -> tuple[TrafficWorld, list[ActorFrame]]:
-    """Three minutes of Town03 with 50 vehicles and 10 walkers."""
-    world = TrafficWorld(network, TrafficConfig(vehicles=50, walkers=10, seed=5), tables)
-    frames = [world.reset()]
-    frames += [world.step(FAR_AWAY) for _ in range(20 * 180)]
-    return world, frames
-
-
-def test_vehicles_never_overlap(run: tuple[TrafficWorld, list[ActorFrame]]) -> None:
-    """In three minutes no two vehicle boxes overlap in more than 0.05 % of actor-seconds."""
-    world, frames = run
-    vehicles = np.flatnonzero(world.catalog.tag != Tag.PEDESTRIAN)
-    seconds = frames[::20]
-    found = sum(_overlapping(_boxes(f, world.catalog, vehicles), f.position_m[vehicles, 2]) for f in seconds)
-    assert found <= 0.0005 * len(seconds) * len(vehicles)
-
-
-def test_traffic_flows(run: tuple[TrafficWorld, list[ActorFrame]]) -> None:
-    """Nobody stands for 150 s, and the mean speed is above a quarter of the usual limit of 50 km/h."""
-    world, frames = run
-    vehicles = np.flatnonzero(world.catalog.tag != Tag.PEDESTRIAN)
-    speed = np.array([f.speed_mps[vehicles] for f in frames])
-    travelled = np.array([f.travelled_m[vehicles] for f in frames])
-    assert (travelled[-1] - travelled[-3000] > 5.0).all()
-    assert speed.mean() > 0.25 * 13.9
-
-
-def test_motion_is_continuous(run: tuple[TrafficWorld, list[ActorFrame]]) -> None:
-    """Nobody jumps: each step covers the distance that the speed says, within what a lane's joint adds."""
-    _, frames = run
-    for before, after in itertools.pairwise(frames):
-        moved = np.linalg.norm(after.position_m - before.position_m, axis=1)
-        fastest = np.maximum(before.speed_mps, after.speed_mps) * 0.05
-        assert (moved < fastest * 1.25 + 0.06).all()
-
-
-def test_red_lights_are_obeyed(network: LaneNetwork, tables: TrafficTables) -> None:
-    """No vehicle's front passes a stop line whose heads all show red."""
-    world = TrafficWorld(network, TrafficConfig(vehicles=50, walkers=0, seed=9, warm_up_s=0.0), tables)
-    world.reset()
-    vehicles = world._vehicles
-    half = 0.5 * vehicles.drivers.length_m
-    stops = {
-        lane: (stop, [k for k, head in enumerate(network.signals) if lane in head.lanes])
-        for head in network.signals
-        for lane, stop in zip(head.lanes, head.stop_station_m, strict=True)
-    }
-    passed = 0
-    for step in range(20 * 100):
-        lane, front = vehicles.plan[:, 0].copy(), vehicles.station_m + half
-        states = world.signals(step * STEP_NS)
-        world.step(FAR_AWAY)
-        for v in range(len(lane)):
-            if int(lane[v]) not in stops or vehicles.plan[v, 0] != lane[v]:
-                continue
-            line, heads = stops[int(lane[v])]
-            if front[v] < line <= vehicles.station_m[v] + half[v]:
-                passed += 1
-                assert not (states[heads] == SignalState.RED).all(), f"vehicle {v} at step {step}"
-    assert passed > 10
-
-
-def test_walkers_stay_on_the_pavement(
-    network: LaneNetwork, run: tuple[TrafficWorld, list[ActorFrame]]
-) -> None:
-    """Every walker stands within half a width of a sidewalk's centre line."""
-    world, frames = run
-    walkers = np.flatnonzero(world.catalog.tag == Tag.PEDESTRIAN)
-    for frame in frames[::200]:
-        near = network.nearest(frame.position_m[walkers], types=("sidewalk",))
-        width = network.width_m(near.lane, near.station_m)
-        assert (np.abs(near.offset_m) <= 0.5 * width + 0.05).all()
 
 
 def test_same_seed_same_traffic(network: LaneNetwork, tables: TrafficTables) -> None:
@@ -250,9 +181,8 @@ def test_same_seed_same_traffic(network: LaneNetwork, tables: TrafficTables) -> 
 def test_traffic_stops_behind_a_standing_ego(network: LaneNetwork, tables: TrafficTables) -> None:
     """An ego parked on a busy lane is never driven into."""
     world = TrafficWorld(network, TrafficConfig(vehicles=60, walkers=0, seed=4, warm_up_s=0.0), tables)
-    frame = world.reset()
-    vehicles = world._vehicles
-    lane = int(np.bincount(vehicles.plan[:, 0]).argmax())
+    world.reset()
+    lane = int(np.bincount(world._vehicles.fleet.plan[:-1, 0]).argmax())
     pose = network.pose(np.array([lane]), np.array([0.8 * network.lanes[lane].length_m]))
     ego = EgoView(
         position_m=tuple(float(v) for v in pose.position_m[0]),

@@ -1,0 +1,49 @@
+"""Tables whose columns compiled functions read by name: structured arrays described by a class."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+T = TypeVar("T")
+
+
+def columns(kind: type[T], rows: int) -> T:
+    """A table of zeros with a column for every annotation of a class.
+
+    Args:
+        kind: Its annotations are `Array`, `Index` or `Flags`; with `Annotated`, the shape of one cell.
+        rows: Number of rows.
+    """
+    fields: list[Any] = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        shape: tuple[int, ...] = ()
+        if get_origin(hint) is Annotated:
+            hint, *shape_parts = get_args(hint)
+            shape = tuple(shape_parts)
+        scalar = get_args(get_args(hint)[1])[0]
+        fields.append((name, scalar, shape))
+    return cast(T, np.zeros(rows, np.dtype(fields, align=True)).view(np.recarray))
+
+
+def fill(kind: type[T], rows: int, /, **values: Any) -> T:
+    """A table with these values in its columns; every column must be given."""
+    table = columns(kind, rows)
+    for name in get_type_hints(kind):
+        getattr(table, name)[...] = values.pop(name)
+    if values:
+        raise TypeError(f"{kind.__name__} has no columns {', '.join(values)}")
+    return table
+
+
+def starts(rows: list[list[Any]]) -> Index:
+    """Where each of N rows of different length begins when they are laid end to end, (N + 1,)."""
+    first = np.zeros(len(rows) + 1, np.int64)
+    first[1:] = np.cumsum([len(row) for row in rows])
+    return first

@@ -1,0 +1,37 @@
+"""Where crosswalks lie on the lanes."""
+
+from __future__ import annotations
+
+from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.traffic.columns import Array, Index, fill, starts
+
+
+class Crossings:
+    """Each pair of a crosswalk and a lane that it crosses, C rows."""
+
+    lane: Index
+    """(C,)."""
+    crosswalk: Index
+    """Number of the crosswalk, (C,)."""
+    enter_m: Array
+    """Station at which the crosswalk begins [m], (C,)."""
+    leave_m: Array
+    """Station at which it ends [m], (C,)."""
+
+
+def find_crossings(network: LaneNetwork) -> tuple[Index, Crossings]:
+    """Where each lane's rows begin (N + 1,), and all crossings of driving lanes."""
+    rows: list[list[tuple[int, float, float]]] = [[] for _ in network.lanes]
+    for number, crosswalk in enumerate(network.crosswalks):
+        for lane, (enter, leave) in zip(crosswalk.lanes, crosswalk.span_m, strict=True):
+            rows[lane].append((number, enter, leave))
+    flat = [row for own in rows for row in own]
+    table = fill(
+        Crossings,
+        len(flat),
+        lane=[lane for lane, own in enumerate(rows) for _ in own],
+        crosswalk=[row[0] for row in flat],
+        enter_m=[row[1] for row in flat],
+        leave_m=[row[2] for row in flat],
+    )
+    return starts(rows), table

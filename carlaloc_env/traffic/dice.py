@@ -1,0 +1,33 @@
+"""Chance for compiled functions: a hash of what is decided, the same on every machine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carlaloc_env.traffic.compiled import compiled
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_A = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_B = np.uint64(0x94D049BB133111EB)
+_ONE_53 = 1.0 / 9007199254740992.0
+
+
+@compiled
+def _mixed(x: np.uint64) -> np.uint64:
+    x = (x ^ (x >> np.uint64(30))) * _MIX_A
+    x = (x ^ (x >> np.uint64(27))) * _MIX_B
+    return x ^ (x >> np.uint64(31))
+
+
+@compiled
+def chance(seed: int, purpose: int, who: int, when: int) -> float:
+    """A number in [0, 1), the same for the same arguments.
+
+    SplitMix64's finaliser over the arguments (Steele, Lea & Flood, "Fast splittable pseudorandom
+    number generators", OOPSLA 2014).
+    """
+    x = _mixed(np.uint64(seed) + _GOLDEN)
+    x = _mixed(x ^ np.uint64(purpose) * _GOLDEN)
+    x = _mixed(x ^ np.uint64(who) * _GOLDEN)
+    x = _mixed(x ^ np.uint64(when) * _GOLDEN)
+    return float(x >> np.uint64(11)) * _ONE_53
