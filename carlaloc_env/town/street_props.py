@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets import street
+from carlaloc_env.assets.atlas import STREET_NAMES
 from carlaloc_env.assets.shrubs import hedge
+from carlaloc_env.assets.signs import sign
 from carlaloc_env.assets.trees import tree
 from carlaloc_env.scene import Mesh
 
@@ -55,6 +57,7 @@ def prop_mesh(name: str, variant: int, detail: str) -> Mesh:
         "cabinet": street.cabinet,
         "planter": street.planter,
         "column": lambda: street.advertising_column(variant),
+        "street_name": lambda: sign("street_name", STREET_NAMES[variant]),
         "bus_shelter": lambda: street.bus_shelter(variant),
         "hedge": lambda: hedge(3.0, 1.2 + 0.1 * variant, 0.6, variant, "low"),
     }
