@@ -17,7 +17,7 @@ from carlaloc_env.samples import GnssFix, Sample
 from carlaloc_env.semantics import Tag
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.noise import GaussMarkov, white
-from carlaloc_env.sensors.satellites import CONSTELLATIONS, least_squares, sky_directions
+from carlaloc_env.sensors.satellites import CONSTELLATIONS, dilution, least_squares, sky_directions
 from carlaloc_env.timeline import Timeline
 
 Array = NDArray[np.float64]
@@ -58,10 +58,12 @@ class GnssConfig(SensorConfig):
     """Where errors come from: ``white`` (`noise_enu_m` alone) or ``satellites`` (all figures below)."""
     noise_enu_m: tuple[float, float, float] = (3.0, 3.0, 5.0)
     """Standard deviation east, north, up of the white model [m]."""
-    constellations: tuple[str, ...] = ("galileo", "beidou")
+    constellations: tuple[str, ...] = ("galileo", "beidou", "glonass")
     """Satellite systems received: ``galileo``, ``beidou``, ``glonass``."""
     mask_deg: float = 7.0
     """Satellites below this elevation are not used [deg]."""
+    pdop_max: float = 12.0
+    """Dilution of precision beyond which no fix is given, 12 = errors of ranges grow twelvefold."""
     epoch_s: float = 0.0
     """Time of the satellites' orbits when the drive begins [s]."""
     code_noise_m: float = 0.3
@@ -74,8 +76,8 @@ class GnssConfig(SensorConfig):
     """Multipath of a range under open sky, correlated over `multipath_s` [m]."""
     multipath_s: float = 40.0
     """Correlation time of multipath [s]."""
-    multipath_growth: float = 10.0
-    """How multipath grows with the hidden share b of the sky: factor 1 + growth·b, 10 = 6-fold at half."""
+    multipath_growth: float = 5.0
+    """How multipath grows with the hidden share b of the sky: factor 1 + growth·b, 5 = 3.5-fold at half."""
     rtk: bool = False
     """Whether a base station's corrections are received."""
     phase_noise_m: float = 0.004
@@ -93,9 +95,18 @@ class GnssConfig(SensorConfig):
         for name in self.constellations:
             if name not in CONSTELLATIONS:
                 raise ConfigError(f"{what}: {unknown_name('constellation', name, CONSTELLATIONS)}")
-        figures = (self.code_noise_m, self.phase_noise_m, self.float_m, self.slow_s, self.multipath_s)
+        figures = (
+            self.code_noise_m,
+            self.phase_noise_m,
+            self.float_m,
+            self.slow_s,
+            self.multipath_s,
+            self.pdop_max,
+        )
         if not all(math.isfinite(v) and v > 0 for v in figures):
-            raise ConfigError(f"{what}: code, phase and float noise and correlation times must be above 0")
+            raise ConfigError(
+                f"{what}: code, phase and float noise, correlation times and pdop_max must be above 0"
+            )
         if min(self.orbit_and_air_m, self.multipath_m, self.multipath_growth) < 0:
             raise ConfigError(f"{what}: orbit_and_air_m, multipath_m and multipath_growth must be at least 0")
         if not self.constellations or not 0 <= self.mask_deg < 90:
@@ -208,10 +219,9 @@ class GnssSensor(Sensor):
             parts = ((config.phase_noise_m * weak, noise), (0.25 * config.phase_noise_m * grown * weak, echo))
         error = sum((sigma * unit for sigma, unit in parts), np.zeros(len(used)))
         variance = sum((sigma * sigma for sigma, _ in parts), np.zeros(len(used)))
-        try:
-            off, covariance = least_squares(directions[used], np.sqrt(variance), error)
-        except ZeroDivisionError:
+        if dilution(directions[used]) > config.pdop_max:
             return self._fix(stamp_ns, np.full(3, np.nan), np.zeros((3, 3)), "none", len(used))
+        off, covariance = least_squares(directions[used], np.sqrt(variance), error)
         return self._fix(stamp_ns, place_m + off, covariance, solution, len(used))
 
     def _solution(self, count: int, hidden: float) -> str:

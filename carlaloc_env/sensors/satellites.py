@@ -102,6 +102,15 @@ def least_squares(directions: Array, sigma_m: Array, range_error_m: Array) -> tu
     return np.array(error), 0.5 * (covariance + covariance.T)
 
 
+def dilution(directions: Array) -> float:
+    """Position dilution of precision (PDOP) of N ≥ 4 unit vectors to satellites (N, 3); inf if degenerate."""
+    try:
+        _, covariance = least_squares(directions, np.ones(len(directions)), np.zeros(len(directions)))
+    except ZeroDivisionError:
+        return math.inf
+    return math.sqrt(max(float(covariance[0, 0] + covariance[1, 1] + covariance[2, 2]), 0.0))
+
+
 def _inverse(matrix: list[list[float]]) -> list[list[float]]:
     """Inverse of a symmetric positive 4×4 matrix by elimination; plain floats, alike on every machine."""
     size = len(matrix)

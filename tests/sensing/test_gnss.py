@@ -11,7 +11,7 @@ from carlaloc_env.geodesy import GeoReference
 from carlaloc_env.observation import values_of
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss import GnssConfig
-from carlaloc_env.sensors.satellites import CONSTELLATIONS
+from carlaloc_env.sensors.satellites import CONSTELLATIONS, dilution
 
 STEP = 200_000_000
 
@@ -95,13 +95,13 @@ def test_orbits_are_the_published_ones(name: str, hours: float) -> None:
 
 
 def test_satellites_in_view_under_open_sky(scenery: Any) -> None:
-    """Of 48 satellites 12 to 22 stand above 7° at 49° N, at any time of the day; none in the polar hole."""
+    """Of 72 satellites 18 to 33 stand above 7° at 49° N, at any time of the day; none in the polar hole."""
     world = scenery.world([scenery.ground()])
     drive = scenery.drive(scenery.straight(), 0.3)
     for hour in range(24):
         sensor = receiver(world, epoch_s=3600.0 * hour)
         directions, factor, hidden = sensor.sky(drive, 0, np.array([0.0, 0.0, 1.5]))
-        assert 12 <= np.count_nonzero(np.isfinite(factor)) <= 22
+        assert 18 <= np.count_nonzero(np.isfinite(factor)) <= 33
         assert hidden == 0.0
         seen = directions[np.isfinite(factor)]
         assert np.degrees(np.arcsin(seen[:, 2].min())) > 7.0
@@ -178,6 +178,24 @@ def test_tunnels_have_no_fix(scenery: Any) -> None:
     assert not lost.has_fix
     assert np.isnan(lost.latitude_deg)
     assert values_of(lost).tolist() == [0.0, 0.0, 0.0, 0.0]
+
+
+def test_bad_geometry_gives_no_fix(scenery: Any) -> None:
+    """PDOP of a regular tetrahedron of directions is 1.5; of satellites in one plane it is infinite."""
+    s = 1 / np.sqrt(3)
+    tetrahedron = np.array([[s, s, s], [s, -s, -s], [-s, s, -s], [-s, -s, s]])
+    assert dilution(tetrahedron) == pytest.approx(1.5)
+    row = np.array([[0, np.sin(a), np.cos(a)] for a in (-0.5, -0.1, 0.2, 0.7)])
+    assert dilution(row) > 1e3
+    world = scenery.world(canyon(scenery, height=40.0, half_width=9.0))
+    drive = scenery.drive(scenery.straight(), 0.3)
+    lost = 0
+    for hour in range(24):
+        (fix,) = receiver(world, epoch_s=3600.0 * hour).measure(drive, [0])
+        lost += not fix.has_fix
+        if fix.has_fix:
+            assert np.sqrt(np.trace(fix.covariance_enu_m2)) < 12.0 * 40.0
+    assert 0 < lost < 24
 
 
 def test_rtk_is_centimetres_in_the_open_and_decimetres_when_floating(scenery: Any) -> None:
