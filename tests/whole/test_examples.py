@@ -9,6 +9,7 @@ from types import ModuleType
 import cv2
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 
 from carlaloc_env.errors import RaycastError, RenderError
 from carlaloc_env.rig import SensorRig
@@ -16,6 +17,8 @@ from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode import Episode
 from recorder.evaluation.metrics import Metric
+from recorder.writers.messages import ENCODERS
+from recorder.writers.topics import PROFILES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -36,7 +39,7 @@ def test_examples_are_short_and_callable(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     if path.name != "demo.py":
         assert len(text.splitlines()) <= 60
-    if path.name != "barometer.py":
+    if path.name not in ("barometer.py", "laser.py"):
         assert "\ndef main(" in text
 
 
@@ -106,3 +109,25 @@ def test_a_sensor_from_outside(short_drive: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.delitem(SENSOR_KINDS, "barometer")
     text = (EXAMPLES / "02_custom_rig.yaml").read_text(encoding="utf-8")
     assert SensorRig.from_yaml(text).name == "roof_and_rear"
+
+
+def test_a_sensor_of_ones_own_reaches_a_bag(
+    short_drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every scan is in the bag; the wall of the town and the open road give finite and infinite ranges."""
+    pytest.importorskip("open3d", reason="open3d is not installed")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    for table, name in ((SENSOR_KINDS, "laser"), (ENCODERS, "laser_scan"), (PROFILES, "mine")):
+        monkeypatch.setitem(table, name, None)  # type: ignore[arg-type]
+        monkeypatch.delitem(table, name)  # type: ignore[arg-type]
+    count = load("06_extend").main(short_drive, tmp_path / "laser.bag")
+    with AnyReader([tmp_path / "laser.bag"]) as reader:
+        (connection,) = [c for c in reader.connections if c.topic == "/laser/scan"]
+        assert connection.msgtype == "sensor_msgs/msg/LaserScan"
+        scans = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages([connection])]
+    assert len(scans) == count == pytest.approx(61, abs=1)
+    ranges = np.array([scan.ranges for scan in scans])
+    assert ranges.shape[1] == 360
+    assert 1.0 < ranges.min() < 60.0
+    assert np.isinf(ranges).any()
+    assert scans[0].header.frame_id == "laser"

@@ -1,0 +1,59 @@
+"""A sensor of one's own in a ROS bag: the sensor's file, one message function, one table line."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from laser import LaserConfig, Ranges
+
+from carlaloc_env.rig import SensorRig
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.weather import weather_by_name
+from recorder.episode import Episode
+from recorder.writers.messages import ENCODERS, MessageMaker
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.rosbag1 import Rosbag1Writer
+from recorder.writers.topics import PROFILES, TopicProfile, TopicRule
+
+RIG = """
+name: bumper
+sensors:
+- {kind: laser, rate_hz: 10, mount: {position_m: [3.8, 0, 0.6]}}
+"""
+
+
+def laser_scan(maker: MessageMaker, header: Any, sample: Ranges) -> Any:
+    """The message function: sensor_msgs/LaserScan."""
+    step = 2 * np.pi / len(sample.range_m)
+    angles = {"angle_min": -np.pi, "angle_max": np.pi - step, "angle_increment": step}
+    limits = {"range_min": 0.0, "range_max": 60.0, "time_increment": 0.0, "scan_time": 0.1}
+    return maker.new(
+        "sensor_msgs/LaserScan",
+        header=header,
+        **{**angles, **limits, "ranges": sample.range_m, "intensities": np.zeros(0, np.float32)},
+    )
+
+
+def main(drive: Path, out: Path = Path("laser.bag")) -> int:
+    """Register sensor, message and topic; measure a whole drive; returns the number of scans written."""
+    SENSOR_KINDS["laser"] = LaserConfig
+    ENCODERS["laser_scan"] = ("sensor_msgs/msg/LaserScan", laser_scan)
+    rule = TopicRule(sample=Ranges, stream="*", topic="/{}/scan", message="laser_scan")
+    PROFILES["mine"] = TopicProfile(name="mine", rules=(rule,))
+    episode, config = Episode.load(drive), SensorRig.from_yaml(RIG)
+    timeline = episode.timeline()
+    stage = SensorStage(load_town(episode.header.map_name), seed=1, weather=weather_by_name("ClearNoon"))
+    scans = config.build(stage).measure(timeline, -1, timeline.end_ns)
+    with Rosbag1Writer(out, RigCalibration.from_configs(config.sensors), profile="mine") as bag:
+        for scan in scans:
+            bag.write(scan)
+    return len(scans)
+
+
+if __name__ == "__main__":
+    print(main(Path(sys.argv[1])), "scans in laser.bag")
