@@ -15,13 +15,15 @@ from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.timeline import Timeline
 
+ANGLES = np.radians(np.arange(-180.0, 180.0))
+RAYS = np.stack([np.cos(ANGLES), np.sin(ANGLES), 0 * ANGLES], axis=-1)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ranges(Sample):
-    """One turn of the laser, from straight behind anticlockwise."""
+    """One turn of the laser, from straight behind anticlockwise: distances [m], inf where nothing is."""
 
     range_m: NDArray[np.float32]
-    """Distances [m], inf where nothing is, shape (N,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,10 +32,9 @@ class LaserConfig(SensorConfig):
 
     kind: ClassVar[str] = "laser"
     name: str = "laser"
-    count: int = 360
-    range_max_m: float = 60.0
 
     def build(self, world: World) -> Laser:
+        """The scanner in a world."""
         return Laser(self, world)
 
 
@@ -42,19 +43,19 @@ class Laser(Sensor):
 
     def __init__(self, config: LaserConfig, world: World) -> None:
         super().__init__(config)
-        self._own, self._world = config, world
-        a = 2 * np.pi * np.arange(config.count) / config.count - np.pi
-        self._rays = np.stack([np.cos(a), np.sin(a), 0 * a], axis=-1)
+        self._world = world
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
-        return {self._own.name: spaces.Box(0.0, np.inf, (self._own.count,), np.float32)}
+        """Distances [m]."""
+        return {self.config.name: spaces.Box(0.0, np.inf, (len(ANGLES),), np.float32)}
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
-        own, found = self._own, list[Sample]()
+        """One `Ranges` per stamp [ns]."""
+        own, found = self.config, list[Sample]()
         for stamp in stamps_ns:
             motion = timeline.ego_motion([stamp]).at_mount(own.mount.T_base_sensor)
-            along = quat_rotate(motion.quat_xyzw, self._rays)
-            eye, when = np.broadcast_to(motion.position_m, along.shape), np.full(own.count, stamp)
-            hits = self._world.rays().cast(eye, along, when, timeline, own.range_max_m, ego=False)
+            along = quat_rotate(motion.quat_xyzw, RAYS)
+            eye, when = np.broadcast_to(motion.position_m, along.shape), np.full(len(ANGLES), stamp)
+            hits = self._world.rays().cast(eye, along, when, timeline, 60.0, ego=False)
             found.append(Ranges(sensor=own.name, frame_id=own.name, stamp_ns=stamp, range_m=hits.range_m))
         return found
