@@ -3,7 +3,7 @@
     y  205        ╭──────────────── North Rd ────────────────╮
                   │   ╭───────────╮  Farm  ╭───────────╮     │
                   │  ╱  rest area  ╲      ╱   the town   ╲   │
-         0  WX ─ WO ╪ WI ─ V        ╲ ╳  ╱  M1─M2─M3 ─ EI ╪ EO ─ EX
+         0  WX ─ WO ╪ WI ─ V        ╲ ╳  ╱  M1 ── M2 ─ EI ╪ EO ─ EX
                   │  ╲             ╱      ╲             ╱    │
                   │   ╰───────────╯        ╰───────────╯     │
       -205        ╰──────────────── South Rd ────────────────╯
@@ -164,34 +164,33 @@ def _outer_roads(town: TownPlan) -> None:
         start, end = ("median", "plain"), ("plain", "pocket")
         town.road(f"{name} Rd 1", first, f"{tag}F", RURAL, 70, bends=(corner,), ends=start, **options)
         town.road(f"{name} Rd 2", f"{tag}F", last, RURAL, 70, bends=(other,), ends=end, **options)
-        town.road(f"{name} Farm", f"{tag}F", f"F{tag}", LANE, 30)
+    town.road("South Farm", "SF", "FS", LANE, 30)
+    town.node("FT", 0.0, 155.0, 0.0, control="stop", crosswalks=False, corner_m=8.0)
+    town.node("FW", -80.0, 155.0, 0.0, control="bulb")
+    town.road("North Farm 1", "NF", "FT", LANE, 30)
+    town.road("North Farm 2", "FT", "FN", LANE, 30)
+    town.road("Orchard Lane", "FT", "FW", LANE, 30)
 
 
 def _small_town(town: TownPlan) -> None:
-    """Three streets by three in the east lobe; the main street climbs to the bridge."""
-    row, columns = 74.0, (162.0, 200.0, 236.0)
-    for k, x in enumerate(columns, 1):
-        town.node(f"M{k}", x, 0.0, control="signals" if k == 3 else "stop", corner_m=8.0)
-        if k > 1:
-            town.node(f"N{k}", x, row, control="stop", corner_m=7.5)
-            town.node(f"S{k}", x, -row, control="all_stop", corner_m=7.5)
-    town.node("NE", 292.0, row, 0.0, control="bulb")
-    town.node("SE", 292.0, -row, 0.0, control="bulb")
+    """Streets round two blocks in the east lobe; the main street climbs to the bridge."""
+    row, west, middle, east = 74.0, 162.0, 236.0, 292.0
+    town.node("M1", west, 0.0, control="stop", corner_m=8.0)
+    town.node("M2", middle, 0.0, control="stop", corner_m=8.0, minor=("North St", "South St"))
     town.road("Main St 1", "M1", "M2", STREET, 40)
-    town.road("Main St 2", "M2", "M3", STREET, 40)
-    town.road("Main St 3", "M3", "EI", STREET, 40, climb=Climb(grade=0.075, k_m=4.7))
+    town.road("Main St 2", "M2", "EI", STREET, 40, climb=Climb(grade=0.075, k_m=4.7))
     for tag, sign in (("N", 1.0), ("S", -1.0)):
         name = "North" if sign > 0 else "South"
-        town.road(f"{name} Row 1", "M1", f"{tag}2", LANE, 30, bends=((columns[0], sign * row, 18.0, 8.0),))
-        town.road(f"{name} Row 2", f"{tag}2", f"{tag}3", LANE, 30)
-        town.road(f"{name} Close", f"{tag}3", f"{tag}E", LANE, 30)
-        town.road(f"{name} St 2", "M2", f"{tag}2", LANE, 30)
-        town.road(f"{name} St 3", "M3", f"{tag}3", STREET, 40)
+        town.node(f"{tag}2", middle, sign * row, control="stop", corner_m=7.5)
+        town.node(f"{tag}E", east, sign * row, 0.0, control="bulb")
+        town.road(f"{name} Row", "M1", f"{tag}2", LANE, 30, bends=((west, sign * row, 18.0, 8.0),))
+        town.road(f"{name} Close", f"{tag}2", f"{tag}E", LANE, 30)
+        town.road(f"{name} St", "M2", f"{tag}2", STREET, 40)
 
 
 def _rest_area(town: TownPlan) -> None:
     """A street that leads round and back, behind the western interchange."""
-    town.node("V", -236.0, 0.0, corner_m=9.0)
+    town.node("V", -236.0, 0.0, control="split", corner_m=9.0)
     town.road("Rest Area Rd", "V", "WI", LINK, 40, climb=Climb(grade=0.075, k_m=4.7))
     town.node("VB", -165.0, 0.0, control="none", corner_m=9.0, crosswalks=False)
     for name, sign in (("North", 1.0), ("South", -1.0)):
