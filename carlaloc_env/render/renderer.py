@@ -78,6 +78,7 @@ class SceneRenderer:
                 scenery=[self._solid, self._open],
                 low_m=self._low_m,
                 high_m=self._high_m,
+                library=library,
                 lamps_m=lamps,
             )
         self._closed = False

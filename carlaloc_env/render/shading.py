@@ -12,29 +12,16 @@ from carlaloc_env import rng
 from carlaloc_env.render.context import Programs, set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry import Geometry, InstanceBuffer
+from carlaloc_env.render.night import FEATURES, Night
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.roofs import Roofs
 from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
 from carlaloc_env.render.sky import SkyLight, sky_light
-from carlaloc_env.scene import EGO_INSTANCE
+from carlaloc_env.scene import ModelLibrary
 from carlaloc_env.weather import WeatherParameters
 
 Array = NDArray[np.float64]
 
-LAMPS = 12
-"""Street lamps that light a picture: the nearest ones to a point ahead of the camera."""
-GLOWS = 6
-"""Lamps of these whose light is seen in the air."""
-LAMP_FOCUS_M = 18.0
-LAMP_RANGE_M = 90.0
-LAMP_CD = 260.0
-"""Intensity of a street lamp straight down [cd]: 3 klm in a full cut-off beam, an old dim street."""
-LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
-"""Linear colour of unit luminance, about 3000 K."""
-HEADLAMPS_M = (3.65, 0.0, 0.65)
-"""Between the ego's headlamps, in `base_link` [m]."""
-HEADLAMP_LIGHT = 0.4 * np.array([1.10, 0.99, 0.80])
-"""Colour of about 4000 K; dimmed, so that the fixed exposure does not blow out the car ahead."""
 CACHED_WEATHERS = 8
 
 # Ramamoorthi and Hanrahan 2001, equation 13.
@@ -52,12 +39,13 @@ class Shader:
         scenery: list[Geometry],
         low_m: Array,
         high_m: Array,
+        library: ModelLibrary,
         lamps_m: Array,
     ) -> None:
         self._context = context
         self._programs = programs
         self._scenery = scenery
-        self._lamps_m = lamps_m
+        self._night = Night(context, library, lamps_m)
         self._shadows = Shadows(context, programs, low_m, high_m) if len(low_m) else None
         self._roofs = Roofs(context, programs, scenery, low_m, high_m)
         self._arrays: dict[int, moderngl.VertexArray] = {}
@@ -116,6 +104,9 @@ class Shader:
         if "ACTORS" in features:
             direction = light.sun_direction if "SUN" in features else np.array([0.0, 0.0, 1.0])
             self._actor_uniforms(program, view, direction, casters)
+        grid = None
+        if weather.is_night:
+            grid = self._night.prepare(gbuffer, weather.extinction_per_m, light.exposure)
         self._bind(program, gbuffer.shaded)
         sky.use(4)
         self._roofs.texture.use(7)
@@ -123,21 +114,30 @@ class Shader:
         self._light_uniforms(program, gbuffer, weather, light, key)
         texture, framebuffer = self._output(gbuffer, linear=linear)
         framebuffer.use()
-        if resolved:
-            self._context.enable_only(moderngl.NOTHING)
-            self._triangle(program)
-            return texture
         # The depth test splits the picture: surfaces lie before the triangle, the sky on it.
         framebuffer.depth_mask = False
-        self._context.enable_only(moderngl.DEPTH_TEST)
+        self._context.enable_only(moderngl.NOTHING if resolved else moderngl.DEPTH_TEST)
         self._context.depth_func = ">"
-        self._triangle(program)
+        if grid is None:
+            self._triangle(program)
+        else:
+            self._night.draw(program, 0, grid.plain)
+            program = self._programs.get("screen.vert", "shade.frag", *features, "BEAMS")
+            self._bind(program, gbuffer.shaded)
+            self._screen_uniforms(program, view)
+            self._light_uniforms(program, gbuffer, weather, light, key)
+            self._night.draw(program, grid.plain, len(grid.tiles) - grid.plain)
+        if resolved:
+            return texture
         shared = [name for name in features if name not in ("SUN", "WET")]
         program = self._programs.get("screen.vert", "sky.frag", *shared)
         self._screen_uniforms(program, view)
         self._light_uniforms(program, gbuffer, weather, light, key)
         self._context.depth_func = "=="
-        self._triangle(program)
+        if grid is None:
+            self._triangle(program)
+        else:
+            self._night.draw(program, 0, len(grid.tiles))
         return texture
 
     def _features(
@@ -154,7 +154,7 @@ class Shader:
             "LINEAR": linear,
             "RESOLVED": resolved,
         }
-        return (f"LAMPS {LAMPS}", f"GLOWS {GLOWS}", *(name for name, on in wanted.items() if on))
+        return (*(FEATURES if weather.is_night else ()), *(name for name, on in wanted.items() if on))
 
     def _sky(self, weather: WeatherParameters) -> tuple[SkyLight, moderngl.Texture]:
         if weather in self._skies:
@@ -219,37 +219,7 @@ class Shader:
             u_roofs=7,
             u_roofs_frame=self._roofs.frame(view.position_m),
             u_wet=(weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
-            u_lamp_light=tuple(LAMP_COLOUR * (LAMP_CD * e / np.pi)),
         )
-        if weather.is_night:
-            lamps = self._nearest_lamps(view).astype("<f4")
-            set_uniforms(program, u_lamps=lamps.tobytes(), u_glows=lamps[:GLOWS].tobytes())
-            self._headlamp_uniforms(program, gbuffer, e)
-
-    def _headlamp_uniforms(self, program: moderngl.Program, gbuffer: GBuffer, exposure: float) -> None:
-        """Low beams of the ego, if its body is in the scene."""
-        ego = np.flatnonzero(gbuffer.actors.instance == EGO_INSTANCE)
-        T = gbuffer.actors.T_world_model[ego[0]] if len(ego) else np.eye(4)
-        place = np.sum(T[:3, :3] * np.array(HEADLAMPS_M), axis=1) + T[:3, 3]
-        light = HEADLAMP_LIGHT * (exposure / np.pi if len(ego) else 0.0)
-        set_uniforms(
-            program,
-            u_beam=T[:3, :3].astype("<f4").tobytes(),
-            u_beam_eye=tuple(place - gbuffer.view.position_m),
-            u_beam_light=tuple(light),
-        )
-
-    def _nearest_lamps(self, view: View) -> Array:
-        """Offsets from the eye [m] and 1 where there is a lamp, shape (LAMPS, 4)."""
-        out = np.zeros((LAMPS, 4))
-        out[:, 2] = 1000.0
-        focus = view.position_m + LAMP_FOCUS_M * view.R_camera_world[2]
-        distance = np.sqrt(np.sum((self._lamps_m - focus) ** 2, axis=1))
-        order = np.argsort(distance, kind="stable")[:LAMPS]
-        out[: len(order), :3] = self._lamps_m[order] - view.position_m
-        # Faded out before the next lamp can take the place, so that none pops in or out.
-        out[: len(order), 3] = np.clip((LAMP_RANGE_M - distance[order]) / 20.0, 0.0, 1.0)
-        return out
 
     def _sun_uniforms(self, program: moderngl.Program, view: View, light: SkyLight) -> None:
         assert self._shadows is not None
@@ -301,6 +271,7 @@ class Shader:
             texture.release()
         for array in self._arrays.values():
             array.release()
+        self._night.release()
         self._roofs.texture.release()
 
 

@@ -14,9 +14,9 @@ from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.geometry import coarse, lit_windows
+from carlaloc_env.render.lights import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.shading import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.semantics import Tag

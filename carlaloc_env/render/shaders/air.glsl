@@ -31,27 +31,7 @@ vec3 through_air(vec3 light, vec3 direction, float length_m) {
 }
 
 #ifdef NIGHT
-uniform vec4 u_glows[GLOWS];   // position relative to the eye [m], 1 = lit
-uniform vec3 u_lamp_light;     // exposed intensity / pi
-
-// Light of the nearest lamps scattered once towards the eye along a ray, by one equi-angular sample
-// (single scattering with an isotropic phase function).
-vec3 lamp_glow(vec3 direction, float length_m) {
-    float beta = u_air.w + u_air.x * exp(-max(u_eye.z, -50.0) * u_air.y);
-    float sum = 0.0;
-    for (int i = 0; i < GLOWS; ++i) {
-        vec3 lamp = u_glows[i].xyz;
-        float t0 = dot(lamp, direction);
-        float h = sqrt(max(dot(lamp, lamp) - t0 * t0, 0.09));
-        float angle = atan(h * length_m, h * h + t0 * t0 - t0 * length_m);
-        float t = clamp(t0, 0.0, length_m);
-        vec3 nearest = lamp - direction * t;
-        float r = length(nearest);
-        float beam = 0.15 + 1.6 * smoothstep(-0.1, 0.45, nearest.z / r);
-        sum += u_glows[i].w * beam * angle / h * exp(-beta * (t + r));
-    }
-    return u_lamp_light * (sum * beta * 0.25);
-}
+#include "lamps.glsl"
 #endif
 
 vec4 develop(vec3 exposed) {

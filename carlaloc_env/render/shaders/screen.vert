@@ -1,12 +1,31 @@
-// One triangle over the whole picture at the far plane.
+// One triangle over the whole picture at the far plane, or quads over some of its tiles.
 uniform vec4 u_unproject;   // ray.xy = u_unproject.xy * pixel + u_unproject.zw
 uniform vec2 u_size;
 uniform mat3 u_rotation;    // camera to world
+#ifdef TILES
+in uvec2 in_place;          // column and row
+in uvec2 in_lamps;          // lists of lights, see lamps.glsl
+in uvec2 in_beams;
+in uvec2 in_glows;
+uniform float u_tile;       // edge [px]
+
+flat out uvec2 v_lamps;
+flat out uvec2 v_beams;
+flat out uvec2 v_glows;
+#endif
 
 out vec3 v_ray;             // through the pixel, world axes, planar depth 1
 
 void main() {
+#ifdef TILES
+    v_lamps = in_lamps;
+    v_beams = in_beams;
+    v_glows = in_glows;
+    vec2 side = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));
+    vec2 corner = min((vec2(in_place) + side) * u_tile, u_size) / u_size * 2.0 - 1.0;
+#else
     vec2 corner = vec2(float((gl_VertexID & 1) << 2) - 1.0, float((gl_VertexID & 2) << 1) - 1.0);
+#endif
     vec2 pixel = (corner * 0.5 + 0.5) * u_size - 0.5;
     v_ray = u_rotation * vec3(u_unproject.xy * pixel + u_unproject.zw, 1.0);
     gl_Position = vec4(corner, 1.0, 1.0);

@@ -29,12 +29,7 @@ uniform float u_shadow_step;   // of the static map, 1 = its edge
 #ifdef WET
 uniform vec2 u_wet;            // wetness 0..1, level of the puddles
 #endif
-#ifdef NIGHT
-uniform vec4 u_lamps[LAMPS];   // as u_glows
-uniform mat3 u_beam;           // world axes to the car's: forward, left, up
-uniform vec3 u_beam_eye;       // headlamps relative to the eye [m]
-uniform vec3 u_beam_light;     // exposed light per candela / pi; zero without headlamps
-
+#ifdef BEAMS
 float bell(float h, float v, vec2 centre, vec2 width) {
     vec2 x = (vec2(h, v) - centre) / width;
     return exp(-0.5 * dot(x, x));
@@ -77,7 +72,7 @@ float gloss(vec3 n, vec3 v, vec3 l, float alpha, float f0) {
     float lh = max(dot(l, h), 0.05);
     float a2 = alpha * alpha;
     float d = nh * nh * (a2 - 1.0) + 1.0;
-    float fresnel = f0 + (1.0 - f0) * pow(1.0 - lh, 5.0);
+    float fresnel = f0 + (1.0 - f0) * pow(max(1.0 - lh, 0.0), 5.0);
     return a2 / (d * d) * fresnel / (4.0 * lh * lh * (0.5 + alpha));
 }
 
@@ -168,25 +163,40 @@ void main() {
     shine += sun * min(gloss(n, v, u_sun, max(alpha, 0.02), f0), 40.0);
 #endif
 #ifdef NIGHT
-    for (int i = 0; i < LAMPS; ++i) {
-        vec3 to = u_lamps[i].xyz - offset;
+    for (uint i = v_lamps.x; i < v_lamps.y; ++i) {
+        uint k = entry(i);
+        vec3 to = lamps[k].place.xyz - offset;
         float near2 = max(dot(to, to), 0.25);
         vec3 l = to * inversesqrt(near2);
-        // Batwing of a full cut-off luminaire, looking straight down.
-        float beam = min(1.0 / (l.z * l.z * l.z + 1e-3), 3.5) * smoothstep(0.17, 0.47, l.z);
-        vec3 e = u_lamp_light * (u_lamps[i].w * beam * max(dot(n, l), 0.0) / near2);
+        float cosine = -dot(l, lamps[k].axis.xyz);
+        // Batwing of a full cut-off luminaire; plain lamps have no gain.
+        float beam = min(1.0 / (cosine * cosine * cosine + 1e-3), lamps[k].light.w)
+            * smoothstep(lamps[k].axis.w, lamps[k].left.w, cosine);
+        vec3 e = lamps[k].light.rgb
+            * (window(near2, lamps[k].place.w) * beam * max(dot(n, l), 0.0) / near2);
         light += e;
         shine += e * min(gloss(n, v, l, max(alpha, 0.01), f0), 60.0);
     }
-    vec3 out_of_beam = offset - u_beam_eye;
-    float reach2 = max(dot(out_of_beam, out_of_beam), 1.0);
-    vec3 to_beam = -out_of_beam * inversesqrt(reach2);
-    light += u_beam_light * (low_beam(u_beam * out_of_beam) * max(dot(n, to_beam), 0.0) / reach2);
+#ifdef BEAMS
+    for (uint i = v_beams.x; i < v_beams.y; ++i) {
+        uint k = entry(i);
+        vec3 way = offset - lamps[k].place.xyz;
+        float near2 = max(dot(way, way), 1.0);
+        vec3 l = -way * inversesqrt(near2);
+        vec3 axis = lamps[k].axis.xyz;
+        vec3 left = lamps[k].left.xyz;
+        vec3 turned = vec3(dot(axis, way), dot(left, way), dot(cross(axis, left), way));
+        vec3 e = lamps[k].light.rgb
+            * (low_beam(turned) * window(near2, lamps[k].place.w) * max(dot(n, l), 0.0) / near2);
+        light += e;
+        shine += e * min(gloss(n, v, l, max(alpha, 0.03), f0), 5.0);
+    }
+#endif
 #endif
 
     float nv = max(dot(n, v), 0.0);
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
-    float fresnel = f0 * (1.0 - roughness) + smooth_part * pow(1.0 - nv, 5.0);
+    float fresnel = f0 * (1.0 - roughness) + smooth_part * pow(max(1.0 - nv, 0.0), 5.0);
     vec3 mirror = reflect(direction, n);
     vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
     // Walls across the street stand before the lowest part of the sky.

@@ -1,0 +1,225 @@
+"""Lamps of a night: street lamps, headlamps, tail and brake lights, indicators and traffic lights.
+
+Which lamps a movable model carries is read off its lamp materials, so that whatever is drawn shines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary
+
+Array = NDArray[np.float64]
+
+LAMP_CD = 260.0
+"""Intensity of a street lamp straight down [cd]: 3 klm in a full cut-off beam, an old dim street."""
+LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
+"""Linear colour of unit luminance, about 3000 K."""
+LAMP_RANGE_M = 30.0
+"""Where a street lamp gives less than 0.1 lx [m]."""
+BEAM_RANGE_M = 45.0
+EGO_HEADLAMPS_M = (3.65, 0.0, 0.65)
+"""Between the ego's headlamps, in `base_link` [m]."""
+HEADLAMP_LIGHT = 0.4 * np.array([1.10, 0.99, 0.80])
+"""Colour of about 4000 K; dimmed, so that the fixed exposure does not blow out the car ahead."""
+HALO_CD = 220.0
+"""What a pair of headlamps throws above its cut-off, all round its front [cd]."""
+MOST_LIGHTS = 256
+"""Lights of a picture, the nearest ones; the shaders' arrays have this size."""
+MOST_BEAMS = 14
+"""Cars whose low beams are followed, the nearest ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lights:
+    """Lamps in the world, parallel arrays of N."""
+
+    position_m: Array
+    """Shape (N, 3)."""
+    axis: Array
+    """Unit direction of the middle of the beam, shape (N, 3)."""
+    left: Array
+    """Unit direction to the left of a headlamp, shape (N, 3)."""
+    colour_cd: Array
+    """Intensity along the axis, linear BT.709, shape (N, 3); of a headlamp a factor of its beam."""
+    cap: Array
+    """Most that the beam gains on its axis towards its edge (batwing), shape (N,)."""
+    edge: Array
+    """Cosines to the axis between which the beam ends, shape (N, 2)."""
+    range_m: Array
+    """Distance at which the light has faded to nothing [m], shape (N,)."""
+    glow_cd: Array
+    """Intensity that lights the air round it [cd], shape (N,)."""
+    beam: NDArray[np.bool_]
+    """Whether it is a pair of low beams, shape (N,)."""
+
+    def __len__(self) -> int:
+        return len(self.position_m)
+
+    def take(self, which: NDArray[np.intp]) -> Lights:
+        """Some of the lights."""
+        return Lights(**{item.name: getattr(self, item.name)[which] for item in fields(self)})
+
+
+def concatenate_lights(parts: list[Lights]) -> Lights:
+    """All lights of several groups, in order."""
+    return Lights(
+        **{item.name: np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(Lights)}
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Kind:
+    """How the lamps of one material shine."""
+
+    colour: tuple[float, float, float]
+    intensity_cd: float
+    range_m: float
+    side: float
+    """Whether it shines ahead (1) or back (−1)."""
+    signal_cd: float = 0.0
+    """Intensity where it is the lens of a traffic light [cd]."""
+
+
+# Intensities: UN regulations 7, 48 and 148 (tail 4–17 cd, stop 60–260 cd, indicators 50–500 cd) and
+# EN 12368 (300 mm lens ≥ 400 cd, dimmed at night).
+_KINDS: Mapping[Material, _Kind] = {
+    Material.LAMP_TAIL: _Kind(colour=(1.0, 0.03, 0.01), intensity_cd=7.0, range_m=4.0, side=-1.0),
+    Material.LAMP_RED: _Kind(
+        colour=(1.0, 0.03, 0.01), intensity_cd=60.0, range_m=9.0, side=-1.0, signal_cd=150.0
+    ),
+    Material.LAMP_AMBER: _Kind(
+        colour=(1.0, 0.42, 0.02), intensity_cd=80.0, range_m=7.0, side=1.0, signal_cd=150.0
+    ),
+    Material.LAMP_GREEN: _Kind(
+        colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0, signal_cd=150.0
+    ),
+}
+_SIGNAL_RANGE_M = 22.0
+
+
+class Emitters:
+    """Where the models of a library carry lamps."""
+
+    def __init__(self, library: ModelLibrary) -> None:
+        rows: list[tuple[int, Array, Array, Array, float, float, bool]] = []
+        for model, (name, mesh) in enumerate(zip(library.names, library.meshes, strict=True)):
+            rows += [(model, *lamp) for lamp in _lamps_of(name, mesh)]
+        self.model = np.array([row[0] for row in rows], dtype=np.intp)
+        self._place_m = np.array([row[1] for row in rows]).reshape(-1, 3)
+        self._axis = np.array([row[2] for row in rows]).reshape(-1, 3)
+        self._colour = np.array([row[3] for row in rows]).reshape(-1, 3)
+        self._range_m = np.array([row[4] for row in rows])
+        self._glow_cd = np.array([row[5] for row in rows])
+        self._beam = np.array([row[6] for row in rows], dtype=bool)
+        self._count = np.bincount(self.model, minlength=len(library))
+        self._begin = np.cumsum(self._count) - self._count
+
+    def lights(self, instances: Instances) -> Lights:
+        """Lamps of placed models, and the low beams of the ego if its body is among them."""
+        count = self._count[instances.model]
+        who = np.repeat(np.arange(len(instances)), count)
+        start = np.cumsum(count) - count
+        row = np.repeat(self._begin[instances.model] - start, count) + np.arange(len(who))
+        T = instances.T_world_model[who]
+        place, axis, colour = self._place_m[row], self._axis[row], self._colour[row]
+        beam, range_m, glow = self._beam[row], self._range_m[row], self._glow_cd[row]
+        ego = np.flatnonzero(instances.instance == EGO_INSTANCE)[:1]
+        if len(ego):
+            T = np.concatenate([T, instances.T_world_model[ego]])
+            place = np.concatenate([place, [EGO_HEADLAMPS_M]])
+            axis = np.concatenate([axis, [[1.0, 0.0, 0.0]]])
+            colour = np.concatenate([colour, [HEADLAMP_LIGHT]])
+            range_m, glow = np.append(range_m, BEAM_RANGE_M), np.append(glow, 0.0)
+            beam = np.append(beam, True)
+        return Lights(
+            position_m=np.sum(T[:, :3, :3] * place[:, None, :], axis=2) + T[:, :3, 3],
+            axis=np.sum(T[:, :3, :3] * axis[:, None, :], axis=2),
+            left=T[:, :3, 1].copy(),
+            colour_cd=colour,
+            cap=np.ones(len(place)),
+            edge=np.tile([0.0, 0.6], (len(place), 1)),
+            range_m=range_m,
+            glow_cd=glow,
+            beam=beam,
+        )
+
+
+def _lamps_of(name: str, mesh: Mesh) -> list[tuple[Array, Array, Array, float, float, bool]]:
+    """Place, axis, colour [cd], range, glow and whether it is a low beam, of every lamp of a model."""
+    signal = name.startswith("signal_")
+    corner = mesh.material[mesh.triangles[:, 0]] if len(mesh.triangles) else np.zeros(0, np.uint8)
+    lamps: list[tuple[Array, Array, Array, float, float, bool]] = []
+    front = _patches(mesh, corner == Material.LAMP_WHITE, whole=True, side=1.0)
+    # Lamps of whole vehicles lie low; bright roof signs do not light the road.
+    lamps += [
+        (place, np.array([1.0, 0.0, 0.0]), HEADLAMP_LIGHT, BEAM_RANGE_M, HALO_CD, True)
+        for place in front
+        if 0.3 < place[2] < 1.3
+    ]
+    for material, kind in _KINDS.items():
+        side = 1.0 if signal else kind.side
+        intensity = kind.signal_cd if signal else kind.intensity_cd
+        if intensity <= 0.0:
+            continue
+        # Indicators burn at both ends; the ones that face back are seen from behind.
+        for way in (side, -side) if material == Material.LAMP_AMBER and not signal else (side,):
+            for place in _patches(mesh, corner == material, whole=signal, side=way):
+                lamps.append(
+                    (
+                        place,
+                        np.array([way, 0.0, 0.0]),
+                        np.array(kind.colour) * intensity,
+                        _SIGNAL_RANGE_M if signal else kind.range_m,
+                        intensity,
+                        False,
+                    )
+                )
+    return lamps
+
+
+def _patches(mesh: Mesh, chosen: NDArray[np.bool_], *, whole: bool, side: float) -> list[Array]:
+    """Middles [m] of the chosen triangles that face ahead (side 1) or back: one, or left and right."""
+    triangles = mesh.triangles[chosen]
+    if not len(triangles):
+        return []
+    a, b, c = (mesh.vertices_m[triangles[:, i]].astype(np.float64) for i in range(3))
+    normal = np.cross(b - a, c - a)
+    weight = np.maximum(normal[:, 0] * side, 0.0)
+    middle = (a + b + c) / 3.0
+    left = np.ones(len(middle), bool) if whole else middle[:, 1] >= 0.0
+    groups = [left] if whole else [left, ~left]
+    return [
+        np.sum(middle[group] * weight[group, None], axis=0) / np.sum(weight[group])
+        for group in groups
+        if np.sum(weight[group]) > 1e-6
+    ]
+
+
+def street_lamps(lamps_m: Array) -> Lights:
+    """Full cut-off luminaires that look straight down, at places in the world (K, 3) [m]."""
+    count = len(lamps_m)
+    return Lights(
+        position_m=lamps_m,
+        axis=np.tile([0.0, 0.0, -1.0], (count, 1)),
+        left=np.tile([0.0, 1.0, 0.0], (count, 1)),
+        colour_cd=np.tile(LAMP_CD * LAMP_COLOUR, (count, 1)),
+        cap=np.full(count, 3.5),
+        edge=np.tile([0.17, 0.47], (count, 1)),
+        range_m=np.full(count, LAMP_RANGE_M),
+        glow_cd=np.full(count, LAMP_CD),
+        beam=np.zeros(count, bool),
+    )
+
+
+def nearest(lights: Lights, eye_m: Array, most: int = MOST_LIGHTS) -> Lights:
+    """The lights that matter most to an eye, the nearest first; of low beams the nearest few."""
+    gap = np.sqrt(np.sum((lights.position_m - eye_m) ** 2, axis=1)) - lights.range_m
+    order = np.argsort(gap, kind="stable")
+    extra = lights.beam[order] & (np.cumsum(lights.beam[order]) > MOST_BEAMS)
+    return lights.take(order[~extra][:most])

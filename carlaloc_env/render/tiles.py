@@ -1,0 +1,139 @@
+"""Which lights reach which part of a picture: lists by tile, so that a pixel visits few of many lights.
+
+Tiles of 32 pixels with the nearest and farthest depth in them are tested against each light's sphere
+(tiled shading, Olsson and Assarsson 2011).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.render.lights import Lights
+from carlaloc_env.render.projection import View
+
+Array = NDArray[np.float64]
+
+TILE_PX = 32
+LIST_SIZE = 16384
+"""Entries of all lists of a picture together; the uniform block of the shaders has this size."""
+GLOW_CUTOFF = 0.004
+"""Exposed radiance below which the glow of a lamp in the air is not followed."""
+GLOW_MOST_M = 10.0
+
+TILE = np.dtype([("place", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), ("glows", "<u4", 2)])
+"""One tile: column and row, then the first entry and the end of its lists."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DepthRange:
+    """Nearest and farthest surface in every tile, planar [m]; nearest = inf where there is sky only."""
+
+    near_m: Array
+    """Shape (R, C)."""
+    far_m: Array
+    """Shape (R, C)."""
+
+    @classmethod
+    def of(cls, depth_m: NDArray[np.float32]) -> DepthRange:
+        """Ranges of a depth picture (H, W) with 0 = sky."""
+        rows = np.arange(0, depth_m.shape[0], TILE_PX)
+        columns = np.arange(0, depth_m.shape[1], TILE_PX)
+        far = np.maximum.reduceat(np.maximum.reduceat(depth_m, rows, axis=0), columns, axis=1)
+        solid = np.where(depth_m > 0.0, depth_m, np.float32(np.inf))
+        near = np.minimum.reduceat(np.minimum.reduceat(solid, rows, axis=0), columns, axis=1)
+        return cls(near_m=near.astype(np.float64), far_m=far.astype(np.float64))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LightGrid:
+    """Lights of a picture and, tile by tile, which of them to visit."""
+
+    lights: Lights
+    glow_range_m: Array
+    """How far from each light the air round it is seen to glow [m], shape (N,)."""
+    tiles: NDArray[np.void]
+    """`TILE` rows; those without low beams first."""
+    plain: int
+    """Number of tiles without low beams."""
+    entries: NDArray[np.uint32]
+    """Indices of lights, all lists in one, at most `LIST_SIZE`."""
+
+
+def light_grid(view: View, lights: Lights, depths: DepthRange, glow_per_cd: float) -> LightGrid:
+    """Lists of the lights that reach the surfaces and the air in every tile.
+
+    Args:
+        view: Camera.
+        lights: At most as many as the shaders hold.
+        depths: What the tiles show.
+        glow_per_cd: Exposed radiance at 1 m beside a lamp of 1 cd, seen through endless air.
+    """
+    centre = (
+        lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
+    )
+    radius = np.where(lights.beam, 0.55, 1.0) * lights.range_m
+    glow = np.minimum(lights.glow_cd * glow_per_cd / GLOW_CUTOFF, GLOW_MOST_M)
+    glow = np.where(glow < 0.3, 0.0, glow)
+    near, far = depths.near_m[..., None], depths.far_m[..., None]
+    z = _along(view, centre)
+    surface = _touched(view, centre, radius, near.shape) & (z + radius > near) & (z - radius < far)
+    # The air of a tile reaches from the eye to its farthest surface, or on where there is sky.
+    sky = ~np.isfinite(near) | (far > 200.0)
+    air = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
+    air &= sky | (_along(view, lights.position_m) - glow < far)
+    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, air)
+
+
+def _along(view: View, points_m: Array) -> Array:
+    """Planar depth of points [m], shape (N,)."""
+    return np.asarray(np.sum((points_m - view.position_m) * view.R_camera_world[2], axis=1))
+
+
+def _touched(view: View, centre_m: Array, radius_m: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Whether spheres reach into the pyramids of the tiles, shape (R, C, N)."""
+    camera = view.camera
+    p = np.sum((centre_m - view.position_m)[:, None, :] * view.R_camera_world[None], axis=2)
+    masks = []
+    for count, axis, size, f, c in (
+        (shape[0], 1, camera.height_px, camera.fy_px, camera.cy_px),
+        (shape[1], 0, camera.width_px, camera.fx_px, camera.cx_px),
+    ):
+        edge = (np.minimum(np.arange(count + 1) * TILE_PX, size) - 0.5 - c) / f
+        # Distance from the planes x = edge · z, positive towards larger x.
+        away = (p[None, :, axis] - edge[:, None] * p[None, :, 2]) / np.sqrt(1.0 + edge[:, None] ** 2)
+        masks.append((away[:-1] > -radius_m) & (away[1:] < radius_m))
+    ahead = p[:, 2] > -radius_m
+    return np.asarray(masks[0][:, None, :] & masks[1][None, :, :] & ahead)
+
+
+def _packed(
+    lights: Lights,
+    glow: Array,
+    lamps: NDArray[np.bool_],
+    beams: NDArray[np.bool_],
+    air: NDArray[np.bool_],
+) -> LightGrid:
+    rows, columns = lamps.shape[:2]
+    tiles = np.zeros(rows * columns, dtype=TILE)
+    tiles["place"][:, 0] = np.tile(np.arange(columns), rows)
+    tiles["place"][:, 1] = np.repeat(np.arange(rows), columns)
+    entries, begin = [], 0
+    for name, mask in (("lamps", lamps), ("beams", beams), ("glows", air)):
+        flat = mask.reshape(rows * columns, len(lights))
+        count = np.count_nonzero(flat, axis=1)
+        end = np.minimum(begin + np.cumsum(count), LIST_SIZE)
+        tiles[name][:, 1] = end
+        tiles[name][:, 0] = np.minimum(end - count, LIST_SIZE).clip(begin)
+        entries.append(np.nonzero(flat)[1])
+        begin = int(end[-1])
+    lit = tiles["beams"][:, 1] > tiles["beams"][:, 0]
+    return LightGrid(
+        lights=lights,
+        glow_range_m=glow,
+        tiles=tiles[np.argsort(lit, kind="stable")],
+        plain=int(np.count_nonzero(~lit)),
+        entries=np.concatenate(entries)[:LIST_SIZE].astype(np.uint32),
+    )

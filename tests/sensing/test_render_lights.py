@@ -1,0 +1,152 @@
+"""Lamps of the night: which reach a tile, and how bright they light what they reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import RenderError
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.lights import HEADLAMP_LIGHT, Emitters, nearest, street_lamps
+from carlaloc_env.render.projection import View
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.surfaces import plain_albedo
+from carlaloc_env.render.tiles import TILE_PX, DepthRange, light_grid
+from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
+from carlaloc_env.semantics import Tag
+from carlaloc_env.weather import WeatherParameters
+
+try:
+    create_context().release()
+except RenderError as no_opengl:
+    pytest.skip(str(no_opengl), allow_module_level=True)
+
+CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
+FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+NIGHT = WeatherParameters(sun_altitude_angle=-90.0, fog_density=0.0, mie_scattering_scale=0.0)
+
+
+def patch(
+    x_m: float, y_m: float, z_m: float, half_m: float, material: Material, *, faces_ahead: bool = True
+) -> Mesh:
+    """A square across x."""
+    h = half_m
+    corners = [
+        [x_m, y_m - h, z_m - h],
+        [x_m, y_m + h, z_m - h],
+        [x_m, y_m + h, z_m + h],
+        [x_m, y_m - h, z_m + h],
+    ]
+    triangles = [[0, 1, 2], [0, 2, 3]] if faces_ahead else [[2, 1, 0], [3, 2, 0]]
+    return make_mesh(corners, triangles, material=material, tag=Tag.CAR)
+
+
+def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
+    """Random lamps over a random relief, against the distance of every pixel's point to every lamp."""
+    random = np.random.default_rng(4)
+    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.05, -0.1, 2.0))
+    view = View.of(CAMERA, geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
+    coarse = random.uniform(3.0, 90.0, (12, 20))
+    depth = np.kron(coarse, np.ones((15, 16))).astype(np.float32)
+    depth[:40] = 0.0
+    ahead = view.position_m + 45.0 * view.R_camera_world[2]
+    lamps = street_lamps(random.uniform(-60, 60, (300, 3)) + ahead)
+    lights = nearest(lamps, view.position_m)
+    grid = light_grid(view, lights, DepthRange.of(depth), 0.0)
+    v, u = np.mgrid[:180, :320]
+    rays = np.stack(
+        [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones_like(u)], -1
+    )
+    points = view.position_m + (rays * depth[..., None]) @ view.R_camera_world
+    gap = np.sqrt(np.sum((points[..., None, :] - lights.position_m) ** 2, axis=-1))
+    reached = (gap < lights.range_m) & (depth[..., None] > 0)
+    visited, needed = 0, 0
+    for tile in grid.tiles:
+        column, row = tile["place"]
+        box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
+        listed = set(grid.entries[tile["lamps"][0] : tile["lamps"][1]])
+        assert set(np.flatnonzero(reached[box].any(axis=(0, 1)))) <= listed
+        visited += len(listed)
+        needed += np.count_nonzero(reached[box].any(axis=(0, 1)))
+    assert needed > 500
+    # A street has few lamps per tile; here the reliefs of 90 m make the tiles deep.
+    assert visited < 0.25 * len(grid.tiles) * len(lights)
+
+
+def test_lamps_are_found_on_models_by_their_materials() -> None:
+    """Headlamps become one low beam, brake lights two lamps that face back, where the model stands."""
+    body = merge(
+        [
+            patch(3.6, 0.6, 0.7, 0.1, Material.LAMP_WHITE),
+            patch(3.6, -0.6, 0.7, 0.1, Material.LAMP_WHITE),
+            patch(-0.9, 0.6, 0.8, 0.1, Material.LAMP_RED, faces_ahead=False),
+            patch(-0.9, -0.6, 0.8, 0.1, Material.LAMP_RED, faces_ahead=False),
+        ]
+    )
+    emitters = Emitters(ModelLibrary({"car": body}))
+    T = geometry.transform([20.0, 5.0, 0.3], geometry.rpy_to_quat(0.0, 0.0, np.pi / 2))
+    one = Instances(
+        model=np.zeros(1, np.int32),
+        T_world_model=T[None],
+        instance=np.array([7], np.uint32),
+        tint=np.full((1, 3), 99, np.uint8),
+    )
+    lights = emitters.lights(one)
+    assert lights.beam.tolist() == [True, False, False]
+    np.testing.assert_allclose(lights.position_m[0], [20.0, 8.6, 1.0], atol=1e-5)
+    np.testing.assert_allclose(lights.position_m[1:], [[19.4, 4.1, 1.1], [20.6, 4.1, 1.1]], atol=1e-5)
+    np.testing.assert_allclose(lights.axis, [[0, 1, 0], [0, -1, 0], [0, -1, 0]], atol=1e-9)
+
+
+def test_low_beam_lights_the_road_and_spares_the_eyes() -> None:
+    """Illuminance of a wall 25 m before the lamps, against the class-B demands of UN regulation 112.
+
+    At least 12 lx at 75R and at most 0.6 lx where oncoming drivers' eyes are (B50L), for one lamp; ours
+    are one pair, dimmed by a known factor.
+    """
+    plate = make_mesh(
+        [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR
+    )
+    lamp_m = np.array([3.65, 0.0, 0.65])
+    distance_m = 25.0
+    x = lamp_m[0] + distance_m
+    wall = make_mesh(
+        [[x, 30, -30], [x, -30, -30], [x, -30, 30], [x, 30, 30]],
+        [[0, 1, 2], [0, 2, 3]],
+        material=Material.PLASTER,
+        tag=Tag.WALL,
+    )
+    ego = Instances(
+        model=np.zeros(1, np.int32),
+        T_world_model=np.eye(4)[None],
+        instance=np.array([EGO_INSTANCE], np.uint32),
+        tint=np.full((1, 3), 9, np.uint8),
+    )
+    albedo = plain_albedo()
+    albedo[:] = (0.5, 0.5, 0.5, 1.0)
+    camera = Pinhole(width_px=400, height_px=200, fx_px=2000.0, fy_px=2000.0, cx_px=200.0, cy_px=100.0)
+    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (3.67, 0.0, 0.65))
+    library = ModelLibrary({"ego": plate})
+    with SceneRenderer([wall], library, quality="low", albedo=albedo) as renderer:
+        lit = renderer.radiance_cd_m2(renderer.draw(camera, eye, ego), NIGHT)[..., 1]
+        none = np.zeros(0, np.intp)
+        gone = Instances(
+            model=ego.model[none],
+            T_world_model=ego.T_world_model[none],
+            instance=ego.instance[none],
+            tint=ego.tint[none],
+        )
+        dark = renderer.radiance_cd_m2(renderer.draw(camera, eye, gone), NIGHT)[..., 1]
+
+    def lux(right_deg: float, up_deg: float) -> float:
+        u = round(200 + 2000 * np.tan(np.radians(right_deg)))
+        v = round(100 - 2000 * np.tan(np.radians(up_deg)))
+        return float((lit - dark)[v, u] * np.pi / 0.5 / HEADLAMP_LIGHT[1])
+
+    fade = (1.0 - (distance_m / 45.0) ** 4) ** 2
+    assert lux(1.15, -0.57) > 12.0 * fade
+    assert lux(-3.43, 0.57) < 0.6
+    assert lux(0.0, -0.86) > 6.0 * fade
