@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from carlaloc_env.geometry import quat_rotate
 from carlaloc_env.samples import Sample
@@ -16,6 +15,7 @@ from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.timeline import Timeline
 
 ANGLES = np.radians(np.arange(-180.0, 180.0))
+WHEN = np.zeros(len(ANGLES), np.int64)
 RAYS = np.stack([np.cos(ANGLES), np.sin(ANGLES), 0 * ANGLES], axis=-1)
 
 
@@ -23,7 +23,7 @@ RAYS = np.stack([np.cos(ANGLES), np.sin(ANGLES), 0 * ANGLES], axis=-1)
 class Ranges(Sample):
     """One turn of the laser, from straight behind anticlockwise: distances [m], inf where nothing is."""
 
-    range_m: NDArray[np.float32]
+    range_m: np.ndarray[Any, np.dtype[np.float32]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,11 +51,10 @@ class Laser(Sensor):
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """One `Ranges` per stamp [ns]."""
-        own, found = self.config, list[Sample]()
+        name, found = self.config.name, list[Sample]()
         for stamp in stamps_ns:
-            motion = timeline.ego_motion([stamp]).at_mount(own.mount.T_base_sensor)
-            along = quat_rotate(motion.quat_xyzw, RAYS)
-            eye, when = np.broadcast_to(motion.position_m, along.shape), np.full(len(ANGLES), stamp)
-            hits = self._world.rays().cast(eye, along, when, timeline, 60.0, ego=False)
-            found.append(Ranges(sensor=own.name, frame_id=own.name, stamp_ns=stamp, range_m=hits.range_m))
+            motion = timeline.ego_motion([stamp]).at_mount(self.config.mount.T_base_sensor)
+            eye, along = motion.position_m + 0 * RAYS, quat_rotate(motion.quat_xyzw, RAYS)
+            hits = self._world.rays().cast(eye, along, WHEN + stamp, timeline, 60.0, ego=False)
+            found.append(Ranges(sensor=name, frame_id=name, stamp_ns=stamp, range_m=hits.range_m))
         return found
