@@ -27,7 +27,8 @@ Written by `docs/make_sensors.py` out of the docstrings; change those, not this 
 
 A rig is a list of the configurations below, in Python (`carlaloc_env.rig.SensorRig`) or in YAML
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
-divides 200. Frames, units and signs: [conventions](conventions.md). Topics: [topics](topics.md).
+divides 200. Frames, units and signs: [conventions](conventions.md). Topics: [topics](topics.md). A line
+`preset: name` takes the values of a variant, on which the file's own values are laid.
 """
 PARTS = {"Mount": Mount, "Pinhole": Pinhole}
 """Configurations that others hold."""
@@ -80,16 +81,50 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
     return "\n".join(
         [
             f"### {kind}\n\n{_doc(cls)}",
-            f"\n{_doc(type(sensor))}\n",
+            f"\n**Method.** {_doc(inspect.getmodule(cls))}\n",
+            f"{_doc(type(sensor))}\n",
+            f"**Inputs.** {_inputs(sensor)}\n",
+            "**Outputs.**\n",
             f"Source: [`{source}`](../{source}); frame `{config.frame_id}`, axes `{config.mount.axes}`; "
             f"in YAML `kind: {kind}`.\n",
             "| stream | dtype | shape |",
             "|---|---|---|",
             *streams,
             f"\nValues: {_doc(type(sensor).streams)}\n",
+            _presets(cls),
+            "**Parameters.**\n",
             _parameters(cls),
         ]
     )
+
+
+def _inputs(sensor: Any) -> str:
+    """What a sensor asks its world for, read off its module's source."""
+    source = inspect.getsource(inspect.getmodule(type(sensor)))  # type: ignore[arg-type]
+    asked = (
+        ("the ego's motion", "ego_motion("),
+        ("wheels and pedals", "timeline.car"),
+        ("boxes of all actors", "boxes_at("),
+        ("rays against town and actors", ".rays()"),
+        ("pictures of town and actors", ".renderer()"),
+        ("the weather", ".weather"),
+        ("the map's geo-reference", ".geo"),
+        ("the seed", "seed"),
+    )
+    found = [name for name, sign in asked if sign in source]
+    feels = "feels the weather" if sensor.depends_on_weather else "the same in every weather by default"
+    return f"{', '.join(found)}; {feels}."
+
+
+def _presets(cls: type[SensorConfig]) -> str:
+    """The variants of a kind and what they change."""
+    if not cls.presets:
+        return ""
+    rows = []
+    for name, values in cls.presets.items():
+        text = ", ".join(f"`{key}` {_value(value)}" for key, value in values.items())
+        rows.append(f"| `{name}` | {text or 'defaults'} |")
+    return "\n".join(["**Presets.**\n", "| preset | values |", "|---|---|", *rows, ""])
 
 
 def _sample(cls: type[samples.Sample]) -> str:
@@ -107,6 +142,7 @@ def _parameters(cls: type[Any]) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{key} {_value(item)}" for key, item in value.items())
+    value = list(value) if isinstance(value, tuple) else value
     if isinstance(value, list) and len(value) > 6:
         return f"{len(value)} values, {value[0]:g} … {value[-1]:g}"
     if isinstance(value, list):
