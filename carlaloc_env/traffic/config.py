@@ -37,9 +37,9 @@ class TrafficConfig:
     auto_lane_change: bool = True
     """Whether drivers change lanes to drive faster; they always do where their way asks for it."""
     random_left_lanechange_percentage: float = 0.0
-    """Chance in each second that a driver changes to the left for no reason [%]."""
+    """Chance in every two seconds that a driver changes to the left for no reason [%]."""
     random_right_lanechange_percentage: float = 0.0
-    """Chance in each second that a driver changes to the right for no reason [%]."""
+    """Chance in every two seconds that a driver changes to the right for no reason [%]."""
     keep_right_rule_percentage: float = 20.0
     """Share of drivers who prefer the right lane [%]."""
     ignore_lights_percentage: float = 0.0

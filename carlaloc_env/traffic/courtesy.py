@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from carlaloc_env.traffic.columns import Flags
+import numpy as np
+from numpy.typing import NDArray
+
 from carlaloc_env.traffic.compiled import compiled
+from carlaloc_env.traffic.crossings import WANTED
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.roads import Roads
 from carlaloc_env.traffic.state import PLAN, Drivers, Fleet, Habits
@@ -11,12 +14,13 @@ from carlaloc_env.traffic.state import PLAN, Drivers, Fleet, Habits
 STOP_BEFORE_M = 1.2
 """How far before a crosswalk drivers stop [m]."""
 _TOO_LATE_MPS2 = 6.0
+_AT_STRIPES_M, _STOOD_S = 0.7, 5.0
 _IGNORES = 21
 
 
 @compiled
 def mind_walkers(
-    taken: Flags,
+    taken: NDArray[np.uint8],
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
@@ -40,7 +44,11 @@ def mind_walkers(
                 break
             for k in range(roads.lane.crossing_first[lane], roads.lane.crossing_end[lane]):
                 gap = ahead + roads.crossing.enter_m[k]
-                if not taken[k] or gap < -0.3 or gap > reach:
+                if taken[k] == 0 or gap < -0.3 or gap > reach:
+                    continue
+                # Who stands at the stripes already lets those at the kerb wait.
+                stood = taken[k] == WANTED or fleet.waited_s[v] > _STOOD_S
+                if stood and gap < _AT_STRIPES_M:
                     continue
                 if speed * speed < 2.0 * _TOO_LATE_MPS2 * max(gap - 0.3, 0.1):
                     fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], max(gap - STOP_BEFORE_M, 0.0))

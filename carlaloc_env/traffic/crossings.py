@@ -5,6 +5,9 @@ from __future__ import annotations
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.columns import Array, Index, fill, starts
 
+WANTED, TAKEN = 1, 2
+"""What walkers do with a crossing: they wait to cross, or they walk there or will within seconds."""
+
 
 class Crossings:
     """Each pair of a crosswalk and a lane that it crosses, C rows."""

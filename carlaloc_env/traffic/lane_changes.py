@@ -38,6 +38,7 @@ _URGENT_M, _LAST_M = 150.0, 25.0
 _GIVE_UP_M = 22.0
 _NARROW_M = 0.5
 _TIRED_S = 20.0
+_FREE_ROOM_M = 120.0
 _FULL_PACE_MPS = 4.0
 _LEFT, _RIGHT = 11, 12
 
@@ -79,7 +80,7 @@ def think_of_changes(
         fleet.urgent[v] = urgent
         if side != fleet.wish[v]:
             fleet.wish[v], fleet.wished_s[v] = side, 0.0
-        elif side != 0 and fleet.wished_s[v] >= INDICATE_S and fleet.speed_mps[v] > 0.3:
+        elif side != 0 and fleet.wished_s[v] >= INDICATE_S:
             target = roads.lane.left[fleet.plan[v, 0]] if side > 0 else roads.lane.right[fleet.plan[v, 0]]
             if taken[target] != step and _is_safe(there, roads, drivers, fleet, v, target, urgent):
                 taken[target] = step
@@ -154,19 +155,20 @@ def _for_speed(
         if not _wide_enough(roads, drivers, fleet, v, lane, target):
             continue
         way = find_way(roads, target, fleet.goals[v, 0])
+        luck = habits.random_left if side > 0 else habits.random_right
+        whim = luck > 0.0 and chance(habits.seed, _LEFT if side > 0 else _RIGHT, v, step // 40) < luck
+        if whim and (way >= 0 or roads.lane.lasting[target]):
+            return side
         if fleet.goals[v, 0] >= 0:
             if way < 0:
                 continue
             more = roads.way.changes[way]
             station = station_beside(roads, lane, fleet.station_m[v], target)
             left_m = roads.lane.length_m[target] - station + roads.way.room_m[way]
-            if more > changes and left_m < 200.0 * more:
+            if more > changes and left_m < _FREE_ROOM_M * more:
                 continue
         elif not roads.lane.lasting[target]:
             continue
-        luck = habits.random_left if side > 0 else habits.random_right
-        if luck > 0.0 and chance(habits.seed, _LEFT if side > 0 else _RIGHT, v, step // 20) < luck:
-            return side
         if not habits.auto_lane_change:
             continue
         gain = _gain(there, roads, drivers, fleet, v, target) - THRESHOLD_MPS2

@@ -196,7 +196,9 @@ def collect(
                 break
             lane = fleet.plan[v, hop]
             if lane < 0:
-                fleet.stop_gap_m[v] = max(distance - 1.0, 0.0)
+                ending = fleet.plan[v, hop - 1]
+                narrow = roads.lane.length_m[ending] - roads.lane.wide_m[ending]
+                fleet.stop_gap_m[v] = max(distance - 1.0 - narrow, 0.0)
                 break
             before = fleet.plan[v, hop - 1]
             if roads.lane.junction[lane] >= 0 and roads.lane.junction[before] < 0:
@@ -231,7 +233,9 @@ def _ask(
         ready = True
     if holds(fleet, v, lane):
         stuck = fleet.waited_s[v] > _STUCK_OUTSIDE_S and distance_m > _STUCK_OUTSIDE_M
-        if (ready or to_line < 0.5) and not stuck:
+        speed = fleet.speed_mps[v]
+        too_late = to_line < -1.0 or speed * speed > 2.0 * YELLOW_BRAKING_MPS2 * max(to_line, 0.05)
+        if (ready or too_late) and not stuck:
             return
         drop_holds_ahead(fleet, v)
     gap = to_line if to_line > -1.0 else max(distance_m - 0.3, 0.0)

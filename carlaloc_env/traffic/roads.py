@@ -14,12 +14,17 @@ from carlaloc_env.traffic.crossings import Crossings, find_crossings
 from carlaloc_env.traffic.junctions import Zones, find_rules, find_zones
 from carlaloc_env.traffic.ways import Ways, find_ways
 
+WIDE_M = 2.6
+"""A lane of this width holds any vehicle [m]."""
+
 
 class Lanes:
     """All N lanes. Names in ``_first`` and ``_end`` bound a lane's rows in another table."""
 
     length_m: Array
     """Length [m]."""
+    wide_m: Array
+    """Station up to which the lane is wide enough for any vehicle [m]."""
     junction: Index
     """Number of the junction that a driving lane lies in, −1 = none."""
     left: Index
@@ -115,6 +120,7 @@ def build_roads(network: LaneNetwork) -> Roads:
         Lanes,
         len(length),
         length_m=length,
+        wide_m=_wide_until(network),
         junction=links.junction,
         left=links.left,
         right=links.right,
@@ -157,6 +163,15 @@ class _Links:
         self.junction = np.where(inside, [number[name] for name in names], -1).astype(np.int64)
         self.left = np.array([-1 if lane.left is None else lane.left for lane in lanes], np.int64)
         self.right = np.array([-1 if lane.right is None else lane.right for lane in lanes], np.int64)
+
+
+def _wide_until(network: LaneNetwork) -> Array:
+    """Last station of each lane that is `WIDE_M` wide [m]; half the length of lanes that never are."""
+    tables = network.tables
+    row = np.arange(len(tables.width_m)) - np.repeat(tables.first, tables.count)
+    last = np.maximum.reduceat(np.where(tables.width_m >= WIDE_M, row, -1), tables.first)
+    result: Array = np.where(last < 0, 0.5 * tables.length_m, last * tables.step_m)
+    return result
 
 
 def _stretches(links: _Links) -> Index:

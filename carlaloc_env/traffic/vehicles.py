@@ -42,7 +42,7 @@ def _step(
     fleet: Fleet,
     there: Presence,
     asks: Requests,
-    taken_by_walkers: NDArray[np.bool_],
+    taken_by_walkers: NDArray[np.uint8],
     signals: NDArray[np.uint8],
     ego: Array,
     crowd: Array,
@@ -110,14 +110,14 @@ class Vehicles:
         _plan_all(roads, self._crowd, self.fleet, self.count, self.habits.seed)
 
     def step(
-        self, ego: Array, signals: NDArray[np.uint8], taken_by_walkers: NDArray[np.bool_], step: int
+        self, ego: Array, signals: NDArray[np.uint8], taken_by_walkers: NDArray[np.uint8], step: int
     ) -> None:
         """Advance by 50 ms.
 
         Args:
             ego: The ego in numbers, as `EgoView.numbers` gives them.
             signals: State of all signal heads.
-            taken_by_walkers: Crossings that walkers use or are about to use.
+            taken_by_walkers: What walkers do with each crossing: 0, WANTED or TAKEN.
             step: Number of the step.
         """
         tables = self.tables

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.errors import ConfigError
-from carlaloc_env.traffic.columns import Array, Flags, columns
+from carlaloc_env.traffic.columns import Array, columns
 from carlaloc_env.traffic.footways import PAVEMENT, Ground
 from carlaloc_env.traffic.poses import angle_of
 from carlaloc_env.traffic.presence import Presence
@@ -90,7 +90,7 @@ class Walkers:
         self,
         roads: Roads,
         there: Presence,
-        taken: Flags,
+        taken: NDArray[np.uint8],
         signals: NDArray[np.uint8],
         red_for_s: Array,
     ) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.clock import STEP_NS
 from carlaloc_env.traffic.columns import Array, Flags, Index
 from carlaloc_env.traffic.compiled import compiled
+from carlaloc_env.traffic.crossings import TAKEN, WANTED
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.footways import CROSSWALK, PAVEMENT, Ground
 from carlaloc_env.traffic.leaders import who_is_behind
@@ -29,6 +30,7 @@ _KERB_STOP_M = 1.0
 _SAFE_S = 1.5
 _BRAKE_MPS2 = 2.5
 _CLAIM_S = 3.0
+_HELD_UP_S = 4.0
 _BACK_MPS = 1.5
 _VEHICLE_NEAR_M = 9.0
 _DOOR, _WAY, _JOIN = 31, 32, 33
@@ -85,7 +87,7 @@ def walk(
     boxes: Boxes,
     roads: Roads,
     there: Presence,
-    taken: Flags,
+    taken: NDArray[np.uint8],
     signals: NDArray[np.uint8],
     red_for_s: Array,
     seed: int,
@@ -103,7 +105,7 @@ def walk(
         red_for_s: For how long each head will not be green [s].
         seed: Seed of all chance.
     """
-    taken[:] = False
+    taken[:] = 0
     for w in range(len(walking.way)):
         wanted = walking.pace_mps[w]
         way = walking.way[w]
@@ -194,7 +196,7 @@ def _may_cross(
 
 
 @compiled
-def _claim(ground: Ground, walking: Walking, taken: Flags, w: int) -> None:
+def _claim(ground: Ground, walking: Walking, taken: NDArray[np.uint8], w: int) -> None:
     """Take the crossings that one walks over soon; without lights, also while one waits for them."""
     way = walking.way[w]
     for k in range(ground.way.pass_first[way], ground.way.pass_end[way]):
@@ -204,13 +206,16 @@ def _claim(ground: Ground, walking: Walking, taken: Flags, w: int) -> None:
         else:
             to_near = walking.station_m[w] - ground.passage.far_m[k]
             to_far = walking.station_m[w] - ground.passage.near_m[k]
-        if to_far < -0.3:
+        # Who is held up on the way keeps only the lane free that it stands in.
+        held_up = walking.crossing[w] and walking.waited_s[w] > _HELD_UP_S and to_near > 0.3
+        if to_far < -0.3 or held_up:
             continue
         if walking.crossing[w]:
             if to_near < _CLAIM_S * walking.pace_mps[w]:
-                taken[ground.passage.crossing[k]] = True
+                taken[ground.passage.crossing[k]] = TAKEN
         elif _at_kerb(ground, walking, w) and not _has_lights(ground, way):
-            taken[ground.passage.crossing[k]] = True
+            row = ground.passage.crossing[k]
+            taken[row] = max(taken[row], WANTED)
 
 
 @compiled

@@ -53,7 +53,7 @@ class TrafficWorld:
             raise ConfigError(f"{config.vehicles} vehicles do not fit on this map; at most {len(lane)} do")
         self._vehicles.place(lane[: config.vehicles], station[: config.vehicles])
         self._walkers = Walkers(self._tables.ground, config.walkers, config.seed, self._vehicles.drivers)
-        self._taken = np.zeros(len(self._tables.roads.crossing.lane), dtype=bool)
+        self._taken = np.zeros(len(self._tables.roads.crossing.lane), np.uint8)
         self._step = -round(config.warm_up_s * 1e9) // STEP_NS
         watched = ego or _NOWHERE
         self._poses = self._vehicles.poses()

@@ -1,0 +1,157 @@
+"""Each option of the traffic acts as its name says; wrong ones are refused."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from carlaloc_env.clock import STEP_NS
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.town.build import find_town
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
+from carlaloc_env.traffic.config import traffic_of_town
+from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+
+
+@pytest.fixture(scope="module")
+def tables() -> TrafficTables:
+    """What traffic knows of Town03."""
+    return TrafficTables(LaneNetwork.from_opendrive(find_town("Town03")))
+
+
+@pytest.fixture(scope="module")
+def motorway() -> TrafficTables:
+    """What traffic knows of Town04, where lanes are changed for speed."""
+    return TrafficTables(LaneNetwork.from_opendrive(find_town("Town04")))
+
+
+def watch(tables: TrafficTables, seconds: float = 60.0, vehicles: int = 60, **options: Any) -> TrafficReport:
+    """A run of Town03 under some options."""
+    config = TrafficConfig(vehicles=vehicles, walkers=0, seed=3, warm_up_s=5.0, **options)
+    return audit_traffic(tables.network, config, seconds, tables)
+
+
+@pytest.fixture(scope="module")
+def usual(tables: TrafficTables) -> TrafficReport:
+    """A run without options."""
+    return watch(tables)
+
+
+def test_speed_difference_slows_everybody(tables: TrafficTables, usual: TrafficReport) -> None:
+    assert watch(tables, global_percentage_speed_difference=60.0).speed_share < 0.75 * usual.speed_share
+
+
+def test_auto_lane_change_off_leaves_the_necessary_ones(motorway: TrafficTables) -> None:
+    without = watch(motorway, auto_lane_change=False)
+    assert 0 < without.lane_changes < 0.7 * watch(motorway).lane_changes
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_random_lane_changes_add_changes(motorway: TrafficTables, side: str) -> None:
+    few = watch(motorway, auto_lane_change=False)
+    more = watch(motorway, auto_lane_change=False, **{f"random_{side}_lanechange_percentage": 50.0})
+    assert more.lane_changes > few.lane_changes
+
+
+def test_ignored_lights_are_run(tables: TrafficTables, usual: TrafficReport) -> None:
+    assert usual.red_runs == 0
+    assert watch(tables, ignore_lights_percentage=100.0).red_runs > 3
+
+
+def test_ignored_vehicles_are_driven_into(tables: TrafficTables, usual: TrafficReport) -> None:
+    careless = watch(tables, ignore_vehicles_percentage=60.0)
+    assert careless.overlap_share > max(0.005, 5.0 * usual.overlap_share)
+
+
+def test_keep_right_rule_fills_the_right_lanes(tables: TrafficTables) -> None:
+    """More of those who could be on either of two lanes drive on the right one."""
+
+    def share(percentage: float) -> float:
+        config = TrafficConfig(
+            vehicles=60, walkers=0, seed=3, warm_up_s=5.0, keep_right_rule_percentage=percentage
+        )
+        world = TrafficWorld(tables.network, config, tables)
+        world.reset()
+        right, lane = tables.roads.lane.right, np.zeros(60, np.int64)
+        outer = many = 0
+        for step in range(20 * 60):
+            world.step(NOBODY)
+            if step % 20 == 0:
+                lane = world._vehicles.fleet.plan[:-1, 0]
+                beside = (right[lane] >= 0) | (tables.roads.lane.left[lane] >= 0)
+                outer += int((beside & (right[lane] < 0)).sum())
+                many += int(beside.sum())
+        return outer / many
+
+    assert share(100.0) > share(0.0)
+
+
+def test_distance_to_leading_vehicle_is_kept(tables: TrafficTables) -> None:
+    """Vehicles that stand behind a standing one keep that gap."""
+    gaps = {}
+    for distance in (2.0, 6.0):
+        config = TrafficConfig(vehicles=200, walkers=0, seed=3, distance_to_leading_vehicle=distance)
+        world = TrafficWorld(tables.network, config, tables)
+        world.reset()
+        for _ in range(20 * 60):
+            world.step(NOBODY)
+        fleet = world._vehicles.fleet
+        behind = np.flatnonzero((fleet.leader[:-1] >= 0) & (fleet.gap_m[:-1] < 12.0))
+        standing = behind[(fleet.waited_s[behind] > 2.0) & (fleet.waited_s[fleet.leader[behind]] > 3.0)]
+        assert len(standing) > 3
+        gaps[distance] = float(np.median(fleet.gap_m[standing]))
+    assert gaps[2.0] == pytest.approx(2.0, abs=1.0)
+    assert gaps[6.0] == pytest.approx(6.0, abs=1.5)
+
+
+def stops(tables: TrafficTables, percentage: float) -> int:
+    """How many vehicles come to a stand at a stop sign in a minute."""
+    config = TrafficConfig(vehicles=60, walkers=0, seed=3, warm_up_s=5.0, ignore_signs_percentage=percentage)
+    world = TrafficWorld(tables.network, config, tables)
+    world.reset()
+    fleet, stood = world._vehicles.fleet, 0
+    for _ in range(60_000_000_000 // STEP_NS):
+        world.step(NOBODY)
+        stood += int((fleet.at_stop_sign[:-1] & (fleet.stopped_s[:-1] > 0.9)).sum())
+    return stood
+
+
+def test_ignored_signs_are_not_stopped_at(tables: TrafficTables) -> None:
+    assert stops(tables, 100.0) == 0
+    assert stops(tables, 0.0) > 0
+
+
+def test_options_come_with_the_level() -> None:
+    """A level in words may carry options; a mapping says the same."""
+    town: Any = SimpleNamespace(config=TownConfig.from_toml(find_town("Town03").with_name("town.toml")))
+    text = traffic_of_town(town, "0.5,ignore_lights_percentage=20,auto_lane_change=false", 7)
+    same = traffic_of_town(
+        town, {"level": 0.5, "ignore_lights_percentage": 20.0, "auto_lane_change": False}, 7
+    )
+    assert text == same
+    assert text.ignore_lights_percentage == 20.0
+    assert not text.auto_lane_change
+    assert text.seed == 7
+    with pytest.raises(ConfigError, match="ignore_lights_percentage"):
+        traffic_of_town(town, "dynamic,ignore_light_percentage=20", 7)
+    with pytest.raises(ConfigError, match="no number"):
+        traffic_of_town(town, "dynamic,ignore_lights_percentage=many", 7)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"ignore_lights_percentage": 101.0},
+        {"global_percentage_speed_difference": 100.0},
+        {"distance_to_leading_vehicle": 0.0},
+    ],
+)
+def test_wrong_options_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError):
+        TrafficConfig(**options)

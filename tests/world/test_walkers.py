@@ -1,0 +1,82 @@
+"""Walkers: on pavements and crosswalks, at red lights and before an ego that does not stop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from carlaloc_env.clock import STEP_NS
+from carlaloc_env.semantics import Tag
+from carlaloc_env.town.build import find_town
+from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.traffic.audit import NOBODY, walking_ground
+from carlaloc_env.traffic.footways import CROSSWALK
+from carlaloc_env.traffic.signal_plan import SignalState
+from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+
+
+@pytest.fixture(scope="module")
+def tables() -> TrafficTables:
+    """What traffic knows of Town03."""
+    return TrafficTables(LaneNetwork.from_opendrive(find_town("Town03")))
+
+
+def test_every_crosswalk_joins_two_pavements(tables: TrafficTables) -> None:
+    """All crosswalks of Town03 can be walked, each over as many lanes as the map says."""
+    ground, network = tables.ground, tables.network
+    ways = np.flatnonzero(ground.way.kind == CROSSWALK)
+    assert len(ways) == len(network.crosswalks)
+    assert (ground.land[ways] >= 0).all()
+    lanes = sorted(int(ground.way.pass_end[k] - ground.way.pass_first[k]) for k in ways)
+    assert lanes == sorted(len(item.lanes) for item in network.crosswalks)
+
+
+def test_walkers_keep_their_ground_and_distance(tables: TrafficTables) -> None:
+    """On an empty town all stay on pavements and crosswalks, cross, and never stand inside each other."""
+    world = TrafficWorld(tables.network, TrafficConfig(vehicles=0, walkers=80, seed=2), tables)
+    frame = world.reset()
+    across = 0
+    for step in range(20 * 90):
+        frame = world.step(NOBODY)
+        if step % 20:
+            continue
+        pavement, crosswalk = walking_ground(tables.network, frame.position_m)
+        assert (pavement | crosswalk).all()
+        across += int((crosswalk & ~pavement).sum())
+        apart = np.linalg.norm(frame.position_m[:, None, :2] - frame.position_m[None, :, :2], axis=-1)
+        apart[np.arange(80), np.arange(80)] = 9.0
+        assert apart.min() > 0.2
+    assert across > 100
+    assert (frame.travelled_m > 20.0).mean() > 0.9
+
+
+def test_walkers_do_not_set_out_against_a_green(tables: TrafficTables) -> None:
+    """Nobody steps onto the carriageway while a light lets the traffic drive that would come across."""
+    world = TrafficWorld(tables.network, TrafficConfig(vehicles=0, walkers=80, seed=4), tables)
+    world.reset()
+    state, ground = world._walkers.state, tables.ground
+    was = state.crossing.copy()
+    begun = 0
+    for step in range(20 * 90):
+        lights = world.signals((step - 0) * STEP_NS)
+        world.step(NOBODY)
+        for w in np.flatnonzero(state.crossing & ~was):
+            way = int(state.way[w])
+            rows = range(int(ground.way.pass_first[way]), int(ground.way.pass_end[way]))
+            heads = [
+                int(ground.head[i])
+                for k in rows
+                for i in range(int(ground.passage.head_first[k]), int(ground.passage.head_end[k]))
+            ]
+            begun += bool(heads)
+            assert (lights[heads] == SignalState.RED).all()
+        was = state.crossing.copy()
+    assert begun > 10
+
+
+def test_catalogue_lists_walkers_last(tables: TrafficTables) -> None:
+    """Vehicles come first, then walkers, as frames do."""
+    world = TrafficWorld(tables.network, TrafficConfig(vehicles=3, walkers=4, seed=2), tables)
+    assert (world.catalog.tag[3:] == Tag.PEDESTRIAN).all()
+    assert len(world.reset()) == 7
