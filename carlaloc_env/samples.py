@@ -89,6 +89,36 @@ class SemanticImage(Sample):
         _check(self, "instance", np.uint32, (None, None))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlowImage(Sample):
+    """Optical flow: how far what every pixel shows moves until the camera's next picture."""
+
+    flow_px: NDArray[np.float32]
+    """Rightwards and downwards [px], of the sky by the camera's turning alone, shape (H, W, 2)."""
+
+    def __post_init__(self) -> None:
+        _check(self, "flow_px", np.float32, (None, None, 2))
+
+    def observed(self) -> NDArray[np.float32]:
+        """The flow [px]."""
+        return self.flow_px
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NormalImage(Sample):
+    """Surface normals of every pixel, towards the camera."""
+
+    normal: NDArray[np.float32]
+    """Unit shading normal in the optical frame, zero for the sky, shape (H, W, 3)."""
+
+    def __post_init__(self) -> None:
+        _check(self, "normal", np.float32, (None, None, 3))
+
+    def observed(self) -> NDArray[np.float32]:
+        """The normals."""
+        return self.normal
+
+
 EVENT = np.dtype([("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
 """One event, 13 bytes: time since the drive began [ns], column, row [px], 1 = brighter or 0 = darker."""
 

@@ -119,6 +119,25 @@ class GBuffer:
         code = self._centred(np.frombuffer(data, dtype=np.uint32)) ^ np.uint32(SKY_ID)
         return (code >> 24).astype(np.uint8), code & np.uint32(0xFFFFFF)
 
+    def normals(self) -> NDArray[np.float32]:
+        """Unit shading normals at pixel centres in the optical frame, zero for the sky, shape (H, W, 3)."""
+        with self._context:
+            data = self.drawn.normal.read()
+        width, height = self.view.size_px
+        step = self.view.subsamples
+        code = np.frombuffer(data, dtype=np.uint16).reshape(height, width, 2)[::step, ::step]
+        p = code.astype(np.float32) * np.float32(2 / 65535) - np.float32(1)
+        n = np.empty((*p.shape[:2], 3), np.float32)
+        n[..., 2] = np.float32(1) - np.abs(p[..., 0]) - np.abs(p[..., 1])
+        fold = np.maximum(-n[..., 2:], np.float32(0))
+        n[..., :2] = p - np.where(p >= 0, fold, -fold)
+        n /= np.sqrt(np.sum(n * n, axis=2, keepdims=True))
+        R = self.view.R_camera_world.astype(np.float32)
+        # Written out without BLAS, so that the normals have the same bits on every machine.
+        turned = np.stack([np.sum(n * R[axis], axis=2) for axis in range(3)], axis=2)
+        turned[self.depth_m() == 0] = 0
+        return turned
+
     def _centred(self, samples: NDArray[_T]) -> NDArray[_T]:
         width, height = self.view.size_px
         step = self.view.subsamples

@@ -8,22 +8,35 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.clock import TICK_NS
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.projection import FAR_M
-from carlaloc_env.samples import DepthImage, Image, Sample, SemanticImage
+from carlaloc_env.samples import (
+    DepthImage,
+    Events,
+    FlowImage,
+    Image,
+    NormalImage,
+    Sample,
+    SemanticImage,
+)
 from carlaloc_env.scene import Instances, concatenate_instances
 from carlaloc_env.semantics import TAG_TABLES, Tag, tags_in
 from carlaloc_env.sensors.base import Camera, Mount, SensorConfig, World
+from carlaloc_env.sensors.event_camera import EventCamera, EventChain, EventConfig, Glance
+from carlaloc_env.sensors.events import F32, log_intensity
+from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather import WeatherParameters
 
 if TYPE_CHECKING:
     from carlaloc_env.render.gbuffer import GBuffer
 
-OUTPUTS = ("rgb", "depth", "semantic")
+OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
 """What a camera can give; stream names are ``<output>_<name>``."""
 
 
@@ -41,8 +54,10 @@ class CameraConfig(SensorConfig):
     """Pictures per second [Hz]."""
     pinhole: Pinhole = field(default_factory=Pinhole)
     """Intrinsics."""
-    outputs: tuple[str, ...] = OUTPUTS
-    """Streams: ``rgb``, ``depth``, ``semantic``."""
+    outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
+    """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
+    events: EventConfig = field(default_factory=EventConfig)
+    """Pixels of the event camera behind the same lens, if ``events`` is one of the outputs."""
     tag_table: str = TAG_TABLES[0]
     """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
 
@@ -74,14 +89,26 @@ class CameraSensor(Camera):
         super().__init__(config)
         self._world = world
         self._T_base_camera = config.mount.T_base_sensor
+        self._period_ns = self.schedule.period_ticks * TICK_NS
+        self._chain: EventChain | None = None
+        self._chain_seed: int | None = None
+        if "flow" in config.outputs:
+            self.latency_ns = self._period_ns
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
-        """Colour (H, W, 3) sRGB, depth (H, W) [m] with 0 = sky, semantic `Tag` (H, W)."""
+        """Observation spaces of the streams.
+
+        Colour (H, W, 3) sRGB, depth (H, W) [m] with 0 = sky, semantic `Tag` (H, W), flow (H, W, 2)
+        [px], normals (H, W, 3), counts of brighter and darker events (H, W, 2).
+        """
         shape = (self.config.pinhole.height_px, self.config.pinhole.width_px)
         known: dict[str, spaces.Space[Any]] = {
             "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
             "depth": spaces.Box(0.0, FAR_M, shape, np.float32),
             "semantic": spaces.Box(0, max(Tag), shape, np.uint8),
+            "flow": spaces.Box(-np.inf, np.inf, (*shape, 2), np.float32),
+            "normal": spaces.Box(-1.0, 1.0, (*shape, 3), np.float32),
+            "events": spaces.Box(0, 255, (*shape, 2), np.uint8),
         }
         return {self._stream(output): known[output] for output in OUTPUTS if output in self.config.outputs}
 
@@ -99,46 +126,94 @@ class CameraSensor(Camera):
     ) -> list[list[Sample]]:
         """Pictures of one instant under several weathers, one list per weather.
 
-        Geometry is drawn once. Depth and semantics do not depend on the weather: the lists share
-        their samples.
+        Geometry is drawn once. Only colour and events depend on the weather: the lists share all other
+        samples.
         """
         gbuffer = self._draw(timeline, stamp_ns)
-        shared = self._shared(gbuffer, stamp_ns)
-        if "rgb" not in self.config.outputs:
-            return [list(shared) for _ in weathers]
-        renderer, seed = self._world.renderer(), self._world.seed
-        stream, frame_id = self._stream("rgb"), self.config.frame_id
-        conditions: list[list[Sample]] = []
-        for weather in weathers:
-            rgb = renderer.shade(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)
-            conditions.append([Image(sensor=stream, frame_id=frame_id, stamp_ns=stamp_ns, rgb=rgb), *shared])
+        shared = self._shared(timeline, gbuffer, stamp_ns)
+        conditions: list[list[Sample]] = [[] for _ in weathers]
+        if "rgb" in self.config.outputs:
+            renderer, seed = self._world.renderer(), self._world.seed
+            for samples, weather in zip(conditions, weathers, strict=True):
+                rgb = renderer.shade(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)
+                samples.append(Image(rgb=rgb, **self._labels("rgb", stamp_ns)))
+        for samples in conditions:
+            samples += shared
+        if "events" in self.config.outputs:
+            fired = self._events(timeline, stamp_ns, weathers, gbuffer)
+            for samples, one in zip(conditions, fired, strict=True):
+                samples.append(one)
         return conditions
 
-    def _draw(self, timeline: Timeline, stamp_ns: int) -> GBuffer:
+    def _pose(self, timeline: Timeline, stamp_ns: int) -> NDArray[np.float64]:
         T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
         # Written out without BLAS, so that the pose has the same bits on every machine.
-        T_world_camera = np.sum(T_world_base[:, :, None] * self._T_base_camera[None], axis=1)
-        instances = instances_at(self._world, timeline, stamp_ns)
-        return self._world.renderer().draw(self.config.pinhole, T_world_camera, instances)
+        result: NDArray[np.float64] = np.sum(T_world_base[:, :, None] * self._T_base_camera[None], axis=1)
+        return result
 
-    def _shared(self, gbuffer: GBuffer, stamp_ns: int) -> list[Sample]:
-        frame_id, samples = self.config.frame_id, list[Sample]()
-        if "depth" in self.config.outputs:
-            stream = self._stream("depth")
-            depth_m = gbuffer.depth_m()
-            samples.append(DepthImage(sensor=stream, frame_id=frame_id, stamp_ns=stamp_ns, depth_m=depth_m))
-        if "semantic" in self.config.outputs:
+    def _draw(self, timeline: Timeline, stamp_ns: int) -> GBuffer:
+        instances = instances_at(self._world, timeline, stamp_ns)
+        return self._world.renderer().draw(self.config.pinhole, self._pose(timeline, stamp_ns), instances)
+
+    def _moment(self, timeline: Timeline, stamp_ns: int) -> Moment:
+        return Moment.of(timeline, stamp_ns, self._pose(timeline, stamp_ns))
+
+    def _shared(self, timeline: Timeline, gbuffer: GBuffer, stamp_ns: int) -> list[Sample]:
+        outputs, samples = self.config.outputs, list[Sample]()
+        if "depth" in outputs:
+            samples.append(DepthImage(depth_m=gbuffer.depth_m(), **self._labels("depth", stamp_ns)))
+        if "semantic" in outputs:
             tag, instance = gbuffer.labels()
-            samples.append(
-                SemanticImage(
-                    sensor=self._stream("semantic"),
-                    frame_id=frame_id,
-                    stamp_ns=stamp_ns,
-                    tag=tags_in(self.config.tag_table, tag),
-                    instance=instance,
-                )
-            )
+            tag = tags_in(self.config.tag_table, tag)
+            samples.append(SemanticImage(tag=tag, instance=instance, **self._labels("semantic", stamp_ns)))
+        if "flow" in outputs:
+            now, then = (self._moment(timeline, t) for t in (stamp_ns, stamp_ns + self._period_ns))
+            depth_m, instance = gbuffer.depth_m(), gbuffer.labels()[1]
+            flow_px = motion_field(self.config.pinhole, depth_m, instance, now, then)[..., :2].copy()
+            samples.append(FlowImage(flow_px=flow_px, **self._labels("flow", stamp_ns)))
+        if "normal" in outputs:
+            samples.append(NormalImage(normal=gbuffer.normals(), **self._labels("normal", stamp_ns)))
         return samples
+
+    def _events(
+        self,
+        timeline: Timeline,
+        stamp_ns: int,
+        weathers: Sequence[WeatherParameters],
+        gbuffer: GBuffer,
+    ) -> list[Events]:
+        pinhole, seed, renderer = self.config.pinhole, self._world.seed, self._world.renderer()
+        if self._chain is None or self._chain_seed != seed:
+            camera = EventCamera(self.config.events, self.config.name, pinhole, seed)
+            self._chain, self._chain_seed = EventChain(camera, self._period_ns), seed
+
+        def look(at_ns: int) -> tuple[Glance, list[F32]]:
+            drawn = gbuffer if at_ns == stamp_ns else self._draw(timeline, at_ns)
+            moment = self._moment(timeline, at_ns)
+            glance = Glance(moment=moment, depth_m=drawn.depth_m(), instance=drawn.labels()[1])
+            dark, blurred = self.config.events.dark_cd_m2, renderer.quality != "high"
+            return glance, [
+                log_intensity(renderer.radiance_cd_m2(drawn, weather), dark, blurred=blurred)
+                for weather in weathers
+            ]
+
+        return [
+            Events(
+                events=events,
+                width_px=pinhole.width_px,
+                height_px=pinhole.height_px,
+                period_ns=self._period_ns,
+                **self._labels("events", stamp_ns),
+            )
+            for events in self._chain.events(timeline, stamp_ns, weathers, look)
+        ]
+
+    def _labels(self, output: str, stamp_ns: int) -> dict[str, Any]:
+        return {
+            "sensor": self._stream(output),
+            "frame_id": self.config.frame_id,
+            "stamp_ns": stamp_ns,
+        }
 
     def _stream(self, output: str) -> str:
         return f"{output}_{self.config.name}"

@@ -1,0 +1,219 @@
+"""The event camera: what a camera's pixels fire between its pictures, carried from one to the next.
+
+Pixels remember. So that any stretch of a drive can still be made on its own with the same bytes,
+their memory is begun anew, without firing, every `restart_s` of the drive: each reference lies
+anywhere within its thresholds, as in a camera that has run for long. Asked for a stamp that does
+not follow the one before, the camera first goes over the drive from the last such moment.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.errors import ConfigError
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.samples import EVENT
+from carlaloc_env.sensors.events import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
+from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
+from carlaloc_env.timeline import Timeline
+from carlaloc_env.weather import WeatherParameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventConfig:
+    """Pixels of an event camera; the defaults are CARLA's threshold with the noise of a good chip."""
+
+    threshold_on: float = 0.3
+    """Rise of log intensity that makes an event, no unit."""
+    threshold_off: float = 0.3
+    """Fall of log intensity that makes an event, no unit."""
+    threshold_sigma: float = 0.03
+    """Standard deviation of both thresholds between pixels, no unit (v2e: 0.03)."""
+    refractory_us: int = 500
+    """Shortest time between two events of a pixel [µs] (v2e: 500)."""
+    leak_hz: float = 0.1
+    """Positive events of a pixel in steady light [Hz]."""
+    shot_hz: float = 0.1
+    """Noise events of a pixel [Hz]."""
+    dark_cd_m2: float = 0.05
+    """Luminance whose photocurrent equals the dark current [cd/m²]."""
+    rate_max_mev_s: float = 0.0
+    """Most events the read-out passes on [million/s]; 0 = all."""
+    step_px: float = 1.0
+    """Farthest that anything moves between two samples of the signal [px]."""
+    restart_s: float = 10.0
+    """Pixels' memory begins anew at multiples of this time [s]."""
+
+    def __post_init__(self) -> None:
+        if min(self.threshold_on, self.threshold_off) < 0.01:
+            raise ConfigError("event thresholds must be at least 0.01")
+        rates = (self.leak_hz, self.shot_hz, self.rate_max_mev_s, self.threshold_sigma)
+        if min(*rates, self.refractory_us) < 0:
+            raise ConfigError(
+                "leak, shot noise, refractory time and rate limit of events must not be negative"
+            )
+        if self.dark_cd_m2 <= 0 or self.step_px <= 0 or self.restart_s <= 0:
+            raise ConfigError("dark_cd_m2, step_px and restart_s of events must be above zero")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Glance:
+    """All that is needed of one picture."""
+
+    moment: Moment
+    """Where everything was."""
+    depth_m: F32
+    """Planar depth [m], 0 = sky, shape (H, W)."""
+    instance: NDArray[np.uint32]
+    """Instance ids, shape (H, W)."""
+
+
+class EventCamera:
+    """The pixels of one event camera; holds what never changes, the caller holds the states."""
+
+    def __init__(self, config: EventConfig, name: str, pinhole: Pinhole, seed: int) -> None:
+        self.config = config
+        self._name, self._seed, self._pinhole = f"events_{name}", seed, pinhole
+        self._shape = (pinhole.height_px, pinhole.width_px)
+        self._pixels = Pixels.draw(
+            seed, self._name, self._shape, config.threshold_on, config.threshold_off, config.threshold_sigma
+        )
+
+    @property
+    def restart_ns(self) -> int:
+        """Time between two new beginnings [ns]."""
+        return round(self.config.restart_s * 1e9)
+
+    def begin(self, log_intensity: F32, stamp_ns: int) -> PixelState:
+        """State at a moment without history."""
+        return PixelState.begun(log_intensity, self._pixels, self._seed, self._name, stamp_ns)
+
+    def motion(self, before: Glance, after: Glance) -> Motion:
+        """How everything moves between two pictures; the same for all weathers."""
+        forward = motion_field(self._pinhole, before.depth_m, before.instance, before.moment, after.moment)
+        backward = motion_field(self._pinhole, after.depth_m, after.instance, after.moment, before.moment)
+        return Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
+
+    def fire(
+        self, before: F32, after: F32, motion: Motion, state: PixelState, span_ns: tuple[int, int]
+    ) -> tuple[NDArray[np.void], PixelState]:
+        """Events between two pictures of log intensity, and the state after them.
+
+        Args:
+            before: Log intensity at the beginning, shape (H, W).
+            after: Log intensity at the end, shape (H, W).
+            motion: From `motion`.
+            state: State at the beginning.
+            span_ns: Beginning and end [ns].
+        """
+        config, (start_ns, end_ns) = self.config, span_ns
+        span_us = (end_ns - start_ns) // 1000
+        shots = Shots.draw(self._seed, self._name, end_ns, self._shape, config.shot_hz, span_us)
+        events, state = fire(
+            before,
+            after,
+            motion,
+            state,
+            self._pixels,
+            shots,
+            start_ns=start_ns,
+            span_us=span_us,
+            refractory_us=config.refractory_us,
+            leak_hz=config.leak_hz,
+            step_px=config.step_px,
+        )
+        if config.rate_max_mev_s > 0:
+            events = limit_rate(events, start_ns, 1e6 * config.rate_max_mev_s)
+        if end_ns % self.restart_ns == 0:
+            state = self.begin(after, end_ns)
+        return events, state
+
+
+Look = Callable[[int], tuple[Glance, list[F32]]]
+"""Takes a picture at a stamp [ns]: the glance, and the log intensity under each weather."""
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Held:
+    timeline: weakref.ref[Timeline]
+    weathers: tuple[WeatherParameters, ...]
+    stamp_ns: int
+    glance: Glance
+    intensity: list[F32]
+    states: list[PixelState]
+    events: list[NDArray[np.void]]
+
+
+class EventChain:
+    """Events of picture after picture under several weathers, whatever the order they are asked for in."""
+
+    def __init__(self, camera: EventCamera, period_ns: int) -> None:
+        self._camera = camera
+        self._period_ns = period_ns
+        self._held: _Held | None = None
+
+    def events(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters], look: Look
+    ) -> list[NDArray[np.void]]:
+        """Events of the period that ends at a stamp [ns], for each weather.
+
+        There are none at the first picture of a drive, nor at the oldest one that a timeline knows.
+        """
+        before_ns = stamp_ns - self._period_ns
+        if self._holds(timeline, stamp_ns, weathers):
+            assert self._held is not None
+            return self._held.events
+        oldest_ns = -(-timeline.start_ns // self._period_ns) * self._period_ns
+        if before_ns < oldest_ns:
+            self._begin(timeline, stamp_ns, weathers, look)
+        else:
+            if not self._holds(timeline, before_ns, weathers):
+                first_ns = before_ns // self._camera.restart_ns * self._camera.restart_ns
+                first_ns = -(-first_ns // self._period_ns) * self._period_ns
+                first_ns = max(first_ns, oldest_ns)
+                self._begin(timeline, first_ns, weathers, look)
+                for next_ns in range(first_ns + self._period_ns, before_ns + 1, self._period_ns):
+                    self._go_on(next_ns, look)
+            self._go_on(stamp_ns, look)
+        assert self._held is not None
+        return self._held.events
+
+    def _holds(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]) -> bool:
+        held = self._held
+        return (
+            held is not None
+            and held.timeline() is timeline
+            and held.stamp_ns == stamp_ns
+            and held.weathers == tuple(weathers)
+        )
+
+    def _begin(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters], look: Look
+    ) -> None:
+        glance, intensity = look(stamp_ns)
+        self._held = _Held(
+            timeline=weakref.ref(timeline),
+            weathers=tuple(weathers),
+            stamp_ns=stamp_ns,
+            glance=glance,
+            intensity=intensity,
+            states=[self._camera.begin(one, stamp_ns) for one in intensity],
+            events=[np.zeros(0, EVENT) for _ in intensity],
+        )
+
+    def _go_on(self, stamp_ns: int, look: Look) -> None:
+        held = self._held
+        assert held is not None
+        glance, intensity = look(stamp_ns)
+        motion = self._camera.motion(held.glance, glance)
+        fired = [
+            self._camera.fire(before, after, motion, state, (held.stamp_ns, stamp_ns))
+            for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
+        ]
+        held.stamp_ns, held.glance, held.intensity = stamp_ns, glance, intensity
+        held.events, held.states = [one[0] for one in fired], [one[1] for one in fired]

@@ -1,0 +1,252 @@
+"""How every pixel moves between two pictures: exact for a rigid town and rigid actors.
+
+A point that has the homogeneous picture coordinates z·(u, v, 1) before and z'·(u', v', 1) after
+moves, while camera and things go straight on, along
+
+    u(s) = u + τ·(u' − u),  τ = s·r / (1 − s + s·r),  r = z'/z,  z(s) = z·(1 − s + s·r)
+
+for s from 0 to 1. Turning of the camera adds an error of second order, 0.03 px for 10 °/s, 50 ms
+and 640 px. Wheels roll and legs swing with their actor's body only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.assets.placing import ground_poses
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.scene import EGO_INSTANCE
+from carlaloc_env.semantics import Tag
+from carlaloc_env.sensors.compiled import kernel, over_bands
+from carlaloc_env.timeline import Timeline
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+
+SKY_M = 1e6
+"""Distance given to the sky [m]."""
+NEAREST_M = 0.05
+"""Points that come nearer than this are kept there [m]."""
+TILE_PX = 8
+"""Edge of the tiles for which the surface that passes in front is known [px]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Moment:
+    """Where camera and actors were at one time."""
+
+    stamp_ns: int
+    """Time [ns]."""
+    T_world_camera: Array
+    """Pose of the optical frame, shape (4, 4)."""
+    actor_id: NDArray[np.uint32]
+    """Instance ids of the actors, ascending, shape (N,)."""
+    T_world_actor: Array
+    """Poses of the actors, shape (N, 4, 4)."""
+
+    @classmethod
+    def of(cls, timeline: Timeline, stamp_ns: int, T_world_camera: Array) -> Moment:
+        """Moment of a timeline."""
+        catalog, frame = timeline.catalog, timeline.actors_at(stamp_ns)
+        order = np.argsort(catalog.id, kind="stable")
+        pitch = np.where(catalog.tag == Tag.PEDESTRIAN, np.float32(0.0), frame.pitch_rad)
+        poses = ground_poses(frame.position_m, frame.heading_rad, pitch)
+        return cls(
+            stamp_ns=stamp_ns,
+            T_world_camera=T_world_camera,
+            actor_id=catalog.id[order],
+            T_world_actor=poses[order],
+        )
+
+
+def motion_field(
+    pinhole: Pinhole, depth_m: F32, instance: NDArray[np.uint32], now: Moment, then: Moment
+) -> F32:
+    """Motion of the point seen by each pixel from one moment to another.
+
+    Args:
+        pinhole: Intrinsics.
+        depth_m: Planar depth now [m], 0 = sky, shape (H, W).
+        instance: Instance ids now, shape (H, W).
+        now: Moment of the picture.
+        then: The other moment, earlier or later, with the same actors.
+
+    Returns:
+        du, dv [px], ratio of the depths then/now, depth now [m]; shape (H, W, 4).
+    """
+    T_then_world = geometry.invert(then.T_world_camera)
+    still = _times(T_then_world, now.T_world_camera)
+    undone = np.stack([geometry.invert(T) for T in now.T_world_actor]) if len(now.actor_id) else _NONE
+    moved = _times(_times(T_then_world[None], then.T_world_actor), _times(undone, now.T_world_camera[None]))
+    # Row 0: what stands still; row 1: the ego's own body, fixed to the camera; then the actors.
+    maps = np.concatenate([still[None], np.eye(4)[None], moved])[:, :3].astype(np.float64)
+    field = np.empty((*depth_m.shape, 4), dtype=np.float32)
+    lens = np.array([pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px])
+    over_bands(
+        lambda first, end: _fill_field(depth_m, instance, lens, maps, now.actor_id, field, first, end),
+        len(depth_m),
+    )
+    return field
+
+
+_NONE = np.zeros((0, 4, 4))
+
+
+def _times(a: Array, b: Array) -> Array:
+    """Products of matrices (…, 4, 4), written out without BLAS for the same bits on every machine."""
+    result: Array = np.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
+    return result
+
+
+@kernel
+def _fill_field(
+    depth: Any, instance: Any, lens: Any, maps: Any, actor_id: Any, field: Any, first: int, end: int
+) -> None:
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    last_id = np.uint32(0)
+    row = 0
+    for y in range(first, end):
+        for x in range(depth.shape[1]):
+            identity = instance[y, x]
+            if identity != last_id:
+                last_id = identity
+                row = 0
+                if identity == EGO_INSTANCE:
+                    row = 1
+                elif identity > EGO_INSTANCE:
+                    k = np.searchsorted(actor_id, identity)
+                    if k < len(actor_id) and actor_id[k] == identity:
+                        row = 2 + k
+            M = maps[row]
+            z = np.float64(depth[y, x])
+            a, b = (x - cx) / fx, (y - cy) / fy
+            inverse = 1.0 / z if z > 0.0 else 0.0
+            px = M[0, 0] * a + M[0, 1] * b + M[0, 2] + M[0, 3] * inverse
+            py = M[1, 0] * a + M[1, 1] * b + M[1, 2] + M[1, 3] * inverse
+            pz = M[2, 0] * a + M[2, 1] * b + M[2, 2] + M[2, 3] * inverse
+            ratio = max(pz, NEAREST_M * inverse)
+            if ratio < 1e-3:
+                ratio = 1e-3
+            field[y, x, 0] = fx * px / ratio + cx - x
+            field[y, x, 1] = fy * py / ratio + cy - y
+            field[y, x, 2] = ratio
+            field[y, x, 3] = z if z > 0.0 else SKY_M
+
+
+@kernel
+def passing_surfaces(field: Any) -> Any:
+    """Nearest surface that is over each tile at some time between the pictures, shape (h, w, 4).
+
+    A pole that sweeps past within one period is found by no pixel that sees neither its beginning
+    nor its end: the tiles along its way remember it. Same four numbers as the field.
+    """
+    rows = (field.shape[0] + TILE_PX - 1) // TILE_PX
+    columns = (field.shape[1] + TILE_PX - 1) // TILE_PX
+    found = np.zeros((rows, columns, 4), np.float32)
+    best = np.full((rows, columns), np.float32(2 * SKY_M))
+    for row in range(rows):
+        for column in range(columns):
+            # The nearest surface of the tile.
+            y, x = row * TILE_PX, column * TILE_PX
+            for j in range(row * TILE_PX, min((row + 1) * TILE_PX, field.shape[0])):
+                for i in range(column * TILE_PX, min((column + 1) * TILE_PX, field.shape[1])):
+                    if field[j, i, 3] < field[y, x, 3]:
+                        y, x = j, i
+            du, dv, ratio, depth = field[y, x]
+            length = max(abs(du), abs(dv))
+            steps = min(int(length / (0.5 * TILE_PX)) + 1, 1024)
+            for k in range(steps + 1):
+                s = np.float32(k) / np.float32(steps)
+                scale = (1 - s) + s * ratio
+                tau = s * ratio / scale
+                i = int(np.floor((x + tau * du) / TILE_PX))
+                j = int(np.floor((y + tau * dv) / TILE_PX))
+                for q in range(max(j - 1, 0), min(j + 2, rows)):
+                    for p in range(max(i - 1, 0), min(i + 2, columns)):
+                        if depth * scale < best[q, p]:
+                            best[q, p] = depth * scale
+                            found[q, p, 0] = du
+                            found[q, p, 1] = dv
+                            found[q, p, 2] = ratio
+                            found[q, p, 3] = depth
+    return found
+
+
+@kernel
+def motion_at(field: Any, x: Any, y: Any) -> Any:
+    """Motion at a place between pixels; across an edge that of the nearest pixel. (du, dv, ratio, depth)."""
+    height, width = field.shape[0], field.shape[1]
+    i = min(max(int(x), 0), width - 2)
+    j = min(max(int(y), 0), height - 2)
+    a, b = x - np.float32(i), y - np.float32(j)
+    z00, z01 = field[j, i, 3], field[j, i + 1, 3]
+    z10, z11 = field[j + 1, i, 3], field[j + 1, i + 1, 3]
+    low = min(min(z00, z01), min(z10, z11))
+    high = max(max(z00, z01), max(z10, z11))
+    if high > np.float32(1.08) * low:
+        i = i + 1 if a >= np.float32(0.5) else i
+        j = j + 1 if b >= np.float32(0.5) else j
+        return field[j, i, 0], field[j, i, 1], field[j, i, 2], field[j, i, 3]
+    one = np.float32(1)
+    w00, w01, w10, w11 = (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
+    du = (
+        w00 * field[j, i, 0]
+        + w01 * field[j, i + 1, 0]
+        + w10 * field[j + 1, i, 0]
+        + w11 * field[j + 1, i + 1, 0]
+    )
+    dv = (
+        w00 * field[j, i, 1]
+        + w01 * field[j, i + 1, 1]
+        + w10 * field[j + 1, i, 1]
+        + w11 * field[j + 1, i + 1, 1]
+    )
+    ratio = (
+        w00 * field[j, i, 2]
+        + w01 * field[j, i + 1, 2]
+        + w10 * field[j + 1, i, 2]
+        + w11 * field[j + 1, i + 1, 2]
+    )
+    return du, dv, ratio, w00 * z00 + w01 * z01 + w10 * z10 + w11 * z11
+
+
+@kernel
+def source_of(field: Any, u: Any, v: Any, s: Any, x: Any, y: Any) -> Any:
+    """Where the point seen at (u, v) at time s is in the picture that `field` belongs to.
+
+    Steps of a fixed-point iteration from a guess (x, y), as many as needed, three at most.
+
+    Returns:
+        x, y [px], depth at s [m], and by how far [px] the answer misses (u, v).
+    """
+    one = np.float32(1)
+    depth, scale, miss = one, one, one
+    for _ in range(3):
+        du, dv, ratio, depth = motion_at(field, x, y)
+        scale = (one - s) + s * ratio
+        tau = s * ratio / scale
+        miss = max(abs(u - tau * du - x), abs(v - tau * dv - y))
+        x, y = u - tau * du, v - tau * dv
+        if miss < np.float32(0.25):
+            break
+    if x < 0 or y < 0 or x > field.shape[1] - 1 or y > field.shape[0] - 1:
+        miss = np.float32(1e3)
+    return x, y, depth * scale, miss
+
+
+@kernel
+def bilinear(image: Any, x: Any, y: Any) -> Any:
+    """Value of a picture (H, W) between pixels."""
+    i = min(max(int(x), 0), image.shape[1] - 2)
+    j = min(max(int(y), 0), image.shape[0] - 2)
+    a, b = x - np.float32(i), y - np.float32(j)
+    one = np.float32(1)
+    upper = (one - a) * image[j, i] + a * image[j, i + 1]
+    lower = (one - a) * image[j + 1, i] + a * image[j + 1, i + 1]
+    value: Any = (one - b) * upper + b * lower
+    return value
