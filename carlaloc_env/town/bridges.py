@@ -229,6 +229,8 @@ def _abutments(
     middle = 0.5 * (line + np.roll(line, -1, axis=0))
     high = np.column_stack([line, parts.road.nearest(line)[0] - 0.1])
     inner = shapely.distance(rim, shapely.points(middle)) > 0.2
+    # Slits between carriageways are no ends: behind an abutment there is ground.
+    inner &= shapely.dwithin(parts.filled, shapely.points(middle), 0.3)
     at_end = _at_end(np.column_stack([middle, parts.top.nearest(middle)[0]]), ends)
     a = np.flatnonzero(inner | at_end)
     if not len(a):

@@ -19,7 +19,7 @@ from recorder.devices.driver_steering import DriverSteering
 STANDSTILL_S = 2.0
 """The drive begins with this much rest, which inertial SLAM needs to start."""
 _STOP_BEFORE_LINE_M = 1.3
-_ROUTE_END_M = 5.0
+_ROUTE_END_M = 1.0
 _YELLOW_BRAKE_MPS2 = 2.3
 _RED_BRAKE_MPS2 = 4.5
 _STANDING_MPS = 0.06

@@ -30,8 +30,8 @@ from carlaloc_env.town.config import (
 from carlaloc_env.town.map_check import check_map
 from carlaloc_env.weather import WeatherParameters
 from recorder.conditions import TrafficLevel
-from recorder.episode_actors import ACTORS_TOPIC
-from recorder.episode_messages import EGO_TOPIC, EVENTS_TOPIC
+from recorder.episode_actors import ACTORS_TOPIC, ACTORS_TYPE
+from recorder.episode_messages import EGO_TOPIC, EGO_TYPE, EVENT_TYPE, EVENTS_TOPIC
 from recorder.evaluation.align import Alignment
 from recorder.record import RecordConfig
 from recorder.replay import ReplayConfig
