@@ -20,6 +20,7 @@ from recorder.conditions import Condition
 from recorder.dataset_record import as_yaml, checksums
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
 from recorder.writers.calibration import write_calibration
+from recorder.writers.dsec import DsecWriter
 from recorder.writers.euroc import EurocWriter
 from recorder.writers.preview import PreviewWriter
 from recorder.writers.rig_calibration import RigCalibration
@@ -64,7 +65,16 @@ def _euroc(m: _Making) -> Writer:
     return EurocWriter(m.folder / "mav0", m.calibration, biases=m.imu.bias if m.imu else None)
 
 
-FORMATS: dict[str, Callable[[_Making], Writer]] = {"rosbag1": _rosbag1, "euroc": _euroc}
+def _dsec(m: _Making) -> list[Writer]:
+    streams = [stream for stream in m.streams if stream.startswith("events_")]
+    return [DsecWriter(m.folder / f"{stream}.h5", stream=stream) for stream in streams]
+
+
+FORMATS: dict[str, Callable[[_Making], Writer | list[Writer]]] = {
+    "rosbag1": _rosbag1,
+    "euroc": _euroc,
+    "dsec": _dsec,
+}
 """Dataset formats by name."""
 
 
@@ -145,7 +155,10 @@ def sequence_writers(
         topics=topics,
         imu=_imu_sensor(rig, seed),
     )
-    writers = [FORMATS[name](making) for name in dict.fromkeys(formats)]
+    writers: list[Writer] = []
+    for name in dict.fromkeys(formats):
+        made = FORMATS[name](making)
+        writers += made if isinstance(made, list) else [made]
     if preview and calibration.cameras:
         camera = calibration.cameras[0]
         writers.append(

@@ -19,9 +19,12 @@ from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.samples import (
     CanState,
     DepthImage,
+    Events,
+    FlowImage,
     GnssFix,
     Image,
     Imu,
+    NormalImage,
     ObjectList,
     Odometry,
     PointCloud,
@@ -32,7 +35,7 @@ from carlaloc_env.samples import (
     WheelTicks,
 )
 from carlaloc_env.semantics import Tag
-from recorder.writers import can_bus
+from recorder.writers import can_bus, event_messages
 
 Message = Any
 """An object of one of the typestore's classes, which exist at run time only."""
@@ -94,7 +97,7 @@ _DEFINITIONS = {
 def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
     """Type store with all message types that the writers use."""
     typestore = get_typestore(store)
-    for name, text in _DEFINITIONS.items():
+    for name, text in {**_DEFINITIONS, **event_messages.definitions(store)}.items():
         if name not in typestore.types:
             typestore.register(get_types_from_msg(text, name))
     return typestore
@@ -261,6 +264,21 @@ def _image_32fc1(maker: MessageMaker, header: Message, sample: DepthImage) -> Me
 
 def _image_tags(maker: MessageMaker, header: Message, sample: SemanticImage) -> Message:
     return maker.image(header, sample.tag, "mono8")
+
+
+def _image_32fc2(maker: MessageMaker, header: Message, sample: FlowImage) -> Message:
+    return maker.image(header, sample.flow_px, "32FC2")
+
+
+def _image_32fc3(maker: MessageMaker, header: Message, sample: NormalImage) -> Message:
+    return maker.image(header, sample.normal, "32FC3")
+
+
+def _event_array(maker: MessageMaker, header: Message, sample: Events) -> Message:
+    """Without the events themselves, which bags append in one piece."""
+    return maker.new(
+        "dvs_msgs/EventArray", header=header, height=sample.height_px, width=sample.width_px, events=[]
+    )
 
 
 def _camera_info(maker: MessageMaker, header: Message, sample: Image) -> Message:
@@ -502,6 +520,9 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "image_mono8": ("sensor_msgs/msg/Image", _image_mono8),
     "image_32fc1": ("sensor_msgs/msg/Image", _image_32fc1),
     "image_tags": ("sensor_msgs/msg/Image", _image_tags),
+    "image_32fc2": ("sensor_msgs/msg/Image", _image_32fc2),
+    "image_32fc3": ("sensor_msgs/msg/Image", _image_32fc3),
+    "event_array": ("dvs_msgs/msg/EventArray", _event_array),
     "camera_info": ("sensor_msgs/msg/CameraInfo", _camera_info),
     "points": ("sensor_msgs/msg/PointCloud2", _points),
     "points_labelled": ("sensor_msgs/msg/PointCloud2", _points_labelled),

@@ -11,8 +11,9 @@ from rosbags.rosbag1 import Writer as BagFile
 from rosbags.typesys import Stores
 
 from carlaloc_env.errors import WriterError, unknown_name
-from carlaloc_env.samples import Sample
+from carlaloc_env.samples import Events, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+from recorder.writers.event_messages import ros1_with_events
 from recorder.writers.messages import ENCODERS, MessageMaker, make_typestore
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.topics import profile_by_name
@@ -99,7 +100,8 @@ class Rosbag1Writer(Writer):
             self._write("/clock", "rosgraph_msgs/msg/Clock", sample.stamp_ns, clock)
         for route in self._profile.routes(type(sample), sample.sensor, self._streams):
             message = self._maker.make(route.message, sample, route.topic, route.frame_id)
-            self._write(route.topic, ENCODERS[route.message][0], sample.stamp_ns, message)
+            events = sample if isinstance(sample, Events) else None
+            self._write(route.topic, ENCODERS[route.message][0], sample.stamp_ns, message, events=events)
 
     def _write_tf_static(self, stamp_ns: int) -> None:
         frames = self._calibration.frames
@@ -108,13 +110,21 @@ class Rosbag1Writer(Writer):
             self._write("/tf_static", "tf2_msgs/msg/TFMessage", stamp_ns, message, latching=1)
 
     def _write(
-        self, topic: str, type_name: str, stamp_ns: int, message: object, latching: int | None = None
+        self,
+        topic: str,
+        type_name: str,
+        stamp_ns: int,
+        message: object,
+        latching: int | None = None,
+        events: Events | None = None,
     ) -> None:
         if topic not in self._connections:
             self._connections[topic] = self._bag.add_connection(
                 topic, type_name, typestore=self._typestore, latching=latching
             )
-        data = self._typestore.serialize_ros1(message, type_name)
+        data = bytes(self._typestore.serialize_ros1(message, type_name))
+        if events is not None:
+            data = ros1_with_events(data, events, self.epoch_ns)
         self._bag.write(self._connections[topic], self.unix_ns(stamp_ns), data)
 
     def _finish(self) -> None:

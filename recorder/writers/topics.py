@@ -9,9 +9,12 @@ from carlaloc_env.errors import WriterError, unknown_name
 from carlaloc_env.samples import (
     CanState,
     DepthImage,
+    Events,
+    FlowImage,
     GnssFix,
     Image,
     Imu,
+    NormalImage,
     ObjectList,
     Odometry,
     PointCloud,
@@ -117,6 +120,9 @@ STANDARD = TopicProfile(
         TopicRule(
             sample=SemanticImage, stream="semantic_*", topic="/camera/{}/semantic", message="image_tags"
         ),
+        TopicRule(sample=FlowImage, stream="flow_*", topic="/camera/{}/flow", message="image_32fc2"),
+        TopicRule(sample=NormalImage, stream="normal_*", topic="/camera/{}/normal", message="image_32fc3"),
+        TopicRule(sample=Events, stream="events_*", topic="/camera/{}/events", message="event_array"),
         TopicRule(sample=PointCloud, stream="*_semantic", topic="/{}/points", message="points_labelled"),
         TopicRule(sample=PointCloud, stream="*", topic="/{}/points", message="points", unless="{}_semantic"),
         TopicRule(sample=RadarScan, stream="radar_*", topic="/radar/{}/points", message="radar_points"),

@@ -1,0 +1,86 @@
+"""Events in the layout of the DSEC data set: one HDF5 file per camera.
+
+``events/{t,x,y,p}``, ``ms_to_idx`` and ``t_offset`` (dsec.ifi.uzh.ch/data-format): times are µs after
+the offset, and ``ms_to_idx[m]`` is the first event that is not earlier than m milliseconds. There is
+no ``rectify_map.h5``: the camera's calibration stands beside the other files.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from carlaloc_env.samples import Events, Sample
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+
+_CHUNK = 1 << 18
+"""Events in one compressed piece of the file."""
+_COLUMNS = {"t": "<u4", "x": "<u2", "y": "<u2", "p": "|u1"}
+
+
+class DsecWriter(Writer):
+    """One event stream in one ``.h5`` file."""
+
+    def __init__(
+        self,
+        target: str | Path,
+        *,
+        stream: str,
+        compression: str = "gzip",
+        epoch_ns: int = DEFAULT_EPOCH_NS,
+    ) -> None:
+        """Prepare a file.
+
+        Args:
+            target: File name, ending in ``.h5``.
+            stream: Name of the event stream; other samples are passed over.
+            compression: ``gzip``, which every HDF5 program reads, or ``lzf``, five times as fast.
+            epoch_ns: Unix time of the drive's beginning [ns].
+        """
+        super().__init__(target, epoch_ns=epoch_ns)
+        self._stream = stream
+        self._filter: dict[str, Any] = {"compression": compression, "shuffle": True}
+        if compression == "gzip":
+            self._filter["compression_opts"] = 1
+        self._begin_ns: int | None = None
+        self._count = 0
+        self._ms_to_idx: list[np.ndarray[Any, np.dtype[np.uint64]]] = []
+        self._next_ms = 0
+
+    def _begin(self, part: Path) -> None:
+        self._file = h5py.File(part, "w")
+        for name, kind in _COLUMNS.items():
+            self._file.create_dataset(
+                f"events/{name}", (0,), kind, maxshape=(None,), chunks=(_CHUNK,), **self._filter
+            )
+
+    def _put(self, sample: Sample) -> None:
+        if not isinstance(sample, Events) or sample.sensor != self._stream:
+            return
+        if self._begin_ns is None:
+            self._begin_ns = sample.stamp_ns - (sample.period_ns if len(sample.events) else 0)
+            self._file.attrs["width"], self._file.attrs["height"] = sample.width_px, sample.height_px
+        t_us = (sample.events["t"] - self._begin_ns) // 1000
+        rows = {"t": t_us, **{name: sample.events[name] for name in "xyp"}}
+        end = self._count + len(t_us)
+        for name, values in rows.items():
+            column = self._file[f"events/{name}"]
+            column.resize((end,))
+            column[self._count :] = values.astype(_COLUMNS[name])
+        # Milliseconds that end with this period; later events cannot be earlier.
+        end_ms = (sample.stamp_ns - self._begin_ns) // 1_000_000
+        edges_us = 1000 * np.arange(self._next_ms, end_ms + 1)
+        self._ms_to_idx.append((self._count + np.searchsorted(t_us, edges_us)).astype("<u8"))
+        self._next_ms, self._count = max(end_ms + 1, self._next_ms), end
+
+    def _finish(self) -> None:
+        begin_ns = self.unix_ns(self._begin_ns or 0)
+        self._file["t_offset"] = np.int64(begin_ns // 1000)
+        self._file["ms_to_idx"] = np.concatenate([np.zeros(0, "<u8"), *self._ms_to_idx])
+        self._file.close()
+
+    def _drop(self) -> None:
+        self._file.close()

@@ -1,0 +1,119 @@
+"""Events in DSEC's layout and as dvs_msgs, against what independent readers find."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores
+
+from carlaloc_env.samples import EVENT, Events
+from recorder.writers.base import DEFAULT_EPOCH_NS
+from recorder.writers.dsec import DsecWriter
+from recorder.writers.event_messages import cdr_with_events
+from recorder.writers.messages import MessageMaker, make_typestore
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.rosbag1 import Rosbag1Writer
+
+PERIOD_NS = 50_000_000
+
+
+def batch(number: int, count: int) -> Events:
+    generator = np.random.default_rng(number)
+    events = np.zeros(count, EVENT)
+    begin = (number - 1) * PERIOD_NS
+    events["t"] = begin + 1000 * np.sort(generator.integers(1, 50_001, count))
+    events["x"], events["y"] = generator.integers(0, 1280, count), generator.integers(0, 720, count)
+    events["p"] = generator.integers(0, 2, count)
+    return Events(
+        sensor="events_left",
+        frame_id="camera_left",
+        stamp_ns=number * PERIOD_NS,
+        events=events,
+        width_px=1280,
+        height_px=720,
+        period_ns=PERIOD_NS,
+    )
+
+
+BATCHES = [batch(0, 0), batch(1, 5000), batch(2, 0), batch(3, 3001), batch(4, 17)]
+ALL = np.concatenate([one.events for one in BATCHES])
+
+
+def write(folder: Path, compression: str = "gzip") -> Path:
+    path = folder / "events_left.h5"
+    with DsecWriter(path, stream="events_left", compression=compression) as writer:
+        for one in BATCHES:
+            writer.write(one)
+    return path
+
+
+@pytest.mark.parametrize("compression", ["gzip", "lzf"])
+def test_dsec_file_holds_every_event(tmp_path: Path, compression: str) -> None:
+    with h5py.File(write(tmp_path, compression)) as file:
+        events = file["events"]
+        assert {name: events[name].dtype.str for name in events} == {
+            "p": "|u1",
+            "t": "<u4",
+            "x": "<u2",
+            "y": "<u2",
+        }
+        t_ns = (events["t"][:].astype(np.int64) + file["t_offset"][()]) * 1000 - DEFAULT_EPOCH_NS
+        np.testing.assert_array_equal(t_ns, ALL["t"])
+        for name in "xyp":
+            np.testing.assert_array_equal(events[name][:], ALL[name])
+
+
+def test_dsec_milliseconds_point_at_their_first_event(tmp_path: Path) -> None:
+    """The definition of the format, for every millisecond."""
+    with h5py.File(write(tmp_path)) as file:
+        t, index = file["events/t"][:], file["ms_to_idx"][:]
+    assert len(index) == 201
+    for ms, first in enumerate(index):
+        assert np.all(t[:first] < 1000 * ms)
+        assert np.all(t[first:] >= 1000 * ms)
+
+
+def test_dsec_files_are_the_same_bytes(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    assert write(tmp_path / "a").read_bytes() == write(tmp_path / "b").read_bytes()
+
+
+def test_bag_holds_dvs_msgs_event_arrays(tmp_path: Path) -> None:
+    path = tmp_path / "e.bag"
+    with Rosbag1Writer(path, RigCalibration()) as writer:
+        for one in BATCHES:
+            writer.write(one)
+    with AnyReader([path]) as reader:
+        (connection,) = (c for c in reader.connections if c.topic == "/camera/left/events")
+        assert connection.msgtype == "dvs_msgs/msg/EventArray"
+        assert connection.digest == "5e8beee5a6c107e504c2e78903c224b8"
+        messages = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages([connection])]
+    assert [len(m.events) for m in messages] == [len(one.events) for one in BATCHES]  # type: ignore[attr-defined]
+    for message, one in zip(messages, BATCHES, strict=True):
+        read: Any = message
+        assert (read.width, read.height, read.header.frame_id) == (1280, 720, "camera_left")
+        for event, row in list(zip(read.events, one.events, strict=True))[::97]:
+            unix_ns = event.ts.sec * 10**9 + event.ts.nanosec
+            assert (unix_ns - DEFAULT_EPOCH_NS, event.x, event.y, event.polarity) == tuple(row)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+def test_packed_cdr_is_what_a_serialiser_writes(count: int) -> None:
+    typestore = make_typestore(Stores.ROS2_HUMBLE)
+    maker = MessageMaker(typestore, epoch_ns=DEFAULT_EPOCH_NS, pinholes={})
+    sample = batch(3, count)
+    empty = maker.make("event_array", sample, "/camera/left/events")
+    rows = [
+        maker.new("dvs_msgs/Event", x=int(x), y=int(y), ts=maker.time(int(t)), polarity=bool(p))
+        for t, x, y, p in sample.events
+    ]
+    full = maker.new("dvs_msgs/EventArray", header=empty.header, height=720, width=1280, events=rows)
+    kind = "dvs_msgs/msg/EventArray"
+    packed = cdr_with_events(bytes(typestore.serialize_cdr(empty, kind)), sample, DEFAULT_EPOCH_NS)
+    assert packed == bytes(typestore.serialize_cdr(full, kind))
