@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,15 +16,30 @@ Array = NDArray[np.float64]
 WHITE = (255, 255, 255)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Quads:
+    """Quads of one call: corners (N, 4, 3), texture coordinates (N, 4, 2), the rest per quad or corner."""
+
+    corners_m: Array
+    uv_m: Array | None
+    colour: Array
+    material: NDArray[np.uint8]
+    tag: Tag
+    instance: NDArray[np.uint32]
+
+
 class MeshBuilder:
     """Collects quads, grids and triangles; `build` gives one mesh of all of them in their order."""
 
     def __init__(self) -> None:
         self._parts: list[Mesh] = []
+        # Buildings add thousands of small groups of quads: their normals are worked out many at a time.
+        self._quads: list[_Quads] = []
 
     def add(self, mesh: Mesh) -> None:
         """Append a finished mesh."""
         if len(mesh.triangles):
+            self._join_quads()
             self._parts.append(mesh)
 
     def quads(
@@ -49,18 +66,15 @@ class MeshBuilder:
         c = np.asarray(corners_m, dtype=np.float64).reshape(-1, 4, 3)
         if not len(c):
             return
-        normal = _unit(cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]))
-        uv = planar_uv(c, normal) if uv_m is None else np.asarray(uv_m, dtype=np.float64)
-        base = np.arange(len(c), dtype=np.uint32)[:, None] * 4
-        self._append(
-            c.reshape(-1, 3),
-            (base + np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)).reshape(-1, 3),
-            np.repeat(normal, 4, axis=0),
-            uv.reshape(-1, 2),
-            _per_corner(colour, len(c)),
-            np.repeat(np.broadcast_to(np.asarray(material, dtype=np.uint8), (len(c),)), 4),
-            tag,
-            np.repeat(np.broadcast_to(np.asarray(instance, dtype=np.uint32), (len(c),)), 4),
+        self._quads.append(
+            _Quads(
+                corners_m=c,
+                uv_m=None if uv_m is None else np.asarray(uv_m, dtype=np.float64).reshape(-1, 4, 2),
+                colour=_per_corner(colour, len(c)),
+                material=np.broadcast_to(np.asarray(material, dtype=np.uint8), (len(c),)),
+                tag=tag,
+                instance=np.broadcast_to(np.asarray(instance, dtype=np.uint32), (len(c),)),
+            )
         )
 
     def grid(
@@ -120,6 +134,7 @@ class MeshBuilder:
         t = t[~flat]
         if not len(t):
             return
+        self._join_quads()
         self._append(
             v,
             t,
@@ -127,13 +142,40 @@ class MeshBuilder:
             v[:, :2] if uv_m is None else np.asarray(uv_m, dtype=np.float64),
             np.broadcast_to(np.asarray(colour), (len(v), 3)),
             np.full(len(v), material, dtype=np.uint8),
-            tag,
+            np.full(len(v), tag, dtype=np.uint8),
             np.full(len(v), instance, dtype=np.uint32),
         )
 
     def build(self) -> Mesh:
         """Everything gathered so far as one mesh."""
+        self._join_quads()
         return merge(self._parts)
+
+    def _join_quads(self) -> None:
+        """Make one part of all quads gathered since the last part."""
+        if not self._quads:
+            return
+        groups, self._quads = self._quads, []
+        c = np.concatenate([group.corners_m for group in groups])
+        size = [len(group.corners_m) for group in groups]
+        normal = _unit(cross(c[:, 2] - c[:, 0], c[:, 3] - c[:, 1]))
+        uv = planar_uv(c, normal)
+        end = 0
+        for group, count in zip(groups, size, strict=True):
+            end += count
+            if group.uv_m is not None:
+                uv[end - count : end] = group.uv_m
+        base = np.arange(len(c), dtype=np.uint32)[:, None] * 4
+        self._append(
+            c.reshape(-1, 3),
+            (base + np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)).reshape(-1, 3),
+            np.repeat(normal, 4, axis=0),
+            uv.reshape(-1, 2),
+            np.concatenate([group.colour for group in groups]),
+            np.repeat(np.concatenate([group.material for group in groups]), 4),
+            np.repeat(np.array([group.tag for group in groups], dtype=np.uint8), np.array(size) * 4),
+            np.repeat(np.concatenate([group.instance for group in groups]), 4),
+        )
 
     def _append(
         self,
@@ -143,7 +185,7 @@ class MeshBuilder:
         uv: Array,
         colour: ArrayLike,
         material: NDArray[np.uint8],
-        tag: Tag,
+        tag: NDArray[np.uint8],
         instance: NDArray[np.uint32],
     ) -> None:
         normal = np.asarray(normals, dtype=np.float32)
@@ -159,7 +201,7 @@ class MeshBuilder:
                 uv_m=uv.astype(np.float32),
                 colour=np.clip(np.asarray(colour), 0, 255).astype(np.uint8),
                 material=material,
-                tag=np.full(len(vertices), tag, dtype=np.uint8),
+                tag=tag,
                 instance=instance,
             )
         )

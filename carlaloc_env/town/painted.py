@@ -28,6 +28,8 @@ BAR_M, BAR_GAP_M = 0.5, 0.6
 """Width of a crosswalk's bars and the gap between them [m]."""
 STOP_LINE_M = 0.4
 """Width of stop lines that the map gives as bare lines [m]."""
+EDGE_M = 0.02
+"""Least distance of painted areas from the roadway's edge [m]."""
 CELL_M = 1.0
 """Side of the triangles of painted areas, so that they follow the road [m]."""
 
@@ -37,7 +39,8 @@ class RoadPainter:
 
     def __init__(self, network: LaneNetwork, strips: Sequence[Strip], areas: TownAreas) -> None:
         self._network = network
-        self._areas = areas
+        self._paintable = shapely.buffer(areas.roadway, -EDGE_M)
+        shapely.prepare(self._paintable)
         self._strips = strips
         self._fields: dict[str, JunctionField] = {}
 
@@ -70,7 +73,7 @@ class RoadPainter:
         return _hatched(flat) if len(points) > 8 else flat
 
     def _paint(self, out: MeshBuilder, road_id: str, area: Area) -> None:
-        area = areas_only(shapely.intersection(area, shapely.buffer(self._areas.roadway, -0.02)), 5e-3)
+        area = areas_only(shapely.intersection(area, self._paintable), 5e-3)
         xy, triangles = triangulate(area, CELL_M)
         if not len(xy):
             return

@@ -34,29 +34,31 @@ class Wall:
         """Points [m] of wall coordinates, shape (..., 3)."""
         a, b, z = (np.asarray(x, dtype=np.float64) for x in (a, b, z))
         c, s = float(self.along[0]), float(self.along[1])
-        x = self.origin_m[0] + a * c + b * s
-        y = self.origin_m[1] + a * s - b * c
-        return np.stack(np.broadcast_arrays(x, y, self.origin_m[2] + z), axis=-1)
+        points = np.empty((*np.broadcast(a, b, z).shape, 3))
+        points[..., 0] = self.origin_m[0] + a * c + b * s
+        points[..., 1] = self.origin_m[1] + a * s - b * c
+        points[..., 2] = self.origin_m[2] + z
+        return points
 
     def front(self, a0: ArrayLike, a1: ArrayLike, z0: ArrayLike, z1: ArrayLike, b: ArrayLike = 0.0) -> Array:
         """Faces that look outwards."""
-        return self._faces([(a0, b, z0), (a1, b, z0), (a1, b, z1), (a0, b, z1)])
+        return self._faces(_FRONT, a0, a1, b, b, z0, z1)
 
     def top(self, a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike, z: ArrayLike) -> Array:
         """Faces that look up."""
-        return self._faces([(a0, b0, z), (a0, b1, z), (a1, b1, z), (a1, b0, z)])
+        return self._faces(_TOP, a0, a1, b0, b1, z, z)
 
     def bottom(self, a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike, z: ArrayLike) -> Array:
         """Faces that look down."""
-        return self._faces([(a0, b0, z), (a1, b0, z), (a1, b1, z), (a0, b1, z)])
+        return self._faces(_BOTTOM, a0, a1, b0, b1, z, z)
 
     def left_side(self, a: ArrayLike, b0: ArrayLike, b1: ArrayLike, z0: ArrayLike, z1: ArrayLike) -> Array:
         """Faces that look against a."""
-        return self._faces([(a, b0, z0), (a, b1, z0), (a, b1, z1), (a, b0, z1)])
+        return self._faces(_LEFT, a, a, b0, b1, z0, z1)
 
     def right_side(self, a: ArrayLike, b0: ArrayLike, b1: ArrayLike, z0: ArrayLike, z1: ArrayLike) -> Array:
         """Faces that look along a."""
-        return self._faces([(a, b1, z0), (a, b0, z0), (a, b0, z1), (a, b1, z1)])
+        return self._faces(_RIGHT, a, a, b0, b1, z0, z1)
 
     def box(
         self,
@@ -68,37 +70,48 @@ class Wall:
         inner: ArrayLike = 0.0,
     ) -> Array:
         """Boxes that stand out of the wall from `inner` to `out` [m], without their backs."""
-        return np.concatenate(
-            [
-                self.front(a0, a1, z0, z1, out),
-                self.left_side(a0, inner, out, z0, z1),
-                self.right_side(a1, inner, out, z0, z1),
-                self.top(a0, a1, inner, out, z1),
-                self.bottom(a0, a1, inner, out, z0),
-            ]
-        )
+        return self._faces(_BOX, a0, a1, inner, out, z0, z1)
 
     def reveal(self, a0: ArrayLike, a1: ArrayLike, z0: ArrayLike, z1: ArrayLike, depth: ArrayLike) -> Array:
         """The four inner faces of openings that go `depth` [m] into the wall."""
-        back = -np.asarray(depth, dtype=np.float64)
-        return np.concatenate(
-            [
-                self.right_side(a0, back, 0.0, z0, z1),
-                self.left_side(a1, back, 0.0, z0, z1),
-                self.top(a0, a1, back, 0.0, z0),
-                self.bottom(a0, a1, back, 0.0, z1),
-            ]
-        )
+        return self._faces(_REVEAL, a0, a1, -np.asarray(depth, dtype=np.float64), 0.0, z0, z1)
 
-    def _faces(self, corners: list[tuple[ArrayLike, ArrayLike, ArrayLike]]) -> Array:
-        columns = [np.atleast_1d(np.asarray(x, dtype=np.float64)) for corner in corners for x in corner]
-        count = max(len(column) for column in columns) if all(map(len, columns)) else 0
+    def _faces(self, table: NDArray[np.int64], *limits: ArrayLike) -> Array:
+        """Quads of a table of faces, one face after the other for all N shapes, (F · N, 4, 3).
+
+        Args:
+            table: Number of the limit of each corner along a, b and z, shape (3, F, 4).
+            limits: Least and largest a, b and z [m], (N,) or numbers.
+        """
+        values = [np.atleast_1d(np.asarray(limit, dtype=np.float64)) for limit in limits]
+        count = max(map(len, values)) if all(map(len, values)) else 0
         if count == 0:
             return np.zeros((0, 4, 3))
-        a, b, z = (np.empty((count, 4)) for _ in range(3))
-        for k in range(4):
-            a[:, k], b[:, k], z[:, k] = columns[3 * k : 3 * k + 3]
-        return self.points(a, b, z)
+        rows = np.empty((count, 6))
+        for k, value in enumerate(values):
+            rows[:, k] = value
+        a, b, z = rows.T[table].transpose(0, 1, 3, 2)
+        return self.points(a, b, z).reshape(-1, 4, 3)
+
+
+def _table(*faces: str) -> NDArray[np.int64]:
+    """Faces from their corners: least (0) or largest (1) a, b and z of each, for instance 000 100 101."""
+    numbers = np.array([[[int(c) for c in corner] for corner in face.split()] for face in faces])
+    return np.moveaxis(numbers + np.array([0, 2, 4]), 2, 0)
+
+
+_OUTER, _TOP, _BOTTOM = _table("010 110 111 011"), _table("001 011 111 101"), _table("000 100 110 010")
+_FRONT, _LEFT, _RIGHT = _table("000 100 101 001"), _table("000 010 011 001"), _table("110 100 101 111")
+_BOX = np.concatenate([_OUTER, _LEFT, _RIGHT, _TOP, _BOTTOM], axis=1)
+_REVEAL = np.concatenate(
+    [
+        _table("010 000 001 011"),
+        _table("100 110 111 101"),
+        _table("000 010 110 100"),
+        _table("001 101 111 011"),
+    ],
+    axis=1,
+)
 
 
 def around(width_m: float, depth_m: float, base_m: float = 0.0) -> list[Wall]:
