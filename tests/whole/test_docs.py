@@ -183,7 +183,7 @@ UNITLESS = {
     "frame_id", "has_fix", "map", "out", "device", "seed", "traffic", "overwrite", "episode", "weathers",
     "rig", "formats", "topics", "quality", "workers", "preview", "fraction", "loop",
     "ghosts", "weather", "rows", "rays_per_actor", "detections_max", "orientation", "road_class", "model",
-    "constellations", "rtk", "solution", "satellites",
+    "constellations", "rtk", "solution", "satellites", "window", "tag_table",
 }  # fmt: skip
 """Fields that are names, choices, counts or shares."""
 MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")
