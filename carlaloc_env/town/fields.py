@@ -43,6 +43,9 @@ class JunctionField:
 
     REACH_M = 1.0
     """Distance over which a road's say fades outside it [m]."""
+    CENTRE_M = 0.25
+    """Distance from a lane's middle over which its say fades inside [m]: where crossing roads disagree, each
+    is right along its own middle, on which its traffic drives."""
 
     def __init__(self, strips: Sequence[Strip], surface: RoadSurface) -> None:
         self._surface = surface
@@ -55,12 +58,17 @@ class JunctionField:
             pose = surface.plan_view.evaluate(np.full(len(s), strip.road), s)
             t_left = np.interp(s, strip.s_m, strip.t_m[span[0]])
             t_right = np.interp(s, strip.s_m, strip.t_m[span[1]])
-            self._roads.append((strip.road, s, pose, t_left, t_right))
+            middles = [
+                np.interp(s, strip.s_m, 0.5 * (strip.t_m[lane] + strip.t_m[lane + 1]))
+                for lane in range(*span)
+                if strip.lanes[lane].type == "driving"
+            ]
+            self._roads.append((strip.road, s, pose, t_left, t_right, middles))
 
     def height(self, xy_m: Array) -> Array:
         """Height of the surface [m], shape (M,); roads that hold the point count, others fade."""
         total, weight = np.zeros(len(xy_m)), np.zeros(len(xy_m))
-        for road, s, pose, t_left, t_right in self._roads:
+        for road, s, pose, t_left, t_right, middles in self._roads:
             _, row = cKDTree(np.stack([pose.x_m, pose.y_m], -1)).query(xy_m[:, :2])
             cos, sin = np.cos(pose.heading_rad[row]), np.sin(pose.heading_rad[row])
             dx, dy = xy_m[:, 0] - pose.x_m[row], xy_m[:, 1] - pose.y_m[row]
@@ -69,7 +77,9 @@ class JunctionField:
             at = s[row] + along / stretch
             over = np.maximum(0.0, np.maximum(s[0] - at, at - s[-1]))
             aside = np.maximum(0.0, np.maximum(t - t_left[row], t_right[row] - t))
-            w = np.exp(-((over**2 + aside**2) / self.REACH_M**2)) + 1e-12
+            w = np.exp(-((over**2 + aside**2) / self.REACH_M**2))
+            off = np.min([np.abs(t - middle[row]) for middle in middles], axis=0) if middles else aside + 1.5
+            w = w / (self.CENTRE_M**2 + off**2) ** 2 + 1e-12
             inside = np.clip(at, s[0], s[-1])
             z = self._surface.position(np.full(len(xy_m), road), inside, t)[:, 2]
             total += w * z

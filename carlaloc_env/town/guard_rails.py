@@ -29,6 +29,8 @@ HIGH_M = 1.2
 """Roads at least this high on an embankment have rails whatever their limit [m]."""
 RAIL_AWAY_M = 0.55
 """Distance of the rail's face from what is paved [m]."""
+MEDIAN_RAIL_AWAY_M = 1.3
+"""The same on wide medians [m]: lanes that begin at a median's edge keep clear of the rail."""
 SHORTEST_M = 10.0
 """Shorter rails are left out [m]."""
 STEP_M = 4.0
@@ -100,7 +102,7 @@ def add_medians(
                 away = right_of(middle[a:b])
                 for line, side in ((left[a:b], away), (right[a:b], -away)):
                     foot = line.copy()
-                    foot[:, :2] += RAIL_AWAY_M * side
+                    foot[:, :2] += MEDIAN_RAIL_AWAY_M * side
                     _rail(out, solid, foot, side)
     return middles
 

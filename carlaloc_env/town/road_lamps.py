@@ -29,6 +29,8 @@ DECK_LAMP_M, DECK_ARM_M = 7.0, 1.6
 """The same of lamps on parapets [m]."""
 AWAY_M = 1.6
 """Distance of masts from the road's edge, behind the rail [m]."""
+RIM_M = 0.5
+"""Lamps stand on parapets only this near to the deck's rim [m]."""
 _UNLIT = ("rural", "park")
 
 
@@ -38,6 +40,7 @@ def mast_meshes(
     zones: Sequence[tuple[str, Area]],
     paved: Area,
     ground: Ground,
+    overhead: Area,
     first_instance: int,
 ) -> tuple[list[Mesh], Array, Array]:
     """Masts, their lights [m] (K, 3) and their feet [m] (N, 3).
@@ -48,12 +51,13 @@ def mast_meshes(
         zones: Kinds of scenery with their areas.
         paved: Everything paved, on which no mast stands.
         ground: Heights of the ground.
+        overhead: Raised roads, along whose rims the parapets stand.
         first_instance: Instance id of the first mast.
     """
     shapely.prepare(paved)
     double, yaw_double = _on_medians(medians)
     single, yaw_single = _beside(edges, double, zones, paved, ground)
-    deck, yaw_deck = _on_parapets(edges)
+    deck, yaw_deck = _on_parapets(edges, overhead)
     one = street.lamp(MAST_M, ARM_M)
     kinds = (
         (merge([one, placed(one, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
@@ -110,7 +114,9 @@ def _beside(
     return np.concatenate(feet), np.concatenate(yaws)
 
 
-def _on_parapets(edges: Sequence[RoadEdge]) -> tuple[Array, Array]:
+def _on_parapets(edges: Sequence[RoadEdge], overhead: Area) -> tuple[Array, Array]:
+    rim = shapely.boundary(overhead)
+    shapely.prepare(rim)
     feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
     for edge in edges:
         up = np.isin(edge.state, (State.OPEN, State.FILLED)) & (edge.lift_m > 1.0)
@@ -119,6 +125,9 @@ def _on_parapets(edges: Sequence[RoadEdge]) -> tuple[Array, Array]:
         foot = edge.line_m[rows].copy()
         foot[:, :2] += 0.5 * WALL_M * edge.right[rows]
         foot[:, 2] += PARAPET_M - 0.02
+        # Where roads lie side by side, an edge of one is no rim of the deck.
+        on_rim = shapely.dwithin(rim, shapely.points(foot[:, :2]), RIM_M)
+        rows, foot = rows[on_rim], foot[on_rim]
         feet.append(foot)
         yaws.append(np.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
     return np.concatenate(feet), np.concatenate(yaws)

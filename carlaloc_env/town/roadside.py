@@ -81,7 +81,9 @@ def line_roads(solid: MeshBuilder, site: RoadsideSite, first_instance: int) -> R
     for number, park in enumerate(site.car_parks):
         add_car_park(fittings, cars, park, site.ground, site.seed, first_instance + number)
     number = first_instance + len(site.car_parks)
-    masts, lights, feet = mast_meshes(site.edges, medians, site.zones, paved, site.ground, number)
+    masts, lights, feet = mast_meshes(
+        site.edges, medians, site.zones, paved, site.ground, site.overhead, number
+    )
     number += len(feet)
     blocked = shapely.union_all([site.blocked, paved, rails, *_discs(feet)])
     rows = place_lines(site.edges, site.zones, blocked, site.overhead, site.ground, site.seed)
