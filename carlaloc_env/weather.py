@@ -109,6 +109,15 @@ class WeatherParameters:
         return self.sun_altitude_angle < 2.0
 
     @property
+    def wind_mps(self) -> NDArray[np.float64]:
+        """Velocity of the wind in the world (east, north, up) [m/s], shape (3,); 100 % are 15 m/s.
+
+        It always blows from the north-west.
+        """
+        speed = 0.15 * self.wind_intensity
+        return np.array([0.8 * speed, -0.6 * speed, 0.0])
+
+    @property
     def rain_mmph(self) -> float:
         """Rain rate [mm/h]."""
         return 0.5 * self.precipitation

@@ -223,3 +223,7 @@ def nearest(lights: Lights, eye_m: Array, most: int = MOST_LIGHTS) -> Lights:
     order = np.argsort(gap, kind="stable")
     extra = lights.beam[order] & (np.cumsum(lights.beam[order]) > MOST_BEAMS)
     return lights.take(order[~extra][:most])
+
+
+NO_LIGHTS = street_lamps(np.zeros((0, 3)))
+"""None at all."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,9 +28,17 @@ class View:
     """Rotates world axes into optical axes, shape (3, 3)."""
     subsamples: int = 1
     """Samples per output pixel along each axis."""
+    velocity_mps: Array = field(default_factory=lambda: np.zeros(3))
+    """Velocity of the camera in the world, shape (3,); slants streaks of rain."""
 
     @classmethod
-    def of(cls, camera: Pinhole, T_world_camera: ArrayLike, subsamples: int = 1) -> View:
+    def of(
+        cls,
+        camera: Pinhole,
+        T_world_camera: ArrayLike,
+        subsamples: int = 1,
+        velocity_mps: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> View:
         """View of a camera at a pose (4, 4)."""
         T = np.asarray(T_world_camera, dtype=np.float64)
         return cls(
@@ -38,6 +46,7 @@ class View:
             position_m=T[:3, 3].copy(),
             R_camera_world=T[:3, :3].T.copy(),
             subsamples=subsamples,
+            velocity_mps=np.array(velocity_mps, dtype=np.float64),
         )
 
     @property

@@ -111,15 +111,23 @@ class SceneRenderer:
         """Name and version of the OpenGL driver; pictures are the same bytes on the same driver."""
         return f"{self._context.info['GL_RENDERER']}, OpenGL {self._context.info['GL_VERSION']}"
 
-    def draw(self, camera: Pinhole, T_world_camera: ArrayLike, instances: Instances) -> GBuffer:
+    def draw(
+        self,
+        camera: Pinhole,
+        T_world_camera: ArrayLike,
+        instances: Instances,
+        *,
+        velocity_mps: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> GBuffer:
         """What a camera sees, before any weather.
 
         Args:
             camera: Intrinsics.
             T_world_camera: Pose of the optical frame, shape (4, 4).
             instances: Movable models.
+            velocity_mps: Velocity of the camera in the world, shape (3,); streaks of rain slant with it.
         """
-        view = View.of(camera, T_world_camera, self._subsamples)
+        view = View.of(camera, T_world_camera, self._subsamples, velocity_mps)
         with self._context:
             targets = self._pool.take(view.size_px)
             self._fill(view, targets, instances)
@@ -141,8 +149,8 @@ class SceneRenderer:
         Args:
             gbuffer: What `draw` returned.
             weather: Light and air.
-            stamp_ns: Time of the picture [ns]; keys its dither.
-            seed: Seed of the dither.
+            stamp_ns: Time of the picture [ns]; keys its dither, and tells where the rain is.
+            seed: Seed of dither and rain.
         """
         with self._context:
             rgba = self._shader.shade(gbuffer, weather, self._shadow_casters(gbuffer), stamp_ns, seed)
@@ -151,10 +159,13 @@ class SceneRenderer:
             cv2.GaussianBlur(rgb, (3, 3), 0.5, dst=rgb, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(rgb, dtype=np.uint8)
 
-    def radiance_cd_m2(self, gbuffer: GBuffer, weather: WeatherParameters) -> NDArray[np.float32]:
-        """Linear BT.709 luminance before exposure [cd/m²], shape (H, W, 3)."""
+    def radiance_cd_m2(
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0
+    ) -> NDArray[np.float32]:
+        """Linear BT.709 luminance before exposure [cd/m²], shape (H, W, 3); arguments as for `shade`."""
         with self._context:
-            return self._shader.radiance_cd_m2(gbuffer, weather, self._shadow_casters(gbuffer))
+            casters = self._shadow_casters(gbuffer)
+            return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
 
     def _fill(self, view: View, targets: Targets, instances: Instances) -> None:
         context = self._context

@@ -42,6 +42,7 @@ class Roofs:
         else:
             self._centre_m, self._half_m = np.zeros(3), 1.0
             height = np.full((4, 4), -1e3, dtype=np.float32)
+        self._height_m = height
         cell_m = 2 * self._half_m / SIZE_PX
         blurred = cv2.GaussianBlur(height, (0, 0), BLUR_M / cell_m)
         self.texture = context.texture(height.shape[::-1], 1, blurred.tobytes(), dtype="f4")
@@ -52,6 +53,13 @@ class Roofs:
         scale = 0.5 / self._half_m
         x, y = (eye_m[:2] - self._centre_m[:2]) * scale + 0.5
         return (scale, scale, float(x), float(y))
+
+    def open_sky(self, points_m: Array) -> NDArray[np.bool_]:
+        """Whether nothing of the static scene is above points of the world (N, 3) [m], shape (N,)."""
+        size = self._height_m.shape[0]
+        at = (points_m[:, :2] - self._centre_m[:2]) * (0.5 / self._half_m) + 0.5
+        cell = np.clip((at * size).astype(np.int64), 0, size - 1)
+        return np.asarray(points_m[:, 2] > self._height_m[cell[:, 1], cell[:, 0]])
 
     def _draw(
         self, context: moderngl.Context, programs: Programs, scenery: list[Geometry], half_height_m: float

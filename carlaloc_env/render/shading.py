@@ -12,17 +12,24 @@ from carlaloc_env import rng
 from carlaloc_env.render.context import Programs, set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry import Geometry, InstanceBuffer
+from carlaloc_env.render.lights import NO_LIGHTS
+from carlaloc_env.render.mirror import Mirror
 from carlaloc_env.render.night import FEATURES, Night
 from carlaloc_env.render.projection import View
+from carlaloc_env.render.rain import lit, rain_streaks
+from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.roofs import Roofs
 from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
-from carlaloc_env.render.sky import SkyLight, sky_light
+from carlaloc_env.render.sky import SkyLight, exposure_time_s, sky_light
+from carlaloc_env.render.tiles import LightGrid
 from carlaloc_env.scene import ModelLibrary
 from carlaloc_env.weather import WeatherParameters
 
 Array = NDArray[np.float64]
 
 CACHED_WEATHERS = 8
+RIPPLES_NS = 1_000_000_000_000
+"""Period of the rings on puddles [ns]; shaders count time in single precision."""
 
 # Ramamoorthi and Hanrahan 2001, equation 13.
 _C1, _C2, _C3, _C4, _C5 = 0.429043, 0.511664, 0.743125, 0.886227, 0.247708
@@ -47,6 +54,8 @@ class Shader:
         self._scenery = scenery
         self._night = Night(context, library, lamps_m)
         self._shadows = Shadows(context, programs, low_m, high_m) if len(low_m) else None
+        self._rain = RainLayer(context, programs)
+        self._mirror = Mirror(context, programs)
         self._roofs = Roofs(context, programs, scenery, low_m, high_m)
         self._arrays: dict[int, moderngl.VertexArray] = {}
         self._skies: OrderedDict[WeatherParameters, tuple[SkyLight, moderngl.Texture]] = OrderedDict()
@@ -70,17 +79,21 @@ class Shader:
         seed: int,
     ) -> NDArray[np.uint8]:
         """Picture with dither, sRGB and opaque, shape (H, W, 4)."""
-        key = int(rng.stream(seed, "render/dither", stamp_ns).integers(1 << 32))
-        texture = self._run(gbuffer, weather, casters, key, linear=False)
+        texture = self._run(gbuffer, weather, casters, stamp_ns, seed, linear=False)
         out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.uint8)
         texture.read_into(out)
         return out
 
     def radiance_cd_m2(
-        self, gbuffer: GBuffer, weather: WeatherParameters, casters: tuple[Geometry, InstanceBuffer]
+        self,
+        gbuffer: GBuffer,
+        weather: WeatherParameters,
+        casters: tuple[Geometry, InstanceBuffer],
+        stamp_ns: int,
+        seed: int,
     ) -> NDArray[np.float32]:
         """Luminance before exposure [cd/m²], shape (H, W, 3)."""
-        texture = self._run(gbuffer, weather, casters, 0, linear=True)
+        texture = self._run(gbuffer, weather, casters, stamp_ns, seed, linear=True)
         out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.float32)
         texture.read_into(out)
         return out[..., :3] / np.float32(self._sky(weather)[0].exposure)
@@ -90,11 +103,13 @@ class Shader:
         gbuffer: GBuffer,
         weather: WeatherParameters,
         casters: tuple[Geometry, InstanceBuffer],
-        key: int,
+        stamp_ns: int,
+        seed: int,
         *,
         linear: bool,
     ) -> moderngl.Texture:
         light, sky = self._sky(weather)
+        key = int(rng.stream(seed, "render/dither", stamp_ns).integers(1 << 32))
         resolved = gbuffer.shaded is not gbuffer.drawn
         features = self._features(weather, light, linear=linear, resolved=resolved)
         program = self._programs.get("screen.vert", "shade.frag", *features)
@@ -107,11 +122,15 @@ class Shader:
         grid = None
         if weather.is_night:
             grid = self._night.prepare(gbuffer, weather.extinction_per_m, light.exposure)
+        if "RAIN" in features:
+            self._rain_texture(gbuffer, weather, light, grid, stamp_ns, seed).use(8)
+        if "WET" in features:
+            self._mirrored(gbuffer, weather, light, key, stamp_ns).use(9)
         self._bind(program, gbuffer.shaded)
         sky.use(4)
         self._roofs.texture.use(7)
         self._screen_uniforms(program, view)
-        self._light_uniforms(program, gbuffer, weather, light, key)
+        self._light_uniforms(program, gbuffer, weather, light, key, stamp_ns)
         texture, framebuffer = self._output(gbuffer, linear=linear)
         framebuffer.use()
         # The depth test splits the picture: surfaces lie before the triangle, the sky on it.
@@ -125,14 +144,14 @@ class Shader:
             program = self._programs.get("screen.vert", "shade.frag", *features, "BEAMS")
             self._bind(program, gbuffer.shaded)
             self._screen_uniforms(program, view)
-            self._light_uniforms(program, gbuffer, weather, light, key)
+            self._light_uniforms(program, gbuffer, weather, light, key, stamp_ns)
             self._night.draw(program, grid.plain, len(grid.tiles) - grid.plain)
         if resolved:
             return texture
         shared = [name for name in features if name not in ("SUN", "WET")]
         program = self._programs.get("screen.vert", "sky.frag", *shared)
         self._screen_uniforms(program, view)
-        self._light_uniforms(program, gbuffer, weather, light, key)
+        self._light_uniforms(program, gbuffer, weather, light, key, stamp_ns)
         self._context.depth_func = "=="
         if grid is None:
             self._triangle(program)
@@ -151,10 +170,46 @@ class Shader:
             "ACTORS": sunny or overcast,
             "WET": weather.surface_wetness > 0.05,
             "NIGHT": weather.is_night,
+            "RAIN": weather.precipitation > 0.0,
             "LINEAR": linear,
             "RESOLVED": resolved,
         }
         return (*(FEATURES if weather.is_night else ()), *(name for name, on in wanted.items() if on))
+
+    def _mirrored(
+        self, gbuffer: GBuffer, weather: WeatherParameters, light: SkyLight, key: int, stamp_ns: int
+    ) -> moderngl.Texture:
+        def prepare(program: moderngl.Program) -> None:
+            self._bind(program, gbuffer.shaded)
+            self._screen_uniforms(program, gbuffer.view)
+            self._light_uniforms(program, gbuffer, weather, light, key, stamp_ns)
+
+        features = ("NIGHT_GLOW",) if weather.is_night else ()
+        return self._mirror.draw(gbuffer, features, prepare, self._triangle)
+
+    def _rain_texture(
+        self,
+        gbuffer: GBuffer,
+        weather: WeatherParameters,
+        light: SkyLight,
+        grid: LightGrid | None,
+        stamp_ns: int,
+        seed: int,
+    ) -> moderngl.Texture:
+        view = gbuffer.view
+        streaks = rain_streaks(
+            view,
+            weather,
+            stamp_ns=stamp_ns,
+            seed=seed,
+            velocity_mps=view.velocity_mps,
+            exposure_time_s=exposure_time_s(light.exposure),
+        )
+        streaks = streaks.take(np.flatnonzero(self._roofs.open_sky(streaks.end_m + view.position_m)))
+        above = np.maximum(np.sum(_polynomial(light.irradiance)[[0, 2, 6]], axis=0), 0.0) / np.pi
+        lamps = NO_LIGHTS if grid is None else grid.lights
+        shine = lit(streaks, view.position_m, above, lamps) * light.exposure
+        return self._rain.draw(gbuffer, streaks, shine)
 
     def _sky(self, weather: WeatherParameters) -> tuple[SkyLight, moderngl.Texture]:
         if weather in self._skies:
@@ -196,8 +251,11 @@ class Shader:
         weather: WeatherParameters,
         light: SkyLight,
         key: int,
+        stamp_ns: int,
     ) -> None:
         e, view = light.exposure, gbuffer.view
+        ambient = _polynomial(light.irradiance) * (e / np.pi)
+        ripples = 1.0 + stamp_ns % RIPPLES_NS * 1e-9 if weather.precipitation > 0.0 else 0.0
         set_uniforms(
             program,
             u_sky=4,
@@ -209,7 +267,8 @@ class Shader:
                 weather.uniform_extinction_per_m,
             ),
             u_dither=key,
-            u_ambient=(_polynomial(light.irradiance) * (e / np.pi)).astype("<f4").tobytes(),
+            u_ambient=ambient.astype("<f4").tobytes(),
+            u_wall_light=tuple(ambient[0]),
             u_ground=tuple(light.ground_cd_m2 * e),
             u_exposure=e,
             u_sun=tuple(light.sun_direction),
@@ -217,6 +276,9 @@ class Shader:
             u_texel=STATIC_EXTENT_M / STATIC_SIZE_PX,
             u_shadow_step=1.0 / STATIC_SIZE_PX,
             u_roofs=7,
+            u_rain=8,
+            u_mirror=9,
+            u_ripples=ripples,
             u_roofs_frame=self._roofs.frame(view.position_m),
             u_wet=(weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
         )
@@ -272,6 +334,8 @@ class Shader:
         for array in self._arrays.values():
             array.release()
         self._night.release()
+        self._rain.release()
+        self._mirror.release()
         self._roofs.texture.release()
 
 

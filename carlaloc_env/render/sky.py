@@ -86,6 +86,14 @@ def exposure(horizontal_lx: float) -> float:
     return float(1.0 / (1.2 * 2.0**ev100))
 
 
+def exposure_time_s(picture_per_cd_m2: float) -> float:
+    """Exposure time [s] that goes with an `exposure`: f/2.8 and ISO 100, within 2 to 15 ms.
+
+    Beyond 15 ms a camera on a moving car raises its gain instead.
+    """
+    return float(np.clip(2.8**2 * 1.2 * picture_per_cd_m2, 0.002, 0.015))
+
+
 def hemisphere() -> tuple[Array, Array]:
     """Directions (S, S, 3) and solid angles [sr] (S, S) of the sky map's pixels."""
     axis = (np.arange(SKY_SIZE_PX) + 0.5) / SKY_SIZE_PX * 2.0 - 1.0

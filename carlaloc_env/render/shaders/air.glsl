@@ -34,7 +34,15 @@ vec3 through_air(vec3 light, vec3 direction, float length_m) {
 #include "lamps.glsl"
 #endif
 
+#ifdef RAIN
+uniform sampler2D u_rain;   // light of the streaks before the picture, and how much they hide
+#endif
+
 vec4 develop(vec3 exposed) {
+#ifdef RAIN
+    vec4 rain = texelFetch(u_rain, ivec2(gl_FragCoord.xy), 0);
+    exposed = exposed * (1.0 - rain.a) + rain.rgb;
+#endif
 #ifdef LINEAR
     return vec4(exposed, 1.0);
 #else

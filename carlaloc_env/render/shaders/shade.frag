@@ -28,6 +28,8 @@ uniform float u_shadow_step;   // of the static map, 1 = its edge
 #endif
 #ifdef WET
 uniform vec2 u_wet;            // wetness 0..1, level of the puddles
+uniform float u_ripples;       // time of the ripples, 0 without rain
+uniform sampler2D u_mirror;    // what level ground mirrors of the scene, see mirror.frag
 #endif
 #ifdef BEAMS
 float bell(float h, float v, vec2 centre, vec2 width) {
@@ -74,6 +76,11 @@ float gloss(vec3 n, vec3 v, vec3 l, float alpha, float f0) {
     float d = nh * nh * (a2 - 1.0) + 1.0;
     float fresnel = f0 + (1.0 - f0) * pow(max(1.0 - lh, 0.0), 5.0);
     return a2 / (d * d) * fresnel / (4.0 * lh * lh * (0.5 + alpha));
+}
+
+// Bends a value towards a limit that it never passes.
+float softened(float x, float limit) {
+    return x / (1.0 + x / limit);
 }
 
 #ifdef OVERCAST
@@ -135,15 +142,22 @@ void main() {
 
 #ifdef WET
     float soak = u_wet.x * surface.y;
+    float grey = dot(albedo, vec3(0.3, 0.6, 0.1));
     albedo *= mix(1.0, mix(1.0, 0.35, surface.y), u_wet.x);
-    roughness = mix(roughness, 0.30, soak);
+    // Bright grains stand out of the film, dark gaps are full of it.
+    roughness = mix(roughness, 0.20 + 1.3 * min(grey, 0.25), soak);
     vec2 ground = (u_eye + offset).xy;
-    float hollow = 0.62 * noise(ground * 0.21) + 0.28 * noise(ground * 0.63 + 5.1) + 0.10 * noise(ground * 2.3);
-    float water = smoothstep(u_wet.y, u_wet.y + 0.10, hollow)
+    float footprint = length_m * length_m * 0.0011;
+    float hollow = 0.56 * noise(ground * 0.17) + 0.29 * noise(ground * 0.71 + 5.1)
+        + 0.15 * mix(0.5, noise(ground * 3.1), band(footprint, 3.1));
+    float water = smoothstep(u_wet.y, u_wet.y + 0.045, hollow)
         * smoothstep(0.93, 0.97, n.z) * smoothstep(0.5, 0.7, surface.y);
     albedo *= 1.0 - 0.45 * water;
-    roughness = mix(roughness, 0.07, water);
+    roughness = mix(roughness, 0.06, water);
     n = normalize(mix(n, vec3(0.0, 0.0, 1.0), water));
+    // Grains on the film, rings of drops on puddles.
+    float grain = (noise(ground * 41.0 + u_ripples * 9.0 * water) - 0.5) * band(footprint, 41.0);
+    n = normalize(n - vec3(direction.xy * (grain * mix(0.22 * soak, 0.05 * min(u_ripples, 1.0), water)), 0.0));
     f0 = mix(f0, 0.02, water);
 #endif
 
@@ -160,7 +174,7 @@ void main() {
     float facing = max(dot(n, u_sun), 0.0);
     vec3 sun = u_sun_light * facing * sunlit(offset, n);
     light += sun;
-    shine += sun * min(gloss(n, v, u_sun, max(alpha, 0.02), f0), 40.0);
+    shine += sun * softened(gloss(n, v, u_sun, max(alpha, 0.02), f0), 40.0);
 #endif
 #ifdef NIGHT
     for (uint i = v_lamps.x; i < v_lamps.y; ++i) {
@@ -175,7 +189,7 @@ void main() {
         vec3 e = lamps[k].light.rgb
             * (window(near2, lamps[k].place.w) * beam * max(dot(n, l), 0.0) / near2);
         light += e;
-        shine += e * min(gloss(n, v, l, max(alpha, 0.01), f0), 60.0);
+        shine += e * softened(gloss(n, v, l, max(alpha, 0.01), f0), 40.0);
     }
 #ifdef BEAMS
     for (uint i = v_beams.x; i < v_beams.y; ++i) {
@@ -189,7 +203,7 @@ void main() {
         vec3 e = lamps[k].light.rgb
             * (low_beam(turned) * window(near2, lamps[k].place.w) * max(dot(n, l), 0.0) / near2);
         light += e;
-        shine += e * min(gloss(n, v, l, max(alpha, 0.03), f0), 5.0);
+        shine += e * softened(gloss(n, v, l, max(alpha, 0.02), f0), 5.0);
     }
 #endif
 #endif
@@ -201,6 +215,10 @@ void main() {
     vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
     // Walls across the street stand before the lowest part of the sky.
     vec3 reflection = mix(u_ground, above, smoothstep(-0.05, 0.30, mirror.z)) * open;
+#ifdef WET
+    vec4 seen = texture(u_mirror, uv);
+    reflection = reflection * (1.0 - seen.a) + seen.rgb;
+#endif
 
     vec3 exposed = albedo * light + shine + reflection * fresnel + emitted;
     exposed = through_air(exposed, direction, length_m);

@@ -1,0 +1,173 @@
+"""Rain: how many drops, how they fall, and that all cameras see the same ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import RenderError
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.lights import NO_LIGHTS, street_lamps
+from carlaloc_env.render.projection import View
+from carlaloc_env.render.rain import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.surfaces import plain_albedo
+from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.semantics import Tag
+from carlaloc_env.weather import PRESETS, WeatherParameters
+
+try:
+    create_context().release()
+except RenderError as no_opengl:
+    pytest.skip(str(no_opengl), allow_module_level=True)
+
+CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
+FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (3.0, -7.0, 1.6))
+RAIN = WeatherParameters(precipitation=60.0, wind_intensity=40.0)
+
+
+def fall(
+    stamp_ns: int, T: NDArray[np.float64] = FORWARD, weather: WeatherParameters = RAIN, seed: int = 3
+) -> Streaks:
+    return rain_streaks(
+        View.of(CAMERA, T),
+        weather,
+        stamp_ns=stamp_ns,
+        seed=seed,
+        velocity_mps=np.array([12.0, 0.0, 0.0]),
+        exposure_time_s=0.01,
+    )
+
+
+def in_world(streaks: Streaks, T: NDArray[np.float64] = FORWARD) -> set[tuple[int, int, int]]:
+    return {tuple(row) for row in np.rint((streaks.end_m + T[:3, 3]) * 1e5).astype(int)}
+
+
+@pytest.mark.parametrize("rain_mmph", [10.0, 30.0, 50.0])
+def test_as_many_drops_as_marshall_and_palmer_counted(rain_mmph: float) -> None:
+    """Drops per size within the view's truncated pyramid, over several moments."""
+    weather = WeatherParameters(precipitation=2.0 * rain_mmph)
+    streaks = [fall(stamp, weather=weather) for stamp in range(0, 5_000_000_000, 500_000_000)]
+    ahead = FORWARD[:3, 2]
+    for diameter_mm, width_mm, reach_m in SIZES_MM:
+        found = 0
+        for one in streaks:
+            z = one.end_m @ ahead
+            sideways = np.abs(one.end_m @ FORWARD[:3, :2]) * 160.0 <= z[:, None] * np.array([160.0, 90.0])
+            mine = np.isclose(one.diameter_m, diameter_mm * 1e-3)
+            found += np.count_nonzero(mine & sideways.all(axis=1) & (z > NEAR_M) & (z < reach_m))
+        volume = 4 * (90.0 / 160.0) / 3 * (reach_m**3 - NEAR_M**3)
+        density = 8000.0 * math.exp(-4.1 * rain_mmph**-0.21 * diameter_mm) * width_mm
+        expected = 10 * volume * density
+        assert found == pytest.approx(expected, rel=0.02, abs=4.0 * math.sqrt(expected))
+
+
+def test_drops_of_a_moment_are_the_same_for_both_eyes() -> None:
+    right = FORWARD.copy()
+    right[:3, 3] += 0.4 * FORWARD[:3, 0]
+    left_drops, right_drops = in_world(fall(10**9)), in_world(fall(10**9, right), right)
+    shared = left_drops & right_drops
+    assert len(shared) > 0.6 * len(left_drops)
+    assert in_world(fall(10**9)) == left_drops
+    assert not left_drops & in_world(fall(10**9, seed=4))
+
+
+def test_drops_fall_on_in_the_next_picture() -> None:
+    """After 20 ms each drop is where wind and terminal velocity have carried it."""
+    first, second = fall(10**9), fall(10**9 + 20_000_000)
+    later = in_world(second)
+    wind = RAIN.wind_mps
+    for diameter_mm, _, _ in SIZES_MM:
+        mine = np.isclose(first.diameter_m, diameter_mm * 1e-3)
+        velocity = np.array([wind[0], wind[1], -terminal_mps(diameter_mm)])
+        moved = first.end_m[mine] + velocity * 0.02 + FORWARD[:3, 3]
+        found = [any((*c,) in later for c in _near(row)) for row in moved]
+        assert np.mean(found) > 0.7
+
+
+def _near(row: NDArray[np.float64]) -> NDArray[np.int_]:
+    """Places of a hundredth of a millimetre round a place."""
+    steps = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3), axis=-1).reshape(-1, 3)
+    return np.asarray(np.rint(row * 1e5).astype(int) + steps)
+
+
+def test_streaks_are_as_long_as_the_relative_way() -> None:
+    streaks = fall(10**9)
+    biggest = streaks.diameter_m > 3e-3
+    relative = np.array([RAIN.wind_mps[0] - 12.0, RAIN.wind_mps[1], -terminal_mps(3.5)])
+    way = streaks.end_m[biggest] - streaks.begin_m[biggest]
+    np.testing.assert_allclose(way, np.broadcast_to(0.01 * relative, way.shape), atol=1e-9)
+    length = 0.01 * math.sqrt(float(relative @ relative))
+    np.testing.assert_allclose(streaks.opacity[biggest], 3.5e-3 / length)
+
+
+def test_drops_shine_near_lamps_most_when_they_lie_before_them() -> None:
+    """Forward scattering: a drop between lamp and eye outshines one beside the lamp."""
+    drops = Streaks(
+        end_m=np.array([[6.0, 0.0, 0.5], [6.0, 3.0, 0.5]]),
+        begin_m=np.array([[6.0, 0.0, 0.6], [6.0, 3.0, 0.6]]),
+        diameter_m=np.full(2, 2e-3),
+    )
+    lamps = street_lamps(np.array([[9.0, 0.0, 6.0]]))
+    dark = lit(drops, np.zeros(3), np.full(3, 0.2), NO_LIGHTS)
+    np.testing.assert_allclose(dark, 0.188)
+    bright = lit(drops, np.zeros(3), np.full(3, 0.2), lamps) - dark
+    assert bright[0, 1] > bright[1, 1] > 0.0
+
+
+def ground() -> Mesh:
+    corners = [[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]]
+    return make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD)
+
+
+def test_no_rain_falls_under_a_roof() -> None:
+    roof = make_mesh(
+        [[-60, -60, 6], [60, -60, 6], [60, 60, 6], [-60, 60, 6]],
+        [[0, 2, 1], [0, 3, 2]],
+        material=Material.PLASTER,
+        tag=Tag.BRIDGE,
+    )
+    differs = {}
+    for name, chunks in (("open", [ground()]), ("covered", [ground(), roof])):
+        with SceneRenderer(chunks, ModelLibrary({}), quality="low", albedo=plain_albedo()) as renderer:
+            gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
+            weather = PRESETS["HardRainNoon"]
+            # The upper half shows no puddles, only roof or sky.
+            a, b = (
+                renderer.radiance_cd_m2(gbuffer, weather, stamp_ns=t)[:80].astype(float)
+                for t in (0, 70_000_000)
+            )
+        differs[name] = np.mean(np.abs(a - b) > 1e-3 * a)
+    assert differs["open"] > 0.02
+    assert differs["covered"] == 0.0
+
+
+def test_a_wet_road_mirrors_what_stands_behind_it() -> None:
+    """A bright wall shows in the puddles before it, upside down: not where the road is dry."""
+    wall = make_mesh(
+        [[18, 1.5, 0], [18, -1.5, 0], [18, -1.5, 5], [18, 1.5, 5]],
+        [[0, 1, 2], [0, 2, 3]],
+        material=Material.ROAD_PAINT_YELLOW,
+        tag=Tag.WALL,
+    )
+    blueness = {}
+    for deposits in (0.0, 100.0):
+        weather = WeatherParameters(cloudiness=100.0, precipitation_deposits=deposits)
+        eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+        with SceneRenderer(
+            [ground(), wall], ModelLibrary({}), quality="low", albedo=plain_albedo()
+        ) as renderer:
+            seen = renderer.radiance_cd_m2(renderer.draw(CAMERA, eye, Instances()), weather)
+        # Road at 8 to 15 m, below the wall and beside it.
+        rows = slice(108, 122)
+        blueness[deposits] = [
+            float((seen[rows, a:b, 2] / seen[rows, a:b, 0]).mean()) for a, b in ((152, 168), (210, 250))
+        ]
+    assert blueness[0.0][0] == pytest.approx(blueness[0.0][1], rel=0.03)
+    assert blueness[100.0][0] < 0.9 * blueness[100.0][1]
