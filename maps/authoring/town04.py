@@ -189,10 +189,6 @@ def _small_town(town: TownPlan) -> None:
 
 
 def _rest_area(town: TownPlan) -> None:
-    """A street that leads round and back, behind the western interchange."""
-    town.node("V", -236.0, 0.0, control="split", corner_m=9.0)
-    town.road("Rest Area Rd", "V", "WI", LINK, 40, climb=Climb(grade=0.075, k_m=4.7))
-    town.node("VB", -165.0, 0.0, control="none", corner_m=9.0, crosswalks=False)
-    for name, sign in (("North", 1.0), ("South", -1.0)):
-        bends = ((-236.0, sign * 70.0, 26.0, 10.0), (-165.0, sign * 70.0, 26.0, 10.0))
-        town.road(f"Rest Area {name}", "V", "VB", LANE, 30, bends=bends)
+    """A street with a turning circle behind the western interchange."""
+    town.node("V", -190.0, 0.0, control="bulb", bulb_m=15.0)
+    town.road("Rest Area Rd", "V", "WI", LINK, 40, climb=Climb(grade=0.07, k_m=4.7))
