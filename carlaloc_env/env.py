@@ -27,7 +27,7 @@ from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather import WeatherParameters, weather_by_name
+from carlaloc_env.weather_schedule import Weather, weather_of
 
 KEEP_NS = 2_000_000_000
 """How much of the past a live run keeps [ns]."""
@@ -75,7 +75,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     |---|---|---|
     | `map` | town, or path of an OpenDRIVE file | `"Town03"` |
     | `rig` | `"paper"`, `"flu"`, `"minimal"`, `"lidar"`, `"state"`, a YAML file, a `SensorRig` | `"paper"` |
-    | `weather` | name of a preset or `WeatherParameters` | `"ClearNoon"` |
+    | `weather` | a preset, `WeatherParameters`, a `WeatherSchedule` or its YAML file | `"ClearNoon"` |
     | `traffic` | `"dynamic"`, `"static"` or a fraction of the town's traffic | `"dynamic"` |
     | `quality` | `"low"`, `"medium"`, `"high"`: effort per picture | `"medium"` |
     | `render_mode` | `"rgb_array"`: a 640×360 picture from the driver's seat | `None` |
@@ -90,7 +90,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self,
         map: str | Path = "Town03",
         rig: str | Path | SensorRig = "paper",
-        weather: str | WeatherParameters = "ClearNoon",
+        weather: str | Path | Weather = "ClearNoon",
         traffic: str | float = "dynamic",
         quality: str = "medium",
         render_mode: str | None = None,
@@ -99,7 +99,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             raise ConfigError(unknown_name("render mode", str(render_mode), self.metadata["render_modes"]))
         self.render_mode = render_mode
         self.rig_config = rig if isinstance(rig, SensorRig) else rig_by_name(rig)
-        self.weather = weather if isinstance(weather, WeatherParameters) else weather_by_name(weather)
+        self.weather = weather_of(weather)
         self.town = load_town(map)
         self.world = DrivingWorld(self.town, traffic_of_town(self.town, traffic, 0))
         self.stage = SensorStage(self.town, seed=0, weather=self.weather, quality=quality)
@@ -159,7 +159,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         instances = instances_at(self.stage, timeline, now)
         T_world_base = timeline.ego_motion([now]).T_world_frame[0]
         picture = renderer.draw(Pinhole.from_fov(640, 360, 90.0), T_world_base @ _T_BASE_SEAT, instances)
-        return renderer.shade(picture, self.weather, stamp_ns=now, seed=self.stage.seed)
+        return renderer.shade(picture, self.weather.at(now), stamp_ns=now, seed=self.stage.seed)
 
     def close(self) -> None:
         """Give physics and GPU memory back."""

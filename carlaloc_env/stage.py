@@ -10,7 +10,7 @@ from carlaloc_env.errors import RenderError
 from carlaloc_env.geodesy import GeoReference
 from carlaloc_env.scene import Mesh, ModelLibrary
 from carlaloc_env.town.town import SignalLenses, Town
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather_schedule import Weather
 
 if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene
@@ -24,7 +24,7 @@ class SensorStage:
     needs no OpenGL and one without LiDAR no Open3D.
     """
 
-    def __init__(self, town: Town, *, seed: int, weather: WeatherParameters, quality: str = "medium") -> None:
+    def __init__(self, town: Town, *, seed: int, weather: Weather, quality: str = "medium") -> None:
         self._geo, self._lenses, self._lamps_m = town.geo, town.lenses, town.lamps_m
         self._chunks: tuple[Mesh, ...] | None = town.chunks
         self._seed = seed

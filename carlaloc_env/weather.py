@@ -96,6 +96,10 @@ class WeatherParameters:
         """All fourteen fields by name."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
+    def at(self, stamp_ns: int) -> WeatherParameters:
+        """Weather of a time [ns]: always this one; a `WeatherSchedule` changes."""
+        return self
+
     @property
     def sun_direction(self) -> NDArray[np.float64]:
         """Unit vector towards the sun in the world (east, north, up), shape (3,)."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather import WeatherParameters, weather_by_name
+from carlaloc_env.weather_schedule import Weather, weather_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,8 +66,8 @@ class Condition:
 
     weather_name: str
     """Name of the weather, part of the folder's name."""
-    weather: WeatherParameters
-    """Parameters of the weather."""
+    weather: Weather
+    """Parameters of the weather, or a schedule."""
     traffic: TrafficLevel
     """Share of the traffic."""
 
@@ -85,7 +86,7 @@ def conditions_of(weathers: Sequence[str], levels: Sequence[str]) -> tuple[Condi
     if not weathers or not levels:
         raise ConfigError("a replay needs at least one weather and one traffic level")
     return tuple(
-        Condition(weather_name=name, weather=weather_by_name(name), traffic=level)
+        Condition(weather_name=Path(name).stem, weather=weather_of(name), traffic=level)
         for level in dict.fromkeys(traffic_level(text) for text in levels)
         for name in dict.fromkeys(weathers)
     )

@@ -27,7 +27,7 @@ from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather_schedule import Weather
 from recorder.conditions import TrafficLevel, conditions_of
 from recorder.dataset_record import TownId, is_begun, origin_of, write_record
 from recorder.episode import Episode
@@ -47,7 +47,7 @@ class ReplayConfig:
     out: Path
     """Folder of the dataset; must not hold this town's sequences yet."""
     weathers: tuple[str, ...] = ("ClearNoon",)
-    """Names of weathers."""
+    """Names of weathers, or paths of schedules (``.yaml``)."""
     traffic: tuple[str, ...] = ("dynamic",)
     """Traffic levels: ``static``, ``dynamic``, fractions."""
     rig: str = "paper"
@@ -276,7 +276,7 @@ def measure_window(
     timeline: Timeline,
     window_ns: tuple[int, int],
     camera_ns: tuple[int, int],
-    weathers: list[WeatherParameters],
+    weathers: list[Weather],
     objects: Callable[[Timeline, int], Sample] | None = None,
 ) -> list[list[Sample]]:
     """Samples with stamps in a window [ns], ordered by stamp, one list per weather.
@@ -301,12 +301,12 @@ def measure_window(
         if isinstance(sensor, Camera):
             for stamp in stamps:
                 if camera_ns[0] <= stamp < camera_ns[1]:
-                    shots = sensor.measure_conditions(timeline, stamp, weathers)
+                    shots = sensor.measure_conditions(timeline, stamp, [w.at(stamp) for w in weathers])
                     for row, samples in zip(pictures, shots, strict=True):
                         row += [(stamp, place, sample) for sample in samples]
         elif sensor.depends_on_weather:
             for stamp in stamps:
-                versions = sensor.measure_conditions(timeline, stamp, weathers)
+                versions = sensor.measure_conditions(timeline, stamp, [w.at(stamp) for w in weathers])
                 for row, samples in zip(pictures, versions, strict=True):
                     row += [(stamp, place, sample) for sample in samples]
         else:

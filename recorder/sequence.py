@@ -171,7 +171,7 @@ def sequence_writers(
         )
     summary = {
         "name": sequence.folder.name,
-        "weather": {"name": sequence.condition.weather_name, **asdict(sequence.condition.weather)},
+        "weather": {"name": sequence.condition.weather_name, **sequence.condition.weather.to_mapping()},
         "traffic": asdict(sequence.condition.traffic),
         "rig": rig.name,
         "epoch_ns": DEFAULT_EPOCH_NS,

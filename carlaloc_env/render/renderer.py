@@ -160,9 +160,17 @@ class SceneRenderer:
         return np.asarray(rgb, dtype=np.uint8)
 
     def radiance_cd_m2(
-        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int | None = None, seed: int = 0
     ) -> NDArray[np.float32]:
-        """Linear BT.709 luminance before exposure [cd/m²], shape (H, W, 3); arguments as for `shade`."""
+        """Linear BT.709 luminance before exposure [cd/m²], shape (H, W, 3).
+
+        Args:
+            gbuffer: What `draw` returned.
+            weather: Light and air.
+            stamp_ns: Time of the picture [ns]; None leaves falling drops out, which no warp of a picture
+                by the motion of surfaces can follow.
+            seed: Seed of the rain.
+        """
         with self._context:
             casters = self._shadow_casters(gbuffer)
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)

@@ -89,7 +89,7 @@ class Shader:
         gbuffer: GBuffer,
         weather: WeatherParameters,
         casters: tuple[Geometry, InstanceBuffer],
-        stamp_ns: int,
+        stamp_ns: int | None,
         seed: int,
     ) -> NDArray[np.float32]:
         """Luminance before exposure [cd/m²], shape (H, W, 3)."""
@@ -103,15 +103,17 @@ class Shader:
         gbuffer: GBuffer,
         weather: WeatherParameters,
         casters: tuple[Geometry, InstanceBuffer],
-        stamp_ns: int,
+        stamp_ns: int | None,
         seed: int,
         *,
         linear: bool,
     ) -> moderngl.Texture:
         light, sky = self._sky(weather)
+        falling = weather.precipitation > 0.0 and stamp_ns is not None
+        stamp_ns = stamp_ns or 0
         key = int(rng.stream(seed, "render/dither", stamp_ns).integers(1 << 32))
         resolved = gbuffer.shaded is not gbuffer.drawn
-        features = self._features(weather, light, linear=linear, resolved=resolved)
+        features = self._features(weather, light, linear=linear, resolved=resolved, falling=falling)
         program = self._programs.get("screen.vert", "shade.frag", *features)
         view = gbuffer.view
         if "SUN" in features:
@@ -160,7 +162,7 @@ class Shader:
         return texture
 
     def _features(
-        self, weather: WeatherParameters, light: SkyLight, *, linear: bool, resolved: bool
+        self, weather: WeatherParameters, light: SkyLight, *, linear: bool, resolved: bool, falling: bool
     ) -> tuple[str, ...]:
         sunny = bool(light.sun_lx.any()) and self._shadows is not None
         overcast = not sunny and not weather.is_night and self._shadows is not None
@@ -170,7 +172,7 @@ class Shader:
             "ACTORS": sunny or overcast,
             "WET": weather.surface_wetness > 0.05,
             "NIGHT": weather.is_night,
-            "RAIN": weather.precipitation > 0.0,
+            "RAIN": falling,
             "LINEAR": linear,
             "RESOLVED": resolved,
         }

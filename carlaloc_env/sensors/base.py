@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from carlaloc_env.render.renderer import SceneRenderer
     from carlaloc_env.scene import ModelLibrary
     from carlaloc_env.weather import WeatherParameters
+    from carlaloc_env.weather_schedule import Weather
 
 
 class World(Protocol):
@@ -39,8 +40,8 @@ class World(Protocol):
         """Where the world's origin lies on the Earth."""
 
     @property
-    def weather(self) -> WeatherParameters:
-        """Weather of the pictures."""
+    def weather(self) -> Weather:
+        """Weather of the pictures, or a schedule of it."""
 
     @property
     def library(self) -> ModelLibrary:

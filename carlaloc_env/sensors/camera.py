@@ -114,11 +114,11 @@ class CameraSensor(Camera):
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """Pictures under the world's weather at the given stamps [ns]."""
-        weather = [self._world.weather]
+        weather = self._world.weather
         return [
             sample
             for stamp in stamps_ns
-            for sample in self.measure_conditions(timeline, int(stamp), weather)[0]
+            for sample in self.measure_conditions(timeline, int(stamp), [weather.at(int(stamp))])[0]
         ]
 
     def measure_conditions(
@@ -153,7 +153,12 @@ class CameraSensor(Camera):
 
     def _draw(self, timeline: Timeline, stamp_ns: int) -> GBuffer:
         instances = instances_at(self._world, timeline, stamp_ns)
-        return self._world.renderer().draw(self.config.pinhole, self._pose(timeline, stamp_ns), instances)
+        return self._world.renderer().draw(
+            self.config.pinhole,
+            self._pose(timeline, stamp_ns),
+            instances,
+            velocity_mps=timeline.ego_motion([stamp_ns]).velocity_world_mps[0],
+        )
 
     def _moment(self, timeline: Timeline, stamp_ns: int) -> Moment:
         return Moment.of(timeline, stamp_ns, self._pose(timeline, stamp_ns))

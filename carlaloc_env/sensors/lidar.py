@@ -221,7 +221,9 @@ class LidarSensor(Sensor):
         return [
             cloud
             for stamp in stamps_ns
-            for cloud in self.measure_conditions(timeline, int(stamp), [self._world.weather])[0]
+            for cloud in self.measure_conditions(timeline, int(stamp), [self._world.weather.at(int(stamp))])[
+                0
+            ]
         ]
 
     def measure_conditions(

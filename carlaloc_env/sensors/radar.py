@@ -170,7 +170,9 @@ class RadarSensor(Sensor):
 
     def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
         """One `RadarScan` per stamp [ns]."""
-        return [self._frame(timeline, int(stamp), [self._world.weather])[0] for stamp in stamps_ns]
+        return [
+            self._frame(timeline, int(stamp), [self._world.weather.at(int(stamp))])[0] for stamp in stamps_ns
+        ]
 
     def measure_conditions(
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]

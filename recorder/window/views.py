@@ -42,7 +42,7 @@ class LiveView:
         instances = instances_at(self._stage, world.timeline, now)
         pose = self._pose(T_world_base, view)
         drawn = renderer.draw(self._lenses[view], pose, instances)
-        rgb = renderer.shade(drawn, self._stage.weather, stamp_ns=now, seed=self._stage.seed)
+        rgb = renderer.shade(drawn, self._stage.weather.at(now), stamp_ns=now, seed=self._stage.seed)
         return np.ascontiguousarray(rgb)
 
     def _pose(self, T_world_base: Array, view: str) -> Array:
