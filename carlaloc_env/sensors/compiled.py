@@ -22,9 +22,11 @@ BAND_ROWS = 24
 def kernel(function: F) -> F:
     """Compile a function on its first call and keep the machine code on disk.
 
-    Without fast-math, so that + − × ÷ and √ give the same bits on every CPU.
+    Without fast-math, so that + − × ÷ and √ give the same bits on every CPU. Without reference
+    counts, for which threads would wait on each other: kernels create no arrays.
     """
-    made: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+    made: Any = numba.njit(**options)(function)
     # Numba looks at a function's own file only; kernels call those of other files in this folder.
     kept: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)
     if kept is not None and hasattr(kept, "_source_stamp"):

@@ -95,6 +95,7 @@ def motion_field(
 
 
 _NONE = np.zeros((0, 4, 4))
+_U, _V, _R, _Z = np.uint32(0), np.uint32(1), np.uint32(2), np.uint32(3)
 
 
 def _times(a: Array, b: Array) -> Array:
@@ -138,17 +139,21 @@ def _fill_field(
             field[y, x, 3] = z if z > 0.0 else SKY_M
 
 
-@kernel
-def passing_surfaces(field: Any) -> Any:
+def passing_surfaces(field: F32) -> F32:
     """Nearest surface that is over each tile at some time between the pictures, shape (h, w, 4).
 
     A pole that sweeps past within one period is found by no pixel that sees neither its beginning
     nor its end: the tiles along its way remember it. Same four numbers as the field.
     """
-    rows = (field.shape[0] + TILE_PX - 1) // TILE_PX
-    columns = (field.shape[1] + TILE_PX - 1) // TILE_PX
-    found = np.zeros((rows, columns, 4), np.float32)
-    best = np.full((rows, columns), np.float32(2 * SKY_M))
+    shape = -(-field.shape[0] // TILE_PX), -(-field.shape[1] // TILE_PX)
+    found, best = np.zeros((*shape, 4), np.float32), np.full(shape, np.float32(2 * SKY_M))
+    _fill_passing(field, found, best)
+    return found
+
+
+@kernel
+def _fill_passing(field: Any, found: Any, best: Any) -> None:
+    rows, columns = best.shape
     for row in range(rows):
         for column in range(columns):
             # The nearest surface of the tile.
@@ -157,7 +162,7 @@ def passing_surfaces(field: Any) -> Any:
                 for i in range(column * TILE_PX, min((column + 1) * TILE_PX, field.shape[1])):
                     if field[j, i, 3] < field[y, x, 3]:
                         y, x = j, i
-            du, dv, ratio, depth = field[y, x]
+            du, dv, ratio, depth = field[y, x, 0], field[y, x, 1], field[y, x, 2], field[y, x, 3]
             length = max(abs(du), abs(dv))
             steps = min(int(length / (0.5 * TILE_PX)) + 1, 1024)
             for k in range(steps + 1):
@@ -174,44 +179,28 @@ def passing_surfaces(field: Any) -> Any:
                             found[q, p, 1] = dv
                             found[q, p, 2] = ratio
                             found[q, p, 3] = depth
-    return found
 
 
 @kernel
 def motion_at(field: Any, x: Any, y: Any) -> Any:
     """Motion at a place between pixels; across an edge that of the nearest pixel. (du, dv, ratio, depth)."""
-    height, width = field.shape[0], field.shape[1]
-    i = min(max(int(x), 0), width - 2)
-    j = min(max(int(y), 0), height - 2)
+    one, half = np.float32(1), np.float32(0.5)
+    # Unsigned numbers spare the check for an index counted from the end.
+    i = min(np.uint32(max(x, np.float32(0))), np.uint32(field.shape[1] - 2))
+    j = min(np.uint32(max(y, np.float32(0))), np.uint32(field.shape[0] - 2))
+    k, m = i + np.uint32(1), j + np.uint32(1)
     a, b = x - np.float32(i), y - np.float32(j)
-    z00, z01 = field[j, i, 3], field[j, i + 1, 3]
-    z10, z11 = field[j + 1, i, 3], field[j + 1, i + 1, 3]
+    z00, z01, z10, z11 = field[j, i, _Z], field[j, k, _Z], field[m, i, _Z], field[m, k, _Z]
     low = min(min(z00, z01), min(z10, z11))
     high = max(max(z00, z01), max(z10, z11))
     if high > np.float32(1.08) * low:
-        i = i + 1 if a >= np.float32(0.5) else i
-        j = j + 1 if b >= np.float32(0.5) else j
-        return field[j, i, 0], field[j, i, 1], field[j, i, 2], field[j, i, 3]
-    one = np.float32(1)
+        i = k if a >= half else i
+        j = m if b >= half else j
+        return field[j, i, _U], field[j, i, _V], field[j, i, _R], field[j, i, _Z]
     w00, w01, w10, w11 = (one - a) * (one - b), a * (one - b), (one - a) * b, a * b
-    du = (
-        w00 * field[j, i, 0]
-        + w01 * field[j, i + 1, 0]
-        + w10 * field[j + 1, i, 0]
-        + w11 * field[j + 1, i + 1, 0]
-    )
-    dv = (
-        w00 * field[j, i, 1]
-        + w01 * field[j, i + 1, 1]
-        + w10 * field[j + 1, i, 1]
-        + w11 * field[j + 1, i + 1, 1]
-    )
-    ratio = (
-        w00 * field[j, i, 2]
-        + w01 * field[j, i + 1, 2]
-        + w10 * field[j + 1, i, 2]
-        + w11 * field[j + 1, i + 1, 2]
-    )
+    du = w00 * field[j, i, _U] + w01 * field[j, k, _U] + w10 * field[m, i, _U] + w11 * field[m, k, _U]
+    dv = w00 * field[j, i, _V] + w01 * field[j, k, _V] + w10 * field[m, i, _V] + w11 * field[m, k, _V]
+    ratio = w00 * field[j, i, _R] + w01 * field[j, k, _R] + w10 * field[m, i, _R] + w11 * field[m, k, _R]
     return du, dv, ratio, w00 * z00 + w01 * z01 + w10 * z10 + w11 * z11
 
 
@@ -242,11 +231,11 @@ def source_of(field: Any, u: Any, v: Any, s: Any, x: Any, y: Any) -> Any:
 @kernel
 def bilinear(image: Any, x: Any, y: Any) -> Any:
     """Value of a picture (H, W) between pixels."""
-    i = min(max(int(x), 0), image.shape[1] - 2)
-    j = min(max(int(y), 0), image.shape[0] - 2)
+    # Unsigned numbers spare the check for an index counted from the end.
+    i = min(np.uint32(x), np.uint32(image.shape[1] - 2))
+    j = min(np.uint32(y), np.uint32(image.shape[0] - 2))
+    k, m = i + np.uint32(1), j + np.uint32(1)
     a, b = x - np.float32(i), y - np.float32(j)
-    one = np.float32(1)
-    upper = (one - a) * image[j, i] + a * image[j, i + 1]
-    lower = (one - a) * image[j + 1, i] + a * image[j + 1, i + 1]
-    value: Any = (one - b) * upper + b * lower
-    return value
+    upper = image[j, i] + a * (image[j, k] - image[j, i])
+    lower = image[m, i] + a * (image[m, k] - image[m, i])
+    return upper + b * (lower - upper)
