@@ -22,7 +22,7 @@ LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
 """Linear colour of unit luminance, about 3000 K."""
 LAMP_RANGE_M = 30.0
 """Where a street lamp gives less than 0.1 lx [m]."""
-BEAM_RANGE_M = 45.0
+BEAM_RANGE_M = 40.0
 EGO_HEADLAMPS_M = (3.65, 0.0, 0.65)
 """Between the ego's headlamps, in `base_link` [m]."""
 HEADLAMP_LIGHT = 0.4 * np.array([1.10, 0.99, 0.80])
@@ -31,7 +31,7 @@ HALO_CD = 220.0
 """What a pair of headlamps throws above its cut-off, all round its front [cd]."""
 MOST_LIGHTS = 256
 """Lights of a picture, the nearest ones; the shaders' arrays have this size."""
-MOST_BEAMS = 14
+MOST_BEAMS = 9
 """Cars whose low beams are followed, the nearest ones."""
 
 

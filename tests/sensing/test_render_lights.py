@@ -146,7 +146,7 @@ def test_low_beam_lights_the_road_and_spares_the_eyes() -> None:
         v = round(100 - 2000 * np.tan(np.radians(up_deg)))
         return float((lit - dark)[v, u] * np.pi / 0.5 / HEADLAMP_LIGHT[1])
 
-    fade = (1.0 - (distance_m / 45.0) ** 4) ** 2
+    fade = (1.0 - (distance_m / 40.0) ** 4) ** 2
     assert lux(1.15, -0.57) > 12.0 * fade
     assert lux(-3.43, 0.57) < 0.6
     assert lux(0.0, -0.86) > 6.0 * fade

@@ -67,6 +67,11 @@ vec3 ambient(vec3 n) {
         + u_ambient[7] * (n.x * n.z) + u_ambient[8] * (n.x * n.x - n.y * n.y);
 }
 
+float fifth(float x) {
+    float square = x * x;
+    return max(square * square * x, 0.0);
+}
+
 // Microfacet reflection of one light, without the light: GGX with Karis' cheap visibility, times pi.
 float gloss(vec3 n, vec3 v, vec3 l, float alpha, float f0) {
     vec3 h = normalize(l + v);
@@ -74,7 +79,7 @@ float gloss(vec3 n, vec3 v, vec3 l, float alpha, float f0) {
     float lh = max(dot(l, h), 0.05);
     float a2 = alpha * alpha;
     float d = nh * nh * (a2 - 1.0) + 1.0;
-    float fresnel = f0 + (1.0 - f0) * pow(max(1.0 - lh, 0.0), 5.0);
+    float fresnel = f0 + (1.0 - f0) * fifth(1.0 - lh);
     return a2 / (d * d) * fresnel / (4.0 * lh * lh * (0.5 + alpha));
 }
 
@@ -210,7 +215,7 @@ void main() {
 
     float nv = max(dot(n, v), 0.0);
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
-    float fresnel = f0 * (1.0 - roughness) + smooth_part * pow(max(1.0 - nv, 0.0), 5.0);
+    float fresnel = f0 * (1.0 - roughness) + smooth_part * fifth(1.0 - nv);
     vec3 mirror = reflect(direction, n);
     vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
     // Walls across the street stand before the lowest part of the sky.

@@ -1,0 +1,131 @@
+"""Loops over drops, compiled by numba."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def _kernel(function: F) -> F:
+    made: Any = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    result: F = made
+    return result
+
+
+@_kernel
+def _mixed(x: np.uint32) -> np.uint32:
+    x = np.uint32(x ^ (x >> np.uint32(16)))
+    x = np.uint32(x * np.uint32(0x7FEB352D))
+    x = np.uint32(x ^ (x >> np.uint32(15)))
+    x = np.uint32(x * np.uint32(0x846CA68B))
+    return np.uint32(x ^ (x >> np.uint32(16)))
+
+
+@_kernel
+def fill(
+    out: Array,
+    cells: NDArray[np.int64],
+    most: int,
+    share: np.uint32,
+    key: np.uint32,
+    home: Array,
+    normals: Array,
+    offsets: Array,
+) -> int:
+    """Write the drops of some cells that lie inside all planes to `out` and count them.
+
+    Args:
+        out: Places from the eye in units of cells of 1 m, shape (len(cells) · most, 3).
+        cells: Shape (C, 3).
+        most: Drops that a cell may have.
+        share: Share of them that it has, of 2**32.
+        key: Chooses the pattern.
+        home: Eye in the lattice's frame [m], shape (3,).
+        normals: Inward normals of planes, shape (P, 3).
+        offsets: Their offsets from the eye [m], shape (P,).
+    """
+    count = 0
+    for c in range(len(cells)):
+        h = key
+        for axis in range(3):
+            h = _mixed(np.uint32(h ^ np.uint32(cells[c, axis] & 0xFFFFFFFF)))
+        for k in range(most):
+            lot = _mixed(np.uint32(h + np.uint32(k) * np.uint32(0x9E3779B9)))
+            if lot >= share:
+                continue
+            for axis in range(3):
+                lot = _mixed(np.uint32(lot + np.uint32(0x85EBCA6B)))
+                out[count, axis] = (cells[c, axis] + lot * 2.0**-32) - home[axis]
+            inside = True
+            for p in range(len(offsets)):
+                gap = offsets[p]
+                for axis in range(3):
+                    gap += normals[p, axis] * out[count, axis]
+                inside = inside and gap > 0.0
+            if inside:
+                count += 1
+    return count
+
+
+@_kernel
+def shine(
+    out: Array,
+    drops: Array,
+    lamps: Array,
+    axes: Array,
+    lefts: Array,
+    ups: Array,
+    colours: Array,
+    caps: Array,
+    edges: Array,
+    ranges: Array,
+    beams: NDArray[np.bool_],
+) -> None:
+    """Add the luminance [cd/m²] that lamps give to drops; places are relative to the eye [m]."""
+    for i in range(len(drops)):
+        far = math.sqrt(drops[i, 0] ** 2 + drops[i, 1] ** 2 + drops[i, 2] ** 2)
+        for k in range(len(lamps)):
+            x, y, z = drops[i, 0] - lamps[k, 0], drops[i, 1] - lamps[k, 1], drops[i, 2] - lamps[k, 2]
+            r2 = max(x * x + y * y + z * z, 0.25)
+            ratio = r2 / (ranges[k] * ranges[k])
+            if ratio >= 1.0:
+                continue
+            r = math.sqrt(r2)
+            x, y, z = x / r, y / r, z / r
+            turn = -(x * drops[i, 0] + y * drops[i, 1] + z * drops[i, 2]) / far
+            spread = 1.0 + 0.85**2 - 1.7 * turn
+            phase = (0.75 * (1.0 - 0.85**2) / (spread * math.sqrt(spread)) + 0.25) / (4.0 * math.pi)
+            fade = (1.0 - ratio * ratio) ** 2
+            ahead = x * axes[k, 0] + y * axes[k, 1] + z * axes[k, 2]
+            if beams[k]:
+                left = x * lefts[k, 0] + y * lefts[k, 1] + z * lefts[k, 2]
+                gain = low_beam(ahead, left, x * ups[k, 0] + y * ups[k, 1] + z * ups[k, 2])
+            else:
+                share = min(max((ahead - edges[k, 0]) / (edges[k, 1] - edges[k, 0]), 0.0), 1.0)
+                gain = min(1.0 / (max(ahead, 0.0) ** 3 + 1e-3), caps[k]) * share * share * (3 - 2 * share)
+            for channel in range(3):
+                out[i, channel] += gain * phase * fade / r2 * colours[k, channel]
+
+
+@_kernel
+def low_beam(ahead: float, left: float, up: float) -> float:
+    """Intensity of a low beam [cd], as in ``shade.frag``; components of a direction from the lamp."""
+    if ahead <= 0.05:
+        return 0.0
+    h, v = -57.29578 * left / ahead, 57.29578 * up / ahead
+    cut = min(-0.57 + max(h, 0.0) * 0.268, 1.0)
+    below = 1.0 / (1.0 + math.exp(min(9.0 * (v - cut), 60.0)))
+    narrow = 26000.0 * math.exp(-0.5 * (((h - 1.5) / 2.3) ** 2 + ((v + 1.0) / 0.9) ** 2))
+    wide = 8000.0 * math.exp(-0.5 * ((h / 9.0) ** 2 + ((v + 1.8) / 1.8) ** 2))
+    floor = 4200.0 * math.exp(-0.5 * ((h / 20.0) ** 2 + ((v + 4.5) / 3.5) ** 2))
+    halo = 180.0 * math.exp(-0.5 * ((h / 25.0) ** 2 + (v / 12.0) ** 2))
+    result: float = below * (narrow + wide + floor) + halo
+    return result
