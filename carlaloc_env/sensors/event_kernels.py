@@ -255,18 +255,28 @@ def _fire_in_tile(
             low, high = min(low, after[y, x]), max(high, after[y, x])
         if high + drift < reference + on and low > reference - off:
             continue
+        # The picture nearer in time is followed; what the other says more of goes linearly in between.
+        s1 = np.float32(stop) / count
+        own = before if begin + stop <= steps or not both else after
+        if begin + stop <= steps or not both:
+            wx, wy, zx, zy = ax, ay, ex, ey
+        else:
+            wx, wy, zx, zy = bx, by, fx, fy
+        more, grows = _ZERO, _ZERO
+        if both:
+            more = earlier - bilinear(own, wx, wy)
+            end = (_ONE - s1) * bilinear(before, ex, ey) + s1 * bilinear(after, fx, fy)
+            grows = (end - bilinear(own, zx, zy) - more) / np.float32(stop - begin)
         share = _ONE / np.float32(stop - begin)
+        dx, dy = share * (zx - wx), share * (zy - wy)
         for j in range(begin + 1, stop + 1):
             now = after[y, x]
-            s = np.float32(j) / count
             if j < steps:
-                f = share * np.float32(j - begin)
-                now = bilinear(before, ax + f * (ex - ax), ay + f * (ey - ay))
-                if both:
-                    second = bilinear(after, bx + f * (fx - bx), by + f * (fy - by))
-                    now = now + s * (second - now)
-            levels = (earlier + drift * (np.float32(j - 1) / count), now + drift * s)
-            if levels[1] >= memory[0] + on or levels[1] <= memory[0] - off:
+                f = np.float32(j - begin)
+                now = bilinear(own, wx + f * dx, wy + f * dy) + (more + f * grows)
+            to_level = now + drift * (np.float32(j) / count)
+            if to_level >= memory[0] + on or to_level <= memory[0] - off:
+                levels = (earlier + drift * (np.float32(j - 1) / count), to_level)
                 memory = _cross(noise, numbers, on, off, pixel, levels, j, steps, memory, out_t, out_code)
             earlier = now
     return memory
