@@ -108,7 +108,7 @@ def town_areas(
         raised=shapely.union(low.raised, high.raised),
         junctions=tuple(by_id[name] for name in groups),
         islands=low.islands,
-        low_paved=low.paved,
+        low_paved=low.low_paved,
         carried=carried,
     )
 
@@ -164,7 +164,8 @@ def _level(
         raised=raised,
         junctions=tuple(junctions),
         islands=islands,
-        low_paved=shapely.union(roadway, raised),
+        # Hairlines between both would let grass grow along kerbs.
+        low_paved=union([roadway, raised]),
     )
 
 

@@ -27,6 +27,10 @@ DECK_M = 0.9
 """Thickness of a deck [m]."""
 PARAPET_M, HANDRAIL_M = 0.8, 1.1
 """Height of the concrete parapet and of the rail on it above the road's edge [m]."""
+RAIL_KERB_M, OPEN_RAILS_M = 0.25, (0.46, 0.67, 0.88, 1.08)
+"""Over water, railings that one looks through: height of the kerb below them and of their rails [m]."""
+SHORE_M = 8.0
+"""Decks have them this far from the shore too [m]."""
 PIER_STEP_M = 22.0
 """Distance of piers along a road [m]."""
 COLUMN_M = 0.55
@@ -143,6 +147,13 @@ class _Floor:
         for water in self._waters:
             shapely.prepare(water.area)
 
+    def near_water(self, xy: Array) -> Mask:
+        """Whether points (M, 2) lie over or near a water."""
+        found = np.zeros(len(xy), dtype=bool)
+        for water in self._waters:
+            found |= shapely.dwithin(water.area, shapely.points(xy), SHORE_M)
+        return found
+
     def height(self, xy: Array) -> Array:
         z = self._ground.height(xy)
         for water in self._waters:
@@ -163,19 +174,28 @@ def _rim(out: MeshBuilder, ring: Array, parts: RaisedParts, ends: cKDTree | None
     bottom = np.minimum(parts.road.nearest(line)[0], top[:, 2]) - DECK_M
     foot = np.minimum(floor.height(outer[:, :2]), bottom) - FOOTING_M
     after = np.roll(np.arange(len(line)), -1)
-    for rows, low, deck in ((lateral & opened, bottom, True), (lateral & ~opened, foot, False)):
-        a = np.flatnonzero(rows)
+    wet = opened & floor.near_water(outer[:, :2])
+    for rows, low, high_m in (
+        (opened & ~wet, bottom, PARAPET_M),
+        (wet, bottom, RAIL_KERB_M),
+        (~opened, foot, PARAPET_M),
+    ):
+        a = np.flatnonzero(lateral & rows)
         if len(a):
-            _parapet(out, a, after[a], top, outer, low, soffit=deck)
-    _caps(out, np.where(lateral, 1 + opened, 0), top, outer, foot)
-    _handrail(out, np.flatnonzero(lateral), after, 0.5 * (top + outer))
+            _parapet(out, a, after[a], top, outer, low, high_m, soffit=low is bottom)
+    _caps(
+        out, np.where(lateral, 1 + opened + wet, 0), top, outer, foot, np.where(wet, RAIL_KERB_M, PARAPET_M)
+    )
+    rails = ((lateral & ~wet, PARAPET_M, (HANDRAIL_M,)), (lateral & wet, RAIL_KERB_M, OPEN_RAILS_M))
+    for rows, base_m, heights_m in rails:
+        _railing(out, np.flatnonzero(rows), after, 0.5 * (top + outer), base_m, heights_m)
 
 
 def _parapet(
     out: MeshBuilder, a: NDArray[np.int64], b: NDArray[np.int64], top: Array, outer: Array, low: Array,
-    *, soffit: bool,
+    high_m: float, *, soffit: bool,
 ) -> None:  # fmt: skip
-    up = np.array([0.0, 0.0, PARAPET_M])
+    up = np.array([0.0, 0.0, high_m])
     sunk = np.array([0.0, 0.0, 0.3])
     inner = np.stack([top[b] - sunk, top[a] - sunk, top[a] + up, top[b] + up], axis=1)
     out.quads(inner, material=Material.CONCRETE, tag=Tag.GUARD_RAIL, colour=_GREY)
@@ -192,12 +212,15 @@ def _parapet(
         out.quads(under, material=Material.CONCRETE, tag=Tag.BRIDGE, colour=_DIM)
 
 
-def _caps(out: MeshBuilder, kind: NDArray[np.int64], top: Array, outer: Array, low: Array) -> None:
+def _caps(
+    out: MeshBuilder, kind: NDArray[np.int64], top: Array, outer: Array, low: Array, high_m: Array
+) -> None:
     """Ends of parapets and of the walls below them, seen from both sides."""
     rows = np.flatnonzero(kind != np.roll(kind, 1))
     if not len(rows):
         return
-    up = np.array([0.0, 0.0, PARAPET_M])
+    up = np.zeros((len(rows), 3))
+    up[:, 2] = np.maximum(high_m[rows], np.roll(high_m, 1)[rows])
     inside, outside = top[rows].copy(), outer[rows].copy()
     inside[:, 2] = outside[:, 2] = low[rows]
     quads = np.stack([inside, outside, outer[rows] + up, top[rows] + up], axis=1)
@@ -206,19 +229,31 @@ def _caps(out: MeshBuilder, kind: NDArray[np.int64], top: Array, outer: Array, l
     )
 
 
-def _handrail(out: MeshBuilder, a: NDArray[np.int64], after: NDArray[np.int64], line: Array) -> None:
+def _railing(
+    out: MeshBuilder,
+    a: NDArray[np.int64],
+    after: NDArray[np.int64],
+    line: Array,
+    base_m: float,
+    heights_m: Sequence[float],
+) -> None:
+    """Posts on a parapet or kerb, and the rails that they carry."""
     if not len(a):
         return
-    low, high = (line + np.array([0.0, 0.0, HANDRAIL_M + dz]) for dz in (-0.05, 0.05))
-    b = after[a]
-    front = np.stack([low[a], low[b], high[b], high[a]], axis=1)
+    b, up = after[a], np.array([0.0, 0.0, 1.0])
+    faces = []
+    for height in heights_m:
+        half = 0.05 if height == heights_m[-1] else 0.025
+        low, high = line + up * (height - half), line + up * (height + half)
+        faces.append(np.stack([low[a], low[b], high[b], high[a]], axis=1))
     posts = a[::2]
     step = line[after[posts]] - line[posts]
     step *= 0.04 / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-6)[:, None]
-    foot, head = (line[posts] + np.array([0.0, 0.0, dz]) for dz in (PARAPET_M - 0.02, HANDRAIL_M))
-    stems = np.stack([foot - step, foot + step, head + step, head - step], axis=1)
-    faces = np.concatenate([front, front[:, ::-1], stems, stems[:, ::-1]])
-    out.quads(faces, material=Material.METAL_GALVANISED, tag=Tag.GUARD_RAIL, colour=(190, 192, 194))
+    foot, head = line[posts] + up * (base_m - 0.02), line[posts] + up * heights_m[-1]
+    faces.append(np.stack([foot - step, foot + step, head + step, head - step], axis=1))
+    front = np.concatenate(faces)
+    both = np.concatenate([front, front[:, ::-1]])
+    out.quads(both, material=Material.METAL_GALVANISED, tag=Tag.GUARD_RAIL, colour=(190, 192, 194))
 
 
 def _abutments(

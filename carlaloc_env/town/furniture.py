@@ -29,6 +29,10 @@ END_M = 9.0
 """Length beside junctions that stays free of trees and furniture [m]."""
 NARROW_M = 2.2
 """Pavements narrower than this carry no trees [m]."""
+NAME_POST_M = 3
+"""Distance of posts with the street's name from its end [m]."""
+NAMED_ZONES = ("downtown", "skyscraper", "small_town", "residential", "industrial", "waterfront")
+"""Zones in which streets have such posts."""
 PROTOTYPES = 5
 """Different trees of each kind."""
 DETAIL_M = 22.0
@@ -144,6 +148,9 @@ class Furnisher:
                     self._tree(row.at(KERB_DISTANCE_M + 0.2, -0.03), zone, draw)
             elif (at + shift) % 13 == 7:
                 self._small(row, zone, draw, width)
+        corner = _Row(line, far, length - NAME_POST_M)
+        if name.endswith("right") and zone in NAMED_ZONES and self._free(corner.at(0.5), 1.2):
+            self.placed.put("street_name", corner.at(0.5), corner.yaw, sum(strip.road_id.encode()) % 8)
         if zone in ("residential", "small_town", "rural"):
             self._hedges(line, far, draw)
         if zone in ("downtown", "skyscraper", "small_town") and length > 70 and draw.random() < 0.6:

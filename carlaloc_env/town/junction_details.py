@@ -11,9 +11,11 @@ from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import JunctionArea
 from carlaloc_env.town.fields import JunctionField
+from carlaloc_env.town.junctions import unpaved_junction
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.polygons import Area, areas_only, triangulate
 from carlaloc_env.town.road_details import COVER_M, CRACK_M, PATCH_M
+from carlaloc_env.town.roads import is_gutter
 
 Array = NDArray[np.float64]
 
@@ -21,12 +23,17 @@ AREA_M2 = 160.0
 """Area of a junction for each repair and each pair of cracks; covers have three times as much [m²]."""
 MARGIN_M = 0.4
 """Distance of all of it from kerbs and from where roads begin [m]."""
+GUTTER_LIFT_M = 0.0015
+"""Height of gutters above the junction's asphalt [m]."""
 _CELL_M = 1.5
 _COVER_RADIUS_M = 0.33
 
 
 def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int) -> None:
     """What roads and traffic have left on one junction."""
+    if unpaved_junction(junction):
+        return
+    _gutters(out, junction, field)
     inner = areas_only(shapely.buffer(junction.roadway, -MARGIN_M), 4.0)
     if inner.is_empty or inner.area < 40.0:
         return
@@ -51,6 +58,23 @@ def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: Juncti
         if len(xy):
             points = np.column_stack([xy, field.height(xy) + lift])
             out.triangles(points, triangles, material=material, tag=Tag.ROAD, colour=(grey, grey, grey))
+
+
+def _gutters(out: MeshBuilder, junction: JunctionArea, field: JunctionField) -> None:
+    """Concrete gutters along the kerbs of a junction whose roads have them."""
+    widths = [
+        float((strip.t_m[lane] - strip.t_m[lane + 1]).mean())
+        for strip in junction.strips
+        for lane in range(len(strip.lanes))
+        if is_gutter(strip, lane)
+    ]
+    if not widths or junction.pavement.is_empty:
+        return
+    beside = shapely.buffer(junction.pavement, float(np.median(widths)))
+    xy, triangles = triangulate(areas_only(shapely.intersection(junction.roadway, beside), 0.05), _CELL_M)
+    if len(xy):
+        points = np.column_stack([xy, field.height(xy) + GUTTER_LIFT_M])
+        out.triangles(points, triangles, material=Material.CONCRETE, tag=Tag.ROAD, colour=(178, 176, 170))
 
 
 def _points(area: Area, count: int, draw: np.random.Generator) -> Array:

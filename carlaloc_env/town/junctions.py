@@ -14,6 +14,7 @@ from carlaloc_env.town.fields import EdgeField, JunctionField
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.pavements import BELOW_M, KERB_STONE_M
 from carlaloc_env.town.polygons import Area, areas_only, polygons_of, rings, triangulate
+from carlaloc_env.town.roads import LOOSE
 from carlaloc_env.town.sections import KERB_M
 
 Array = NDArray[np.float64]
@@ -32,15 +33,30 @@ def add_junction_surface(out: MeshBuilder, junction: JunctionArea, field: Juncti
     if not len(xy):
         return
     draw = rng.stream(seed, f"junction/{junction.id}")
+    material, tint = Material.ASPHALT, np.full(3, 255.0)
+    loose = unpaved_junction(junction)
+    if loose:
+        material, tint = LOOSE[loose][0], np.array(LOOSE[loose][1])
     points = np.column_stack([xy, field.height(xy)])
     shade = draw.uniform(205, 240) * (0.9 + 0.1 * _quiet(junction, xy))
     out.triangles(
         points,
         triangles,
-        material=Material.ASPHALT,
+        material=material,
         tag=Tag.ROAD,
-        colour=np.repeat(shade[:, None], 3, axis=1),
+        colour=shade[:, None] / 255.0 * tint,
     )
+
+
+def unpaved_junction(junction: JunctionArea) -> str:
+    """What a junction is made of where no asphalt lies on any of its driving lanes; else empty."""
+    kinds = {
+        strip.unpaved(lane)
+        for strip in junction.strips
+        for lane in range(len(strip.lanes))
+        if strip.lanes[lane].type == "driving"
+    }
+    return kinds.pop() if len(kinds) == 1 else ""
 
 
 def add_corners(out: MeshBuilder, junction: JunctionArea, areas: TownAreas, edge: EdgeField) -> None:

@@ -24,6 +24,8 @@ DOUBLE_GAP_M = 0.12
 """Clear distance between the two lines of a double mark [m]."""
 KERB_LINE_M = 0.08
 """Distance of edge lines from kerbs [m]."""
+LOOSE_LINE_M = 0.04
+"""Distance of edge lines from unpaved shoulders [m]."""
 NEAR_END_M = 9.0
 """Stop lines and crosswalks this near to a road's end belong to the junction there [m]."""
 DASHES: dict[str, tuple[float, float]] = {
@@ -168,13 +170,23 @@ def _paint(
 
 
 def _flat(strip: Strip, edge: int) -> bool:
-    """Whether the edge touches the roadway on at least one side."""
-    near = [lane for lane in (edge - 1, edge) if 0 <= lane < len(strip.lanes)]
-    return any(strip.kind(lane) == "roadway" for lane in near)
+    """Whether the edge touches a paved roadway on at least one side."""
+    return any(_paintable(strip, lane) for lane in (edge - 1, edge))
+
+
+def _paintable(strip: Strip, lane: int) -> bool:
+    inside = 0 <= lane < len(strip.lanes)
+    return inside and strip.kind(lane) == "roadway" and not strip.unpaved(lane)
 
 
 def _away_from_kerb(strip: Strip, edge: int, width_m: float) -> float:
-    """How far a line moves to the left so that it lies beside a kerb instead of half below it [m]."""
+    """How far a line moves to the left so that it lies beside a kerb, or on what is paved [m]."""
+    paved = [_paintable(strip, lane) for lane in (edge - 1, edge)]
+    loose = [0 <= lane < len(strip.lanes) and bool(strip.unpaved(lane)) for lane in (edge - 1, edge)]
+    if loose[0] and paved[1]:
+        return -(width_m / 2 + LOOSE_LINE_M)
+    if loose[1] and paved[0]:
+        return width_m / 2 + LOOSE_LINE_M
     kinds = [strip.kind(lane) if 0 <= lane < len(strip.lanes) else "none" for lane in (edge - 1, edge)]
     if kinds[0] in ("walkway", "median") and kinds[1] == "roadway":
         return -(width_m / 2 + KERB_LINE_M)

@@ -19,7 +19,7 @@ from carlaloc_env.town.markings import PAINT_M
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.model import Road, RoadObject
-from carlaloc_env.town.polygons import Area, areas_only, triangulate
+from carlaloc_env.town.polygons import Area, areas_only, strip_polygon, triangulate
 from carlaloc_env.town.sections import Strip
 
 Array = NDArray[np.float64]
@@ -39,7 +39,14 @@ class RoadPainter:
 
     def __init__(self, network: LaneNetwork, strips: Sequence[Strip], areas: TownAreas) -> None:
         self._network = network
-        self._paintable = shapely.buffer(areas.roadway, -EDGE_M)
+        loose = [
+            strip_polygon(*strip.lane_edges(lane))
+            for strip in strips
+            for lane in range(len(strip.lanes))
+            if strip.kind(lane) == "roadway" and strip.unpaved(lane)
+        ]
+        # No paint holds on gravel.
+        self._paintable = shapely.difference(shapely.buffer(areas.roadway, -EDGE_M), shapely.union_all(loose))
         shapely.prepare(self._paintable)
         self._strips = strips
         self._fields: dict[str, JunctionField] = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.assets.catalog import VEHICLES
+from carlaloc_env.assets.plate_text import PLATES, plate_of, plate_uv
 from carlaloc_env.assets.vehicles import vehicle
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
@@ -40,7 +41,7 @@ VERGE_M = 0.35
 OCCUPIED = {"downtown": 0.75, "skyscraper": 0.7, "small_town": 0.6, "residential": 0.5, "waterfront": 0.6,
             "industrial": 0.5}  # fmt: skip
 """Share of the places along a kerb that are taken, in zones with any."""
-VERGES = {"residential": 0.3, "rural": 0.06, "small_town": 0.2}
+VERGES = {"residential": 0.3, "small_town": 0.2}
 """Share of the places on grass verges that are taken."""
 DRIVES = {"residential": 0.75, "small_town": 0.35}
 """Share of the possible drives that are laid."""
@@ -89,7 +90,8 @@ class ParkedCars:
             if len(rows):
                 T = poses(np.array(self.feet_m)[rows], np.array(self.yaws_rad)[rows])
                 paint = np.array(self.tints, dtype=np.float64)[rows] / 255.0
-                found.append(copies(vehicle(name).low, T, number, paint, tinted=Material.CAR_PAINT))
+                own = copies(vehicle(name).low, T, number, paint, tinted=Material.CAR_PAINT)
+                found.append(_with_plates(own))
                 number += len(rows)
         return found
 
@@ -104,6 +106,15 @@ class ParkedCars:
             turned[..., 1] = foot[1] + s * box[..., 0] + c * box[..., 1]
             turned[..., 2] += foot[2]
             solid.quads(turned, material=Material.PLAIN, tag=Tag.CAR)
+
+
+def _with_plates(cars: Mesh) -> Mesh:
+    """The cars, each with a number plate of its own in the place of the first one's."""
+    rows = np.flatnonzero(cars.material == Material.PLATE)
+    origin = np.array([plate_uv(k)[:2] for k in range(PLATES)])
+    uv = cars.uv_m.copy()
+    uv[rows] += (origin[plate_of(cars.instance[rows])] - origin[0]).astype(np.float32)
+    return replace(cars, uv_m=uv)
 
 
 def rectangle(centre: Array, yaw: float, length: float, width: float) -> Area:

@@ -40,7 +40,11 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
         draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
         painted = _painted_spans(roads[strip.road])
         for lane in range(len(strip.lanes)):
-            if strip.kind(lane) == "roadway" and strip.lanes[lane].type == "driving":
+            if (
+                strip.kind(lane) == "roadway"
+                and strip.lanes[lane].type == "driving"
+                and not strip.unpaved(lane)
+            ):
                 _patches(out, strip, lane, painted, draw)
                 _covers(out, strip, lane, painted, draw)
                 _cracks(out, strip, lane, draw)
@@ -139,7 +143,7 @@ def _ribbon(
 
 def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
     """Gratings in the roadway along kerbs."""
-    if strip.kind(lane) != "roadway":
+    if strip.kind(lane) != "roadway" or strip.unpaved(lane):
         return
     width = strip.t_m[lane] - strip.t_m[lane + 1]
     for other, left in ((lane - 1, True), (lane + 1, False)):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets import street
 from carlaloc_env.assets.shapes import placed
 from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.town.bridges import PARAPET_M
+from carlaloc_env.town.bridges import RAIL_KERB_M
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.guard_rails import FAST_MPS
 from carlaloc_env.town.levels import WALL_M, State
@@ -124,7 +124,7 @@ def _on_parapets(edges: Sequence[RoadEdge], overhead: Area) -> tuple[Array, Arra
         rows = rows[up[rows] & up[rows - 2] & up[rows + 2]]
         foot = edge.line_m[rows].copy()
         foot[:, :2] += 0.5 * WALL_M * edge.right[rows]
-        foot[:, 2] += PARAPET_M - 0.02
+        foot[:, 2] += RAIL_KERB_M - 0.02
         # Where roads lie side by side, an edge of one is no rim of the deck.
         on_rim = shapely.dwithin(rim, shapely.points(foot[:, :2]), RIM_M)
         rows, foot = rows[on_rim], foot[on_rim]

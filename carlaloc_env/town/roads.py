@@ -19,6 +19,16 @@ TRACKS = np.array([0.0, 0.12, 0.23, 0.34, 0.5, 0.66, 0.77, 0.88, 1.0])
 """Columns across a driving lane, as shares of its width: wheel tracks near 0.23 and 0.77."""
 TRACK_SHADE = np.array([1.0, 0.98, 0.84, 0.97, 0.90, 0.97, 0.84, 0.98, 1.0])
 """Brightness of each column: tyres polish and darken their tracks, oil drips in the middle."""
+TRACK_BARE = np.array([0.80, 0.86, 1.0, 0.90, 0.80, 0.90, 1.0, 0.86, 0.80])
+"""The same of unpaved lanes: wheels keep their tracks bare and light."""
+LOOSE: dict[str, tuple[Material, tuple[float, float, float]]] = {
+    "gravel": (Material.GRAVEL, (232.0, 222.0, 200.0)),
+    "soil": (Material.SOIL, (235.0, 225.0, 205.0)),
+    "grass": (Material.GRASS, (225.0, 222.0, 190.0)),
+}
+"""Material and tint of unpaved lanes."""
+GUTTER_M = 0.65
+"""Shoulders of at most this width beside a kerb are gutters of concrete [m]."""
 SKIRT_M = 0.4
 """How far outer edges reach down, so that no gap to the ground can open [m]."""
 
@@ -43,19 +53,29 @@ def _lane_surface(
     left, right = strip.lane_edges(lane)
     driven = strip.lanes[lane].type not in ("shoulder", "parking")
     share = TRACKS if driven else np.array([0.0, 1.0])
-    shade = TRACK_SHADE if driven else np.array([0.96, 0.9])
+    loose = strip.unpaved(lane)
+    shade = (TRACK_BARE if loose else TRACK_SHADE) if driven else np.array([0.96, 0.9])
     points = right[:, None] + share[None, :, None] * (left - right)[:, None]
     wander = np.interp(strip.s_m, strip.s_m[:: max(1, len(strip.s_m) // 6)], _steps(strip, draw))
     tint = base * shade[None, :] * (1.0 + 0.05 * wander[:, None])
     t = strip.t_m[lane + 1][:, None] + share * (strip.t_m[lane] - strip.t_m[lane + 1])[:, None]
     uv = np.stack(np.broadcast_arrays(t, strip.s_m[:, None]), axis=-1)
-    out.grid(
-        points,
-        material=Material.ASPHALT_OLD if old else Material.ASPHALT,
-        tag=Tag.ROAD,
-        uv_m=uv,
-        colour=np.clip(tint[:, :, None], 0, 255) * np.ones(3),
-    )
+    material, colour = Material.ASPHALT_OLD if old else Material.ASPHALT, np.full(3, 255.0)
+    if loose:
+        material, colour = LOOSE[loose][0], np.array(LOOSE[loose][1])
+    elif is_gutter(strip, lane):
+        material, colour = Material.CONCRETE, np.array((190.0, 188.0, 182.0))
+    colours = np.clip(tint[:, :, None], 0, 255) / 255.0 * colour
+    out.grid(points, material=material, tag=Tag.ROAD, uv_m=uv, colour=colours)
+
+
+def is_gutter(strip: Strip, lane: int) -> bool:
+    """Whether a lane is the narrow strip along a kerb in which water runs."""
+    if strip.lanes[lane].type != "shoulder" or strip.unpaved(lane):
+        return False
+    beside = [other for other in (lane - 1, lane + 1) if 0 <= other < len(strip.lanes)]
+    width = strip.t_m[lane] - strip.t_m[lane + 1]
+    return float(width.max()) <= GUTTER_M and any(strip.kind(other) == "walkway" for other in beside)
 
 
 def _steps(strip: Strip, draw: np.random.Generator) -> Array:

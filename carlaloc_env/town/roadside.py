@@ -9,13 +9,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from carlaloc_env.assets.roadside import delineator
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import TownAreas
 from carlaloc_env.town.car_parks import CarPark, add_car_park
 from carlaloc_env.town.collision import posts
-from carlaloc_env.town.guard_rails import add_guard_rails, add_medians
+from carlaloc_env.town.copies import copies, poses
+from carlaloc_env.town.guard_rails import add_guard_rails, add_medians, delineator_feet
 from carlaloc_env.town.lane_crosswalks import Crosswalk
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.opendrive.model import Road
@@ -85,7 +87,12 @@ def line_roads(solid: MeshBuilder, site: RoadsideSite, first_instance: int) -> R
         site.edges, medians, site.zones, paved, site.ground, site.overhead, number
     )
     number += len(feet)
+    markers, yaws = delineator_feet(site.edges, site.zones, shapely.union(paved, site.blocked), site.ground)
+    if len(markers):
+        masts.append(copies(delineator(), poses(markers, yaws), number))
+        number += len(markers)
     blocked = shapely.union_all([site.blocked, paved, rails, *_discs(feet)])
+    blocked = shapely.union_all([blocked, *_discs(markers)])
     rows = place_lines(site.edges, site.zones, blocked, site.overhead, site.ground, site.seed)
     poles, pole_feet = add_lines(fittings, rows, number)
     number += len(pole_feet)
@@ -105,7 +112,7 @@ def line_roads(solid: MeshBuilder, site: RoadsideSite, first_instance: int) -> R
     return Roadside(
         meshes=[fittings.build(), *masts, *poles, *cars.meshes(number)],
         lamps_m=lights,
-        taken=shapely.union_all([*taken, *_discs(feet)]),
+        taken=shapely.union_all([*taken, *_discs(feet), *_discs(markers)]),
         instances=number + len(cars.names) - first_instance,
     )
 

@@ -100,7 +100,7 @@ def build_scenery(
     add_roads(lanes, strips, seed)
     add_plain_lanes(solid, strips)
     add_road_details(lanes, strips, roads, seed)
-    add_pavements(raised, strips, seed)
+    add_pavements(raised, strips, roads, seed)
     kerb_field, deck_field = level_fields(strips, levels, [_road_edges(strip) for strip in strips])
     for junction in areas.junctions:
         field = deck_field if junction.id in carried and deck_field is not None else kerb_field

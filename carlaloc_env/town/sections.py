@@ -27,6 +27,11 @@ WALKWAY = frozenset({"sidewalk", "walking", "curb"})
 MEDIAN = frozenset({"median"})
 """Lane types between the carriageways."""
 
+UNPAVED = {
+    "gravel": "gravel", "dirt": "soil", "soil": "soil", "earth": "soil", "mud": "soil", "sand": "soil",
+    "grass": "grass", "unpaved": "gravel",
+}  # fmt: skip
+"""What surfaces named in the map's lane materials are, where no asphalt lies."""
 KERB_M = 0.15
 """Height of pavements and medians above the road where the map does not say [m]."""
 CHORD_M = 0.003
@@ -71,6 +76,13 @@ class Strip:
         if name in WALKWAY:
             return "walkway"
         return "median" if name in MEDIAN else "none"
+
+    def unpaved(self, lane: int) -> str:
+        """`gravel`, `soil` or `grass` where no asphalt lies on a lane; empty elsewhere."""
+        records = self.lanes[lane].materials
+        middle = 0.5 * (self.s_m[0] + self.s_m[-1])
+        own = [record.surface for record in records if record.s_m <= middle + 1e-6]
+        return UNPAVED.get(own[-1], "") if own else ""
 
     def lane_edges(self, lane: int, *, top: bool = True) -> tuple[Array, Array]:
         """Left and right edge of a lane [m], (N, 3) each, on its raised top or on the road surface."""

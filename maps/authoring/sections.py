@@ -43,6 +43,8 @@ class CrossSection:
     """Width of a left-turn pocket, taken from the median as far as it reaches."""
     marks: str = "full"
     """`full`, `edge` (edge lines only), `none` (no paint at all)."""
+    gutter_surface: str = ""
+    """What the gutter is made of where it is a soft shoulder; empty: as the lanes."""
     surface: str = "asphalt"
     """What the lanes are made of: `asphalt`, `concrete`, `gravel`, `dirt`; written as lane material."""
 
@@ -251,6 +253,7 @@ def _side_lanes(cross: CrossSection, side: str) -> list[LanePlan]:
     def add(name: str, kind: str, width: float, height: float = 0.0) -> None:
         if width > 0:
             surface = "asphalt" if kind == "sidewalk" else cross.surface
+            surface = (cross.gutter_surface or surface) if name == "gutter" else surface
             lanes.append(LanePlan(f"{side}:{name}", kind, constant(width), height_m=height, surface=surface))
 
     if side == "L" or not cross.oneway:

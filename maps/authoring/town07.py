@@ -21,8 +21,8 @@ from .sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.1 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 
-ROAD = CrossSection(lanes=1, lane_m=3.5, gutter_m=0.5, sidewalk_m=0.0, marks="edge")
-LANE = CrossSection(lanes=1, lane_m=3.1, gutter_m=0.6, sidewalk_m=0.0, marks="none")
+ROAD = CrossSection(lanes=1, lane_m=3.5, gutter_m=0.5, sidewalk_m=0.0, marks="edge", gutter_surface="gravel")
+LANE = CrossSection(lanes=1, lane_m=3.1, gutter_m=0.6, sidewalk_m=0.0, marks="none", gutter_surface="gravel")
 HAMLET = CrossSection(lanes=1, lane_m=3.2, gutter_m=0.5, sidewalk_m=2.0, marks="none")
 LAKESIDE = CrossSection(lanes=1, lane_m=3.2, gutter_m=0.5, sidewalk_m=1.6, marks="edge")
 TRACK = CrossSection(lanes=1, lane_m=3.1, gutter_m=0.5, sidewalk_m=0.0, marks="none", surface="gravel")

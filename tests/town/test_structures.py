@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +11,19 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
+from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
-from carlaloc_env.town.areas import lane_area
+from carlaloc_env.town.areas import lane_area, town_areas
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.fields import JunctionField
+from carlaloc_env.town.levels import find_levels
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.scenery import Scenery, build_scenery
 from carlaloc_env.town.sections import Strip, road_strips
+from carlaloc_env.town.terrain import LAP_M, zone_areas
 from carlaloc_env.town.utility_lines import catenary_m
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
@@ -349,6 +353,102 @@ def test_surfaces_of_junctions_lie_on_their_lanes(name: str) -> None:
     away = np.abs(np.concatenate(off))
     assert (away < 0.02).mean() > (0.97 if name == "Town07" else 0.9999)
     assert away.max() < 0.1
+
+
+def test_no_grass_grows_along_kerbs() -> None:
+    """Kerb lines of Town01 lie deep inside what is paved: no hairline parts roadway and pavement."""
+    network = LaneNetwork.from_opendrive(known_towns()["Town01"])
+    strips = road_strips(network.xodr.roads, network.surface)
+    zones = zone_areas(
+        TownConfig.from_toml(known_towns()["Town01"].with_name("town.toml")),
+        shapely.box(-400, -400, 400, 400),
+    )
+    levels = find_levels(strips, np.full(2, -400.0), np.full(2, 400.0), zones)
+    assert levels.overhead()
+    areas = town_areas(strips, network.xodr.roads, levels.overhead())
+    paved = shapely.buffer(areas.low_paved, -LAP_M, join_style="mitre")
+    overhead = shapely.union_all(list(levels.overhead().values()))
+    shapely.prepare(paved)
+    count = 0
+    for strip in strips:
+        kinds = [strip.kind(lane) for lane in range(len(strip.lanes))]
+        for edge, pair in enumerate(pairwise(kinds), 1):
+            if strip.junction_id is None and set(pair) == {"roadway", "walkway"}:
+                inner = strip.edges_m[edge, 1:-1, :2]
+                inner = inner[shapely.distance(overhead, shapely.points(inner)) > 1.0]
+                assert shapely.contains_xy(paved, inner[:, 0], inner[:, 1]).all(), strip.road_id
+                count += len(inner)
+    assert count > 500
+
+
+def test_kerbs_drop_at_crosswalks(tmp_path: Path) -> None:
+    """Two centimetres are left before a crosswalk, a whole kerb two metres beside it, and no steps."""
+    outline = "".join(
+        f'<cornerLocal u="{u}" v="{v}" z="0"/>' for u, v in ((-2, -7), (2, -7), (2, 7), (-2, 7))
+    )
+    walk = (
+        '<objects><object id="9" type="crosswalk" name="Crosswalk" s="40" t="0" zOffset="0" hdg="0" '
+        f'orientation="none" length="4" width="14" height="0"><outline>{outline}</outline></object></objects>'
+    )
+    road = _road(1, (0.0, 0.0, 0.0), 80.0, ((0, 0.5, 0, 0, 0),), STREET).replace("</road>", walk + "</road>")
+    built = _build(tmp_path, [road], '[town]\ndefault_zone = "residential"\n')
+    scene = built.scene(Tag.SIDEWALK)
+    for side in (1.0, -1.0):
+        x = np.arange(30.0, 50.01, 0.25)
+        above = np.column_stack([x, np.full(len(x), side * 7.05), np.full(len(x), 3.0)])
+        height = 2.5 - _cast(scene, above, (0.0, 0.0, -1.0))
+        beside = np.abs(x - 40.0)
+        np.testing.assert_allclose(height[beside < 1.9], 0.02, atol=0.006)
+        np.testing.assert_allclose(height[beside > 3.0], 0.15, atol=0.002)
+        above[:, 1] = side * 8.6
+        np.testing.assert_allclose(2.5 - _cast(scene, above, (0.0, 0.0, -1.0)), 0.15, atol=0.002)
+
+
+def test_gravel_is_drawn_and_bears_no_paint(tmp_path: Path) -> None:
+    """Lanes whose material is gravel have no asphalt, and lines only where asphalt is."""
+    material = '<material sOffset="0" surface="gravel" friction="0.5" roughness="0.05"/></lane>'
+    mark = '<roadMark sOffset="0" type="solid" weight="standard" color="standard" width="0.12"/></lane>'
+    lanes = (("driving", 3.5), ("shoulder", 0.6))
+    roads = [
+        _road(1, (0.0, 0.0, 0.0), 80.0, ((0, 0, 0, 0, 0),), lanes).replace("</lane>", mark),
+        _road(2, (0.0, 40.0, 0.0), 80.0, ((0, 0, 0, 0, 0),), lanes).replace("</lane>", mark),
+    ]
+    roads[1] = roads[1].replace("</lane>", material).replace(mark, mark.replace("</lane>", "") + material)
+    mesh = _build(tmp_path, roads, '[town]\ndefault_zone = "rural"\n').mesh
+    material_of, y = mesh.material[mesh.triangles[:, 0]], mesh.vertices_m[mesh.triangles[:, 0], 1]
+    x = mesh.vertices_m[mesh.triangles[:, 0], 0]
+    asphalt = np.isin(material_of, (Material.ASPHALT, Material.ASPHALT_OLD))
+    track = (np.abs(y - 40.0) < 4.0) & (x > -1.0) & (x < 81.0)
+    road = (np.abs(y) < 4.0) & (x > -1.0) & (x < 81.0)
+    assert asphalt[road].any()
+    assert not asphalt[track].any()
+    assert (material_of[track] == Material.GRAVEL).sum() > 50
+    paint = material_of == Material.ROAD_PAINT_WHITE
+    assert paint[road].any()
+    assert not paint[track].any()
+
+
+def test_plates_of_parked_cars_differ(river: Built) -> None:
+    mesh = river.mesh
+    plate = (mesh.material == Material.PLATE) & np.isin(mesh.tag, (Tag.CAR, Tag.TRUCK))
+    first = {
+        int(i): mesh.uv_m[np.flatnonzero(plate & (mesh.instance == i))[0]]
+        for i in np.unique(mesh.instance[plate])
+    }
+    assert len(first) > 8
+    assert len({tuple(np.round(uv, 4)) for uv in first.values()}) > 0.6 * min(len(first), 64)
+
+
+def test_one_looks_through_the_railings_of_a_bridge_over_water(river: Built) -> None:
+    """From a driver's eye most rays below the horizon pass the rails and meet the water or the far bank."""
+    eye = np.array([[25.0, -1.75, 0.5 + 1.3]])
+    turn = np.radians(np.linspace(-5.0, -9.0, 41))
+    rays = np.repeat(eye, len(turn), axis=0)
+    direction = np.column_stack([np.zeros(len(turn)), -np.cos(turn), np.sin(turn)])
+    cast = np.concatenate([rays, direction], axis=1).astype(np.float32)
+    rail = river.scene(Tag.GUARD_RAIL, Tag.BRIDGE).cast_rays(o3d.core.Tensor(cast))["t_hit"].numpy()
+    assert np.isinf(rail).mean() > 0.6
+    assert np.isfinite(rail).any()
 
 
 def test_wires_hang_as_catenaries() -> None:

@@ -113,6 +113,14 @@ class LaneHeight:
     outer_m: float
 
 
+@dataclass(frozen=True, slots=True)
+class LaneMaterial:
+    """What a lane is made of, from a station on."""
+
+    s_m: float
+    surface: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lane:
     """One lane of a lane section; positive ids lie left of the lane-offset line."""
@@ -127,6 +135,7 @@ class Lane:
     road_marks: tuple[RoadMark, ...] = ()
     speeds: tuple[SpeedRecord, ...] = ()
     heights: tuple[LaneHeight, ...] = ()
+    materials: tuple[LaneMaterial, ...] = ()
     line: int = 0
 
 

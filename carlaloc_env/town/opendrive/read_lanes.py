@@ -8,6 +8,7 @@ from carlaloc_env.town.opendrive.document import Document, Element
 from carlaloc_env.town.opendrive.model import (
     Lane,
     LaneHeight,
+    LaneMaterial,
     LaneSection,
     MarkLine,
     RoadMark,
@@ -74,6 +75,12 @@ def _lane(document: Document, element: Element, start_m: float) -> Lane:
         )
         for e in element.findall("height")
     ]
+    materials = [
+        LaneMaterial(
+            document.number(e, "sOffset", 0.0) + start_m, " ".join(e.get("surface", "").lower().split())
+        )
+        for e in element.findall("material")
+    ]
     return Lane(
         id=document.integer(element, "id", limit=10_000),
         type=element.get("type", "none") or "none",
@@ -87,6 +94,7 @@ def _lane(document: Document, element: Element, start_m: float) -> Lane:
         ),
         speeds=tuple(sorted(speeds, key=lambda r: r.s_m)),
         heights=tuple(sorted(heights, key=lambda r: r.s_m)),
+        materials=tuple(sorted(materials, key=lambda r: r.s_m)),
         line=document.line(element),
     )
 
