@@ -301,7 +301,7 @@ def measure_window(
         if isinstance(sensor, Camera):
             for stamp in stamps:
                 if camera_ns[0] <= stamp < camera_ns[1]:
-                    shots = sensor.measure_conditions(timeline, stamp, [w.at(stamp) for w in weathers])
+                    shots = sensor.measure_conditions(timeline, stamp, weathers)
                     for row, samples in zip(pictures, shots, strict=True):
                         row += [(stamp, place, sample) for sample in samples]
         elif sensor.depends_on_weather:

@@ -173,6 +173,9 @@ class Camera(Sensor):
 
     @abstractmethod
     def measure_conditions(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]
     ) -> list[list[Sample]]:
-        """Samples of one instant under several weathers, one list per weather; geometry drawn once."""
+        """Samples of one instant under several weathers, one list per weather; geometry drawn once.
+
+        A schedule may stand for a weather: sensors that remember look at it at other times as well.
+        """

@@ -31,7 +31,7 @@ from carlaloc_env.sensors.event_camera import EventCamera, EventChain, EventConf
 from carlaloc_env.sensors.events import F32, log_intensity
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather_schedule import Weather
 
 if TYPE_CHECKING:
     from carlaloc_env.render.gbuffer import GBuffer
@@ -118,11 +118,11 @@ class CameraSensor(Camera):
         return [
             sample
             for stamp in stamps_ns
-            for sample in self.measure_conditions(timeline, int(stamp), [weather.at(int(stamp))])[0]
+            for sample in self.measure_conditions(timeline, int(stamp), [weather])[0]
         ]
 
     def measure_conditions(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]
     ) -> list[list[Sample]]:
         """Pictures of one instant under several weathers, one list per weather.
 
@@ -135,7 +135,7 @@ class CameraSensor(Camera):
         if "rgb" in self.config.outputs:
             renderer, seed = self._world.renderer(), self._world.seed
             for samples, weather in zip(conditions, weathers, strict=True):
-                rgb = renderer.shade(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)
+                rgb = renderer.shade(gbuffer, weather.at(stamp_ns), stamp_ns=stamp_ns, seed=seed)
                 samples.append(Image(rgb=rgb, **self._labels("rgb", stamp_ns)))
         for samples in conditions:
             samples += shared
@@ -184,7 +184,7 @@ class CameraSensor(Camera):
         self,
         timeline: Timeline,
         stamp_ns: int,
-        weathers: Sequence[WeatherParameters],
+        weathers: Sequence[Weather],
         gbuffer: GBuffer,
     ) -> list[Events]:
         pinhole, seed, renderer = self.config.pinhole, self._world.seed, self._world.renderer()
@@ -198,7 +198,7 @@ class CameraSensor(Camera):
             glance = Glance(moment=moment, depth_m=drawn.depth_m(), instance=drawn.labels()[1])
             dark, blurred = self.config.events.dark_cd_m2, renderer.quality != "high"
             return glance, [
-                log_intensity(renderer.radiance_cd_m2(drawn, weather), dark, blurred=blurred)
+                log_intensity(renderer.radiance_cd_m2(drawn, weather.at(at_ns)), dark, blurred=blurred)
                 for weather in weathers
             ]
 

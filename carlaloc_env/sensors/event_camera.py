@@ -21,7 +21,7 @@ from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.events import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
 from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather_schedule import Weather
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +141,7 @@ Look = Callable[[int], tuple[Glance, list[F32]]]
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Held:
     timeline: weakref.ref[Timeline]
-    weathers: tuple[WeatherParameters, ...]
+    weathers: tuple[Weather, ...]
     stamp_ns: int
     glance: Glance
     intensity: list[F32]
@@ -158,7 +158,7 @@ class EventChain:
         self._held: _Held | None = None
 
     def events(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters], look: Look
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look
     ) -> list[NDArray[np.void]]:
         """Events of the period that ends at a stamp [ns], for each weather.
 
@@ -183,7 +183,7 @@ class EventChain:
         assert self._held is not None
         return self._held.events
 
-    def _holds(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]) -> bool:
+    def _holds(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]) -> bool:
         held = self._held
         return (
             held is not None
@@ -193,7 +193,7 @@ class EventChain:
         )
 
     def _begin(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters], look: Look
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look
     ) -> None:
         glance, intensity = look(stamp_ns)
         self._held = _Held(

@@ -129,7 +129,8 @@ def _tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x
     over = passing[row, column]
     if over[3] > 0 and over[3] * min(_ONE, over[2]) < np.float32(0.8) * nearest:
         return 0
-    return min(max(math.ceil(longest / step_px), 1), STEPS_MAX)
+    steps: int = min(max(math.ceil(longest / step_px), 1), STEPS_MAX)
+    return steps
 
 
 @kernel
@@ -469,7 +470,8 @@ def _sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: A
 @kernel
 def _is_within(field: Any, x: Any, y: Any) -> bool:
     """Whether a place lies in the picture."""
-    return x >= 0 and y >= 0 and x <= field.shape[1] - 1 and y <= field.shape[0] - 1
+    inside: bool = x >= 0 and y >= 0 and x <= field.shape[1] - 1 and y <= field.shape[0] - 1
+    return inside
 
 
 @kernel

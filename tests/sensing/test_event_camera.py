@@ -19,6 +19,7 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.event_camera import EventConfig
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather import PRESETS
+from carlaloc_env.weather_schedule import WeatherSchedule
 
 try:
     create_context().release()
@@ -95,6 +96,16 @@ def test_weathers_together_equal_weathers_alone(street: Any, scenery: Any) -> No
             (samples,) = alone.measure_conditions(drive, t, [weather])
             np.testing.assert_array_equal(samples[0].events, pair[row][0].events)  # type: ignore[attr-defined]
     assert len(both[2][0][0].events) != len(both[2][1][0].events)  # type: ignore[attr-defined]
+
+
+def test_a_changing_weather_is_remembered_too(street: Any, scenery: Any) -> None:
+    drive = drive_of(scenery, scenery.straight(8.0), 1.4)
+    street.weather = WeatherSchedule(at_s=(0.0, 2.0), weathers=(PRESETS["ClearNoon"], PRESETS["FoggyNoon"]))
+    stamps = [950_000_000, 1_000_000_000, 1_050_000_000]
+    one, sensor = config().build(street), config().build(street)
+    forwards = batches(one.measure(drive, stamps))
+    for stamp in stamps[::-1]:
+        assert batches(sensor.measure(drive, [stamp]))[stamp] == forwards[stamp]
 
 
 def test_stream_sits_in_the_observation(street: Any, scenery: Any) -> None:
