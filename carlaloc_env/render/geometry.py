@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -45,14 +45,31 @@ _SOLID[
 ] = True  # fmt: skip
 """Materials of closed bodies and of roads: their backs are never seen and need not be drawn."""
 
-COARSE_FROM_M = 150.0
-"""Distance of a chunk from which its `coarse` version is drawn [m]; LiDARs reach less far."""
-_CRUMB_M2 = 0.012
-"""Loose triangles of less area are left out of it [m²]: a quarter of a pixel there."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coarseness:
+    """How much a chunk loses from some distance on."""
+
+    from_m: float
+    """Distance of the chunk [m]."""
+    crumb_m2: float
+    """Loose triangles of less area are left out [m²]."""
+    any_m2: float = 0.0
+    """Any triangles of less area are left out [m²]; in a wall this leaves holes of that size."""
+    leaf_share: int
+    """One leaf of so many is kept, enlarged to the same total area."""
+
+
+FAR = (Coarseness(from_m=150.0, crumb_m2=0.012, leaf_share=4),)
+"""Crumbs of a quarter of a pixel; LiDARs reach less far."""
+FAR_LOW = (
+    Coarseness(from_m=10.0, crumb_m2=0.025, leaf_share=8),
+    Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_share=24),
+    Coarseness(from_m=130.0, crumb_m2=1.0, any_m2=0.25, leaf_share=64),
+)
+"""For small live pictures, in which vertices cost the most."""
 _LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Material.PLASTIC, Material.BARK)
 """Materials of railings, furniture and twigs, which leave no hole in a wall."""
-_LEAF_SHARE = 4
-"""One leaf of so many is kept in it, enlarged to the same total area."""
 
 
 def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
@@ -192,14 +209,14 @@ def split_backs(mesh: Mesh) -> tuple[Mesh, Mesh]:
     return _part(mesh, solid), _part(mesh, ~solid)
 
 
-def coarse(mesh: Mesh) -> Mesh:
+def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
     """The same from afar: fewer and larger leaves, and no crumbs."""
     a, b, c = (mesh.vertices_m[mesh.triangles[:, i]] for i in range(3))
     area_m2 = 0.5 * np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=1))
     material = mesh.material[mesh.triangles[:, 2]]
     leaf = material == Material.LEAF
-    crumb = np.isin(material, _LOOSE) & (area_m2 < _CRUMB_M2)
-    chosen = np.cumsum(leaf) % _LEAF_SHARE == 0
+    crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
+    chosen = np.cumsum(leaf) % how.leaf_share == 0
     leaves = _part(mesh, leaf & chosen)
     own = leaves.vertices_m[leaves.triangles]
     centre = own.mean(axis=1, keepdims=True)
@@ -210,7 +227,7 @@ def coarse(mesh: Mesh) -> Mesh:
             name: getattr(leaves, name)[flat]
             for name in ("normals", "uv_m", "colour", "material", "tag", "instance")
         },
-        vertices_m=(centre + np.sqrt(_LEAF_SHARE) * (own - centre)).reshape(-1, 3).astype(np.float32),
+        vertices_m=(centre + np.sqrt(how.leaf_share) * (own - centre)).reshape(-1, 3).astype(np.float32),
         triangles=np.arange(len(flat), dtype=np.uint32).reshape(-1, 3),
     )
     return merge([_part(mesh, ~leaf & ~crumb), grown])

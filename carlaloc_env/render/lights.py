@@ -87,17 +87,17 @@ class _Kind:
 
 
 # Intensities: UN regulations 7, 48 and 148 (tail 4–17 cd, stop 60–260 cd, indicators 50–500 cd) and
-# EN 12368 (300 mm lens ≥ 400 cd, dimmed at night).
+# EN 12368 (300 mm lens ≥ 400 cd, 80 cd when dimmed at night; half of it here, as for headlamps).
 _KINDS: Mapping[Material, _Kind] = {
     Material.LAMP_TAIL: _Kind(colour=(1.0, 0.03, 0.01), intensity_cd=7.0, range_m=4.0, side=-1.0),
     Material.LAMP_RED: _Kind(
-        colour=(1.0, 0.03, 0.01), intensity_cd=60.0, range_m=9.0, side=-1.0, signal_cd=150.0
+        colour=(1.0, 0.03, 0.01), intensity_cd=60.0, range_m=9.0, side=-1.0, signal_cd=45.0
     ),
     Material.LAMP_AMBER: _Kind(
-        colour=(1.0, 0.42, 0.02), intensity_cd=80.0, range_m=7.0, side=1.0, signal_cd=150.0
+        colour=(1.0, 0.42, 0.02), intensity_cd=80.0, range_m=7.0, side=1.0, signal_cd=45.0
     ),
     Material.LAMP_GREEN: _Kind(
-        colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0, signal_cd=150.0
+        colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0, signal_cd=45.0
     ),
 }
 _SIGNAL_RANGE_M = 22.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from types import TracebackType
 
 import cv2
@@ -15,7 +16,7 @@ from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import Programs, create_context, is_software, set_uniforms
 from carlaloc_env.render.gbuffer import SKY_ID, GBuffer, TargetPool, Targets
-from carlaloc_env.render.geometry import COARSE_FROM_M, Geometry, InstanceBuffer, coarse, split_backs
+from carlaloc_env.render.geometry import FAR, FAR_LOW, Geometry, InstanceBuffer, coarse, split_backs
 from carlaloc_env.render.occlusion import Occlusion
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
 from carlaloc_env.render.shading import Shader
@@ -80,6 +81,7 @@ class SceneRenderer:
                 high_m=self._high_m,
                 library=library,
                 lamps_m=lamps,
+                live=quality == "low",
             )
         self._closed = False
 
@@ -92,8 +94,11 @@ class SceneRenderer:
         halves = [split_backs(chunk) for chunk in chunks]
         self._solid = Geometry(self._context, [half[0] for half in halves])
         self._open = Geometry(self._context, [half[1] for half in halves])
-        self._solid_coarse = Geometry(self._context, [coarse(half[0]) for half in halves])
-        self._open_coarse = Geometry(self._context, [coarse(half[1]) for half in halves])
+        self._far = FAR_LOW if self.quality == "low" else FAR
+        self._coarse = [
+            [Geometry(self._context, [coarse(half[k], how) for half in halves]) for k in (0, 1)]
+            for how in self._far
+        ]
         self._library = Geometry(self._context, library.meshes)
         self._poses = InstanceBuffer(self._context, len(library))
         reach = [
@@ -192,17 +197,21 @@ class SceneRenderer:
             self._library.draw(program, self._poses.used, instances=self._poses)
         program = self._gbuffer_program(view)
         context.enable(moderngl.CULL_FACE)
-        near, far = order[distance < COARSE_FROM_M], order[distance >= COARSE_FROM_M]
+        near, far = order[distance < self._far[0].from_m], order[distance >= self._far[0].from_m]
         self._solid.draw(program, near)
         context.disable(moderngl.CULL_FACE)
-        far = far[
-            self._occlusion.seen(targets.framebuffer, view, DEPTH_RANGE, self._low_m[far], self._high_m[far])
-        ]
+        seen = self._occlusion.seen(
+            targets.framebuffer, view, DEPTH_RANGE, self._low_m[far], self._high_m[far]
+        )
+        far, away = far[seen], distance[len(near) :][seen]
+        level = np.searchsorted([how.from_m for how in self._far[1:]], away, side="right")
         context.enable(moderngl.CULL_FACE)
-        self._solid_coarse.draw(program, far)
+        for k, (solid, _) in enumerate(self._coarse):
+            solid.draw(program, far[level == k])
         context.disable(moderngl.CULL_FACE)
         self._open.draw(program, near)
-        self._open_coarse.draw(program, far)
+        for k, (_, open_) in enumerate(self._coarse):
+            open_.draw(program, far[level == k])
         context.front_face = "ccw"
 
     def _gbuffer_program(self, view: View, *features: str) -> moderngl.Program:
@@ -250,7 +259,7 @@ class SceneRenderer:
             self._shader.release()
             self._pool.release()
             self._occlusion.release()
-            for geometry in (self._solid, self._open, self._solid_coarse, self._open_coarse, self._library):
+            for geometry in (self._solid, self._open, *chain(*self._coarse), self._library):
                 geometry.release()
             self._poses.buffer.release()
             self._textures.release()

@@ -48,12 +48,30 @@ class Shader:
         high_m: Array,
         library: ModelLibrary,
         lamps_m: Array,
+        live: bool = False,
     ) -> None:
+        """Make ready to shade.
+
+        Args:
+            context: Where it is drawn.
+            programs: Shader programs of the context.
+            scenery: All of the static scene.
+            low_m: Lowest corners of its chunks [m], shape (N, 3).
+            high_m: Highest corners [m], shape (N, 3).
+            library: Movable models.
+            lamps_m: Street lamps [m], shape (K, 3).
+            live: Do with fewer shadow taps and without mirrors, for a live window.
+        """
         self._context = context
         self._programs = programs
+        self._live = live
         self._scenery = scenery
         self._night = Night(context, library, lamps_m)
-        self._shadows = Shadows(context, programs, low_m, high_m) if len(low_m) else None
+        self._shadows = (
+            Shadows(context, programs, low_m, high_m, actor_size_px=512 if live else 1024)
+            if len(low_m)
+            else None
+        )
         self._rain = RainLayer(context, programs)
         self._mirror = Mirror(context, programs)
         self._roofs = Roofs(context, programs, scenery, low_m, high_m)
@@ -126,7 +144,7 @@ class Shader:
             grid = self._night.prepare(gbuffer, weather.extinction_per_m, light.exposure)
         if "RAIN" in features:
             self._rain_texture(gbuffer, weather, light, grid, stamp_ns, seed).use(8)
-        if "WET" in features:
+        if "MIRROR" in features:
             self._mirrored(gbuffer, weather, light, key, stamp_ns).use(9)
         self._bind(program, gbuffer.shaded)
         sky.use(4)
@@ -166,11 +184,14 @@ class Shader:
     ) -> tuple[str, ...]:
         sunny = bool(light.sun_lx.any()) and self._shadows is not None
         overcast = not sunny and not weather.is_night and self._shadows is not None
+        wet = weather.surface_wetness > 0.05
         wanted = {
             "SUN": sunny,
             "OVERCAST": overcast,
             "ACTORS": sunny or overcast,
-            "WET": weather.surface_wetness > 0.05,
+            "WET": wet,
+            "MIRROR": wet and not self._live,
+            "FEW_TAPS": self._live,
             "NIGHT": weather.is_night,
             "RAIN": falling,
             "LINEAR": linear,

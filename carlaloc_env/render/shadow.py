@@ -24,7 +24,6 @@ STATIC_STEP_M = 40.0
 """Grid on which its centre lies [m], so that a drive needs a new map only now and then."""
 STATIC_AHEAD_M = 80.0
 """How far its centre lies ahead of the camera [m]."""
-ACTOR_SIZE_PX = 1024
 ACTOR_EXTENT_M = 80.0
 CACHED_MAPS = 2
 
@@ -65,10 +64,19 @@ def light_axes(sun_direction: Array) -> Array:
 class Shadows:
     """Makes and keeps the shadow maps of one scene."""
 
-    def __init__(self, context: moderngl.Context, programs: Programs, low_m: Array, high_m: Array) -> None:
+    def __init__(
+        self,
+        context: moderngl.Context,
+        programs: Programs,
+        low_m: Array,
+        high_m: Array,
+        *,
+        actor_size_px: int = 1024,
+    ) -> None:
         self._context = context
         self._programs = programs
         self._low_m, self._high_m = low_m, high_m
+        self._actor_size_px = actor_size_px
         self._maps: OrderedDict[tuple[float, ...], ShadowMap] = OrderedDict()
         self._actor_target: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
 
@@ -109,12 +117,12 @@ class Shadows:
     ) -> ShadowMap:
         """Map of the movable models near a camera, drawn anew each time."""
         if self._actor_target is None:
-            self._actor_target = self._target(ACTOR_SIZE_PX)
+            self._actor_target = self._target(self._actor_size_px)
         ahead = view.R_camera_world[2] * np.array([1.0, 1.0, 0.0])
         texture, framebuffer = self._actor_target
         half = ACTOR_EXTENT_M / 2
         axes = light_axes(sun_direction)
-        texel = ACTOR_EXTENT_M / ACTOR_SIZE_PX
+        texel = ACTOR_EXTENT_M / self._actor_size_px
         across = np.sum(axes * (view.position_m + 25.0 * ahead), axis=1)
         across = np.rint(across / texel) * texel
         result = ShadowMap(

@@ -82,7 +82,7 @@ def exposure(horizontal_lx: float) -> float:
     picture, so that it has no history and brighter streets stay brighter.
     """
     log_lx = math.log10(max(horizontal_lx, 0.1))
-    ev100 = float(np.interp(log_lx, [0.7, 1.5, 3.0, 4.0, 4.3, 4.9], [2.8, 4.0, 10.0, 12.8, 13.55, 13.75]))
+    ev100 = float(np.interp(log_lx, [0.7, 1.5, 3.0, 4.0, 4.3, 4.9], [2.8, 4.0, 10.0, 12.8, 13.62, 13.5]))
     return float(1.0 / (1.2 * 2.0**ev100))
 
 

@@ -161,7 +161,7 @@ def test_a_wet_road_mirrors_what_stands_behind_it() -> None:
         weather = WeatherParameters(cloudiness=100.0, precipitation_deposits=deposits)
         eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
         with SceneRenderer(
-            [ground(), wall], ModelLibrary({}), quality="low", albedo=plain_albedo()
+            [ground(), wall], ModelLibrary({}), quality="medium", albedo=plain_albedo()
         ) as renderer:
             seen = renderer.radiance_cd_m2(renderer.draw(CAMERA, eye, Instances()), weather)
         # Road at 8 to 15 m, below the wall and beside it.

@@ -93,10 +93,14 @@ float softened(float x, float limit) {
 float uncovered(vec3 offset, vec3 n) {
     vec3 a = u_light_actors * (offset + n * 0.15) + u_light_actors_eye;
     const float r = 0.0035;
+#ifdef FEW_TAPS
+    float lit = texture(u_shadow_actors, a);
+#else
     float lit = 0.25 * (texture(u_shadow_actors, a + vec3(r, 0.4 * r, 0.0))
         + texture(u_shadow_actors, a + vec3(-0.4 * r, r, 0.0))
         + texture(u_shadow_actors, a + vec3(-r, -0.4 * r, 0.0))
         + texture(u_shadow_actors, a + vec3(0.4 * r, -r, 0.0)));
+#endif
     return any(greaterThan(abs(a.xy - 0.5), vec2(0.495))) ? 1.0 : lit;
 }
 #endif
@@ -107,9 +111,13 @@ float sunlit(vec3 offset, vec3 n) {
     vec3 s = u_light * p + u_light_eye;
     vec3 a = u_light_actors * p + u_light_actors_eye;
     // Four bilinear taps blur the edge over three texels, about the sun's penumbra behind a house.
+#ifdef FEW_TAPS
+    float lit = texture(u_shadow, s);
+#else
     float r = 0.9 * u_shadow_step;
     float lit = 0.25 * (texture(u_shadow, s + vec3(r, 0.4 * r, 0.0)) + texture(u_shadow, s + vec3(-0.4 * r, r, 0.0))
         + texture(u_shadow, s + vec3(-r, -0.4 * r, 0.0)) + texture(u_shadow, s + vec3(0.4 * r, -r, 0.0)));
+#endif
     bool outside = any(greaterThan(abs(s.xy - 0.5), vec2(0.4995)));
     float near = texture(u_shadow_actors, a);
     bool far = any(greaterThan(abs(a.xy - 0.5), vec2(0.499)));
@@ -168,7 +176,12 @@ void main() {
 
     // What lies below its surroundings sees less of the sky: foot of walls, courts, underpasses.
     float below = texture(u_roofs, offset.xy * u_roofs_frame.xy + u_roofs_frame.zw).x - u_eye.z - offset.z;
+#ifdef SUN
+    // Sunlit walls and roads throw light into it.
+    float open = 0.58 + 0.42 * exp(-0.22 * max(below, 0.0));
+#else
     float open = 0.35 + 0.65 * exp(-0.22 * max(below, 0.0));
+#endif
 #ifdef OVERCAST
     open *= 0.35 + 0.65 * uncovered(offset, n);
 #endif
@@ -220,7 +233,7 @@ void main() {
     vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
     // Walls across the street stand before the lowest part of the sky.
     vec3 reflection = mix(u_ground, above, smoothstep(-0.05, 0.30, mirror.z)) * open;
-#ifdef WET
+#ifdef MIRROR
     vec4 seen = texture(u_mirror, uv);
     reflection = reflection * (1.0 - seen.a) + seen.rgb;
 #endif
