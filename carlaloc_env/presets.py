@@ -135,7 +135,11 @@ def _radars() -> tuple[RadarConfig, ...]:
 
 def _cameras() -> tuple[CameraConfig, CameraConfig]:
     left, right = (
-        CameraConfig(name=name, mount=_mount(0.3, CAMERA_Z_M, "optical", left_m=y))
+        CameraConfig(
+            name=name,
+            mount=_mount(0.3, CAMERA_Z_M, "optical", left_m=y),
+            outputs=("rgb", "depth", "semantic", "events"),
+        )
         for name, y in (("left", 0.2), ("right", -0.2))
     )
     return left, right

@@ -31,7 +31,13 @@ from carlaloc_env.weather_schedule import Weather
 from recorder.conditions import TrafficLevel, conditions_of
 from recorder.dataset_record import TownId, is_begun, origin_of, write_record
 from recorder.episode import Episode
-from recorder.sequence import Sequence, check_formats, sequence_writers, write_shared
+from recorder.sequence import (
+    Sequence,
+    check_formats,
+    sequence_writers,
+    without_unwritten,
+    write_shared,
+)
 from recorder.workers import run_jobs
 
 Progress = Callable[[float, float], None]
@@ -216,7 +222,7 @@ def _run(jobs: list[_Job], workers: int | None, progress: Progress | None) -> di
 def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
     episode = Episode.load(job.config.episode)
     timeline = job.level.select(episode.timeline())
-    config = rig_by_name(job.config.rig)
+    config = without_unwritten(rig_by_name(job.config.rig), job.config.formats, job.config.topics)
     # Nobody else holds the town here, so that the stage can let its meshes go.
     stage = SensorStage(
         load_town(episode.header.map_name),

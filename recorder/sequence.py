@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from collections.abc import Sequence as Many
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ import numpy as np
 from carlaloc_env.clock import TICK_NS
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.rig import SensorRig
-from carlaloc_env.samples import Sample
+from carlaloc_env.samples import Events, Sample
+from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline import Timeline
 from recorder.conditions import Condition
@@ -26,6 +27,7 @@ from recorder.writers.preview import PreviewWriter
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.rosbag1 import Rosbag1Writer
 from recorder.writers.states import write_state_csv, write_text
+from recorder.writers.topics import profile_by_name
 from recorder.writers.tum import write_truth
 
 
@@ -76,6 +78,26 @@ FORMATS: dict[str, Callable[[_Making], Writer | list[Writer]]] = {
     "dsec": _dsec,
 }
 """Dataset formats by name."""
+
+
+def without_unwritten(rig: SensorRig, formats: Many[str], topics: str) -> SensorRig:
+    """The rig without event cameras if no format holds events: they cost more than all else.
+
+    Args:
+        rig: The sensors.
+        formats: Names of dataset formats.
+        topics: Topic profile of bags.
+    """
+    in_bags = any(rule.sample is Events for rule in profile_by_name(topics).rules)
+    if "dsec" in formats or (in_bags and any(name.startswith("rosbag") for name in formats)):
+        return rig
+    sensors = tuple(
+        replace(config, outputs=tuple(output for output in config.outputs if output != "events"))
+        if isinstance(config, CameraConfig) and set(config.outputs) - {"events"}
+        else config
+        for config in rig.sensors
+    )
+    return replace(rig, sensors=sensors)
 
 
 def check_formats(formats: Many[str]) -> None:

@@ -11,7 +11,10 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores
 
+from carlaloc_env.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
+from carlaloc_env.sensors.camera import CameraConfig
+from recorder.sequence import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.dsec import DsecWriter
 from recorder.writers.event_messages import cdr_with_events
@@ -117,3 +120,22 @@ def test_packed_cdr_is_what_a_serialiser_writes(count: int) -> None:
     kind = "dvs_msgs/msg/EventArray"
     packed = cdr_with_events(bytes(typestore.serialize_cdr(empty, kind)), sample, DEFAULT_EPOCH_NS)
     assert packed == bytes(typestore.serialize_cdr(full, kind))
+
+
+@pytest.mark.parametrize(
+    ("formats", "topics", "kept"),
+    [
+        (("rosbag1",), "standard", True),
+        (("euroc",), "standard", False),
+        (("euroc", "dsec"), "slam", True),
+        (("rosbag1",), "paper", False),
+    ],
+)
+def test_events_are_made_only_for_formats_that_hold_them(
+    formats: tuple[str, ...], topics: str, kept: bool
+) -> None:
+    rig = without_unwritten(rig_by_name("paper"), formats, topics)
+    cameras = [config for config in rig.sensors if isinstance(config, CameraConfig)]
+    assert [("events" in camera.outputs) for camera in cameras] == [kept, kept]
+    assert all(camera.outputs[:3] == ("rgb", "depth", "semantic") for camera in cameras)
+    assert len(rig.sensors) == len(rig_by_name("paper").sensors)
