@@ -56,7 +56,7 @@ def maize(seed: int, tint: Tint) -> Mesh:
 
 def bale() -> Mesh:
     """Round bale of hay, 1.5 m across and 1.2 m long, lying along y."""
-    straw = Look(Material.CROP, Tag.VEGETATION, (255, 225, 150))
+    straw = Look(Material.CROP, Tag.DYNAMIC, (255, 225, 150))
     body = lathe(straw, [(0.70, -0.6), (0.75, -0.5), (0.75, 0.5), (0.70, 0.6)], 14)
     turned = body.vertices_m[:, [0, 2, 1]].astype(np.float64) * np.array([1.0, -1.0, 1.0]) + [0.0, 0.0, 0.72]
     normals = body.normals[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0], np.float32)
@@ -64,7 +64,7 @@ def bale() -> Mesh:
         turned,
         body.triangles,
         material=Material.CROP,
-        tag=Tag.VEGETATION,
+        tag=Tag.DYNAMIC,
         uv_m=body.uv_m,
         normals=normals,
         colour=body.colour,

@@ -12,14 +12,14 @@ from carlaloc_env.semantics import Tag
 
 _CONCRETE = Look(Material.CONCRETE, Tag.BUILDING, (205, 202, 194))
 _YELLOW = Look(Material.METAL_PAINTED, Tag.STATIC, (190, 120, 8))
-_ORANGE = Look(Material.PLASTIC, Tag.STATIC, (200, 60, 6))
-_WHITE = Look(Material.SIGN, Tag.STATIC, (235, 235, 230))
+_ORANGE = Look(Material.PLASTIC, Tag.DYNAMIC, (200, 60, 6))
+_WHITE = Look(Material.SIGN, Tag.DYNAMIC, (235, 235, 230))
 _CONTAINERS = ((10, 60, 120), (140, 20, 12), (30, 90, 50), (180, 180, 175))
 
 
 def traffic_cone() -> Mesh:
     """Cone of 0.75 m with two white bands."""
-    base = box(Look(Material.RUBBER, Tag.STATIC), (0.4, 0.4, 0.04), (0.0, 0.0, 0.02))
+    base = box(Look(Material.RUBBER, Tag.DYNAMIC), (0.4, 0.4, 0.04), (0.0, 0.0, 0.02))
     body = lathe(_ORANGE, [(0.15, 0.04), (0.03, 0.75), (0.0, 0.75)], 10)
     bands = [lathe(_WHITE, [(r0 + 0.004, z0), (r1 + 0.004, z1)], 10) for r0, z0, r1, z1 in
              ((0.113, 0.26, 0.091, 0.39), (0.074, 0.49, 0.052, 0.62))]  # fmt: skip
@@ -28,7 +28,7 @@ def traffic_cone() -> Mesh:
 
 def road_barrier() -> Mesh:
     """Red and white board of 2 m on two feet, along y."""
-    red = Look(Material.SIGN, Tag.STATIC, (190, 16, 10))
+    red = Look(Material.SIGN, Tag.DYNAMIC, (190, 16, 10))
     boards = [
         box(red if k % 2 else _WHITE, (0.04, 0.25, 0.22), (0.0, -0.875 + 0.25 * k, 0.9)) for k in range(8)
     ]

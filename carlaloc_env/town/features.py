@@ -17,6 +17,7 @@ from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.buildings import BuildingPlan, building_mesh, draw_look
+from carlaloc_env.town.car_parks import BAY_M, DEPTH_M, CarPark
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.farms import barn, farm, silo
@@ -47,7 +48,7 @@ EXTENTS_M: dict[str, tuple[float, float]] = {
     "pier": (60.0, 6.0),
 }
 """Usual size of each kind along its heading and across it [m]."""
-PAVED_KINDS = ("filling_station", "car_park", "farm")
+PAVED_KINDS = ("filling_station", "farm")
 """Features that stand on a yard of concrete."""
 VIADUCT_CLEAR_M = 6.2
 """Free height under a viaduct [m]."""
@@ -139,19 +140,23 @@ def _billboard(feature: Feature, draw: np.random.Generator) -> Mesh:
     return billboard(int(draw.integers(0, 8)), **size)
 
 
-def _car_park(feature: Feature, draw: np.random.Generator) -> Mesh:
-    """Rows of bays of 2.5 × 5 m on both sides of lanes of 6 m, with lamps and a low wall behind."""
-    depth, width = _extent(feature)
-    out = MeshBuilder()
-    bays = int((width - 2.0) / 2.5)
-    y = (np.arange(bays + 1) - bays / 2) * 2.5
-    for x in np.arange(-depth / 2 + 0.5, depth / 2 - 5.0, 11.0):
-        low = np.column_stack([np.full(len(y), x), y - 0.06, np.full(len(y), 0.02)])
-        high = low + np.array([5.0, 0.12, 0.03])
-        out.quads(box_quads(low, high), material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
-    wall = box_quads([-depth / 2, -width / 2, -0.4], [-depth / 2 + 0.25, width / 2, 0.7])
-    out.quads(wall, material=Material.RUBBLE, tag=Tag.WALL)
-    return out.build()
+def feature_car_parks(features: Sequence[Feature]) -> list[CarPark]:
+    """Car parks asked for by `town.toml`, as many side by side as their ground holds."""
+    found = []
+    for number, feature in enumerate(features):
+        if feature.kind != "car_park":
+            continue
+        depth, width = _extent(feature)
+        bays, rows = max(4, int((width - 1.0) / BAY_M[0])), max(1, int(depth / DEPTH_M))
+        heading = np.radians(feature.heading_deg)
+        inward = -np.array([np.cos(heading), np.sin(heading)])
+        along = np.array([-inward[1], inward[0]])
+        for row in range(rows):
+            away = row * DEPTH_M - rows * DEPTH_M / 2
+            corner = np.array(feature.position) - along * (bays * BAY_M[0] + 1.0) / 2 + inward * away
+            name = f"feature {number}/{row}"
+            found.append(CarPark(corner_m=corner, along=along, inward=inward, bays=bays, name=name))
+    return found
 
 
 def _viaduct(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
@@ -220,7 +225,6 @@ LOCAL_MAKERS: dict[str, Callable[[Feature, np.random.Generator], Mesh]] = {
     "fountain": lambda _, __: fountain(),
     "filling_station": lambda _, __: filling_station(),
     "building": _building,
-    "car_park": _car_park,
     "bus_stop": lambda _, draw: bus_shelter(int(draw.integers(0, 16))),
     "farm": lambda feature, draw: farm(*_extent(feature)[::-1], draw),
     "barn": lambda feature, draw: barn(*_extent(feature)[::-1], draw),

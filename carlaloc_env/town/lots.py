@@ -21,8 +21,13 @@ CLEARANCE_M = 0.1
 """Least distance between a building and anything paved [m]."""
 VERGE_M = 7.0
 """Distance of buildings from roads without pavements [m]."""
+FARM_APART_M = 150.0
+"""Least distance between two farmsteads in the country [m]."""
+FARM_REACH_M = 42.0
+"""Buildings of a farmstead stand this near to its first one [m]."""
+FARM_BUILDINGS = 3
+"""Most buildings of a farmstead."""
 _STEP_M = 3.0
-_RURAL = ("rural", "industrial")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,6 +46,37 @@ class Lot:
     def footprint(self) -> Area:
         """Ground area."""
         return _rectangle(self.corner_m, self.heading_rad, self.plan.width_m, self.plan.depth_m)
+
+
+class Farmsteads:
+    """Where the country is built upon: few groups of buildings, far between."""
+
+    def __init__(self) -> None:
+        self._first_m: list[Array] = []
+        self._count: list[int] = []
+
+    def room(self, xy_m: Array, draw: np.random.Generator) -> bool:
+        """Whether a building may stand at a point (2,) [m]; new farmsteads begin at random places."""
+        found = self._near(xy_m)
+        if found is not None:
+            return self._count[found] < FARM_BUILDINGS
+        apart = all(float(np.hypot(*(first - xy_m))) > FARM_APART_M for first in self._first_m)
+        return apart and draw.random() < 0.3
+
+    def add(self, xy_m: Array) -> None:
+        """Note a building."""
+        found = self._near(xy_m)
+        if found is None:
+            self._first_m.append(xy_m)
+            self._count.append(1)
+        else:
+            self._count[found] += 1
+
+    def _near(self, xy_m: Array) -> int | None:
+        for number, first in enumerate(self._first_m):
+            if float(np.hypot(*(first - xy_m))) < FARM_REACH_M:
+                return number
+        return None
 
 
 def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
@@ -82,10 +118,11 @@ def place_lots(
         shapely.prepare(area)
     placed: list[Lot] = []
     footprints: list[Area] = []
+    farmsteads = Farmsteads()
     inside = [strip for strip in strips if strip.junction_id is None]
     joints = [strip for strip in strips if strip.junction_id is not None]
     for name, line, extra in frontages([*inside, *joints]):
-        _along(name, line, extra, blocked, zones, seed, placed, footprints)
+        _along(name, line, extra, blocked, zones, seed, placed, footprints, farmsteads)
     return placed
 
 
@@ -98,6 +135,7 @@ def _along(
     seed: int,
     placed: list[Lot],
     footprints: list[Area],
+    farmsteads: Farmsteads,
 ) -> None:
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
     at, count = 0.5, 0
@@ -106,6 +144,9 @@ def _along(
         count += 1
         start = _on(line, length, at)
         zone = _zone(zones, start)
+        if zone == "rural" and not farmsteads.room(start, draw):
+            at += 4 * _STEP_M
+            continue
         plan = draw_plan(zone, draw, [lot.plan.look for lot in placed[-3:]], length[-1] - at)
         if plan is None:
             at += 4 * _STEP_M
@@ -116,7 +157,9 @@ def _along(
             continue
         placed.append(lot)
         footprints.append(lot.footprint())
-        spread = 2.5 if zone in _RURAL else 1.0
+        if zone == "rural":
+            farmsteads.add(start)
+        spread = 2.5 if zone == "industrial" else 1.0
         at += plan.width_m + plan.look.style.gap_m * float(draw.uniform(0.6, 1.4)) * spread + 0.02
 
 

@@ -23,21 +23,21 @@ def monument() -> Mesh:
     steps = [(4.0, 0.35), (3.2, 0.7), (2.4, 1.05)]
     low = [(-half, -half, height - 0.35 if height > 0.4 else -0.5) for half, height in steps]
     high = [(half, half, height) for half, height in steps]
-    out.quads(box_quads(low, high), material=Material.ASHLAR, tag=Tag.STATIC, colour=_STONE)
+    out.quads(box_quads(low, high), material=Material.ASHLAR, tag=Tag.OTHER, colour=_STONE)
     plinth = box_quads(
         [(-1.3, -1.3, 1.05), (-1.5, -1.5, 3.1)], [(1.3, 1.3, 3.1), (1.5, 1.5, 3.45)], bottom=True
     )
-    out.quads(plinth, material=Material.ASHLAR, tag=Tag.STATIC, colour=(215, 208, 190))
+    out.quads(plinth, material=Material.ASHLAR, tag=Tag.OTHER, colour=(215, 208, 190))
     ring = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=np.float64)
     levels = [(0.95, 3.45), (0.62, 11.8), (0.02, 13.0)]
     for (a, z0), (b, z1) in pairwise(levels):
         base = np.column_stack([ring * a, np.full(4, z0)])
         head = np.column_stack([ring * b, np.full(4, z1)])
         faces = np.stack([base, np.roll(base, -1, 0), np.roll(head, -1, 0), head], axis=1)
-        out.quads(faces, material=Material.ASHLAR, tag=Tag.STATIC, colour=_STONE)
+        out.quads(faces, material=Material.ASHLAR, tag=Tag.OTHER, colour=_STONE)
     for wall in around(2.6, 2.6):
         plate = wall.front(0.5, 2.1, 1.5, 2.6, 0.02) - np.array([1.3, 1.3, 0.0])
-        out.quads(plate, material=Material.METAL_PAINTED, tag=Tag.STATIC, colour=(70, 55, 25))
+        out.quads(plate, material=Material.METAL_PAINTED, tag=Tag.OTHER, colour=(70, 55, 25))
     return out.build()
 
 

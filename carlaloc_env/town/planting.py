@@ -15,6 +15,7 @@ from carlaloc_env.town.land import Land
 from carlaloc_env.town.lots import frontages
 from carlaloc_env.town.polygons import Area
 from carlaloc_env.town.prop_field import PropField
+from carlaloc_env.town.terrain import YARD_M
 
 Array = NDArray[np.float64]
 
@@ -25,6 +26,9 @@ STANDS: dict[str, tuple[float, tuple[str, ...]]] = {
     "rural": (46.0, ("park", "birch", "poplar", "conifer")),
     "highway": (17.0, ("birch", "conifer", "young", "poplar", "plane")),
     "industrial": (30.0, ("birch", "young", "poplar")),
+    "downtown": (13.0, ("plane", "lime", "autumn", "birch")),
+    "skyscraper": (15.0, ("plane", "lime", "young")),
+    "waterfront": (14.0, ("plane", "lime", "conifer")),
 }
 """Distance of trees [m] that stand freely in a zone, and their kinds."""
 TRUNK_CLEAR_M = {"highway": 9.0, "rural": 5.0}
@@ -33,6 +37,8 @@ DETAIL_M = 22.0
 """Trees this near to the ego's route are detailed [m]."""
 FAR_M = 28.0
 """Trees farther than this from all roads are coarse [m]."""
+LAWN_M = 1.5
+"""Distance of plants from the edge of lawns within paved zones [m]."""
 PROTOTYPES = 4
 """Different trees of each kind."""
 _BUSHES = ((215, 225, 190), (170, 200, 150), (235, 225, 150), (200, 190, 130))
@@ -139,9 +145,14 @@ def _stand(land: Land, props: PropField, fields: Area, kind: str, area: Area) ->
     )
     xy = xy[inside]
     free = land.taken.distance_m(xy)
+    # Between paving and houses of paved zones grows nothing that nobody planted.
+    border = YARD_M.get(kind, -2.0) + LAWN_M
+    on_lawn = land.roads.distance_m(xy) > border
+    xy, free = xy[on_lawn], free[on_lawn]
     wood = xy[free > TRUNK_CLEAR_M.get(kind, 3.0)]
     put_trees(land, props, kinds, land.on_ground(wood, -0.05), draw)
     beside = xy + draw.uniform(-0.5 * step, 0.5 * step, xy.shape)
     ok = (land.taken.distance_m(beside) > 2.0) & shapely.contains_xy(area, beside[:, 0], beside[:, 1])
     ok &= ~shapely.intersects_xy(fields, beside[:, 0], beside[:, 1]) & (draw.random(len(xy)) < 0.5)
+    ok &= land.roads.distance_m(beside) > border
     put_bushes(props, land.on_ground(beside[ok], -0.05), draw)

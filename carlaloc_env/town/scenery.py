@@ -23,7 +23,7 @@ from carlaloc_env.town.car_parks import place_car_parks
 from carlaloc_env.town.chunks import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.collision import add_plain_lanes, lot_boxes, posts, weld
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.features import feature_mesh, sites
+from carlaloc_env.town.features import feature_car_parks, feature_mesh, sites
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.furniture import Furnisher
 from carlaloc_env.town.junction_details import add_junction_details
@@ -131,7 +131,8 @@ def build_scenery(
     cuts = _cuts(levels, overhead)
     reserved = shapely.union_all([cuts, *(site.ground for site in taken)])
     edges = road_edges(strips, roads, levels)
-    parks = place_car_parks(edges, zones, shapely.union(areas.paved, reserved), ground, seed)
+    parks = feature_car_parks(config.features)
+    parks += place_car_parks(edges, zones, shapely.union(areas.paved, reserved), ground, seed)
     reserved = shapely.union_all([reserved, *(park.area() for park in parks)])
     lots = place_lots(strips, shapely.union(areas.paved, reserved), zones, seed)
     bases = _base_heights(lots, ground)

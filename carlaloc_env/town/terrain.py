@@ -28,6 +28,8 @@ LAP_M = 0.06
 """How far the ground reaches below pavements, and how far it lies below their edge [m]."""
 BANK_SLOPE, BANK_SHOULDER_M = 1.8, 0.8
 """Run over rise of an embankment's sides, and the level shoulder above them [m]."""
+LEAST_LAWN_M2 = 120.0
+"""Smallest lawn within a paved zone [m²]."""
 FAR_CELL_M = 80.0
 """Side of the triangles of far waters [m]."""
 SEA_BED_M = 2.0
@@ -47,6 +49,9 @@ GROUNDS: dict[str, tuple[Material, Tag, tuple[int, int, int]]] = {
     "park": (Material.GRASS, Tag.TERRAIN, (225, 245, 215)),
 }
 """Ground of each kind of zone on land."""
+YARD_M = {"downtown": 24.0, "skyscraper": 30.0, "waterfront": 30.0, "industrial": 45.0}
+"""Paved zones are lawns farther than this from anything paved [m]: the middles of blocks, and beyond the
+last houses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,13 +110,13 @@ def add_terrain(
     for kind, zone in zones:
         if kind == "water":
             continue
-        material, tag, colour = GROUNDS[kind]
-        xy, triangles = triangulate(areas_only(shapely.intersection(free, zone)), CELL_M)
-        if not len(xy):
-            continue
-        z = ground.height(xy) - LAP_M / 2
-        tint = np.array(colour) * (0.93 + 0.07 * _mottle(xy))[:, None]
-        out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=tint)
+        whole = areas_only(shapely.intersection(free, zone))
+        if kind in YARD_M:
+            near = shapely.buffer(shapely.simplify(paved, 0.5), YARD_M[kind], quad_segs=3)
+            lawn = areas_only(shapely.difference(whole, near), LEAST_LAWN_M2)
+            _cover(out, lawn, "park", ground)
+            whole = areas_only(shapely.difference(whole, lawn))
+        _cover(out, whole, kind, ground)
     _far_land(out, bounds, ground, seas)
     for area, level_m in seas:
         far = shapely.intersection(area, shapely.buffer(bounds, FAR_M, join_style="mitre"))
@@ -121,10 +126,22 @@ def add_terrain(
             out.triangles(points, triangles, material=Material.WATER, tag=Tag.WATER)
 
 
+def _cover(out: MeshBuilder, area: Area, kind: str, ground: Ground) -> None:
+    """Ground of a zone's kind."""
+    material, tag, colour = GROUNDS[kind]
+    xy, triangles = triangulate(area, CELL_M)
+    if len(xy):
+        z = ground.height(xy) - LAP_M / 2
+        tint = np.array(colour) * (0.87 + 0.13 * _mottle(xy))[:, None]
+        out.triangles(np.column_stack([xy, z]), triangles, material=material, tag=tag, colour=tint)
+
+
 def _mottle(xy: Array) -> Array:
     """Slow variation between −1 and 1 without randomness, shape (M,)."""
     x, y = xy.T
-    wave: Array = np.sin(0.11 * x + 1.3 * np.sin(0.05 * y)) * np.sin(0.09 * y + 1.1 * np.sin(0.04 * x))
+    slow = np.sin(0.11 * x + 1.3 * np.sin(0.05 * y)) * np.sin(0.09 * y + 1.1 * np.sin(0.04 * x))
+    quick = np.sin(0.37 * x + 2.1 * np.sin(0.13 * y)) * np.sin(0.31 * y + 1.9 * np.sin(0.17 * x))
+    wave: Array = 0.6 * slow + 0.4 * quick
     return wave
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import cv2
@@ -34,6 +35,8 @@ STREET_PX = (480, 270)
 _MAP_FOVS_DEG = (42.0, 52.0, 64.0, 80.0, 100.0)
 _EYE_M = 1.6
 _VEHICLES = 220
+_SHRINK = 20.0
+"""How much smaller the town is drawn from above: its depths tell 0.4 m apart at 1 km."""
 _CLEAR_M = 14.0
 """No vehicle stands nearer before a street view's eye [m]."""
 
@@ -76,12 +79,11 @@ def town_sheet(town: Town, *, quality: str = "high") -> Picture:
     Raises:
         RenderError: OpenGL is missing.
     """
+    view = _from_above(town)
+    plan = draw_map(town, view, _seen_from_above(town, view, quality), _spawn_points(town))
     stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"), quality=quality)
     try:
         renderer = stage.renderer()
-        view = _from_above(town)
-        gbuffer = renderer.draw(view.camera, view.T_world_camera, Instances())
-        plan = draw_map(town, view, renderer.shade(gbuffer, stage.weather), _spawn_points(town))
         catalog, frame = standing_traffic(town.network, _VEHICLES)
         streets = []
         for k, T in enumerate(street_poses(town, STREET_VIEWS)):
@@ -131,6 +133,27 @@ def _from_above(town: Town) -> MapView:
     return MapView(camera=camera, T_world_camera=from_rotation(looking_down, eye))
 
 
+def _seen_from_above(town: Town, view: MapView, quality: str) -> Picture:
+    """The town alone, drawn smaller from nearer."""
+    small = dataclasses.replace(
+        town,
+        chunks=tuple(
+            dataclasses.replace(chunk, vertices_m=chunk.vertices_m / np.float32(_SHRINK))
+            for chunk in town.chunks
+        ),
+    )
+    stage = SensorStage(small, seed=0, weather=weather_by_name("ClearNoon"), quality=quality)
+    try:
+        renderer = stage.renderer()
+        T = view.T_world_camera.copy()
+        T[:3, 3] /= _SHRINK
+        return np.ascontiguousarray(
+            renderer.shade(renderer.draw(view.camera, T, Instances()), stage.weather.at(0))
+        )
+    finally:
+        stage.close()
+
+
 def _spawn_points(town: Town) -> Array:
     lanes, stations = TrafficTables(town.network).starting_places(0, np.zeros((0, 3)))
     return np.asarray(town.network.pose(lanes, stations).position_m)
@@ -143,7 +166,7 @@ def _street(
     clear = np.flatnonzero(np.sum((frame.position_m - eye) ** 2, axis=1) > _CLEAR_M**2)
     seen = place_actors(catalog.take(clear), frame.take(clear), stage.library, eye_m=eye)
     camera = Pinhole.from_fov(2 * STREET_PX[0], 2 * STREET_PX[1], 80.0)
-    rgb = renderer.shade(renderer.draw(camera, T, seen), stage.weather)
+    rgb = renderer.shade(renderer.draw(camera, T, seen), stage.weather.at(0))
     return np.asarray(cv2.resize(rgb, STREET_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 

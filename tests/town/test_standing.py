@@ -8,9 +8,10 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.assets.library import build_library
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.semantics import LEGACY_PALETTE_RGB, Tag, tags_in
 from carlaloc_env.town.areas import town_areas
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.land import CELL_M, Raster
@@ -19,6 +20,11 @@ from carlaloc_env.town.sections import road_strips
 from carlaloc_env.town.terrain import zone_areas
 from carlaloc_env.town.town import Town
 
+WALLS = (
+    Material.BRICK_RED, Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR, Material.CONCRETE_PANEL,
+    Material.CURTAIN_WALL, Material.SIDING, Material.SHEET_METAL, Material.RUBBLE,
+)  # fmt: skip
+"""Materials of buildings' walls."""
 HALF_M, LOW_M, HIGH_M = 1.15, 0.2, 2.1
 """The tunnel along each lane that stays free: half its width, and from where to where above the road [m]."""
 SOLID = (
@@ -139,6 +145,39 @@ def test_no_two_neighbours_look_alike(name: str) -> None:
         same += (one.style.name, one.material, one.tint) == (other.style.name, other.material, other.tint)
     assert same == 0
     assert len({lot.plan.look.style.name for lot in lots}) >= 12
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", known_towns())
+def test_houses_as_they_stand_differ_from_the_next(name: str) -> None:
+    """In the finished scenery: walls of buildings at most 22 m apart differ in material or colour."""
+    mesh = merge(load_town(name).chunks)
+    upright = (mesh.tag == Tag.BUILDING) & (np.abs(mesh.normals[:, 2]) < 0.1) & (mesh.instance > 0)
+    walls = np.isin(mesh.material, WALLS) & upright
+    owner, paint = mesh.instance[walls], np.column_stack([mesh.material[walls], mesh.colour[walls]])
+    places = mesh.vertices_m[walls, :2].astype(np.float64)
+    looks, middles = {}, []
+    for house in np.unique(owner):
+        rows = owner == house
+        kinds, counts = np.unique(paint[rows], axis=0, return_counts=True)
+        looks[len(middles)] = tuple(kinds[np.argmax(counts)].tolist())
+        middles.append(0.5 * (places[rows].min(axis=0) + places[rows].max(axis=0)))
+    pairs = cKDTree(np.array(middles)).query_pairs(22.0)
+    assert len(pairs) > 8
+    assert sum(looks[a] == looks[b] for a, b in pairs) <= 0.01 * len(pairs)
+
+
+@pytest.mark.soak
+def test_all_tags_that_apply_occur_over_the_towns() -> None:
+    """CARLA's tags besides nothing, the sky that no mesh has, and trains; and so in the older table."""
+    found = {int(tag) for mesh in build_library().meshes for tag in np.unique(mesh.tag)}
+    for name in known_towns():
+        found |= {int(tag) for chunk in load_town(name).chunks for tag in np.unique(chunk.tag)}
+    missing = {Tag.UNLABELED, Tag.SKY, Tag.TRAIN}
+    assert set(Tag) - {Tag(tag) for tag in found} == missing
+    older = tags_in("0.9.13", np.array(sorted(found), dtype=np.uint8))
+    # 0 is nothing, 13 the sky.
+    assert set(range(len(LEGACY_PALETTE_RGB))) - set(older.tolist()) == {0, 13}
 
 
 def test_raster_distances_never_exceed_the_true_ones() -> None:

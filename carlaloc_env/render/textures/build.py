@@ -90,6 +90,21 @@ RECIPES: dict[Material, _Recipe] = {
     Material.LAMP_TAIL: partial(stuffs.lamp, colour=(0.30, 0.012, 0.010)),
 }
 """How each material's layer is made."""
+WIDE: dict[Material, float] = {
+    Material.ASPHALT: 7.0,
+    Material.ASPHALT_OLD: 7.0,
+    Material.CONCRETE: 7.0,
+    Material.CROP: 12.0,
+    Material.FURROWS: 7.0,
+    Material.GRASS: 12.0,
+    Material.GRAVEL: 7.0,
+    Material.PAVEMENT: 7.0,
+    Material.PLASTER: 7.0,
+    Material.ROOF_FLAT: 9.0,
+    Material.SOIL: 9.0,
+}
+"""Materials that cover hundreds of tiles, and the cycles per tile below which they are levelled; the
+renderer's wear and the ground's tint, which do not repeat, shade them slowly instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,7 +141,8 @@ def make_albedo(size_px: int) -> NDArray[np.float16]:
     """All layers computed anew, shape (len(Material), S, S, 4)."""
     out = np.empty((len(Material), size_px, size_px, 4), dtype=np.float16)
     for material in Material:
-        out[material] = RECIPES[material](stream(0, f"texture/{material.name}"), size_px)
+        layer = RECIPES[material](stream(0, f"texture/{material.name}"), size_px)
+        out[material] = noise.levelled(layer, WIDE[material]) if material in WIDE else layer
     return out
 
 

@@ -157,3 +157,23 @@ def with_roughness(rgb: Field, roughness: ArrayLike) -> Layer:
     return np.concatenate([np.clip(rgb, 0.02, 0.85), np.clip(alpha, 0.02, 1.0)[..., None]], axis=-1).astype(
         np.float32
     )
+
+
+def levelled(tile: Layer, cycles: float, keep: float = 0.12) -> Layer:
+    """The same layer without its slow variations, which show as a grid where many tiles lie side by side.
+
+    Args:
+        tile: A layer that repeats.
+        cycles: Variations with fewer cycles per tile than this are weakened; the fall-off is Gaussian.
+        keep: Share of the slowest ones that stays.
+    """
+    log = np.log(tile[..., :3])
+    size = log.shape[0]
+    k = np.fft.fftfreq(size, 1.0 / size)
+    slow = np.exp(-(k[:, None] ** 2 + k[None, :] ** 2) / cycles**2)
+    gain = 1.0 - (1.0 - keep) * slow
+    gain[0, 0] = 1.0
+    flat = np.fft.ifft2(np.fft.fft2(log, axes=(0, 1)) * gain[..., None], axes=(0, 1)).real
+    rgb = np.exp(flat)
+    rgb *= tile[..., :3].mean(axis=(0, 1)) / rgb.mean(axis=(0, 1))
+    return with_roughness(rgb.astype(np.float32), tile[..., 3])

@@ -100,7 +100,7 @@ def curtain_wall(rng: np.random.Generator, size: int) -> Layer:
     blind = rng.choice([0.0, 0.0, 0.25, 0.45, 0.8], count)[index]
     tone = np.exp(0.35 * rng.standard_normal(count))[index]
     slat = 0.75 + 0.25 * np.sin(2 * np.pi * height * 28)
-    glass = 0.065 * tone * (0.6 + 0.9 * height)
+    glass = 0.115 * tone * (0.6 + 0.9 * height)
     ceiling = 0.10 * smoothstep(0.05, 0.02, np.abs(height - 0.82)) * (np.mod(index, 3) == 0)
     covered = smoothstep(-0.01, 0.01, height - (1 - blind)) * (blind > 0)
     value = glass + ceiling + covered * (0.26 * slat - glass) * 0.8
@@ -111,7 +111,7 @@ def curtain_wall(rng: np.random.Generator, size: int) -> Layer:
     frame = np.maximum(smoothstep(0.034, 0.028, side_m), smoothstep(0.045, 0.038, bed_m))
     metal = np.array([0.25, 0.25, 0.255], np.float32) * np.exp(0.10 * fbm(rng, size, 0.1, 0.01))[..., None]
     spandrel = (height < 0.20).astype(np.float32)
-    dark = np.array([0.06, 0.07, 0.08], np.float32) * np.exp(0.15 * fbm(rng, size, 0.1, 0.01))[..., None]
+    dark = np.array([0.10, 0.115, 0.13], np.float32) * np.exp(0.15 * fbm(rng, size, 0.1, 0.01))[..., None]
     rgb = rgb + spandrel[..., None] * (dark - rgb)
     rgb = rgb + frame[..., None] * (metal - rgb)
     line = smoothstep(0.005, 0.003, side_m) * 0.5
