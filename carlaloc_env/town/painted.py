@@ -13,6 +13,7 @@ from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import TownAreas
 from carlaloc_env.town.fields import JunctionField
+from carlaloc_env.town.gores import gore_bars
 from carlaloc_env.town.lane_crosswalks import Crosswalk, outline_points
 from carlaloc_env.town.lane_signals import object_pose
 from carlaloc_env.town.markings import PAINT_M
@@ -52,14 +53,16 @@ class RoadPainter:
         self._fields: dict[str, JunctionField] = {}
 
     def add_all(self, out: MeshBuilder) -> None:
-        """Crosswalks, stop lines, arrows and zones of all roads."""
+        """Crosswalks, stop lines, arrows and zones of all roads, and the hatching where roads part."""
         for crosswalk in self._network.crosswalks:
-            self._paint(out, crosswalk.road_id, _bars(crosswalk))
+            self._paint(out, self._field(crosswalk.road_id), _bars(crosswalk))
         for road in self._network.xodr.roads:
             for item in road.objects:
                 area = self._object_area(road, item)
                 if area is not None and not area.is_empty:
-                    self._paint(out, road.id, area)
+                    self._paint(out, self._field(road.id), area)
+        for pair, bars in gore_bars(self._strips, self._network.xodr.roads):
+            self._paint(out, JunctionField(pair, self._network.surface), bars)
 
     def _object_area(self, road: Road, item: RoadObject) -> Area | None:
         name = item.name.split("__")[0]
@@ -79,12 +82,12 @@ class RoadPainter:
             return shapely.buffer(shapely.LineString(points[:2, :2]), STOP_LINE_M / 2, cap_style="flat")
         return _hatched(flat) if len(points) > 8 else flat
 
-    def _paint(self, out: MeshBuilder, road_id: str, area: Area) -> None:
+    def _paint(self, out: MeshBuilder, field: JunctionField, area: Area) -> None:
         area = areas_only(shapely.intersection(area, self._paintable), 5e-3)
         xy, triangles = triangulate(area, CELL_M)
         if not len(xy):
             return
-        points = np.column_stack([xy, self._field(road_id).height(xy) + PAINT_M])
+        points = np.column_stack([xy, field.height(xy) + PAINT_M])
         out.triangles(points, triangles, material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
 
     def _field(self, road_id: str) -> JunctionField:

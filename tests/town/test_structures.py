@@ -18,9 +18,11 @@ from carlaloc_env.town.areas import lane_area, town_areas
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.fields import JunctionField
+from carlaloc_env.town.gores import gore_bars
 from carlaloc_env.town.levels import find_levels
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.town.polygons import strip_polygon
 from carlaloc_env.town.scenery import Scenery, build_scenery
 from carlaloc_env.town.sections import Strip, road_strips
 from carlaloc_env.town.terrain import LAP_M, zone_areas
@@ -449,6 +451,26 @@ def test_one_looks_through_the_railings_of_a_bridge_over_water(river: Built) -> 
     rail = river.scene(Tag.GUARD_RAIL, Tag.BRIDGE).cast_rays(o3d.core.Tensor(cast))["t_hit"].numpy()
     assert np.isinf(rail).mean() > 0.6
     assert np.isfinite(rail).any()
+
+
+@pytest.mark.parametrize(("name", "exits"), [("Town04", 8), ("Town06", 3)])
+def test_wedges_at_exits_are_hatched_and_lanes_are_not(name: str, exits: int) -> None:
+    network = LaneNetwork.from_opendrive(known_towns()[name])
+    strips = road_strips(network.xodr.roads, network.surface)
+    driven = shapely.union_all([shapely.union_all(_driving(strip)) for strip in strips])
+    found = gore_bars(strips, network.xodr.roads)
+    assert len(found) >= exits
+    for _, bars in found:
+        assert bars.area > 3.0
+        assert shapely.distance(bars, driven) > 0.05
+
+
+def _driving(strip: Strip) -> list[shapely.Geometry]:
+    return [
+        strip_polygon(*strip.lane_edges(lane))
+        for lane in range(len(strip.lanes))
+        if strip.lanes[lane].type == "driving"
+    ]
 
 
 def test_wires_hang_as_catenaries() -> None:
