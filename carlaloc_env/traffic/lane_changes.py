@@ -37,8 +37,9 @@ CLEAR_OF_JUNCTION_M = 12.0
 _URGENT_M, _LAST_M = 150.0, 25.0
 _GIVE_UP_M = 22.0
 _NARROW_M = 0.5
-_TIRED_S = 20.0
+_TIRED_S, _STOOD_S = 20.0, 3.0
 _FREE_ROOM_M = 120.0
+_CRAWL_MPS, _START_ROOM_M = 0.5, 4.0
 _FULL_PACE_MPS = 4.0
 _LEFT, _RIGHT = 11, 12
 
@@ -70,6 +71,9 @@ def think_of_changes(
     """
     for v in range(count):
         if fleet.change[v] < 1.0:
+            # Whoever has come to a stand between two lanes where a further change is due gives it up.
+            if fleet.waited_s[v] > _STOOD_S and fleet.plan[v, 1] < 0 and (step + v) % 20 == 0:
+                change_goal(roads, crowd, fleet, v, habits.seed)
             continue
         if fleet.wish[v] != 0:
             fleet.wished_s[v] += STEP_S
@@ -228,6 +232,8 @@ def _is_safe(
     station = station_beside(roads, lane, fleet.station_m[v], target)
     _, gap, front_speed, back, back_gap, back_speed = find_beside(there, roads, target, station, v, half)
     limit = URGENT_BRAKING_MPS2 if urgent else SAFE_BRAKING_MPS2
+    if speed < _CRAWL_MPS and gap < _START_ROOM_M:
+        return False
     if gap < 1.0 + 0.5 * max(speed - front_speed, 0.0) or back_gap < 1.0 + 0.5 * max(back_speed - speed, 0.0):
         return False
     if _follow(drivers, v, speed, max(speed, 1.0), gap, front_speed) < -limit:

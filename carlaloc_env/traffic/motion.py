@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 STEP_S = STEP_NS / 1e9
 _COURTEOUS_BRAKING_MPS2 = 1.5
 _SEES_WISH_M = 45.0
+_LETS_IN_S, _FITS_IN_MPS = 4.0, 2.0
 _STANDING_MPS = 0.1
 _IGNORES = 22
 
@@ -106,10 +107,10 @@ def be_courteous(
         front, gap, front_speed, back, back_gap, back_speed = find_beside(
             there, roads, target, station, v, half
         )
-        if front >= 0:
+        if front >= 0 and speed > _FITS_IN_MPS:
             fit = _follow(drivers, v, speed, max(speed, 1.0), max(gap, 0.5), front_speed)
             wanted[v] = min(wanted[v], max(fit, -_COURTEOUS_BRAKING_MPS2))
-        if 0 <= back < count and back_gap < _SEES_WISH_M and not fleet.urgent[back]:
+        if 0 <= back < count and back_gap < _SEES_WISH_M and fleet.waited_s[back] < _LETS_IN_S:
             let = _follow(drivers, back, back_speed, 40.0, max(back_gap, 0.5), speed)
             wanted[back] = min(wanted[back], max(let, -_COURTEOUS_BRAKING_MPS2))
 

@@ -197,7 +197,9 @@ def collect(
             lane = fleet.plan[v, hop]
             if lane < 0:
                 ending = fleet.plan[v, hop - 1]
-                narrow = roads.lane.length_m[ending] - roads.lane.wide_m[ending]
+                # Who has not reached its lane yet waits for it behind the stop line, too.
+                halt = min(roads.lane.wide_m[ending], roads.lane.stop_m[ending] + 1.0)
+                narrow = roads.lane.length_m[ending] - halt
                 fleet.stop_gap_m[v] = max(distance - 1.0 - narrow, 0.0)
                 break
             before = fleet.plan[v, hop - 1]
