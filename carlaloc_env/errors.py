@@ -14,6 +14,10 @@ class ConfigError(CarlaLocError):
     """A configuration value, key or name is not valid."""
 
 
+class UsageError(ConfigError):
+    """Options of a command do not fit together."""
+
+
 class MapError(CarlaLocError):
     """An OpenDRIVE file or town folder cannot be used."""
 

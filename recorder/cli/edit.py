@@ -14,7 +14,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.errors import UsageError
 from recorder.cli.arguments import path_argument, shared_options
 
 
@@ -77,7 +77,7 @@ def _actors(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.episode_edit import drop_actors, thin_actors
 
     if (arguments.drop is None) == (arguments.keep is None):
-        raise ConfigError("give either --drop or --keep, e.g. --drop walkers")
+        raise UsageError("give either --drop or --keep, e.g. --drop walkers")
     if arguments.drop is not None:
         names = [name.strip() for name in arguments.drop.split(",")]
         drop_actors(arguments.episode, arguments.out, names, overwrite=arguments.force)

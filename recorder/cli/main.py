@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import Any
 
 from carlaloc_env import __version__
-from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import shared_options
 
 COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate")
@@ -42,6 +42,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with _stdout_kept_clean():
             result = command.run(arguments)
+    except UsageError as error:
+        _fail(arguments, str(error))
+        return EXIT_USAGE
     except CarlaLocError as error:
         return _fail(arguments, str(error))
     except KeyboardInterrupt:

@@ -15,7 +15,7 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.errors import UsageError
 from recorder.cli.arguments import path_argument, positive_seconds
 
 
@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.source is not None:
         return _drive_again(arguments)
     if arguments.out is None:
-        raise ConfigError("where to? give --out, e.g. --out drive.mcap")
+        raise UsageError("where to? give --out, e.g. --out drive.mcap")
     from tqdm import tqdm
 
     from recorder.record import RecordConfig, record

@@ -129,5 +129,5 @@ def test_edit_command(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture
     assert json.loads(capsys.readouterr().out)["duration_s"] == pytest.approx(2.005)
     assert main(words) == 1
     assert "exists" in capsys.readouterr().err
-    assert main(["edit", "actors", str(drive), "--out", str(tmp_path / "x.mcap")]) == 1
+    assert main(["edit", "actors", str(drive), "--out", str(tmp_path / "x.mcap")]) == 2
     assert "--drop" in capsys.readouterr().err
