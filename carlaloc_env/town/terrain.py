@@ -26,6 +26,8 @@ CELL_M = 6.0
 """Side of the ground's triangles [m]."""
 LAP_M = 0.06
 """How far the ground reaches below pavements, and how far it lies below their edge [m]."""
+CRACK_M = 0.01
+"""Half the width of cracks in what is paved through which no ground shows [m]."""
 BANK_SLOPE, BANK_SHOULDER_M = 1.8, 0.8
 """Run over rise of an embankment's sides, and the level shoulder above them [m]."""
 LEAST_LAWN_M2 = 120.0
@@ -106,7 +108,9 @@ def add_terrain(
         ground: Heights of the ground.
         seas: Waters that go on outside the bounds, with their levels [m].
     """
-    free = shapely.difference(bounds, shapely.buffer(paved, -LAP_M, join_style="mitre"))
+    # Hairlines between two paved areas would become slits as wide as both laps.
+    whole = shapely.buffer(paved, CRACK_M, join_style="mitre")
+    free = shapely.difference(bounds, shapely.buffer(whole, -LAP_M - CRACK_M, join_style="mitre"))
     for kind, zone in zones:
         if kind == "water":
             continue

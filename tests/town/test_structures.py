@@ -17,15 +17,16 @@ from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import lane_area, town_areas
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.fields import JunctionField
+from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.gores import gore_bars
 from carlaloc_env.town.levels import find_levels
+from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.polygons import strip_polygon
 from carlaloc_env.town.scenery import Scenery, build_scenery
 from carlaloc_env.town.sections import Strip, road_strips
-from carlaloc_env.town.terrain import LAP_M, zone_areas
+from carlaloc_env.town.terrain import LAP_M, Ground, add_terrain, zone_areas
 from carlaloc_env.town.utility_lines import catenary_m
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
@@ -381,6 +382,20 @@ def test_no_grass_grows_along_kerbs() -> None:
                 assert shapely.contains_xy(paved, inner[:, 0], inner[:, 1]).all(), strip.road_id
                 count += len(inner)
     assert count > 500
+
+
+def test_no_ground_shows_in_hairlines_of_what_is_paved() -> None:
+    paved = shapely.MultiPolygon(
+        [shapely.box(0.0, 0.0, 50.0, 20.0), shapely.box(50.0 + 1e-9, 0.0, 90.0, 20.0)]
+    )
+    line = EdgeField([np.array([[0.0, 0.0, 0.0], [90.0, 0.0, 0.0]])])
+    grid = GroundGrid(line.points_m, np.full(2, -100.0), np.full(2, 200.0))
+    bounds, out = shapely.box(-50.0, -50.0, 140.0, 70.0), MeshBuilder()
+    add_terrain(out, bounds, paved, [("rural", bounds)], Ground(edge=line, grid=grid))
+    corners = out.build().vertices_m
+    inside = shapely.contains_xy(shapely.box(1.0, 1.0, 89.0, 19.0), corners[:, 0], corners[:, 1])
+    assert len(corners) > 100
+    assert not inside.any()
 
 
 def test_kerbs_drop_at_crosswalks(tmp_path: Path) -> None:
