@@ -1,4 +1,4 @@
-"""Draw docs/gallery/, one sheet per town: `python docs/make_gallery.py [TOWN ...]`.
+"""Draw docs/gallery/, one sheet per town, and maps/*/preview.png: `python docs/make_gallery.py [TOWN ...]`.
 
 Each shows the town from above with its lanes, route, spawn points and lights, and four street views.
 """
@@ -15,6 +15,7 @@ from recorder.report.town_preview import town_sheet
 
 GALLERY = Path(__file__).parent / "gallery"
 LARGEST_BYTES = 490_000
+LARGEST_PREVIEW_BYTES = 690_000
 
 
 def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
@@ -36,6 +37,20 @@ def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
     return out
 
 
+def shrink(sheet: Path, out: Path) -> Path:
+    """Write a sheet as a PNG, as large as `LARGEST_PREVIEW_BYTES` allow."""
+    whole = cv2.imread(str(sheet))
+    for width in range(1200, 400, -80):
+        small = cv2.resize(
+            whole, (width, width * whole.shape[0] // whole.shape[1]), interpolation=cv2.INTER_AREA
+        )
+        _, data = cv2.imencode(".png", small, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+        if len(data) <= LARGEST_PREVIEW_BYTES:
+            break
+    out.write_bytes(data.tobytes())
+    return out
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -45,4 +60,6 @@ if __name__ == "__main__":
     parser.add_argument("--quality", default="high", help="low, medium or high")
     arguments = parser.parse_args()
     for town in arguments.towns or known_towns():
-        draw(town, arguments.out, arguments.quality)
+        picture = draw(town, arguments.out, arguments.quality)
+        if arguments.out == GALLERY:
+            shrink(picture, known_towns()[town].with_name("preview.png"))
