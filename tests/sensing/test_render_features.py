@@ -1,0 +1,212 @@
+"""What a visual SLAM system finds in the pictures: OpenCV's ORB, as ORB-SLAM sets it up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.placing import place_ego, place_signals
+from carlaloc_env.errors import RenderError
+from carlaloc_env.geometry import transform
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.presets import rig_by_name
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.scene import Instances, concatenate_instances
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import known_towns, load_town
+from carlaloc_env.town.town import Town
+from carlaloc_env.weather import PRESETS
+
+try:
+    create_context().release()
+except RenderError as no_opengl:
+    pytest.skip(str(no_opengl), allow_module_level=True)
+
+WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
+GRID = (8, 5)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """Medians over some pictures of one weather."""
+
+    keypoints: float
+    strongest_occupy: float
+    """Share of the cells of an 8×5 grid that hold one of the strongest 1200 keypoints."""
+    occupied: float
+    """The same for 1200 keypoints taken evenly from all cells, as SLAM systems do."""
+    matches: float
+    """Mutual nearest stereo matches within 1 px of the true disparity, in the same row within 1 px."""
+    right_share: float
+    """Share of the mutual nearest matches that are right."""
+    depth_m: float
+    """Median depth of right matches [m]."""
+
+
+def stereo_poses(town: Town, share: float) -> tuple[Pinhole, list[NDArray[np.float64]], NDArray[np.float64]]:
+    """Intrinsics, poses of both cameras and of the car at a share of the route."""
+    assert town.route is not None
+    at = town.route.at(np.array([share * town.route.length_m]))
+    heading = float(at.heading_rad[0])
+    T = transform(at.position_m[0], [0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
+    T[:3, 3] -= 1.4 * T[:3, 0]
+    cameras = [c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)]
+    return cameras[0].pinhole, [T @ camera.mount.T_base_sensor for camera in cameras], T
+
+
+def found(name: str, images: int) -> dict[str, Found]:
+    """Figures of every weather over pictures spread along a town's route, empty of traffic."""
+    town = load_town(name)
+    stage = SensorStage(town, seed=1, weather=PRESETS["ClearNoon"])
+    renderer = stage.renderer()
+    rows: dict[str, list[tuple[float, ...]]] = {weather: [] for weather in WEATHERS}
+    states = np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8)
+    for k in range(images):
+        pinhole, poses, T_world_base = stereo_poses(town, (k + 0.4) / images)
+        seen = concatenate_instances(
+            [place_ego(T_world_base, stage.library), place_signals(town.lenses, states, stage.library)]
+        )
+        drawn = [renderer.draw(pinhole, pose, seen) for pose in poses]
+        disparity = disparity_px(drawn[0].depth_m(), pinhole, poses)
+        for weather in WEATHERS:
+            pair = [renderer.shade(g, PRESETS[weather], stamp_ns=k * 10**9, seed=1) for g in drawn]
+            rows[weather].append(orb(pair, disparity, pinhole.fx_px * 0.4))
+    stage.close()
+    return {
+        weather: Found(
+            **dict(zip(Found.__slots__, np.nanmedian(np.array(row), axis=0), strict=True))  # type: ignore[arg-type]
+        )
+        for weather, row in rows.items()
+    }
+
+
+def disparity_px(
+    depth_m: NDArray[np.float32], pinhole: Pinhole, poses: list[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """True disparity of every pixel of the left picture; NaN in the sky."""
+    baseline = float(np.linalg.norm(poses[1][:3, 3] - poses[0][:3, 3]))
+    return np.where(depth_m > 0, pinhole.fx_px * baseline / np.maximum(depth_m, 1e-3), np.nan)
+
+
+def orb(
+    pair: list[NDArray[np.uint8]], disparity: NDArray[np.float64], focal_baseline: float
+) -> tuple[float, ...]:
+    """Row of `Found` of one stereo pair."""
+    detector = cv2.ORB_create(nfeatures=1200, nlevels=8, scaleFactor=1.2, fastThreshold=12)  # type: ignore[attr-defined]
+    grey = [cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) for picture in pair]
+    left, right = (detector.detectAndCompute(picture, None) for picture in grey)
+    occupied = [
+        len(_cells(points, disparity.shape)) / (GRID[0] * GRID[1]) for points in (left[0], spread(grey[0]))
+    ]
+    matches = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(left[1], right[1])
+    a = np.array([left[0][m.queryIdx].pt for m in matches])
+    b = np.array([right[0][m.trainIdx].pt for m in matches])
+    true = disparity[np.rint(a[:, 1]).astype(int), np.rint(a[:, 0]).astype(int)]
+    right_ones = (np.abs(a[:, 1] - b[:, 1]) <= 1.0) & (np.abs(a[:, 0] - b[:, 0] - true) <= 1.0)
+    depth = focal_baseline / true[right_ones]
+    return (
+        float(len(left[0])),
+        *occupied,
+        float(right_ones.sum()),
+        float(right_ones.mean()),
+        float(np.median(depth)) if len(depth) else np.nan,
+    )
+
+
+def spread(grey: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+    """The strongest keypoints of every cell, 1200 at most, FAST threshold 7 (ORB-SLAM's lower one)."""
+    detector = cv2.ORB_create(nfeatures=30000, nlevels=8, scaleFactor=1.2, fastThreshold=7)  # type: ignore[attr-defined]
+    cells: dict[tuple[int, int], list[cv2.KeyPoint]] = {}
+    for point in sorted(detector.detect(grey), key=lambda p: -p.response):
+        (cell,) = _cells([point], grey.shape)
+        cells.setdefault(cell, []).append(point)
+    most = 1200 // (GRID[0] * GRID[1])
+    return [point for points in cells.values() if len(points) >= 3 for point in points[:most]]
+
+
+def _cells(points: Sequence[cv2.KeyPoint], shape: tuple[int, ...]) -> set[tuple[int, int]]:
+    height, width = shape[:2]
+    return {(int(p.pt[0] * GRID[0] / width), int(p.pt[1] * GRID[1] / height)) for p in points}
+
+
+def judge(figures: dict[str, Found]) -> None:
+    """What a SLAM system needs, and what weather must do to it."""
+    clear, fog, night = (figures[weather] for weather in WEATHERS)
+    assert clear.keypoints >= 1000
+    assert clear.occupied >= 0.6
+    assert clear.matches >= 300
+    assert fog.depth_m <= 0.5 * clear.depth_m
+    assert night.matches < clear.matches
+
+
+def test_orb_in_town03() -> None:
+    judge(found("Town03", 4))
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("town", known_towns())
+def test_orb_in_every_town(town: str) -> None:
+    judge(found(town, 50))
+
+
+@pytest.fixture(scope="module")
+def street() -> Iterator[tuple[SceneRenderer, Pinhole, NDArray[np.float64]]]:
+    """A street of Town03 and a camera in it."""
+    town = load_town("Town03")
+    stage = SensorStage(town, seed=1, weather=PRESETS["ClearNoon"])
+    pinhole, poses, _ = stereo_poses(town, 0.3)
+    yield stage.renderer(), pinhole, poses[0]
+    stage.close()
+
+
+def test_a_still_camera_sees_the_same_picture_again(
+    street: tuple[SceneRenderer, Pinhole, NDArray[np.float64]],
+) -> None:
+    """Nothing moves and no dither: equal light 50 ms later, and pictures within one step."""
+    renderer, pinhole, pose = street
+    for weather in ("ClearNoon", "FoggyNoon", "ClearNight"):
+        first = renderer.draw(pinhole, pose, Instances())
+        light = renderer.radiance_cd_m2(first, PRESETS[weather], stamp_ns=0)
+        second = renderer.draw(pinhole, pose, Instances())
+        later = renderer.radiance_cd_m2(second, PRESETS[weather], stamp_ns=50_000_000)
+        np.testing.assert_array_equal(light, later)
+
+
+def test_a_slow_pan_does_not_shimmer(
+    street: tuple[SceneRenderer, Pinhole, NDArray[np.float64]],
+) -> None:
+    """Pictures 0.3 px of pan apart, warped back by the exact rotation, differ by few grey levels."""
+    renderer, pinhole, pose = street
+    step_rad = 0.3 / pinhole.fx_px
+    base, residuals = None, []
+    K = np.array([[pinhole.fx_px, 0, pinhole.cx_px], [0, pinhole.fy_px, pinhole.cy_px], [0, 0, 1.0]])
+    for k in range(4):
+        c, s = np.cos(k * step_rad), np.sin(k * step_rad)
+        turned = pose.copy()
+        turned[:3, :3] = pose[:3, :3] @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        rgb = renderer.shade(renderer.draw(pinhole, turned, Instances()), PRESETS["ClearNoon"], seed=1)
+        grey = cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        if base is None:
+            base = grey
+            continue
+        H = K @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) @ np.linalg.inv(K)
+        # Where each pixel of the first picture lies in the turned one.
+        back = cv2.warpPerspective(
+            grey,
+            H,
+            grey.shape[::-1],
+            flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REFLECT,
+        )
+        residuals.append(np.abs(back - base)[10:-100, 10:-10])
+    stacked = np.stack(residuals)
+    assert np.median(stacked) <= 2.0
+    assert np.percentile(stacked, 90) <= 12.0
+    assert np.percentile(stacked, 99) <= 40.0
