@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.clock import TICK_NS
 from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.lens import Lens
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.samples import (
@@ -27,14 +28,12 @@ from carlaloc_env.samples import (
 from carlaloc_env.scene import Instances, concatenate_instances
 from carlaloc_env.semantics import TAG_TABLES, Tag, tags_in
 from carlaloc_env.sensors.base import Camera, Mount, SensorConfig, World
+from carlaloc_env.sensors.camera_shot import Optics, Shot
 from carlaloc_env.sensors.event_camera import EventCamera, EventChain, EventConfig, Glance
 from carlaloc_env.sensors.events import F32, log_intensity
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather_schedule import Weather
-
-if TYPE_CHECKING:
-    from carlaloc_env.render.gbuffer import GBuffer
 
 OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
 """What a camera can give; stream names are ``<output>_<name>``."""
@@ -42,7 +41,7 @@ OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraConfig(SensorConfig):
-    """A camera without distortion; the defaults are the CARLA-Loc paper's."""
+    """A camera; the defaults are the CARLA-Loc paper's."""
 
     kind: ClassVar[str] = "camera"
 
@@ -54,6 +53,8 @@ class CameraConfig(SensorConfig):
     """Pictures per second [Hz]."""
     pinhole: Pinhole = field(default_factory=Pinhole)
     """Intrinsics."""
+    lens: Lens = field(default_factory=Lens)
+    """Distortion."""
     outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
     """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
     events: EventConfig = field(default_factory=EventConfig)
@@ -90,6 +91,7 @@ class CameraSensor(Camera):
         self._world = world
         self._T_base_camera = config.mount.T_base_sensor
         self._period_ns = self.schedule.period_ticks * TICK_NS
+        self._optics = Optics(config.pinhole, config.lens)
         self._chain: EventChain | None = None
         self._chain_seed: int | None = None
         if "flow" in config.outputs:
@@ -129,18 +131,17 @@ class CameraSensor(Camera):
         Geometry is drawn once. Only colour and events depend on the weather: the lists share all other
         samples.
         """
-        gbuffer = self._draw(timeline, stamp_ns)
-        shared = self._shared(timeline, gbuffer, stamp_ns)
+        shot = self._draw(timeline, stamp_ns)
+        shared = self._shared(timeline, shot, stamp_ns)
         conditions: list[list[Sample]] = [[] for _ in weathers]
         if "rgb" in self.config.outputs:
-            renderer, seed = self._world.renderer(), self._world.seed
             for samples, weather in zip(conditions, weathers, strict=True):
-                rgb = renderer.shade(gbuffer, weather.at(stamp_ns), stamp_ns=stamp_ns, seed=seed)
+                rgb = shot.rgb(weather.at(stamp_ns), stamp_ns, self._world.seed)
                 samples.append(Image(rgb=rgb, **self._labels("rgb", stamp_ns)))
         for samples in conditions:
             samples += shared
         if "events" in self.config.outputs:
-            fired = self._events(timeline, stamp_ns, weathers, gbuffer)
+            fired = self._events(timeline, stamp_ns, weathers, shot)
             for samples, one in zip(conditions, fired, strict=True):
                 samples.append(one)
         return conditions
@@ -151,54 +152,60 @@ class CameraSensor(Camera):
         result: NDArray[np.float64] = np.sum(T_world_base[:, :, None] * self._T_base_camera[None], axis=1)
         return result
 
-    def _draw(self, timeline: Timeline, stamp_ns: int) -> GBuffer:
-        instances = instances_at(self._world, timeline, stamp_ns)
-        return self._world.renderer().draw(
-            self.config.pinhole,
+    def _draw(self, timeline: Timeline, stamp_ns: int) -> Shot:
+        renderer = self._world.renderer()
+        gbuffer = renderer.draw(
+            self._optics.drawn,
             self._pose(timeline, stamp_ns),
-            instances,
+            instances_at(self._world, timeline, stamp_ns),
             velocity_mps=timeline.ego_motion([stamp_ns]).velocity_world_mps[0],
         )
+        return Shot(gbuffer, renderer, self._optics.view)
 
     def _moment(self, timeline: Timeline, stamp_ns: int) -> Moment:
         return Moment.of(timeline, stamp_ns, self._pose(timeline, stamp_ns))
 
-    def _shared(self, timeline: Timeline, gbuffer: GBuffer, stamp_ns: int) -> list[Sample]:
+    def _shared(self, timeline: Timeline, shot: Shot, stamp_ns: int) -> list[Sample]:
         outputs, samples = self.config.outputs, list[Sample]()
         if "depth" in outputs:
-            samples.append(DepthImage(depth_m=gbuffer.depth_m(), **self._labels("depth", stamp_ns)))
+            samples.append(DepthImage(depth_m=shot.depth_m, **self._labels("depth", stamp_ns)))
         if "semantic" in outputs:
-            tag, instance = gbuffer.labels()
+            tag, instance = shot.labels
             tag = tags_in(self.config.tag_table, tag)
             samples.append(SemanticImage(tag=tag, instance=instance, **self._labels("semantic", stamp_ns)))
         if "flow" in outputs:
             now, then = (self._moment(timeline, t) for t in (stamp_ns, stamp_ns + self._period_ns))
-            depth_m, instance = gbuffer.depth_m(), gbuffer.labels()[1]
-            flow_px = motion_field(self.config.pinhole, depth_m, instance, now, then)[..., :2].copy()
+            field = motion_field(
+                self.config.pinhole,
+                shot.depth_m,
+                shot.labels[1],
+                now,
+                then,
+                lens=self.config.lens,
+                rays=self._optics.rays,
+            )
+            flow_px = np.ascontiguousarray(field[..., :2])
             samples.append(FlowImage(flow_px=flow_px, **self._labels("flow", stamp_ns)))
         if "normal" in outputs:
-            samples.append(NormalImage(normal=gbuffer.normals(), **self._labels("normal", stamp_ns)))
+            samples.append(NormalImage(normal=shot.normal, **self._labels("normal", stamp_ns)))
         return samples
 
     def _events(
-        self,
-        timeline: Timeline,
-        stamp_ns: int,
-        weathers: Sequence[Weather],
-        gbuffer: GBuffer,
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], shot: Shot
     ) -> list[Events]:
-        pinhole, seed, renderer = self.config.pinhole, self._world.seed, self._world.renderer()
+        pinhole, seed = self.config.pinhole, self._world.seed
         if self._chain is None or self._chain_seed != seed:
-            camera = EventCamera(self.config.events, self.config.name, pinhole, seed)
+            camera = EventCamera(self.config.events, self.config.name, self._optics, seed)
             self._chain, self._chain_seed = EventChain(camera, self._period_ns), seed
 
         def look(at_ns: int) -> tuple[Glance, list[F32]]:
-            drawn = gbuffer if at_ns == stamp_ns else self._draw(timeline, at_ns)
-            moment = self._moment(timeline, at_ns)
-            glance = Glance(moment=moment, depth_m=drawn.depth_m(), instance=drawn.labels()[1])
-            dark, blurred = self.config.events.dark_cd_m2, renderer.quality != "high"
+            seen = shot if at_ns == stamp_ns else self._draw(timeline, at_ns)
+            glance = Glance(
+                moment=self._moment(timeline, at_ns), depth_m=seen.depth_m, instance=seen.labels[1]
+            )
+            dark = self.config.events.dark_cd_m2
             return glance, [
-                log_intensity(renderer.radiance_cd_m2(drawn, weather.at(at_ns)), dark, blurred=blurred)
+                log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
                 for weather in weathers
             ]
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.errors import ConfigError
-from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.samples import EVENT
+from carlaloc_env.sensors.camera_shot import Optics
 from carlaloc_env.sensors.events import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
 from carlaloc_env.timeline import Timeline
@@ -76,10 +76,10 @@ class Glance:
 class EventCamera:
     """The pixels of one event camera; holds what never changes, the caller holds the states."""
 
-    def __init__(self, config: EventConfig, name: str, pinhole: Pinhole, seed: int) -> None:
+    def __init__(self, config: EventConfig, name: str, optics: Optics, seed: int) -> None:
         self.config = config
-        self._name, self._seed, self._pinhole = f"events_{name}", seed, pinhole
-        self._shape = (pinhole.height_px, pinhole.width_px)
+        self._name, self._seed, self._optics = f"events_{name}", seed, optics
+        self._shape = (optics.pinhole.height_px, optics.pinhole.width_px)
         self._pixels = Pixels.draw(
             seed, self._name, self._shape, config.threshold_on, config.threshold_off, config.threshold_sigma
         )
@@ -95,9 +95,20 @@ class EventCamera:
 
     def motion(self, before: Glance, after: Glance) -> Motion:
         """How everything moves between two pictures; the same for all weathers."""
-        forward = motion_field(self._pinhole, before.depth_m, before.instance, before.moment, after.moment)
-        backward = motion_field(self._pinhole, after.depth_m, after.instance, after.moment, before.moment)
+        forward, backward = self._field(before, after), self._field(after, before)
         return Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
+
+    def _field(self, now: Glance, then: Glance) -> F32:
+        optics = self._optics
+        return motion_field(
+            optics.pinhole,
+            now.depth_m,
+            now.instance,
+            now.moment,
+            then.moment,
+            lens=optics.lens,
+            rays=optics.rays,
+        )
 
     def fire(
         self, before: F32, after: F32, motion: Motion, state: PixelState, span_ns: tuple[int, int]
@@ -192,9 +203,7 @@ class EventChain:
             and held.weathers == tuple(weathers)
         )
 
-    def _begin(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look
-    ) -> None:
+    def _begin(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look) -> None:
         glance, intensity = look(stamp_ns)
         self._held = _Held(
             timeline=weakref.ref(timeline),

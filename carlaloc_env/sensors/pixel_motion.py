@@ -11,6 +11,7 @@ and 640 px. Wheels roll and legs swing with their actor's body only.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.assets.placing import ground_poses
+from carlaloc_env.lens import MODELS, Lens
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.scene import EGO_INSTANCE
 from carlaloc_env.semantics import Tag
@@ -65,7 +67,14 @@ class Moment:
 
 
 def motion_field(
-    pinhole: Pinhole, depth_m: F32, instance: NDArray[np.uint32], now: Moment, then: Moment
+    pinhole: Pinhole,
+    depth_m: F32,
+    instance: NDArray[np.uint32],
+    now: Moment,
+    then: Moment,
+    *,
+    lens: Lens | None = None,
+    rays: Array | None = None,
 ) -> F32:
     """Motion of the point seen by each pixel from one moment to another.
 
@@ -75,6 +84,8 @@ def motion_field(
         instance: Instance ids now, shape (H, W).
         now: Moment of the picture.
         then: The other moment, earlier or later, with the same actors.
+        lens: Distortion of the picture; None: none.
+        rays: What the pixels of that lens look along, from `Lens.rays`.
 
     Returns:
         du, dv [px], ratio of the depths then/now, depth now [m]; shape (H, W, 4).
@@ -86,9 +97,14 @@ def motion_field(
     # Row 0: what stands still; row 1: the ego's own body, fixed to the camera; then the actors.
     maps = np.concatenate([still[None], np.eye(4)[None], moved])[:, :3].astype(np.float64)
     field = np.empty((*depth_m.shape, 4), dtype=np.float32)
-    lens = np.array([pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px])
+    k = (0.0,) * 4 if lens is None else lens.coefficients
+    numbers = np.array([pinhole.fx_px, pinhole.fy_px, pinhole.cx_px, pinhole.cy_px, *k])
+    optics = (MODELS.index(lens.model) if lens is not None and rays is not None else 0, numbers)
+    rays = np.zeros((1, 1, 2)) if rays is None else rays
     over_bands(
-        lambda first, end: _fill_field(depth_m, instance, lens, maps, now.actor_id, field, first, end),
+        lambda first, end: _fill_field(
+            depth_m, instance, optics, rays, maps, now.actor_id, field, first, end
+        ),
         len(depth_m),
     )
     return field
@@ -106,8 +122,17 @@ def _times(a: Array, b: Array) -> Array:
 
 @kernel
 def _fill_field(
-    depth: Any, instance: Any, lens: Any, maps: Any, actor_id: Any, field: Any, first: int, end: int
+    depth: Any,
+    instance: Any,
+    optics: Any,
+    rays: Any,
+    maps: Any,
+    actor_id: Any,
+    field: Any,
+    first: int,
+    end: int,
 ) -> None:
+    model, lens = optics
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
     last_id = np.uint32(0)
     row = 0
@@ -126,6 +151,8 @@ def _fill_field(
             M = maps[row]
             z = np.float64(depth[y, x])
             a, b = (x - cx) / fx, (y - cy) / fy
+            if model > 0:
+                a, b = rays[y, x, 0], rays[y, x, 1]
             inverse = 1.0 / z if z > 0.0 else 0.0
             px = M[0, 0] * a + M[0, 1] * b + M[0, 2] + M[0, 3] * inverse
             py = M[1, 0] * a + M[1, 1] * b + M[1, 2] + M[1, 3] * inverse
@@ -133,10 +160,32 @@ def _fill_field(
             ratio = max(pz, NEAREST_M * inverse)
             if ratio < 1e-3:
                 ratio = 1e-3
-            field[y, x, 0] = fx * px / ratio + cx - x
-            field[y, x, 1] = fy * py / ratio + cy - y
+            right, down = px / ratio, py / ratio
+            if model > 0:
+                right, down = _distorted(model, lens, right, down)
+            field[y, x, 0] = fx * right + cx - x
+            field[y, x, 1] = fy * down + cy - y
             field[y, x, 2] = ratio
             field[y, x, 3] = z if z > 0.0 else SKY_M
+
+
+@kernel
+def _distorted(model: int, lens: Any, x: Any, y: Any) -> Any:
+    """The same as `Lens.distort`."""
+    a, b, c, d = lens[4], lens[5], lens[6], lens[7]
+    rr = x * x + y * y
+    if model == 1:
+        radial = 1 + rr * (a + rr * b)
+        u = x * radial + 2 * c * x * y + d * (rr + 2 * x * x)
+        v = y * radial + c * (rr + 2 * y * y) + 2 * d * x * y
+        return u, v
+    r = math.sqrt(rr)
+    if r < 1e-12:
+        return x, y
+    theta = math.atan(r)
+    tt = theta * theta
+    scale = theta * (1 + tt * (a + tt * (b + tt * (c + tt * d)))) / r
+    return x * scale, y * scale
 
 
 def passing_surfaces(field: F32) -> F32:

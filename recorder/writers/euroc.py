@@ -140,8 +140,8 @@ def _camera_yaml(camera: CameraCalibration, calibration: RigCalibration) -> str:
         f"resolution: [{p.width_px}, {p.height_px}]\n"
         "camera_model: pinhole\n"
         f"intrinsics: [{real(p.fx_px)}, {real(p.fy_px)}, {real(p.cx_px)}, {real(p.cy_px)}]\n"
-        "distortion_model: radial-tangential\n"
-        "distortion_coefficients: [0.0, 0.0, 0.0, 0.0]\n"
+        f"distortion_model: {'equidistant' if camera.lens.model == 'equidistant' else 'radial-tangential'}\n"
+        f"distortion_coefficients: [{', '.join(real(c) for c in camera.lens.coefficients)}]\n"
     )
 
 

@@ -27,8 +27,9 @@ def camchain_yaml(rig: RigCalibration, topics: TopicProfile) -> str:
         lines += [
             f"  cam_overlaps: [{', '.join(str(other) for other in overlaps)}]",
             "  camera_model: pinhole",
-            "  distortion_coeffs: [0.0, 0.0, 0.0, 0.0]",
-            "  distortion_model: radtan",
+            f"  distortion_coeffs: [{', '.join(real(c) for c in camera.lens.coefficients)}]",
+            # Without distortion every reader knows radtan.
+            f"  distortion_model: {'radtan' if camera.lens.is_plain else camera.lens.model}",
             f"  intrinsics: [{real(p.fx_px)}, {real(p.fy_px)}, {real(p.cx_px)}, {real(p.cy_px)}]",
             f"  resolution: [{p.width_px}, {p.height_px}]",
             f"  rostopic: {topics.topic(Image, camera.stream)}",

@@ -15,6 +15,7 @@ from rosbags.typesys.store import Typestore
 from carlaloc_env import geometry
 from carlaloc_env.car_track import WHEELS
 from carlaloc_env.errors import WriterError
+from carlaloc_env.lens import Lens
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.samples import (
     CanState,
@@ -109,17 +110,26 @@ class MessageMaker:
     A header's `seq`, which ROS 1 has and ROS 2 has not, counts per maker and topic.
     """
 
-    def __init__(self, typestore: Typestore, *, epoch_ns: int, pinholes: Mapping[str, Pinhole]) -> None:
+    def __init__(
+        self,
+        typestore: Typestore,
+        *,
+        epoch_ns: int,
+        pinholes: Mapping[str, Pinhole],
+        lenses: Mapping[str, Lens] | None = None,
+    ) -> None:
         """Make a maker.
 
         Args:
             typestore: From `make_typestore`.
             epoch_ns: Added to every stamp [ns].
             pinholes: Intrinsics by name of the colour stream.
+            lenses: Distortion by name of the colour stream; none where left out.
         """
         self.typestore = typestore
         self._epoch_ns = epoch_ns
         self._pinholes = pinholes
+        self._lenses = lenses or {}
         self._has_seq = "seq" in self.fields_of("std_msgs/Header")
         self._seq: dict[str, int] = {}
 
@@ -244,6 +254,13 @@ class MessageMaker:
             raise WriterError(f"no calibration of camera stream '{stream}'; give the rig to the writer")
         return self._pinholes[stream]
 
+    def distortion(self, stream: str) -> tuple[str, NDArray[np.float64]]:
+        """Name and coefficients of a colour stream's lens, as sensor_msgs/CameraInfo wants them."""
+        lens = self._lenses.get(stream, Lens())
+        if lens.model == "equidistant":
+            return "equidistant", np.array(lens.coefficients)
+        return "plumb_bob", np.array([*lens.coefficients, 0.0])
+
 
 def _image_rgb8(maker: MessageMaker, header: Message, sample: Image) -> Message:
     return maker.image(header, sample.rgb, "rgb8")
@@ -288,8 +305,9 @@ def _camera_info(maker: MessageMaker, header: Message, sample: Image) -> Message
         "sensor_msgs/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
     )
     upper = "D" in maker.fields_of("sensor_msgs/CameraInfo")
+    model, coefficients = maker.distortion(sample.sensor)
     matrices = {
-        "d": np.zeros(5),
+        "d": coefficients,
         "k": K.reshape(-1),
         "r": np.eye(3).reshape(-1),
         "p": np.hstack([K, np.zeros((3, 1))]).reshape(-1),
@@ -299,7 +317,7 @@ def _camera_info(maker: MessageMaker, header: Message, sample: Image) -> Message
         header=header,
         height=pinhole.height_px,
         width=pinhole.width_px,
-        distortion_model="plumb_bob",
+        distortion_model=model,
         binning_x=0,
         binning_y=0,
         roi=roi,

@@ -40,14 +40,19 @@ def orbslam3_yaml(rig: RigCalibration, *, inertial: bool) -> str:
         raise WriterError("ORB-SLAM3's stereo settings need two cameras; add one to the rig")
     left, right = rig.cameras[:2]
     text = "%YAML:1.0\n---\n"
-    text += 'File.version: "1.0"\n\nCamera.type: "PinHole"\n'
+    fisheye = left.lens.model == "equidistant"
+    if fisheye != (right.lens.model == "equidistant"):
+        raise WriterError("ORB-SLAM3 needs the same lens model on both cameras; change one of them")
+    text += f'File.version: "1.0"\n\nCamera.type: "{"KannalaBrandt8" if fisheye else "PinHole"}"\n'
+    names = ("k1", "k2", "k3", "k4") if fisheye else ("k1", "k2", "p1", "p2")
     for k, camera in enumerate((left, right), start=1):
         p = camera.pinhole
         text += (
             f"Camera{k}.fx: {real(p.fx_px)}\nCamera{k}.fy: {real(p.fy_px)}\n"
             f"Camera{k}.cx: {real(p.cx_px)}\nCamera{k}.cy: {real(p.cy_px)}\n"
-            f"Camera{k}.k1: 0.0\nCamera{k}.k2: 0.0\nCamera{k}.p1: 0.0\nCamera{k}.p2: 0.0\n"
         )
+        coefficients = zip(names, camera.lens.coefficients, strict=True)
+        text += "".join(f"Camera{k}.{name}: {real(value)}\n" for name, value in coefficients)
     text += (
         f"Camera.width: {left.pinhole.width_px}\nCamera.height: {left.pinhole.height_px}\n"
         f"Camera.fps: {round(left.rate_hz)}\n"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.errors import WriterError
+from carlaloc_env.lens import Lens
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.sensors.base import SensorConfig
 
@@ -22,7 +23,7 @@ BASE_FRAME = "base_link"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraCalibration:
-    """A camera without distortion."""
+    """A camera."""
 
     name: str
     """Name of the camera; its colour stream is ``rgb_`` + name."""
@@ -30,6 +31,8 @@ class CameraCalibration:
     """Maps the optical frame to `base_link`, shape (4, 4)."""
     pinhole: Pinhole
     """Intrinsics."""
+    lens: Lens = field(default_factory=Lens)
+    """Distortion."""
     rate_hz: float = 20.0
     """Pictures per second [Hz]."""
     frame_id: str = ""
@@ -164,6 +167,7 @@ def _camera(config: Any, T_base_camera: Array) -> CameraCalibration:
         name=config.name,
         T_base_camera=T_base_camera,
         pinhole=config.pinhole,
+        lens=config.lens,
         rate_hz=config.rate_hz,
         frame_id=config.frame_id,
     )

@@ -78,7 +78,8 @@ class Rosbag1Writer(Writer):
         self._compression = compression
         self._typestore = make_typestore(Stores.ROS1_NOETIC)
         pinholes = {camera.stream: camera.pinhole for camera in calibration.cameras}
-        self._maker = MessageMaker(self._typestore, epoch_ns=epoch_ns, pinholes=pinholes)
+        lenses = {camera.stream: camera.lens for camera in calibration.cameras}
+        self._maker = MessageMaker(self._typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses)
         self._connections: dict[str, Connection] = {}
         self._clock_due_ns: int | None = None
 

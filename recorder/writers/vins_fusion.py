@@ -71,11 +71,23 @@ def vins_yaml(rig: RigCalibration, topics: TopicProfile, *, inertial: bool) -> s
 def vins_camera_yaml(camera: CameraCalibration) -> str:
     """Intrinsics in the form of camodocal, which VINS-Fusion uses."""
     p = camera.pinhole
-    return (
-        "%YAML:1.0\n---\nmodel_type: PINHOLE\n"
+    fisheye = camera.lens.model == "equidistant"
+    a, b, c, d = (real(value) for value in camera.lens.coefficients)
+    text = (
+        f"%YAML:1.0\n---\nmodel_type: {'KANNALA_BRANDT' if fisheye else 'PINHOLE'}\n"
         f"camera_name: {camera.name}\n"
         f"image_width: {p.width_px}\nimage_height: {p.height_px}\n"
-        "distortion_parameters:\n   k1: 0.0\n   k2: 0.0\n   p1: 0.0\n   p2: 0.0\n"
+    )
+    if fisheye:
+        # camodocal counts the coefficients by the power of the angle's polynomial.
+        return text + (
+            "projection_parameters:\n"
+            f"   k2: {a}\n   k3: {b}\n   k4: {c}\n   k5: {d}\n"
+            f"   mu: {real(p.fx_px)}\n   mv: {real(p.fy_px)}\n"
+            f"   u0: {real(p.cx_px)}\n   v0: {real(p.cy_px)}\n"
+        )
+    return text + (
+        f"distortion_parameters:\n   k1: {a}\n   k2: {b}\n   p1: {c}\n   p2: {d}\n"
         "projection_parameters:\n"
         f"   fx: {real(p.fx_px)}\n   fy: {real(p.fy_px)}\n   cx: {real(p.cx_px)}\n   cy: {real(p.cy_px)}\n"
     )

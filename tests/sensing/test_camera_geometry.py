@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.errors import RenderError
+from carlaloc_env.lens import Lens
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
 from carlaloc_env.scene import EGO_INSTANCE
@@ -99,6 +100,32 @@ def test_flow_is_the_projection_of_the_points_a_period_later(world: Any, scenery
         assert which.sum() > 300
         assert error[which].max() < 0.01
     assert np.abs(expected[is_car]).max() > 1.0
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        Lens(model="radtan", coefficients=(-0.2, 0.04, 1e-3, -5e-4)),
+        Lens(model="equidistant", coefficients=(-0.01, 0.02, -0.013, 0.003)),
+    ],
+    ids=["radtan", "equidistant"],
+)
+def test_flow_through_a_lens(world: Any, scenery: Any, lens: Lens) -> None:
+    drive, stamp = drive_of(scenery), 400_000_000
+    sensor = CameraConfig(
+        name="left", mount=MOUNT, pinhole=PINHOLE, lens=lens, outputs=("depth", "semantic", "flow")
+    ).build(world)
+    depth, semantic, flow = sensor.measure(drive, [stamp])  # type: ignore[misc]
+    now, then = poses(drive, stamp, stamp + STEP_NS)
+    rays = lens.rays(PINHOLE)
+    points = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=2) * depth.depth_m[..., None]  # type: ignore[attr-defined]
+    road = semantic.tag == Tag.ROAD  # type: ignore[attr-defined]
+    later = geometry.apply(geometry.invert(then) @ now, points[road])
+    x, y = lens.distort(later[:, 0] / later[:, 2], later[:, 1] / later[:, 2])
+    v, u = np.nonzero(road)
+    expected = np.stack([PINHOLE.fx_px * x + PINHOLE.cx_px - u, PINHOLE.fy_px * y + PINHOLE.cy_px - v], -1)
+    assert road.sum() > 5000
+    assert np.abs(flow.flow_px[road] - expected).max() < 0.01  # type: ignore[attr-defined]
 
 
 def test_the_next_picture_shows_the_road_where_the_flow_points_to(world: Any, scenery: Any) -> None:

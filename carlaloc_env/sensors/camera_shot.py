@@ -1,0 +1,89 @@
+"""One drawn picture as the camera's pixels see it, through its lens."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.lens import Lens, LensView
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.weather import WeatherParameters
+
+if TYPE_CHECKING:
+    from carlaloc_env.render.gbuffer import GBuffer
+    from carlaloc_env.render.renderer import SceneRenderer
+
+F32 = NDArray[np.float32]
+
+
+class Optics:
+    """Intrinsics and lens of a camera; what is drawn so that every pixel's ray is in it."""
+
+    def __init__(self, pinhole: Pinhole, lens: Lens) -> None:
+        self.pinhole = pinhole
+        self.lens = lens
+
+    @cached_property
+    def view(self) -> LensView | None:
+        """How to take the picture from the drawn one; None: they are the same."""
+        return None if self.lens.is_plain else LensView.of(self.pinhole, self.lens)
+
+    @cached_property
+    def rays(self) -> NDArray[np.float64] | None:
+        """What the pixels look along, x and y at z = 1, shape (H, W, 2); None: as the pinhole says."""
+        return None if self.lens.is_plain else self.lens.rays(self.pinhole)
+
+    @property
+    def drawn(self) -> Pinhole:
+        """Intrinsics to draw with."""
+        return self.pinhole if self.view is None else self.view.pinhole
+
+
+class Shot:
+    """A drawn picture; numbers are read back when first asked for."""
+
+    def __init__(self, gbuffer: GBuffer, renderer: SceneRenderer, view: LensView | None) -> None:
+        self._gbuffer, self._renderer, self._view = gbuffer, renderer, view
+
+    @cached_property
+    def depth_m(self) -> F32:
+        """Planar depth [m], 0 = sky, shape (H, W); of the nearest ray, never between two."""
+        depth = self._gbuffer.depth_m()
+        return depth if self._view is None else self._view.pick(depth)
+
+    @cached_property
+    def labels(self) -> tuple[NDArray[np.uint8], NDArray[np.uint32]]:
+        """Tag and instance of the nearest ray, shape (H, W)."""
+        tag, instance = self._gbuffer.labels()
+        if self._view is None:
+            return tag, instance
+        return self._view.pick(tag), self._view.pick(instance)
+
+    @cached_property
+    def normal(self) -> F32:
+        """Normals in the optical frame, shape (H, W, 3)."""
+        normal = self._gbuffer.normals()
+        return normal if self._view is None else self._view.pick(normal)
+
+    def rgb(self, weather: WeatherParameters, stamp_ns: int, seed: int) -> NDArray[np.uint8]:
+        """The renderer's own picture, sRGB, shape (H, W, 3)."""
+        rgb = self._renderer.shade(self._gbuffer, weather, stamp_ns=stamp_ns, seed=seed)
+        return rgb if self._view is None else np.asarray(self._bent(rgb), dtype=np.uint8)
+
+    def radiance_cd_m2(self, weather: WeatherParameters) -> F32:
+        """Linear BT.709 colour [cd/m²], shape (H, W, 3)."""
+        radiance = self._renderer.radiance_cd_m2(self._gbuffer, weather)
+        return radiance if self._view is None else np.asarray(self._bent(radiance), dtype=np.float32)
+
+    @property
+    def is_blurred(self) -> bool:
+        """Whether the radiance has the lens' blur already."""
+        return self._renderer.quality == "high"
+
+    def _bent(self, picture: NDArray[Any]) -> NDArray[Any]:
+        assert self._view is not None
+        return np.asarray(cv2.remap(picture, self._view.column_px, self._view.row_px, cv2.INTER_LINEAR))
