@@ -9,6 +9,7 @@ import argparse
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from carlaloc_env.town.build import known_towns, load_town
 from recorder.report.town_preview import town_sheet
@@ -39,7 +40,7 @@ def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
 
 def shrink(sheet: Path, out: Path) -> Path:
     """Write a sheet as a PNG, as large as `LARGEST_PREVIEW_BYTES` allow."""
-    whole = cv2.imread(str(sheet))
+    whole = np.asarray(cv2.imread(str(sheet)))
     for width in range(1200, 400, -80):
         small = cv2.resize(
             whole, (width, width * whole.shape[0] // whole.shape[1]), interpolation=cv2.INTER_AREA
