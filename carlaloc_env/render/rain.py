@@ -31,7 +31,7 @@ Smaller and farther ones are thinner than half a pixel: they are the air's extin
 """
 NEAR_M = 0.35
 """Distance below which no drop is drawn [m]: the lens is wiped there."""
-MOST_LAMPS = 10
+MOST_LAMPS = 6
 """Lamps that light the drops before a camera, the nearest ones."""
 _AROUND_M = 0.4
 """Margin round the view for streaks that reach into it [m]."""

@@ -21,7 +21,7 @@ LIST_SIZE = 16384
 """Entries of all lists of a picture together; the uniform block of the shaders has this size."""
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""
-GLOW_MOST_M = 10.0
+GLOW_MOST_M = 8.0
 
 TILE = np.dtype([("place", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), ("glows", "<u4", 2)])
 """One tile: column and row, then the first entry and the end of its lists."""

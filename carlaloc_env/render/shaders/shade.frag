@@ -73,14 +73,15 @@ float fifth(float x) {
 }
 
 // Microfacet reflection of one light, without the light: GGX with Karis' cheap visibility, times pi.
-float gloss(vec3 n, vec3 v, vec3 l, float alpha, float f0) {
-    vec3 h = normalize(l + v);
-    float nh = max(dot(n, h), 0.0);
-    float lh = max(dot(l, h), 0.05);
+// Cosines between normal and light, normal and view, light and view; the half vector is not needed.
+float gloss(float nl, float nv, float lv, float alpha, float f0) {
+    float s = max(2.0 + 2.0 * lv, 0.01);
+    float nh2 = min((nl + nv) * (nl + nv) / s, 1.0);
+    float lh2 = 0.25 * s;
     float a2 = alpha * alpha;
-    float d = nh * nh * (a2 - 1.0) + 1.0;
-    float fresnel = f0 + (1.0 - f0) * fifth(1.0 - lh);
-    return a2 / (d * d) * fresnel / (4.0 * lh * lh * (0.5 + alpha));
+    float d = nh2 * (a2 - 1.0) + 1.0;
+    float fresnel = f0 + (1.0 - f0) * fifth(1.0 - sqrt(lh2));
+    return a2 / (d * d) * fresnel / (4.0 * lh2 * (0.5 + alpha));
 }
 
 // Bends a value towards a limit that it never passes.
@@ -188,11 +189,12 @@ void main() {
     vec3 light = ambient(n) * open;
     float alpha = max(roughness * roughness, 0.004);
     vec3 shine = vec3(0.0);
+    float nv = max(dot(n, v), 0.0);
 #ifdef SUN
     float facing = max(dot(n, u_sun), 0.0);
     vec3 sun = u_sun_light * facing * sunlit(offset, n);
     light += sun;
-    shine += sun * softened(gloss(n, v, u_sun, max(alpha, 0.02), f0), 40.0);
+    shine += sun * softened(gloss(facing, nv, dot(u_sun, v), max(alpha, 0.02), f0), 40.0);
 #endif
 #ifdef NIGHT
     for (uint i = v_lamps.x; i < v_lamps.y; ++i) {
@@ -200,14 +202,15 @@ void main() {
         vec3 to = lamps[k].place.xyz - offset;
         float near2 = max(dot(to, to), 0.25);
         vec3 l = to * inversesqrt(near2);
+        float nl = max(dot(n, l), 0.0);
         float cosine = -dot(l, lamps[k].axis.xyz);
         // Batwing of a full cut-off luminaire; plain lamps have no gain.
         float beam = min(1.0 / (cosine * cosine * cosine + 1e-3), lamps[k].light.w)
             * smoothstep(lamps[k].axis.w, lamps[k].left.w, cosine);
         vec3 e = lamps[k].light.rgb
-            * (window(near2, lamps[k].place.w) * beam * max(dot(n, l), 0.0) / near2);
+            * (window(near2, lamps[k].place.w) * beam * nl / near2);
         light += e;
-        shine += e * softened(gloss(n, v, l, max(alpha, 0.01), f0), 40.0);
+        shine += e * softened(gloss(nl, nv, dot(l, v), max(alpha, 0.01), f0), 40.0);
     }
 #ifdef BEAMS
     for (uint i = v_beams.x; i < v_beams.y; ++i) {
@@ -215,18 +218,18 @@ void main() {
         vec3 way = offset - lamps[k].place.xyz;
         float near2 = max(dot(way, way), 1.0);
         vec3 l = -way * inversesqrt(near2);
+        float nl = max(dot(n, l), 0.0);
         vec3 axis = lamps[k].axis.xyz;
         vec3 left = lamps[k].left.xyz;
         vec3 turned = vec3(dot(axis, way), dot(left, way), dot(cross(axis, left), way));
         vec3 e = lamps[k].light.rgb
-            * (low_beam(turned) * window(near2, lamps[k].place.w) * max(dot(n, l), 0.0) / near2);
+            * (low_beam(turned) * window(near2, lamps[k].place.w) * nl / near2);
         light += e;
-        shine += e * softened(gloss(n, v, l, max(alpha, 0.02), f0), 5.0);
+        shine += e * softened(gloss(nl, nv, dot(l, v), max(alpha, 0.02), f0), 5.0);
     }
 #endif
 #endif
 
-    float nv = max(dot(n, v), 0.0);
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
     float fresnel = f0 * (1.0 - roughness) + smooth_part * fifth(1.0 - nv);
     vec3 mirror = reflect(direction, n);

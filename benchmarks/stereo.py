@@ -1,0 +1,90 @@
+"""One stereo instant of the paper's rig among many cars: `python benchmarks/stereo.py [TOWN ...]`.
+
+Colour, depth and semantics of both cameras, under one weather and under three. Prints the shortest
+wall-clock and processor times; on an idle machine with two cores the wall clock shows a good half
+of the processor time.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from timing import time_calls
+
+from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.geometry import transform
+from carlaloc_env.presets import rig_by_name
+from carlaloc_env.scene import Instances, concatenate_instances
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.town import Town
+from carlaloc_env.weather import PRESETS
+from recorder.report.standing_traffic import standing_traffic
+
+ACTORS = 60
+WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
+TARGETS_S = {1: 0.35, 3: 0.60}
+CLEAR_M = 8.0
+
+
+def ahead(town: Town, stage: SensorStage, T_world_base: np.ndarray) -> tuple[Instances, int]:
+    """The ego and the actors nearest in front of it, and how many those are."""
+    catalog, frame = standing_traffic(town.network, 1000)
+    way = frame.position_m - T_world_base[:3, 3]
+    forward, aside = way @ T_world_base[:3, 0], way @ T_world_base[:3, 1]
+    shown = np.flatnonzero((forward > CLEAR_M) & (np.abs(aside) < forward))
+    shown = shown[np.argsort(forward[shown], kind="stable")][:ACTORS]
+    catalog, frame, eye = catalog.take(shown), frame.take(shown), T_world_base[:3, 3]
+    states = np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8)
+    parts = [
+        place_ego(T_world_base, stage.library),
+        place_actors(catalog, frame, stage.library, eye_m=eye),
+        place_lights(catalog, frame, stage.library, 0, eye_m=eye),
+        place_signals(town.lenses, states, stage.library),
+    ]
+    return concatenate_instances(parts), len(shown)
+
+
+def measure(name: str, share: float, quality: str, repeat: int) -> None:
+    """Time the instants at a share of a town's route and print a line for each."""
+    town = load_town(name)
+    assert town.route is not None
+    stage = SensorStage(town, seed=1, weather=PRESETS["ClearNoon"], quality=quality)
+    at = town.route.at(np.array([share * town.route.length_m]))
+    heading = float(at.heading_rad[0])
+    T = transform(at.position_m[0], [0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
+    seen, count = ahead(town, stage, T)
+    cameras = [c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)]
+    renderer = stage.renderer()
+
+    def instant(weathers: tuple[str, ...]) -> None:
+        for camera in cameras:
+            gbuffer = renderer.draw(camera.pinhole, T @ camera.mount.T_base_sensor, seen)
+            gbuffer.depth_m()
+            gbuffer.labels()
+            for weather in weathers:
+                renderer.shade(gbuffer, PRESETS[weather], stamp_ns=10**9, seed=1)
+
+    calls = {" + ".join(w): (lambda w=w: instant(w)) for w in [(one,) for one in WEATHERS] + [WEATHERS]}
+    for what, timing in time_calls(calls, repeat).items():
+        target = TARGETS_S[3 if "+" in what else 1]
+        print(
+            f"{name}, {count} actors, {quality}: {what:<36} least {timing.least_s:.2f} s, "
+            f"CPU {timing.cpu_s:.2f} s, target {target:.2f} s"
+        )
+    stage.close()
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("towns", nargs="*", help="Town03 and Town10 when left out")
+    parser.add_argument("--at", type=float, default=0.3, help="share of the route (0.3)")
+    parser.add_argument("--quality", default="medium", help="low, medium or high")
+    parser.add_argument("--repeat", type=int, default=5, help="calls that are timed (5)")
+    arguments = parser.parse_args()
+    for town_name in arguments.towns or ("Town03", "Town10"):
+        measure(town_name, arguments.at, arguments.quality, arguments.repeat)
