@@ -28,6 +28,10 @@ from carlaloc_env.weather import WeatherParameters
 QUALITIES = ("low", "medium", "high")
 """One sample per pixel; the same with a lens blur of 0.5 px; 2×2 samples resolved before shading."""
 
+SWAY_S = 0.012
+"""Way of leaves per wind speed [s]: 0.18 m in a storm of 15 m/s."""
+SWAY_PERIOD_NS = 1_000_000_000_000
+"""Shaders count time in single precision; so long after its beginning the leaves jump back [ns]."""
 ACTOR_SHADOW_RANGE_M = 90.0
 DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
 """Clip depth = first · z + second."""
@@ -83,6 +87,7 @@ class SceneRenderer:
                 lamps_m=lamps,
                 live=quality == "low",
             )
+        self._sway = (0.0, 0.0, 0.0, 0.0)
         self._closed = False
 
     def _upload(
@@ -123,6 +128,8 @@ class SceneRenderer:
         instances: Instances,
         *,
         velocity_mps: ArrayLike = (0.0, 0.0, 0.0),
+        wind_mps: ArrayLike = (0.0, 0.0, 0.0),
+        stamp_ns: int = 0,
     ) -> GBuffer:
         """What a camera sees, before any weather.
 
@@ -131,7 +138,11 @@ class SceneRenderer:
             T_world_camera: Pose of the optical frame, shape (4, 4).
             instances: Movable models.
             velocity_mps: Velocity of the camera in the world, shape (3,); streaks of rain slant with it.
+            wind_mps: Wind that sways leaves, shape (3,); still by default, since LiDARs see still leaves
+                and all weathers of a drive share their geometry.
+            stamp_ns: Time of the picture [ns]; tells where the leaves are.
         """
+        self._sway = (*(SWAY_S * np.asarray(wind_mps, dtype=np.float64)), stamp_ns % SWAY_PERIOD_NS * 1e-9)
         view = View.of(camera, T_world_camera, self._subsamples, velocity_mps)
         with self._context:
             targets = self._pool.take(view.size_px)
@@ -220,6 +231,7 @@ class SceneRenderer:
             f"CAR_PAINT {int(Material.CAR_PAINT)}u",
             f"CLOTH {int(Material.CLOTH)}u",
             f"SKY_ID {SKY_ID}u",
+            *((f"LEAF {int(Material.LEAF)}u", "SWAY") if any(self._sway[:3]) else ()),
             *features,
         )
         program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines)
@@ -232,6 +244,7 @@ class SceneRenderer:
             u_clip=view.clip_scale,
             u_range=DEPTH_RANGE,
             u_surface=self._surface.tobytes(),
+            u_sway=self._sway,
         )
         return program
 

@@ -13,6 +13,7 @@ from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
+from carlaloc_env.render.lens_drops import with_lens_drops
 from carlaloc_env.render.lights import NO_LIGHTS, street_lamps
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
@@ -171,3 +172,55 @@ def test_a_wet_road_mirrors_what_stands_behind_it() -> None:
         ]
     assert blueness[0.0][0] == pytest.approx(blueness[0.0][1], rel=0.03)
     assert blueness[100.0][0] < 0.9 * blueness[100.0][1]
+
+
+def test_wind_sways_leaves_in_all_pictures_alike_and_nothing_else() -> None:
+    """Colour, depth and labels of a leaf move by the way that the two waves say; a wall stands still."""
+    leaf = make_mesh(
+        [[10, 0.5, 1.2], [10, -0.5, 1.2], [10, -0.5, 2.2], [10, 0.5, 2.2]],
+        [[0, 1, 2], [0, 2, 3]],
+        material=Material.LEAF,
+        tag=Tag.VEGETATION,
+    )
+    wall = make_mesh(
+        [[12, 4, 0], [12, 2, 0], [12, 2, 3], [12, 4, 3]],
+        [[0, 1, 2], [0, 2, 3]],
+        material=Material.PLASTER,
+        tag=Tag.WALL,
+    )
+    camera = Pinhole(width_px=640, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=320.0, cy_px=180.0)
+    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+    wind = (0.0, 15.0, 0.0)
+    with SceneRenderer([leaf, wall], ModelLibrary({}), quality="medium", albedo=plain_albedo()) as renderer:
+        still = renderer.draw(camera, eye, Instances()).labels()[0]
+        edges = []
+        for stamp in (0, 1_500_000_000):
+            gbuffer = renderer.draw(camera, eye, Instances(), wind_mps=wind, stamp_ns=stamp)
+            tag = gbuffer.labels()[0]
+            np.testing.assert_array_equal(tag == Tag.WALL, still == Tag.WALL)
+            np.testing.assert_array_equal(gbuffer.depth_m() > 0, tag != Tag.SKY)
+            edges.append(float(np.nonzero(tag[180] == Tag.VEGETATION)[0].min()))
+            t, corner = stamp * 1e-9, np.array([10.0, 0.5, 1.6])
+            wave = 0.6 * math.sin(1.9 * t + corner @ [0.35, 0.27, 0.20]) + 0.4 * math.sin(
+                4.7 * t + corner @ [1.1, 0.9, 0.7]
+            )
+            expected = 320.0 - 64.0 * (0.5 + 0.012 * 15.0 * wave)
+            # The edge is straight between its ends, whose waves differ a little.
+            assert edges[-1] == pytest.approx(expected, abs=3.0)
+    assert abs(edges[0] - edges[1]) > 3.0
+
+
+def test_drops_on_the_lens_follow_from_seed_camera_and_time() -> None:
+    picture = np.random.default_rng(1).integers(0, 255, (180, 320, 3)).astype(np.uint8)
+    rain = PRESETS["HardRainNoon"]
+
+    def seen(stamp_ns: int = 10**9, seed: int = 1, camera: str = "left") -> NDArray[np.uint8]:
+        return with_lens_drops(picture, rain, stamp_ns=stamp_ns, seed=seed, camera=camera)
+
+    np.testing.assert_array_equal(seen(), seen())
+    covered = (seen() != picture).any(axis=2).mean()
+    assert 0.01 < covered < 0.4
+    for other in (seen(camera="right"), seen(seed=2), seen(stamp_ns=5 * 10**9)):
+        assert not np.array_equal(seen(), other)
+    dry = with_lens_drops(picture, PRESETS["ClearNoon"], stamp_ns=0, seed=1, camera="left")
+    np.testing.assert_array_equal(dry, picture)

@@ -18,6 +18,10 @@ uniform vec4 u_clip;
 uniform vec2 u_range;
 uniform vec4 u_surface[MATERIALS];
 
+#ifdef SWAY
+uniform vec4 u_sway;        // farthest way of leaves to leeward [m] (3), time [s]
+#endif
+
 flat out vec3 v_colour;
 flat out float v_layer;
 flat out uint v_id;
@@ -44,6 +48,12 @@ void main() {
     vec3 world = in_position;
     v_normal = in_normal.xyz;
     v_world = world;
+#endif
+#ifdef SWAY
+    // Two slow waves run through the crowns; neighbouring leaves move together.
+    float wave = 0.6 * sin(u_sway.w * 1.9 + dot(world, vec3(0.35, 0.27, 0.20)))
+        + 0.4 * sin(u_sway.w * 4.7 + dot(world, vec3(1.1, 0.9, 0.7)));
+    world += in_material == LEAF ? u_sway.xyz * wave : vec3(0.0);
 #endif
     v_layer = float(in_material);
     v_uv = in_uv;
