@@ -28,10 +28,13 @@ from carlaloc_env.samples import (
 from carlaloc_env.scene import Instances, concatenate_instances
 from carlaloc_env.semantics import TAG_TABLES, Tag, tags_in
 from carlaloc_env.sensors.base import Camera, Mount, SensorConfig, World
+from carlaloc_env.sensors.camera_imaging import Draw, Imaging, Swept
 from carlaloc_env.sensors.camera_shot import Optics, Shot
 from carlaloc_env.sensors.event_camera import EventCamera, EventChain, EventConfig, Glance
 from carlaloc_env.sensors.events import F32, log_intensity
+from carlaloc_env.sensors.exposure import ImagerConfig
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field
+from carlaloc_env.sensors.shutter import ShutterConfig
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather_schedule import Weather
 
@@ -55,6 +58,10 @@ class CameraConfig(SensorConfig):
     """Intrinsics."""
     lens: Lens = field(default_factory=Lens)
     """Distortion."""
+    imager: ImagerConfig | None = None
+    """Exposure control, noise and tone curve; None: the renderer's own picture, without noise."""
+    shutter: ShutterConfig | None = None
+    """Motion blur and rolling shutter, which need an imager; None: an infinitely short exposure."""
     outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
     """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
     events: EventConfig = field(default_factory=EventConfig)
@@ -68,6 +75,8 @@ class CameraConfig(SensorConfig):
             raise ConfigError(
                 f"camera '{self.name}': outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}"
             )
+        if self.shutter is not None and self.imager is None:
+            raise ConfigError(f"camera '{self.name}': a shutter needs an imager, which sets its exposure")
         if self.tag_table not in TAG_TABLES:
             raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
 
@@ -93,9 +102,12 @@ class CameraSensor(Camera):
         self._period_ns = self.schedule.period_ticks * TICK_NS
         self._optics = Optics(config.pinhole, config.lens)
         self._chain: EventChain | None = None
-        self._chain_seed: int | None = None
+        self._imaging: Imaging | None = None
+        self._made_seed: int | None = None
+        if config.imager is not None and config.shutter is not None:
+            self.latency_ns = config.shutter.span_ns(config.imager.exposure_max_ms) // 2
         if "flow" in config.outputs:
-            self.latency_ns = self._period_ns
+            self.latency_ns = max(self.latency_ns, self._period_ns)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Observation spaces of the streams.
@@ -131,20 +143,50 @@ class CameraSensor(Camera):
         Geometry is drawn once. Only colour and events depend on the weather: the lists share all other
         samples.
         """
-        shot = self._draw(timeline, stamp_ns)
-        shared = self._shared(timeline, shot, stamp_ns)
+        self._make(self._world.seed)
+        shots: dict[int, tuple[Shot, Moment]] = {}
+
+        def draw(at_ns: int) -> tuple[Shot, Moment]:
+            if at_ns not in shots:
+                # A long look back would fill the graphics memory: the picture itself and the last one stay.
+                for old in [t for t in shots if t != stamp_ns][:-1]:
+                    del shots[old]
+                shots[at_ns] = self._draw(timeline, at_ns), self._moment(timeline, at_ns)
+            return shots[at_ns]
+
+        imaging = self._imaging
+        swept = imaging.sweep(timeline, stamp_ns, draw) if imaging is not None else None
+        shared = self._shared(timeline, stamp_ns, draw, swept)
         conditions: list[list[Sample]] = [[] for _ in weathers]
         if "rgb" in self.config.outputs:
-            for samples, weather in zip(conditions, weathers, strict=True):
-                rgb = shot.rgb(weather.at(stamp_ns), stamp_ns, self._world.seed)
+            if imaging is not None:
+                pictures = imaging.pictures(timeline, stamp_ns, weathers, draw, swept)
+            else:
+                shot, seed = draw(stamp_ns)[0], self._world.seed
+                pictures = [shot.rgb(weather.at(stamp_ns), stamp_ns, seed) for weather in weathers]
+            for samples, rgb in zip(conditions, pictures, strict=True):
                 samples.append(Image(rgb=rgb, **self._labels("rgb", stamp_ns)))
         for samples in conditions:
             samples += shared
         if "events" in self.config.outputs:
-            fired = self._events(timeline, stamp_ns, weathers, shot)
-            for samples, one in zip(conditions, fired, strict=True):
+            for samples, one in zip(
+                conditions, self._events(timeline, stamp_ns, weathers, draw), strict=True
+            ):
                 samples.append(one)
         return conditions
+
+    def _make(self, seed: int) -> None:
+        """Fixed patterns of noise, for a seed."""
+        if seed == self._made_seed:
+            return
+        config, self._made_seed = self.config, seed
+        if "events" in config.outputs:
+            camera = EventCamera(config.events, config.name, self._optics, seed)
+            self._chain = EventChain(camera, self._period_ns)
+        if config.imager is not None:
+            self._imaging = Imaging(
+                config.imager, config.shutter, config.name, self._optics, self._period_ns, seed
+            )
 
     def _pose(self, timeline: Timeline, stamp_ns: int) -> NDArray[np.float64]:
         T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
@@ -165,45 +207,43 @@ class CameraSensor(Camera):
     def _moment(self, timeline: Timeline, stamp_ns: int) -> Moment:
         return Moment.of(timeline, stamp_ns, self._pose(timeline, stamp_ns))
 
-    def _shared(self, timeline: Timeline, shot: Shot, stamp_ns: int) -> list[Sample]:
+    def _shared(self, timeline: Timeline, stamp_ns: int, draw: Draw, swept: Swept | None) -> list[Sample]:
         outputs, samples = self.config.outputs, list[Sample]()
+        rolled = self._imaging.rolled(stamp_ns, swept) if self._imaging is not None else None
         if "depth" in outputs:
-            samples.append(DepthImage(depth_m=shot.depth_m, **self._labels("depth", stamp_ns)))
+            depth_m = draw(stamp_ns)[0].depth_m if rolled is None else rolled[0]
+            samples.append(DepthImage(depth_m=depth_m, **self._labels("depth", stamp_ns)))
         if "semantic" in outputs:
-            tag, instance = shot.labels
+            tag, instance = draw(stamp_ns)[0].labels if rolled is None else rolled[1:]
             tag = tags_in(self.config.tag_table, tag)
             samples.append(SemanticImage(tag=tag, instance=instance, **self._labels("semantic", stamp_ns)))
         if "flow" in outputs:
-            now, then = (self._moment(timeline, t) for t in (stamp_ns, stamp_ns + self._period_ns))
+            shot, now = draw(stamp_ns)
             field = motion_field(
                 self.config.pinhole,
                 shot.depth_m,
                 shot.labels[1],
                 now,
-                then,
+                self._moment(timeline, stamp_ns + self._period_ns),
                 lens=self.config.lens,
                 rays=self._optics.rays,
             )
             flow_px = np.ascontiguousarray(field[..., :2])
             samples.append(FlowImage(flow_px=flow_px, **self._labels("flow", stamp_ns)))
         if "normal" in outputs:
-            samples.append(NormalImage(normal=shot.normal, **self._labels("normal", stamp_ns)))
+            normal = draw(stamp_ns)[0].normal
+            samples.append(NormalImage(normal=normal, **self._labels("normal", stamp_ns)))
         return samples
 
     def _events(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], shot: Shot
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
     ) -> list[Events]:
-        pinhole, seed = self.config.pinhole, self._world.seed
-        if self._chain is None or self._chain_seed != seed:
-            camera = EventCamera(self.config.events, self.config.name, self._optics, seed)
-            self._chain, self._chain_seed = EventChain(camera, self._period_ns), seed
+        assert self._chain is not None
+        pinhole, dark = self.config.pinhole, self.config.events.dark_cd_m2
 
         def look(at_ns: int) -> tuple[Glance, list[F32]]:
-            seen = shot if at_ns == stamp_ns else self._draw(timeline, at_ns)
-            glance = Glance(
-                moment=self._moment(timeline, at_ns), depth_m=seen.depth_m, instance=seen.labels[1]
-            )
-            dark = self.config.events.dark_cd_m2
+            seen, moment = draw(at_ns)
+            glance = Glance(moment=moment, depth_m=seen.depth_m, instance=seen.labels[1])
             return glance, [
                 log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
                 for weather in weathers

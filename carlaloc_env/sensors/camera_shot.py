@@ -48,6 +48,7 @@ class Shot:
 
     def __init__(self, gbuffer: GBuffer, renderer: SceneRenderer, view: LensView | None) -> None:
         self._gbuffer, self._renderer, self._view = gbuffer, renderer, view
+        self._radiance: dict[WeatherParameters, F32] = {}
 
     @cached_property
     def depth_m(self) -> F32:
@@ -76,8 +77,18 @@ class Shot:
 
     def radiance_cd_m2(self, weather: WeatherParameters) -> F32:
         """Linear BT.709 colour [cd/m²], shape (H, W, 3)."""
-        radiance = self._renderer.radiance_cd_m2(self._gbuffer, weather)
-        return radiance if self._view is None else np.asarray(self._bent(radiance), dtype=np.float32)
+        if weather not in self._radiance:
+            radiance = self._renderer.radiance_cd_m2(self._gbuffer, weather)
+            self._radiance[weather] = radiance if self._view is None else self._bent(radiance)
+        return self._radiance[weather]
+
+    def imaged_cd_m2(self, weather: WeatherParameters) -> F32:
+        """The same with the blur of the lens that the renderer's quality gives colour pictures."""
+        radiance = self.radiance_cd_m2(weather)
+        if self._renderer.quality != "medium":
+            return radiance
+        blurred = cv2.GaussianBlur(radiance, (3, 3), 0.5, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, dtype=np.float32)
 
     @property
     def is_blurred(self) -> bool:

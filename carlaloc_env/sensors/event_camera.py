@@ -8,7 +8,6 @@ not follow the one before, the camera first goes over the drive from the last su
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -19,6 +18,7 @@ from carlaloc_env.errors import ConfigError
 from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.camera_shot import Optics
 from carlaloc_env.sensors.events import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
+from carlaloc_env.sensors.memory import Chain
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather_schedule import Weather
@@ -73,6 +73,23 @@ class Glance:
     """Instance ids, shape (H, W)."""
 
 
+def motion_between(optics: Optics, before: Glance, after: Glance) -> Motion:
+    """How everything moves between two pictures of a camera."""
+    forward, backward = (
+        motion_field(
+            optics.pinhole,
+            now.depth_m,
+            now.instance,
+            now.moment,
+            then.moment,
+            lens=optics.lens,
+            rays=optics.rays,
+        )
+        for now, then in ((before, after), (after, before))
+    )
+    return Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
+
+
 class EventCamera:
     """The pixels of one event camera; holds what never changes, the caller holds the states."""
 
@@ -95,20 +112,7 @@ class EventCamera:
 
     def motion(self, before: Glance, after: Glance) -> Motion:
         """How everything moves between two pictures; the same for all weathers."""
-        forward, backward = self._field(before, after), self._field(after, before)
-        return Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
-
-    def _field(self, now: Glance, then: Glance) -> F32:
-        optics = self._optics
-        return motion_field(
-            optics.pinhole,
-            now.depth_m,
-            now.instance,
-            now.moment,
-            then.moment,
-            lens=optics.lens,
-            rays=optics.rays,
-        )
+        return motion_between(self._optics, before, after)
 
     def fire(
         self, before: F32, after: F32, motion: Motion, state: PixelState, span_ns: tuple[int, int]
@@ -140,7 +144,7 @@ class EventCamera:
         )
         if config.rate_max_mev_s > 0:
             events = limit_rate(events, start_ns, 1e6 * config.rate_max_mev_s)
-        if end_ns % self.restart_ns == 0:
+        if start_ns // self.restart_ns < end_ns // self.restart_ns:
             state = self.begin(after, end_ns)
         return events, state
 
@@ -149,10 +153,8 @@ Look = Callable[[int], tuple[Glance, list[F32]]]
 """Takes a picture at a stamp [ns]: the glance, and the log intensity under each weather."""
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Held:
-    timeline: weakref.ref[Timeline]
-    weathers: tuple[Weather, ...]
     stamp_ns: int
     glance: Glance
     intensity: list[F32]
@@ -165,8 +167,7 @@ class EventChain:
 
     def __init__(self, camera: EventCamera, period_ns: int) -> None:
         self._camera = camera
-        self._period_ns = period_ns
-        self._held: _Held | None = None
+        self._chain: Chain[_Held] = Chain(period_ns, camera.restart_ns)
 
     def events(
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look
@@ -175,54 +176,26 @@ class EventChain:
 
         There are none at the first picture of a drive, nor at the oldest one that a timeline knows.
         """
-        before_ns = stamp_ns - self._period_ns
-        if self._holds(timeline, stamp_ns, weathers):
-            assert self._held is not None
-            return self._held.events
-        oldest_ns = -(-timeline.start_ns // self._period_ns) * self._period_ns
-        if before_ns < oldest_ns:
-            self._begin(timeline, stamp_ns, weathers, look)
-        else:
-            if not self._holds(timeline, before_ns, weathers):
-                first_ns = before_ns // self._camera.restart_ns * self._camera.restart_ns
-                first_ns = -(-first_ns // self._period_ns) * self._period_ns
-                first_ns = max(first_ns, oldest_ns)
-                self._begin(timeline, first_ns, weathers, look)
-                for next_ns in range(first_ns + self._period_ns, before_ns + 1, self._period_ns):
-                    self._go_on(next_ns, look)
-            self._go_on(stamp_ns, look)
-        assert self._held is not None
-        return self._held.events
 
-    def _holds(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]) -> bool:
-        held = self._held
-        return (
-            held is not None
-            and held.timeline() is timeline
-            and held.stamp_ns == stamp_ns
-            and held.weathers == tuple(weathers)
-        )
+        def begin(at_ns: int) -> _Held:
+            glance, intensity = look(at_ns)
+            states = [self._camera.begin(one, at_ns) for one in intensity]
+            none = [np.zeros(0, EVENT) for _ in intensity]
+            return _Held(stamp_ns=at_ns, glance=glance, intensity=intensity, states=states, events=none)
 
-    def _begin(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look) -> None:
-        glance, intensity = look(stamp_ns)
-        self._held = _Held(
-            timeline=weakref.ref(timeline),
-            weathers=tuple(weathers),
-            stamp_ns=stamp_ns,
-            glance=glance,
-            intensity=intensity,
-            states=[self._camera.begin(one, stamp_ns) for one in intensity],
-            events=[np.zeros(0, EVENT) for _ in intensity],
-        )
+        def follow(held: _Held, at_ns: int) -> _Held:
+            glance, intensity = look(at_ns)
+            motion = self._camera.motion(held.glance, glance)
+            fired = [
+                self._camera.fire(before, after, motion, state, (held.stamp_ns, at_ns))
+                for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
+            ]
+            return _Held(
+                stamp_ns=at_ns,
+                glance=glance,
+                intensity=intensity,
+                states=[one[1] for one in fired],
+                events=[one[0] for one in fired],
+            )
 
-    def _go_on(self, stamp_ns: int, look: Look) -> None:
-        held = self._held
-        assert held is not None
-        glance, intensity = look(stamp_ns)
-        motion = self._camera.motion(held.glance, glance)
-        fired = [
-            self._camera.fire(before, after, motion, state, (held.stamp_ns, stamp_ns))
-            for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
-        ]
-        held.stamp_ns, held.glance, held.intensity = stamp_ns, glance, intensity
-        held.events, held.states = [one[0] for one in fired], [one[1] for one in fired]
+        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).events

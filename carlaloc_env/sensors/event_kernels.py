@@ -165,7 +165,7 @@ def _tile_knots(fields: Any, y0: int, x0: int, y1: int, x1: int, steps: int, kno
             s = np.float32(min(k * CHUNK, steps)) / np.float32(steps)
             f = s - s0
             px, py, qx, qy = ax, ay, bx, by
-            ax, ay, bx, by, kind = _sources(
+            ax, ay, bx, by, kind = sources(
                 forward, backward, u, v, s, ax + f * dax, ay + f * day, bx + f * dbx, by + f * dby
             )
             # What has left the second picture may still be followed in the first.
@@ -327,7 +327,7 @@ def _fire_alone(
     # Slopes of both ways, per sample: first as if all were one surface, then as found.
     dax, day = backward[y, x, 0] / count, backward[y, x, 1] / count
     dbx, dby = -forward[y, x, 0] / count, -forward[y, x, 1] / count
-    ax, ay, bx, by, kind = _sources(
+    ax, ay, bx, by, kind = sources(
         forward, backward, u, v, _ZERO, u, v, u + forward[y, x, 0], v + forward[y, x, 1]
     )
     hidden = False
@@ -336,7 +336,7 @@ def _fire_alone(
         stop = min(k + chunk, steps)
         px, py, qx, qy, was, was_hidden = ax, ay, bx, by, kind, hidden
         s, far = np.float32(stop) / count, np.float32(stop - k)
-        ax, ay, bx, by, kind = _sources(
+        ax, ay, bx, by, kind = sources(
             forward, backward, u, v, s, px + far * dax, py + far * day, qx + far * dbx, qy + far * dby
         )
         dax, day, dbx, dby = (ax - px) / far, (ay - py) / far, (bx - qx) / far, (by - qy) / far
@@ -366,7 +366,7 @@ def _fire_alone(
                     cx, cy = px + f * (ax - px), py + f * (ay - py)
                     ex, ey = qx + f * (bx - qx), qy + f * (by - qy)
                 else:
-                    cx, cy, ex, ey, sort = _sources(forward, backward, u, v, s, cx, cy, ex, ey)
+                    cx, cy, ex, ey, sort = sources(forward, backward, u, v, s, cx, cy, ex, ey)
                 now = _mixed(before, after, sort, s, cx, cy, ex, ey, earlier)
                 if through and not straight:
                     now = _hidden_by(before, forward, backward, over, u, v, s, cx, cy, ex, ey, sort, now)[1]
@@ -442,7 +442,7 @@ def _steps(ahead: Any, back: Any, over: Any, step_px: Any) -> Any:
 
 
 @kernel
-def _sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
+def sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
     """Where a pixel at time s came from in both pictures, from guesses, and which of them shows it.
 
     Where they show different surfaces the nearer one hides the other. A guess that leads nowhere is

@@ -1,0 +1,76 @@
+"""Memory of sensors that are asked for any stamp in any order.
+
+What such a sensor remembers begins anew at fixed times of the drive. Asked for the stamp after the
+last one it goes on from there; asked for any other it first goes over the drive from the last such
+beginning. So the state at a stamp depends on the drive alone, not on what was asked before.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+from carlaloc_env.timeline import Timeline
+
+S = TypeVar("S")
+
+
+class Chain(Generic[S]):
+    """States at stamps on a grid, each made from the one before."""
+
+    def __init__(self, period_ns: int, restart_ns: int) -> None:
+        """Make an empty chain.
+
+        Args:
+            period_ns: Time between two states [ns].
+            restart_ns: States at its multiples do not depend on earlier ones [ns].
+        """
+        self._period_ns = period_ns
+        self._restart_ns = restart_ns
+        self._held: tuple[weakref.ref[Timeline], Hashable, int, S] | None = None
+
+    def at(
+        self,
+        timeline: Timeline,
+        stamp_ns: int,
+        key: Hashable,
+        begin: Callable[[int], S],
+        follow: Callable[[S, int], S],
+    ) -> S:
+        """State at a stamp [ns].
+
+        Args:
+            timeline: The drive; the oldest stamp that it knows is a beginning too.
+            stamp_ns: A multiple of the period [ns].
+            key: What else the state depends on, e.g. the weathers.
+            begin: Makes the state at a stamp without history.
+            follow: Makes the state at a stamp from that one period before; at a multiple of the
+                restart it forgets on its own.
+        """
+        state = self._kept(timeline, stamp_ns, key)
+        if state is not None:
+            return state
+        before_ns = stamp_ns - self._period_ns
+        oldest_ns = self._up(timeline.start_ns)
+        state = self._kept(timeline, before_ns, key)
+        if state is not None:
+            state = follow(state, stamp_ns)
+        elif before_ns < oldest_ns:
+            state = begin(stamp_ns)
+        else:
+            first_ns = max(self._up(before_ns // self._restart_ns * self._restart_ns), oldest_ns)
+            state = begin(first_ns)
+            for next_ns in range(first_ns + self._period_ns, stamp_ns + 1, self._period_ns):
+                state = follow(state, next_ns)
+        self._held = (weakref.ref(timeline), key, stamp_ns, state)
+        return state
+
+    def _up(self, stamp_ns: int) -> int:
+        return -(-stamp_ns // self._period_ns) * self._period_ns
+
+    def _kept(self, timeline: Timeline, stamp_ns: int, key: Hashable) -> S | None:
+        if self._held is None:
+            return None
+        of, held_key, held_ns, state = self._held
+        return state if of() is timeline and held_key == key and held_ns == stamp_ns else None
