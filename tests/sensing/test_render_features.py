@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -105,9 +106,7 @@ def orb(
     occupied = [
         len(_cells(points, disparity.shape)) / (GRID[0] * GRID[1]) for points in (left[0], spread(grey[0]))
     ]
-    matches = cv2.BFMatcher(cv2.NORM_HAMMING, crossCheck=True).match(left[1], right[1])
-    a = np.array([left[0][m.queryIdx].pt for m in matches])
-    b = np.array([right[0][m.trainIdx].pt for m in matches])
+    a, b = _stereo_matches(left, right)
     true = disparity[np.rint(a[:, 1]).astype(int), np.rint(a[:, 0]).astype(int)]
     right_ones = (np.abs(a[:, 1] - b[:, 1]) <= 1.0) & (np.abs(a[:, 0] - b[:, 0] - true) <= 1.0)
     depth = focal_baseline / true[right_ones]
@@ -118,6 +117,20 @@ def orb(
         float(right_ones.mean()),
         float(np.median(depth)) if len(depth) else np.nan,
     )
+
+
+def _stereo_matches(left: Any, right: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mutual nearest descriptors of a rectified pair: rows within 2 px, disparity from 0 to 160 px."""
+    a, b = (np.array([p.pt for p in side[0]]).reshape(-1, 2) for side in (left, right))
+    bits = [np.unpackbits(side[1], axis=1).astype(np.float32) for side in (left, right)]
+    # Hamming distance: ones of both less twice the common ones.
+    far = bits[0].sum(axis=1)[:, None] + bits[1].sum(axis=1)[None] - 2.0 * (bits[0] @ bits[1].T)
+    shift = a[:, None, 0] - b[None, :, 0]
+    far[(np.abs(a[:, None, 1] - b[None, :, 1]) > 2.0) | (shift < 0.0) | (shift > 160.0)] = np.inf
+    best, back = far.argmin(axis=1), far.argmin(axis=0)
+    rows = np.arange(len(a))
+    good = (back[best] == rows) & np.isfinite(far[rows, best])
+    return a[good], b[best[good]]
 
 
 def spread(grey: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
