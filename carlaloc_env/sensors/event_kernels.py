@@ -14,8 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.sensors.compiled import kernel, over_bands
-from carlaloc_env.sensors.pixel_motion import TILE_PX, bilinear, motion_at, source_of
+from carlaloc_env.sensors.compiled import kernel
+from carlaloc_env.sensors.pixel_motion import TILE_PX, bilinear
+from carlaloc_env.sensors.pixel_ways import (
+    BOTH,
+    FIRST,
+    NOWHERE,
+    SECOND,
+    hidden_by,
+    is_within,
+    mixed,
+    range_along,
+    sources,
+)
 
 F32 = NDArray[np.float32]
 
@@ -27,14 +38,8 @@ CHUNK = 16
 """Samples between two places that are looked for in both pictures."""
 CHUNK_BEHIND = 4
 """The same where something passes in front."""
-SAME_DEPTH = np.float32(0.10)
-"""Depths that differ by less, as a ratio, are of the same surface."""
-MISS_PX = np.float32(0.75)
-"""A place that misses its pixel by more shows something else [px]."""
 SMOOTH_PX = np.float32(0.3)
 """Motion in a smooth tile differs by less from what its corners say [px]."""
-BOTH, FIRST, SECOND, NOWHERE = 0, 1, 2, 3
-"""Which of two pictures show what a pixel sees in between."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
@@ -169,7 +174,7 @@ def _tile_knots(fields: Any, y0: int, x0: int, y1: int, x1: int, steps: int, kno
                 forward, backward, u, v, s, ax + f * dax, ay + f * day, bx + f * dbx, by + f * dby
             )
             # What has left the second picture may still be followed in the first.
-            if kind != BOTH and not (kind == FIRST and not _is_within(backward, bx, by)):
+            if kind != BOTH and not (kind == FIRST and not is_within(backward, bx, by)):
                 return False
             if corner == 0 or kind == FIRST:
                 bounds[k, 2] = kind
@@ -206,7 +211,7 @@ def _tile_bounds(
                     left, right = min(left, x), max(right, x)
                     top, bottom = min(top, y), max(bottom, y)
             ranges = ranges_before if part == 0 else ranges_after
-            low, high = _range_along(ranges, left, top, right, bottom, low, high)
+            low, high = range_along(ranges, left, top, right, bottom, low, high)
         bounds[k, 0], bounds[k, 1] = low, high
         lowest, highest = min(lowest, low), max(highest, high)
     return lowest, highest
@@ -247,11 +252,11 @@ def _fire_in_tile(
         earlier = before[y, x]
         if k > 0:
             kind = int(bounds[k, 2])
-            earlier = _mixed(before, after, kind, np.float32(begin) / count, ax, ay, bx, by, earlier)
+            earlier = mixed(before, after, kind, np.float32(begin) / count, ax, ay, bx, by, earlier)
         both = bounds[k, 2] == BOTH and bounds[k + 1, 2] == BOTH
-        low, high = _range_along(ranges_before, ax, ay, ex, ey, earlier, earlier)
+        low, high = range_along(ranges_before, ax, ay, ex, ey, earlier, earlier)
         if both:
-            low, high = _range_along(ranges_after, bx, by, fx, fy, low, high)
+            low, high = range_along(ranges_after, bx, by, fx, fy, low, high)
         if stop == steps:
             low, high = min(low, after[y, x]), max(high, after[y, x])
         if high + drift < reference + on and low > reference - off:
@@ -341,19 +346,19 @@ def _fire_alone(
         )
         dax, day, dbx, dby = (ax - px) / far, (ay - py) / far, (bx - qx) / far, (by - qy) / far
         if through:
-            hidden = _hidden_by(before, forward, backward, over, u, v, s, ax, ay, bx, by, kind, _ZERO)[0]
+            hidden = hidden_by(before, forward, backward, over, u, v, s, ax, ay, bx, by, kind, _ZERO)[0]
         straight = kind == was and kind != NOWHERE and not hidden and not was_hidden
         if straight:
             low, high = earlier, earlier
             if kind != SECOND:
-                low, high = _range_along(ranges_before, px, py, ax, ay, low, high)
+                low, high = range_along(ranges_before, px, py, ax, ay, low, high)
             if kind != FIRST:
-                low, high = _range_along(ranges_after, qx, qy, bx, by, low, high)
+                low, high = range_along(ranges_after, qx, qy, bx, by, low, high)
             if stop == steps:
                 low, high = min(low, after[y, x]), max(high, after[y, x])
             if high + drift < memory[0] + on and low > memory[0] - off:
                 if stop < steps:
-                    earlier = _mixed(before, after, kind, s, ax, ay, bx, by, earlier)
+                    earlier = mixed(before, after, kind, s, ax, ay, bx, by, earlier)
                 k = stop
                 continue
         cx, cy, ex, ey, sort = px, py, qx, qy, kind
@@ -367,9 +372,9 @@ def _fire_alone(
                     ex, ey = qx + f * (bx - qx), qy + f * (by - qy)
                 else:
                     cx, cy, ex, ey, sort = sources(forward, backward, u, v, s, cx, cy, ex, ey)
-                now = _mixed(before, after, sort, s, cx, cy, ex, ey, earlier)
+                now = mixed(before, after, sort, s, cx, cy, ex, ey, earlier)
                 if through and not straight:
-                    now = _hidden_by(before, forward, backward, over, u, v, s, cx, cy, ex, ey, sort, now)[1]
+                    now = hidden_by(before, forward, backward, over, u, v, s, cx, cy, ex, ey, sort, now)[1]
             levels = (earlier + drift * (np.float32(j - 1) / count), now + drift * s)
             if levels[1] >= memory[0] + on or levels[1] <= memory[0] - off:
                 memory = _cross(noise, numbers, on, off, pixel, levels, j, steps, memory, out_t, out_code)
@@ -441,82 +446,6 @@ def _steps(ahead: Any, back: Any, over: Any, step_px: Any) -> Any:
     return min(max(math.ceil(length / step_px), 1), STEPS_MAX), through
 
 
-@kernel
-def sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
-    """Where a pixel at time s came from in both pictures, from guesses, and which of them shows it.
-
-    Where they show different surfaces the nearer one hides the other. A guess that leads nowhere is
-    followed by that of a surface which moves all over as it does at the pixel itself.
-    """
-    rest = _ONE - s
-    ax, ay, a_depth, a_miss = source_of(forward, u, v, s, ax, ay)
-    if a_miss >= MISS_PX:
-        ax, ay, a_depth, a_miss = source_of(forward, u, v, s, u, v)
-    bx, by, b_depth, b_miss = source_of(backward, u, v, rest, bx, by)
-    if b_miss >= MISS_PX:
-        bx, by, b_depth, b_miss = source_of(backward, u, v, rest, u, v)
-    kind = BOTH
-    if a_miss >= MISS_PX or b_miss >= MISS_PX:
-        kind = FIRST if a_miss < MISS_PX else SECOND if b_miss < MISS_PX else NOWHERE
-        if a_miss >= MISS_PX and _is_within(forward, ax, ay):
-            ax, ay = u, v
-        if b_miss >= MISS_PX and _is_within(backward, bx, by):
-            bx, by = u, v
-    elif abs(a_depth - b_depth) > SAME_DEPTH * min(a_depth, b_depth):
-        kind = FIRST if a_depth < b_depth else SECOND
-    return ax, ay, bx, by, kind
-
-
-@kernel
-def _is_within(field: Any, x: Any, y: Any) -> bool:
-    """Whether a place lies in the picture."""
-    inside: bool = x >= 0 and y >= 0 and x <= field.shape[1] - 1 and y <= field.shape[0] - 1
-    return inside
-
-
-@kernel
-def _mixed(before: Any, after: Any, kind: Any, s: Any, ax: Any, ay: Any, bx: Any, by: Any, held: Any) -> Any:
-    """Log intensity at time s from places in both pictures; `held` where neither shows it."""
-    if kind == BOTH:
-        return (_ONE - s) * bilinear(before, ax, ay) + s * bilinear(after, bx, by)
-    if kind == FIRST:
-        return bilinear(before, ax, ay)
-    if kind == SECOND:
-        return bilinear(after, bx, by)
-    return held
-
-
-@kernel
-def _hidden_by(
-    before: Any,
-    forward: Any,
-    backward: Any,
-    over: Any,
-    u: Any,
-    v: Any,
-    s: Any,
-    ax: Any,
-    ay: Any,
-    bx: Any,
-    by: Any,
-    kind: Any,
-    value: Any,
-) -> Any:
-    """Whether surface `over` passes in front at time s, and its log intensity, or else the value given."""
-    tau = s * over[2] / ((_ONE - s) + s * over[2])
-    x, y, near, miss = source_of(forward, u, v, s, u - tau * over[0], v - tau * over[1])
-    if miss >= MISS_PX:
-        return False, value
-    depth = np.float32(1e9)
-    if kind in (BOTH, FIRST):
-        depth = motion_at(forward, ax, ay)[3]
-    elif kind == SECOND:
-        depth = motion_at(backward, bx, by)[3]
-    if near >= np.float32(0.9) * depth:
-        return False, value
-    return True, bilinear(before, x, y)
-
-
 def new_scratch() -> tuple[F32, F32]:
     """Room for the notes that `fire_rows` takes of one tile.
 
@@ -525,35 +454,3 @@ def new_scratch() -> tuple[F32, F32]:
     """
     chunks = STEPS_MAX // CHUNK + 2
     return np.empty((chunks, 4, 4), np.float32), np.empty((chunks, 3), np.float32)
-
-
-def tile_ranges(image: F32) -> F32:
-    """Lowest and highest value in each tile and one pixel around it, shape (h, w, 2)."""
-    rows, columns = (-(-n // TILE_PX) for n in image.shape)
-    ranges = np.empty((rows, columns, 2), np.float32)
-    over_bands(lambda first, end: _fill_ranges(image, ranges, first, end), rows)
-    return ranges
-
-
-@kernel
-def _fill_ranges(image: Any, ranges: Any, first: int, end: int) -> None:
-    height, width = image.shape
-    for row in range(first, end):
-        for column in range(ranges.shape[1]):
-            low, high = image[row * TILE_PX, column * TILE_PX], image[row * TILE_PX, column * TILE_PX]
-            for y in range(max(row * TILE_PX - 1, 0), min((row + 1) * TILE_PX + 1, height)):
-                for x in range(max(column * TILE_PX - 1, 0), min((column + 1) * TILE_PX + 1, width)):
-                    low, high = min(low, image[y, x]), max(high, image[y, x])
-            ranges[row, column, 0], ranges[row, column, 1] = low, high
-
-
-@kernel
-def _range_along(ranges: Any, x0: Any, y0: Any, x1: Any, y1: Any, low: Any, high: Any) -> Any:
-    """Range widened to all values that a straight way between two places can meet."""
-    left, right = int(min(x0, x1)) // TILE_PX, int(max(x0, x1)) // TILE_PX
-    top, bottom = int(min(y0, y1)) // TILE_PX, int(max(y0, y1)) // TILE_PX
-    for row in range(top, bottom + 1):
-        for column in range(left, right + 1):
-            low = min(low, ranges[row, column, 0])
-            high = max(high, ranges[row, column, 1])
-    return low, high

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.sensors.compiled import kernel, over_bands
-from carlaloc_env.sensors.event_kernels import BOTH, FIRST, NOWHERE, SECOND, sources
 from carlaloc_env.sensors.events import Motion
+from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, NOWHERE, SECOND, sources
 
 F32 = NDArray[np.float32]
 
