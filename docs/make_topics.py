@@ -13,6 +13,7 @@ from carlaloc_env.rig import Rig, SensorRig
 from carlaloc_env.samples import (
     CanState,
     DepthImage,
+    Events,
     GnssFix,
     Image,
     Imu,
@@ -73,6 +74,7 @@ _KINDS: tuple[tuple[str, type[Sample]], ...] = (
     ("rgb_", Image),
     ("depth_", DepthImage),
     ("semantic_", SemanticImage),
+    ("events_", Events),
 )
 _KIND_OF_SENSOR: dict[str, type[Sample]] = {
     "lidar": PointCloud,

@@ -57,7 +57,7 @@ class CameraConfig(SensorConfig):
     pinhole: Pinhole = field(default_factory=Pinhole)
     """Intrinsics."""
     lens: Lens = field(default_factory=Lens)
-    """Distortion."""
+    """Distortion; the default has none."""
     imager: ImagerConfig | None = None
     """Exposure control, noise and tone curve; None: the renderer's own picture, without noise."""
     shutter: ShutterConfig | None = None
