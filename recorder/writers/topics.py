@@ -122,7 +122,6 @@ STANDARD = TopicProfile(
         ),
         TopicRule(sample=FlowImage, stream="flow_*", topic="/camera/{}/flow", message="image_32fc2"),
         TopicRule(sample=NormalImage, stream="normal_*", topic="/camera/{}/normal", message="image_32fc3"),
-        TopicRule(sample=Events, stream="events_*", topic="/camera/{}/events", message="event_array"),
         TopicRule(sample=PointCloud, stream="*_semantic", topic="/{}/points", message="points_labelled"),
         TopicRule(sample=PointCloud, stream="*", topic="/{}/points", message="points", unless="{}_semantic"),
         TopicRule(sample=RadarScan, stream="radar_*", topic="/radar/{}/points", message="radar_points"),
@@ -140,18 +139,19 @@ STANDARD = TopicProfile(
         TopicRule(sample=ObjectList, stream="*", topic="/ground_truth/object_table", message="object_table"),
     ),
 )
-"""Every sensor, with transforms and clock."""
+"""Every sensor but the event cameras, with transforms and clock."""
 
 FULL = TopicProfile(
     name="full",
     rules=(
         *STANDARD.rules,
+        TopicRule(sample=Events, stream="events_*", topic="/camera/{}/events", message="event_array"),
         TopicRule(
             sample=SemanticImage, stream="semantic_*", topic="/camera/{}/instance", message="image_instances"
         ),
     ),
 )
-"""`STANDARD` and a picture of instance ids beside every semantic one, another 3.7 MB each."""
+"""`STANDARD`, events (up to 0.5 GB a second of driving) and pictures of instance ids, 3.7 MB each."""
 
 PAPER = TopicProfile(
     name="paper",

@@ -255,7 +255,7 @@ def test_stops_before_the_line_and_drives_off_on_green(town: dict[str, Array]) -
 def test_stops_at_the_end_of_an_open_route(town: dict[str, Array]) -> None:
     length = sum(piece[0] for piece in TOWN)
     assert abs(town["speed"][-1]) < 0.01
-    assert length - 8.0 < town["s"][-1] < length - 2.0
+    assert length - 3.0 < town["s"][-1] < length
 
 
 def test_one_foot_for_two_pedals(town: dict[str, Array]) -> None:
