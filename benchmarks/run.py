@@ -13,7 +13,8 @@ import platform
 import sys
 from pathlib import Path
 
-from rows import ROWS, Bench, Row
+from bench import Bench, Row
+from rows import ROWS
 
 from carlaloc_env.errors import CarlaLocError, unknown_name
 

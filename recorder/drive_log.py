@@ -58,20 +58,7 @@ class DriveLog:
     def on_tick(self, tick: int, state: EgoState, controls: Controls) -> None:
         """Record the ego."""
         self._touching, self._seen = self._seen, set()
-        self.writer.ego(
-            tick,
-            EgoRow(
-                position_m=state.position_m,
-                quat_xyzw=state.quat_xyzw,
-                velocity_world_mps=state.velocity_world_mps,
-                omega_body_radps=state.omega_body_radps,
-                controls=controls,
-                raw=self.raw,
-                road_wheel_rad=state.road_wheel_rad,
-                speed_mps=state.speed_mps,
-                wheel_spin_radps=state.wheel_spin_radps,
-            ),
-        )
+        self.writer.ego(tick, ego_row(state, controls, self.raw))
 
     def on_step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
         """Record the others and the lights."""

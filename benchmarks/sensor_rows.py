@@ -1,0 +1,95 @@
+"""Sensors: LiDAR and camera beside PyBullet's own, LiDAR beside bare Embree."""
+
+from __future__ import annotations
+
+import numpy as np
+from bench import ACTORS_IN_RANGE, Bench, Row, compared
+from embree_alone import embree_alone
+from scenario import RANGE_M, drive_among
+from timing import time_calls
+
+from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.presets import rig_by_name
+from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.lidar import LidarConfig
+
+CROWDED = 60
+
+
+def lidar(bench: Bench) -> Row:
+    """One revolution of the paper's LiDAR, both clouds with noise, against the bare rays in PyBullet."""
+    config = next(c for c in rig_by_name("paper").sensors if isinstance(c, LidarConfig))
+    T = bench.drive.timeline.ego_motion([bench.drive.stamps_ns[0]]).T_world_frame[0]
+    T = T @ config.mount.T_base_sensor
+    azimuth = -2 * np.pi * np.arange(config.columns) / config.columns
+    turn, lift = np.meshgrid(azimuth, np.radians(config.elevations_deg), indexing="ij")
+    rays = np.stack([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)], axis=-1)
+    directions = rays.reshape(-1, 3) @ T[:3, :3].T
+    naive = bench.naive_drive()
+    times = time_calls(
+        {
+            "ours": bench.sweep(bench.sensor(LidarConfig)),
+            "naive": lambda: naive.ranges_m(T[:3, 3], directions, config.range_max_m),
+        },
+        3 * bench.repeat,
+    )
+    return compared(
+        "lidar",
+        f"LiDAR scan of {len(directions)} rays, {ACTORS_IN_RANGE} moving actors in range",
+        times,
+        12.0,
+        f"actors within {bench.drive.farthest_m:.0f} of {RANGE_M:.0f} m; "
+        f"rayTestBatch over {naive.bodies} bodies",
+    )
+
+
+def lidar_rate(bench: Bench) -> Row:
+    """A whole scan, both clouds, against Embree alone casting the same rays at everything held still."""
+    steps = 5 if bench.quick else 100
+    drive = drive_among(bench.town, CROWDED, steps=steps, sweeps=1)
+    stamp, timeline = drive.stamps_ns[0], drive.timeline
+    sensor = bench.sensor(LidarConfig)
+    config = sensor.config
+    assert isinstance(config, LidarConfig)
+    columns = stamp + np.arange(config.columns) * config.sweep_ns // config.columns
+    T = timeline.ego_motion(columns).at_mount(config.mount.T_base_sensor).T_world_frame
+    azimuth = np.pi - 2 * np.pi * (np.arange(config.columns) + 0.5) / config.columns
+    turn, lift = np.meshgrid(azimuth, np.radians(config.elevations_deg), indexing="ij")
+    local = np.stack([np.cos(lift) * np.cos(turn), np.cos(lift) * np.sin(turn), np.sin(lift)], axis=-1)
+    directions = np.einsum("cij,cbj->cbi", T[:, :3, :3], local)
+    origins = np.broadcast_to(T[:, None, :3, 3], directions.shape)
+    rays = np.concatenate([origins, directions], axis=-1).reshape(-1, 6).astype(np.float32)
+    alone = embree_alone(bench.town.chunks, bench.stage.library, timeline, stamp, rays)
+    times = time_calls({"ours": lambda: sensor.measure(timeline, [stamp]), "embree": alone}, 6 * bench.repeat)
+    ours, embree = times["ours"], times["embree"]
+    return Row(
+        name="lidar_rate",
+        what=f"LiDAR scan of {len(rays)} rays, {CROWDED} actors; rate against bare Embree, still scene",
+        value=embree.least_s / ours.least_s,
+        unit="of Embree's rate",
+        target=0.5,
+        ours=ours,
+        note=f"actors within {drive.farthest_m:.0f} m; shortest times of {ours.calls} calls in turn",
+        detail={
+            "embree_ms": 1e3 * embree.least_s,
+            "ours_ms": 1e3 * ours.least_s,
+            "ratio_of_medians": embree.median_s / ours.median_s,
+            "ratio_of_cpu": embree.cpu_s / ours.cpu_s,
+        },
+    )
+
+
+def camera(bench: Bench) -> Row:
+    """Colour, depth and semantics of one camera."""
+    config = next(c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig))
+    T = bench.drive.timeline.ego_motion([bench.drive.stamps_ns[0]]).T_world_frame[0]
+    T = T @ config.mount.T_base_sensor
+    naive = bench.naive_drive()
+    what = f"camera {config.pinhole.width_px}×{config.pinhole.height_px}: RGB, depth, semantics"
+    try:
+        ours = bench.sweep(bench.sensor(CameraConfig))
+        ours()
+    except CarlaLocError as error:
+        return Row(name="camera", what=what, value=None, unit="× faster", target=3.0, note=str(error))
+    calls = {"ours": ours, "naive": lambda: naive.picture(config.pinhole, T)}
+    return compared("camera", what, time_calls(calls, bench.repeat), 3.0, "against TinyRenderer")
