@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.sensors.compiled import kernel
+from carlaloc_env.compiled import compiled
 from carlaloc_env.sensors.pixel_motion import TILE_PX, bilinear
 from carlaloc_env.sensors.pixel_ways import (
     BOTH,
@@ -43,7 +43,7 @@ SMOOTH_PX = np.float32(0.3)
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-@kernel
+@compiled
 def fire_rows(
     pictures: Any,
     fields: Any,
@@ -119,7 +119,7 @@ def fire_rows(
     return count
 
 
-@kernel
+@compiled
 def _tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x1: int, step_px: Any) -> int:
     """Samples of all pixels of a tile that moves smoothly; 0 where they must be looked at one by one."""
     forward, backward, passing = fields
@@ -138,7 +138,7 @@ def _tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x
     return steps
 
 
-@kernel
+@compiled
 def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
     """Whether the motion of all pixels of a tile lies on the plane through those of its corners."""
     down, along = _ONE / np.float32(max(y1 - y0, 1)), _ONE / np.float32(max(x1 - x0, 1))
@@ -154,7 +154,7 @@ def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
     return True
 
 
-@kernel
+@compiled
 def _tile_knots(fields: Any, y0: int, x0: int, y1: int, x1: int, steps: int, knots: Any, bounds: Any) -> bool:
     """Fill in where the corners of a tile come from at the ends of all chunks; False if one is hidden."""
     forward, backward, _ = fields
@@ -186,7 +186,7 @@ def _tile_knots(fields: Any, y0: int, x0: int, y1: int, x1: int, steps: int, kno
     return True
 
 
-@kernel
+@compiled
 def _tile_bounds(
     ranges_before: Any, ranges_after: Any, row: int, column: int, knots: Any, steps: int, bounds: Any
 ) -> Any:
@@ -217,7 +217,7 @@ def _tile_bounds(
     return lowest, highest
 
 
-@kernel
+@compiled
 def _fire_in_tile(
     pictures: Any,
     noise: Any,
@@ -288,7 +288,7 @@ def _fire_in_tile(
     return memory
 
 
-@kernel
+@compiled
 def _inside(corners: Any, where: Any) -> Any:
     """Places in both pictures between those of a tile's corners."""
     f, g = where
@@ -302,7 +302,7 @@ def _inside(corners: Any, where: Any) -> Any:
     )
 
 
-@kernel
+@compiled
 def _fire_alone(
     pictures: Any,
     fields: Any,
@@ -383,7 +383,7 @@ def _fire_alone(
     return memory
 
 
-@kernel
+@compiled
 def _cross(
     noise: Any,
     numbers: Any,
@@ -418,7 +418,7 @@ def _cross(
     return memory
 
 
-@kernel
+@compiled
 def _shots_until(noise: Any, numbers: Any, pixel: int, t: int, memory: Any, out_t: Any, out_code: Any) -> Any:
     """Noise events of a pixel up to a time [µs]."""
     shot_pixel, shot_t, shot_positive, _ = noise
@@ -435,7 +435,7 @@ def _shots_until(noise: Any, numbers: Any, pixel: int, t: int, memory: Any, out_
     return reference, last, shot, count
 
 
-@kernel
+@compiled
 def _steps(ahead: Any, back: Any, over: Any, step_px: Any) -> Any:
     """Number of samples of a pixel, and whether something nearer passes that neither picture shows there."""
     length = max(max(abs(ahead[0]), abs(ahead[1])), max(abs(back[0]), abs(back[1])))

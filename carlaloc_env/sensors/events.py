@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env import rng
+from carlaloc_env.compiled import compiled, over_bands
 from carlaloc_env.samples import EVENT
-from carlaloc_env.sensors.compiled import kernel, over_bands
 from carlaloc_env.sensors.event_kernels import NEVER_US, fire_rows, new_scratch
 from carlaloc_env.sensors.pixel_motion import TILE_PX, passing_surfaces
 from carlaloc_env.sensors.pixel_ways import tile_ranges
@@ -128,7 +128,7 @@ def log_intensity(radiance_cd_m2: F32, dark_cd_m2: float, *, blurred: bool) -> F
     return out
 
 
-@kernel
+@compiled
 def _luminance(rgb: Any, out: Any, first: int, end: int) -> None:
     r, g, b = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
     for y in range(first, end):
@@ -136,7 +136,7 @@ def _luminance(rgb: Any, out: Any, first: int, end: int) -> None:
             out[y, x] = r * rgb[y, x, 0] + g * rgb[y, x, 1] + b * rgb[y, x, 2]
 
 
-@kernel
+@compiled
 def _log_blurred(image: Any, dark: Any, side: Any, out: Any, first: int, end: int) -> None:
     height, width = image.shape
     middle = np.float32(1) - 2 * side
@@ -150,7 +150,7 @@ def _log_blurred(image: Any, dark: Any, side: Any, out: Any, first: int, end: in
             out[y, x] = log_of(side * (a + c) + middle * b + dark)
 
 
-@kernel
+@compiled
 def log_of(value: Any) -> Any:
     """Natural logarithm by + − × ÷ alone, the same bits on every CPU; error below 1e-7.
 
@@ -238,7 +238,7 @@ def _by_tiles(
     return order, first.astype(np.int64)
 
 
-@kernel
+@compiled
 def _sort_by_time(t_us: Any, code: Any, width: int, start_ns: int, place: Any, events: Any) -> None:
     """Counting sort that keeps the order of events of the same time; `place` holds zeros."""
     for k in range(len(t_us)):

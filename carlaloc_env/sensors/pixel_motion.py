@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.assets.placing import ground_poses
+from carlaloc_env.compiled import compiled, over_bands
 from carlaloc_env.lens import MODELS, Lens
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.scene import EGO_INSTANCE
 from carlaloc_env.semantics import Tag
-from carlaloc_env.sensors.compiled import kernel, over_bands
 from carlaloc_env.timeline import Timeline
 
 Array = NDArray[np.float64]
@@ -120,7 +120,7 @@ def _times(a: Array, b: Array) -> Array:
     return result
 
 
-@kernel
+@compiled
 def _fill_field(
     depth: Any,
     instance: Any,
@@ -169,7 +169,7 @@ def _fill_field(
             field[y, x, 3] = z if z > 0.0 else SKY_M
 
 
-@kernel
+@compiled
 def _distorted(model: int, lens: Any, x: Any, y: Any) -> Any:
     """The same as `Lens.distort`."""
     a, b, c, d = lens[4], lens[5], lens[6], lens[7]
@@ -200,7 +200,7 @@ def passing_surfaces(field: F32) -> F32:
     return found
 
 
-@kernel
+@compiled
 def _fill_passing(field: Any, found: Any, best: Any) -> None:
     rows, columns = best.shape
     for row in range(rows):
@@ -230,7 +230,7 @@ def _fill_passing(field: Any, found: Any, best: Any) -> None:
                             found[q, p, 3] = depth
 
 
-@kernel
+@compiled
 def motion_at(field: Any, x: Any, y: Any) -> Any:
     """Motion at a place between pixels; across an edge that of the nearest pixel. (du, dv, ratio, depth)."""
     one, half = np.float32(1), np.float32(0.5)
@@ -253,7 +253,7 @@ def motion_at(field: Any, x: Any, y: Any) -> Any:
     return du, dv, ratio, w00 * z00 + w01 * z01 + w10 * z10 + w11 * z11
 
 
-@kernel
+@compiled
 def source_of(field: Any, u: Any, v: Any, s: Any, x: Any, y: Any) -> Any:
     """Where the point seen at (u, v) at time s is in the picture that `field` belongs to.
 
@@ -277,7 +277,7 @@ def source_of(field: Any, u: Any, v: Any, s: Any, x: Any, y: Any) -> Any:
     return x, y, depth * scale, miss
 
 
-@kernel
+@compiled
 def bilinear(image: Any, x: Any, y: Any) -> Any:
     """Value of a picture (H, W) between pixels."""
     # Unsigned numbers spare the check for an index counted from the end.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.sensors.compiled import kernel, over_bands
+from carlaloc_env.compiled import compiled, over_bands
 from carlaloc_env.sensors.pixel_motion import TILE_PX, bilinear, motion_at, source_of
 
 F32 = NDArray[np.float32]
@@ -21,7 +21,7 @@ BOTH, FIRST, SECOND, NOWHERE = 0, 1, 2, 3
 _ONE = np.float32(1)
 
 
-@kernel
+@compiled
 def sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: Any, bx: Any, by: Any) -> Any:
     """Where a pixel at time s came from in both pictures, from guesses, and which of them shows it.
 
@@ -47,14 +47,14 @@ def sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: An
     return ax, ay, bx, by, kind
 
 
-@kernel
+@compiled
 def is_within(field: Any, x: Any, y: Any) -> bool:
     """Whether a place lies in the picture."""
     inside: bool = x >= 0 and y >= 0 and x <= field.shape[1] - 1 and y <= field.shape[0] - 1
     return inside
 
 
-@kernel
+@compiled
 def mixed(before: Any, after: Any, kind: Any, s: Any, ax: Any, ay: Any, bx: Any, by: Any, held: Any) -> Any:
     """Log intensity at time s from places in both pictures; `held` where neither shows it."""
     if kind == BOTH:
@@ -66,7 +66,7 @@ def mixed(before: Any, after: Any, kind: Any, s: Any, ax: Any, ay: Any, bx: Any,
     return held
 
 
-@kernel
+@compiled
 def hidden_by(
     before: Any,
     forward: Any,
@@ -105,7 +105,7 @@ def tile_ranges(image: F32) -> F32:
     return ranges
 
 
-@kernel
+@compiled
 def _fill_ranges(image: Any, ranges: Any, first: int, end: int) -> None:
     height, width = image.shape
     for row in range(first, end):
@@ -117,7 +117,7 @@ def _fill_ranges(image: Any, ranges: Any, first: int, end: int) -> None:
             ranges[row, column, 0], ranges[row, column, 1] = low, high
 
 
-@kernel
+@compiled
 def range_along(ranges: Any, x0: Any, y0: Any, x1: Any, y1: Any, low: Any, high: Any) -> Any:
     """Range widened to all values that a straight way between two places can meet."""
     left, right = int(min(x0, x1)) // TILE_PX, int(max(x0, x1)) // TILE_PX

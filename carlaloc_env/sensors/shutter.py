@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.compiled import compiled, over_bands
 from carlaloc_env.errors import ConfigError
-from carlaloc_env.sensors.compiled import kernel, over_bands
 from carlaloc_env.sensors.events import Motion
 from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, NOWHERE, SECOND, sources
 
@@ -78,7 +78,7 @@ def picked(
     return out
 
 
-@kernel
+@compiled
 def _expose(
     before: Any, after: Any, forward: Any, backward: Any, rows: Any, out: Any, first: int, end: int
 ) -> None:
@@ -121,7 +121,7 @@ def _expose(
                     out[y, x, channel] += share * value
 
 
-@kernel
+@compiled
 def _pick(
     before: Any, after: Any, forward: Any, backward: Any, rows: Any, out: Any, first: int, end: int
 ) -> None:
@@ -150,7 +150,7 @@ def _pick(
                 out[y, x] = after[int(by + half), int(bx + half)]
 
 
-@kernel
+@compiled
 def _between(image: Any, x: Any, y: Any, channel: int) -> Any:
     """Value of one channel of a picture (H, W, C) between pixels."""
     i = min(np.uint32(x), np.uint32(image.shape[1] - 2))

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.compiled import compiled
 from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.traffic.compiled import compiled
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from carlaloc_env.assets.catalog import EGO_SIZE_M
+from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns
-from carlaloc_env.traffic.compiled import compiled
 from carlaloc_env.traffic.presence import Presence, add_body
 from carlaloc_env.traffic.roads import Roads
 from carlaloc_env.traffic.state import HELD, Fleet

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.clock import STEP_NS
+from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.car_following import idm_plus
-from carlaloc_env.traffic.compiled import compiled
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.leaders import find_beside
 from carlaloc_env.traffic.plans import change_goal, find_way, plan_ahead

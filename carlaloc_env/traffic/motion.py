@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.clock import STEP_NS
+from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2, idm_plus
-from carlaloc_env.traffic.compiled import compiled
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.leaders import find_ahead, find_beside, find_leader
 from carlaloc_env.traffic.plans import plan_ahead, reach_goal

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2
 from carlaloc_env.traffic.columns import Array, Index, columns
-from carlaloc_env.traffic.compiled import compiled
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.junctions import MERGING, PARTING
 from carlaloc_env.traffic.leaders import first_on

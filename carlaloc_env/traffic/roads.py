@@ -6,10 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from carlaloc_env.compiled import compiled
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.car_following import allowed_speeds
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns, fill, starts
-from carlaloc_env.traffic.compiled import compiled
 from carlaloc_env.traffic.crossings import Crossings, find_crossings
 from carlaloc_env.traffic.junctions import Zones, find_rules, find_zones
 from carlaloc_env.traffic.ways import Ways, find_ways

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.traffic.compiled import compiled
+from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.courtesy import mind_walkers
 from carlaloc_env.traffic.ego_view import Cells, place_ego
 from carlaloc_env.traffic.lane_changes import move_aside, think_of_changes

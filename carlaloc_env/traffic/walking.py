@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.clock import STEP_NS
+from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.columns import Array, Flags, Index
-from carlaloc_env.traffic.compiled import compiled
 from carlaloc_env.traffic.crossings import TAKEN, WANTED
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.footways import CROSSWALK, PAVEMENT, Ground

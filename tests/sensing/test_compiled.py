@@ -1,0 +1,46 @@
+"""Machine code that numba keeps: it must change when any source that went into it does."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from carlaloc_env import compiled
+
+_CALLER = """
+from carlaloc_env.compiled import compiled
+from kept.callee import shift
+
+@compiled
+def moved(x):
+    return x + shift()
+
+print(moved(1.0), sum(moved.stats.cache_hits.values()))
+"""
+_CALLEE = "from carlaloc_env.compiled import compiled\n\n@compiled\ndef shift():\n    return {}\n"
+
+
+def _run(folder: Path) -> tuple[float, int]:
+    done = subprocess.run(
+        [sys.executable, "-c", "import kept.caller"], cwd=folder, capture_output=True, text=True, check=True
+    )
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+def test_machine_code_is_kept_until_a_neighbouring_source_changes(tmp_path: Path) -> None:
+    """A second process compiles nothing; after an edit of the function that is called, it does."""
+    package = tmp_path / "kept"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "caller.py").write_text(_CALLER)
+    (package / "callee.py").write_text(_CALLEE.format(2.0))
+    assert _run(tmp_path) == (3.0, 0)
+    assert _run(tmp_path) == (3.0, 1)
+    (package / "callee.py").write_text(_CALLEE.format(5.0))
+    assert _run(tmp_path) == (6.0, 0)
+
+
+def test_bands_cover_every_row_once_and_in_order() -> None:
+    for rows in (0, 1, compiled.BAND_ROWS, 5 * compiled.BAND_ROWS + 7):
+        bands = compiled.over_bands(lambda first, end: list(range(first, end)), rows)
+        assert [row for band in bands for row in band] == list(range(rows))
