@@ -97,7 +97,7 @@ class Builder:
         if node.control == "bulb":
             self.roads.append(self._bulb(node, part, legs[0]))
             return
-        roads, found = build_junction(part, legs, self.numbers, node.z, no_left=node.no_left)
+        roads, found = build_junction(part, legs, self.numbers, node.plane, no_left=node.no_left)
         self.roads += roads + self._u_turns(node, part, legs)
         self._furnish(node, part, legs, found)
 
@@ -116,7 +116,7 @@ class Builder:
         inner = leg.incoming[0]
         width = sum(b.width_m for b in (inner, *leg.incoming_outer) if b.lane.kind != "sidewalk")
         path = turning_bulb(leg.pose.ahead(0.0, -inner.right_m), node.bulb_m - width, 16.0, 4.0)
-        road = connect(part, leg, leg, [(0, 0)], self.numbers, node.z, outer=True, path=path)
+        road = connect(part, leg, leg, [(0, 0)], self.numbers, node.plane, outer=True, path=path)
         road.name = f"{node.name} bulb"
         return road
 
@@ -128,7 +128,7 @@ class Builder:
                 raise PlanError(f"node '{node.name}': U-turns need a pocket at the end of road '{name}'")
             aside = leg.incoming[0].right_m + leg.outgoing[0].right_m
             path = u_turn(leg.pose.ahead(0.0, -leg.incoming[0].right_m), aside)
-            roads.append(connect(part, leg, leg, [(0, 0)], self.numbers, node.z, outer=False, path=path))
+            roads.append(connect(part, leg, leg, [(0, 0)], self.numbers, node.plane, outer=False, path=path))
             roads[-1].name = f"{part.name} U-turn of {name}"
         return roads
 

@@ -22,6 +22,7 @@ from .junctions import connect
 from .newton import PlanError
 from .parts import JunctionPart, Leg, RoadPart
 from .paths import backwards, curvature, cut, shifted
+from .planes import Plane
 from .sections import CrossSection, Mark
 
 NOSE_GAP_M = 0.1
@@ -202,7 +203,7 @@ def build_gore(
         numbers: Counter of identifiers.
     """
     roads = []
-    z = round(ramp.height()[0], 9)
+    plane = Plane(ramp.pose.x, ramp.pose.y, round(ramp.height()[0], 9))
     for side, line in zip("RL", lines, strict=True):
         if line is None:
             continue
@@ -210,7 +211,7 @@ def build_gore(
         own = side == gore.side
         count = min(len(source.incoming), len(target.outgoing))
         pairs = [(i, i) for i in range(count)]
-        road = connect(part, source, target, pairs, numbers, z, outer=not own, path=line, inner=True)
+        road = connect(part, source, target, pairs, numbers, plane, outer=not own, path=line, inner=True)
         road.name, road.kind = f"{part.name} through", source.road.kind
         _paint(road, source)
         roads.append(road)
@@ -218,7 +219,7 @@ def build_gore(
             _wedge(road, source if gore.merges else target, gore, -1)
             ends = (ramp, target) if gore.merges else (source, ramp)
             pairs = [(0, count)] if gore.merges else [(count, 0)]
-            road = connect(part, *ends, pairs, numbers, z, outer=True, path=inside)
+            road = connect(part, *ends, pairs, numbers, plane, outer=True, path=inside)
             road.name, road.kind = f"{part.name} ramp", ramp.road.kind
             _paint(road, ramp)
             roads.append(road)

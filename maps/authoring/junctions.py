@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 from .curves import Path, curve_between, wrap
 from .idents import Numbers
+from .newton import PlanError
 from .parts import Border, ConnectionPart, JunctionPart, Leg, Link, RoadPart
+from .planes import Plane, in_plane
 from .profiles import Record, hermite, level
 from .sections import NONE, LanePlan, Mark, SectionPlan, blend, border_mark
 
@@ -79,7 +81,7 @@ def build_junction(
     part: JunctionPart,
     legs: Sequence[Leg],
     numbers: Numbers,
-    z: float,
+    plane: Plane,
     *,
     pavement: bool = True,
     no_left: Sequence[str] = (),
@@ -95,7 +97,7 @@ def build_junction(
         source, target = legs[movement.source], legs[movement.target]
         angles = {j: turn_angle(source, other) for j, other in enumerate(legs) if j != movement.source}
         outermost = min(angles, key=lambda j: angles[j]) == movement.target
-        road = connect(part, source, target, movement.lanes, numbers, z, outer=outermost and pavement)
+        road = connect(part, source, target, movement.lanes, numbers, plane, outer=outermost and pavement)
         road.name = f"{part.name} {movement.turn} from {source.road.name}"
         roads.append(road)
     return roads, found
@@ -107,7 +109,7 @@ def connect(
     target: Leg,
     pairs: Sequence[tuple[int, int]],
     numbers: Numbers,
-    z: float,
+    plane: Plane,
     *,
     outer: bool,
     path: Path | None = None,
@@ -121,7 +123,7 @@ def connect(
         target: Leg that it goes to.
         pairs: Indices into the source's incoming and the target's outgoing lanes, from the left.
         numbers: Counter of identifiers.
-        z: Height of a level junction [m].
+        plane: Plane of the junction.
         outer: Whether gutter, shoulder and sidewalk go along on the right.
         path: The reference line; None: the curve between both legs.
         inner: Whether median or inner shoulder go along on the left.
@@ -129,8 +131,8 @@ def connect(
     ins = [source.incoming[a] for a, _ in pairs]
     outs = [target.outgoing[b] for _, b in pairs]
     if path is None:
-        start = source.pose.ahead(0.0, -ins[0].right_m)
-        path = curve_between(start, target.out_axis.ahead(0.0, -outs[0].right_m))
+        start = source.border(source.pose, ins[0].right_m)
+        path = curve_between(start, target.border(target.out_axis, outs[0].right_m))
     path = path.settled()
     lanes = [_lane(a, b, path.length) for a, b in zip(ins, outs, strict=True)]
     complete = pairs[-1][0] == len(source.incoming) - 1 and pairs[-1][1] == len(target.outgoing) - 1
@@ -144,11 +146,13 @@ def connect(
     for lane in left:
         lane.marks = [Mark(0.0, "none", "standard", 0.0)]
     section = SectionPlan(0.0, path.length, NONE, left, lanes, Mark(0.0, "none", "standard", 0.0))
+    elevation, tilt = _profiles(source, target, path, plane)
     road = RoadPart(
         id=numbers.connecting_road(part.id),
         name=part.name,
         path=path,
-        elevation=_elevation(source, target, path.length, z),
+        elevation=elevation,
+        tilt=tilt,
         sections=[section],
         speed_kmh=min(source.road.speed_kmh, target.road.speed_kmh),
         junction=part.id,
@@ -160,12 +164,21 @@ def connect(
     return road
 
 
-def _elevation(source: Leg, target: Leg, length: float, z: float) -> list[Record]:
-    """Level where both legs are, a cubic that keeps their heights and grades elsewhere."""
+def _profiles(source: Leg, target: Leg, path: Path, plane: Plane) -> tuple[list[Record], list[Record]]:
+    """Elevation and superelevation: in the junction's plane where it slopes, level where both legs are.
+
+    Elsewhere, as at the ends of ramps, a cubic keeps the heights and grades of both legs.
+    """
+    if not plane.is_level:
+        for leg in (source, target):
+            gaps = [a - b for a, b in zip(leg.height(), plane.height(leg.pose), strict=True)]
+            if max(map(abs, [*gaps, leg.tilt() - plane.tilt(leg.pose)])) > 1e-8:
+                raise PlanError(f"road '{leg.road.name}' does not end in the plane of its sloping junction")
+        return in_plane(plane, path)
     (z0, grade0), (z1, grade1) = source.height(), target.height()
     if max(abs(grade0), abs(grade1), abs(z0 - z1)) < 1e-9:
-        return level(z)
-    return hermite(z0, grade0, z1, -grade1, length)
+        return level(plane.z), []
+    return hermite(z0, grade0, z1, -grade1, path.length), []
 
 
 def _lane(source: Border, target: Border, length: float) -> LanePlan:

@@ -12,6 +12,7 @@ from .gores import Gore, OnRay, RampEnd, ramp_end
 from .junctions import setbacks
 from .newton import PlanError
 from .paths import meeting
+from .planes import leaning
 from .profiles import (
     Climb,
     Dip,
@@ -49,6 +50,8 @@ class Laid:
     """Station of the axis at which the path begins [m]."""
     elevation: list[Record] = field(default_factory=list)
     """Along the path."""
+    tilt: list[Record] = field(default_factory=list)
+    """Superelevation along the path [rad]; empty: level across."""
     bottom_m: float = 0.0
     """Lowest point of a `Dip` along the path [m]."""
     ends: dict[str, RampEnd] = field(default_factory=dict)
@@ -84,6 +87,7 @@ def lay_out(plan: TownPlan) -> list[Laid]:
         found = Laid(road, axes[road.name], path, first, ends=ends[road.name])
         levels = [_level(name, laid, gores) for name in (road.a, road.b)]
         found.elevation, found.bottom_m = _elevation(plan, found, levels[0], levels[1])
+        found.tilt = _tilt(plan, found)
         laid[road.name] = found
     return [laid[road.name] for road in plan.roads]
 
@@ -224,8 +228,8 @@ def _elevation(
     if road.closed:
         return level(0.0), 0.0
     a, b = plan.nodes.get(road.a), plan.nodes.get(road.b)
-    z0, grade0 = first if first is not None else a.ground(path.start)  # type: ignore[union-attr]
-    z1, grade1 = last if last is not None else b.ground(path.end)  # type: ignore[union-attr]
+    z0, grade0 = first if first is not None else a.plane.height(path.start)  # type: ignore[union-attr]
+    z1, grade1 = last if last is not None else b.plane.height(path.end)  # type: ignore[union-attr]
     if first is not None or last is not None:
         k_m = (road.speed_kmh / 3.6) ** 2 / (100 * VERTICAL_ACCELERATION_MPS2)
         return ramp(z0, grade0, z1, grade1, length, k_m), 0.0
@@ -236,9 +240,19 @@ def _elevation(
         return dip(a.z, b.z, length, road.climb, bottom), bottom
     if isinstance(road.climb, Climb):
         return climb(a.z, b.z, length, road.climb), 0.0
-    if any(a.grade) or any(b.grade):
+    if not (a.plane.is_level and b.plane.is_level):
         return hermite(z0, grade0, z1, grade1, length), 0.0
     return (level(a.z) if a.z == b.z else smooth(a.z, b.z, length)), 0.0
+
+
+def _tilt(plan: TownPlan, laid: Laid) -> list[Record]:
+    """Superelevation that lays both ends of a road into the planes of their nodes."""
+    road, path = laid.road, laid.path
+    ends = [(plan.nodes.get(road.a), path.start), (plan.nodes.get(road.b), path.end)]
+    tilts = [0.0 if node is None else node.plane.tilt(pose) for node, pose in ends]
+    if any(tilts) and road.climb is not None:
+        raise PlanError(f"road '{road.name}' has a climb, but ends at a node with a grade")
+    return leaning(tilts[0], tilts[1], path.length)
 
 
 def along(path: Path, x: float, y: float) -> float:

@@ -86,6 +86,8 @@ class RoadPart:
     elevation: list[Record]
     sections: list[SectionPlan]
     speed_kmh: float
+    tilt: list[Record] = field(default_factory=list)
+    """Superelevation [rad]; empty: level across."""
     street: str = ""
     """Name of the plan's road that this is a part of."""
     kind: str = "town"
@@ -178,6 +180,16 @@ class Leg:
         """Height of the leg's end [m], and its grade in the direction of incoming traffic."""
         z, grade = height_at(self.road.elevation, self.s(0.0))
         return round(z, 9), round(self.sign * grade, 11)
+
+    def tilt(self) -> float:
+        """Superelevation at the leg's end [rad], the left side of incoming traffic up positive."""
+        if not self.road.tilt:
+            return 0.0
+        return round(self.sign * height_at(self.road.tilt, self.s(0.0))[0], 11)
+
+    def border(self, pose: Pose, right_m: float) -> Pose:
+        """Point beside the axis by a distance across the road, which a tilted road shortens in the plan."""
+        return pose.ahead(0.0, -right_m * math.cos(self.tilt()))
 
     def s(self, back_m: float) -> float:
         """Station of the point `back_m` before the end of the leg."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
-from .curves import Path, Pose
+from .curves import Path
 from .extra_lanes import ExtraLane
 from .gores import Gore, OnRay
+from .planes import Plane
 from .profiles import Climb, Dip, Profile
 from .roundabouts import RoundaboutShape
 from .sections import CrossSection
@@ -40,13 +40,13 @@ class Node:
     u_turns: tuple[str, ...] = ()
     """Roads whose left-turn pocket leads back beside the median (crossovers of a `Michigan left`)."""
     grade: tuple[float, float] = (0.0, 0.0)
-    """Slope of the land towards east and north, which roads without a `climb` follow through the node."""
+    """Slope of the land towards east and north: the roads at the node, none of which has a `climb`, lean
+    into its plane."""
 
-    def ground(self, pose: Pose) -> tuple[float, float]:
-        """Height of the node's plane at a point [m], and its grade along the heading there."""
-        east, north = self.grade
-        z = self.z + east * (pose.x - self.x) + north * (pose.y - self.y)
-        return round(z, 9), round(east * math.cos(pose.h) + north * math.sin(pose.h), 11)
+    @property
+    def plane(self) -> Plane:
+        """The plane of the land through the node, in which the whole junction lies."""
+        return Plane(self.x, self.y, self.z, *self.grade)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -29,7 +29,7 @@ def road_parts(laid: Laid, numbers: Numbers) -> list[RoadPart]:
         raise PlanError(f"road '{road.name}' has both gores and extra lanes; split it at a node")
     parts = []
     for k, (before, after, first, last) in enumerate(_spans(laid)):
-        path, elevation = _piece(laid, first, last)
+        path, elevation, tilt = _piece(laid, first, last)
         ends = (
             "plain" if before is not None else road.ends[0],
             "plain" if after is not None else road.ends[1],
@@ -39,7 +39,7 @@ def road_parts(laid: Laid, numbers: Numbers) -> list[RoadPart]:
         sections = add_extra_lanes(sections, road.cross, path.length, extra)
         name = f"{road.name} {k + 1}"
         part = RoadPart(numbers.next(ROAD), name, path, elevation, sections, road.speed_kmh)
-        part.street, part.kind = road.name, road.kind
+        part.street, part.kind, part.tilt = road.name, road.kind, tilt
         parts.append(part)
     _place_bridges(laid, parts, numbers)
     return parts
@@ -51,7 +51,7 @@ def _whole(laid: Laid, numbers: Numbers) -> RoadPart:
     sections = add_extra_lanes(sections, road.cross, path.length, road.extra)
     number = numbers.next(ROAD)
     part = RoadPart(number, road.name, path, laid.elevation, sections, road.speed_kmh)
-    part.street, part.kind = road.name, road.kind
+    part.street, part.kind, part.tilt = road.name, road.kind, laid.tilt
     if road.tunnel is not None:
         name, length = road.tunnel
         part.tunnels.append(TunnelPart(numbers.next(OBJECT), name, laid.bottom_m - length / 2, length))
@@ -81,12 +81,13 @@ def _spans(laid: Laid) -> list[tuple[Gore | None, Gore | None, float, float]]:
     return found
 
 
-def _piece(laid: Laid, first: float, last: float) -> tuple[Path, list[Record]]:
+def _piece(laid: Laid, first: float, last: float) -> tuple[Path, list[Record], list[Record]]:
     closed, length = laid.road.closed, laid.path.length
     if first < 0.0:
         first, last = first + length, last + length
     path = cut(laid.path, first, last, closed=closed).settled()
-    return path, cut_profile(laid.elevation, first, last, length)
+    tilt = cut_profile(laid.tilt, first, last, length)
+    return path, cut_profile(laid.elevation, first, last, length), tilt
 
 
 def _place_bridges(laid: Laid, parts: list[RoadPart], numbers: Numbers) -> None:

@@ -10,6 +10,7 @@ from .curves import Path, Piece, Pose, mirrored, ring_entry, wrap
 from .idents import JUNCTION, ROAD, Numbers
 from .junctions import connect
 from .parts import JunctionPart, Leg, Link, RoadPart, leg_of
+from .planes import Plane
 from .profiles import level
 from .sections import NONE, SIDEWALK_HEIGHT_M, LanePlan, Mark, SectionPlan, border_mark, constant
 
@@ -135,9 +136,9 @@ def _arm(
     inward = [(i, shape.lanes - count + i) for i in range(count)]
     outward = [(b, a) for a, b in inward]
     roads = [
-        connect(part, ring_in, ring_out, through, numbers, z, outer=False, path=around),
-        connect(part, leg, ring_out, inward, numbers, z, outer=True, path=entry),
-        connect(part, ring_in, leg, outward, numbers, z, outer=True, path=exit_path),
+        connect(part, ring_in, ring_out, through, numbers, Plane(*centre, z), outer=False, path=around),
+        connect(part, leg, ring_out, inward, numbers, Plane(*centre, z), outer=True, path=entry),
+        connect(part, ring_in, leg, outward, numbers, Plane(*centre, z), outer=True, path=exit_path),
     ]
     for road, what in zip(roads, ("ring", "entry", "exit"), strict=True):
         road.name = f"{part.name} {what}"

@@ -120,6 +120,11 @@ def _road(xml: XmlText, road: RoadPart) -> None:
     for at, *abcd in road.elevation:
         xml.leaf("elevation", s=at, **_cubic(abcd))
     xml.close("elevationProfile")
+    if road.tilt:
+        xml.open("lateralProfile")
+        for at, *abcd in road.tilt:
+            xml.leaf("superelevation", s=at, **_cubic(abcd))
+        xml.close("lateralProfile")
     _lanes(xml, road.sections)
     if road.objects or road.tunnels or road.bridges:
         xml.open("objects")

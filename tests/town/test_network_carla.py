@@ -29,13 +29,25 @@ def pair(request: pytest.FixtureRequest) -> tuple[LaneNetwork, Any]:
 
 def carla_heading(network: LaneNetwork, rows: NDArray[np.void]) -> NDArray[np.float64]:
     """CARLA's heading of a lane: it adds the slope of t over s to the road's heading as if an angle."""
-    road = np.array([network.road_index[label] for label in rows["road_id"]])
-    edges = network.surface.edges
-    keys = zip(road, rows["section"], rows["lane_id"], strict=True)
-    lane = np.array([edges.index[int(r), int(k), int(i)] for r, k, i in keys])
+    lane, edges = lane_numbers(network, rows), network.surface.edges
     slope = edges.centre(lane, rows["s"]).slope
     turned = np.where(network.forward[lane], 0.0, np.pi)
-    return network.surface.heading(road, rows["s"]) + slope + turned
+    return network.surface.heading(edges.road[lane], rows["s"]) + slope + turned
+
+
+def lane_numbers(network: LaneNetwork, rows: NDArray[np.void]) -> NDArray[np.int64]:
+    road = np.array([network.road_index[label] for label in rows["road_id"]])
+    keys = zip(road, rows["section"], rows["lane_id"], strict=True)
+    return np.array([network.surface.edges.index[int(r), int(k), int(i)] for r, k, i in keys])
+
+
+def lean_m(network: LaneNetwork, lane: NDArray[np.int64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Height of lane centres above the reference line where a road leans: CARLA knows no superelevation."""
+    surface = network.surface
+    rise: NDArray[np.float64] = surface.edges.centre(lane, s).t_m * np.sin(
+        surface.tilt_rad(surface.edges.road[lane], s)
+    )
+    return rise
 
 
 def by_place(labels: list[tuple[int, int, float]]) -> list[int]:
@@ -43,7 +55,7 @@ def by_place(labels: list[tuple[int, int, float]]) -> list[int]:
 
 
 def test_waypoints_agree(pair: tuple[LaneNetwork, Any]) -> None:
-    """Same waypoints; 99.9 % of them within 1 cm and 0.1° of CARLA's own heading formula."""
+    """Same waypoints; 99.9 % of them within 1 cm and 0.1° of CARLA's own height and heading formulas."""
     network, map_ = pair
     ours, theirs = network.waypoints(STEP_M), map_.generate_waypoints(STEP_M)
     assert len(ours) == len(theirs)
@@ -56,6 +68,7 @@ def test_waypoints_agree(pair: tuple[LaneNetwork, Any]) -> None:
     points = np.array([(p.location.x, -p.location.y, p.location.z) for p in t])
     yaw = -np.radians([p.rotation.yaw for p in t])
     rows = ours[a]
+    points[:, 2] += lean_m(network, lane_numbers(network, rows), rows["s"])
     away = np.sqrt(sum((rows[k] - points[:, n]) ** 2 for n, k in enumerate("xyz")))
     turn = np.degrees(np.abs(wrap_angle(carla_heading(network, rows) - yaw)))
     assert np.mean(away < 0.01) >= 0.999
@@ -107,6 +120,7 @@ def test_table_poses_lie_on_carlas_lanes(pair: tuple[LaneNetwork, Any]) -> None:
     station = rng.uniform(0.5, 1.0, 200) * (network.tables.length_m[lane] - 0.5)
     poses = network.pose(lane, station)
     s = network.s_m(lane, station)
+    lean = lean_m(network, lane, s)
     for k, n in enumerate(lane):
         record = network.lanes[n]
         w = map_.get_waypoint_xodr(int(record.road_id), record.lane_id, float(s[k]))
@@ -114,7 +128,7 @@ def test_table_poses_lie_on_carlas_lanes(pair: tuple[LaneNetwork, Any]) -> None:
         across = np.array([-np.sin(poses.heading_rad[k]), np.cos(poses.heading_rad[k])])
         delta = poses.position_m[k, :2] - np.array([w.transform.location.x, -w.transform.location.y])
         assert abs(float(np.sum(across * delta))) < 0.01
-        assert abs(poses.position_m[k, 2] - w.transform.location.z) < 0.01
+        assert abs(poses.position_m[k, 2] - lean[k] - w.transform.location.z) < 0.01
 
 
 def test_widths_agree(pair: tuple[LaneNetwork, Any]) -> None:
