@@ -33,4 +33,4 @@ soak: $(READY)
 	$(BIN)/python -m pytest -m soak
 
 clean:
-	rm -rf .venv .qc out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .qc .foxglove out build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

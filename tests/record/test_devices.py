@@ -231,6 +231,7 @@ def test_no_display_is_needed() -> None:
 
 
 @pytest.mark.soak
+@pytest.mark.timeout(1500)
 def test_plugging_for_twenty_minutes(
     inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
 ) -> None:

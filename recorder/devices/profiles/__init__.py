@@ -1,0 +1,1 @@
+"""Profiles of common wheels and gamepads, one YAML file each."""
