@@ -9,7 +9,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +26,7 @@ from carlaloc_env.semantics import TAG_TABLES, tags_in
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.lidar_air import GROUND_TAGS, air_at
 from carlaloc_env.sensors.lidar_beam import sub_rays, weigh
+from carlaloc_env.sensors.lidar_kernels import aim, points_of, strengths
 from carlaloc_env.sensors.lidar_spray import spray_ranges
 from carlaloc_env.sensors.lidar_weather import BEAM_MRAD, SolidEchoes, strongest_echoes
 from carlaloc_env.sensors.noise import white
@@ -169,21 +172,23 @@ class LidarSensor(Sensor):
         firing = np.array(config.firing_ns or [0] * len(config.elevations_deg), dtype=np.int64)
         order = np.argsort(firing, kind="stable")
         self._firing_ns = firing[order]
-        self._offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1)
+        self._offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1).astype(np.uint32)
+        self._later_s = np.tile(1e-9 * self._firing_ns, config.columns)
         if config.sectors:
             held = np.arange(config.columns) * config.sectors // config.columns
             self._column_ns = held * config.sweep_ns // config.sectors
-            self._offset_ns = np.repeat(self._column_ns, len(firing))
+            self._offset_ns = np.repeat(self._column_ns, len(firing)).astype(np.uint32)
+            self._later_s[:] = 0.0
         self.depends_on_weather = config.weather
         self._ring = np.tile(order.astype(np.uint16), config.columns)
-        self._directions = self._make_directions(order)
-        self._rays = self._directions.reshape(3, -1).T
+        self._column = np.repeat(np.arange(config.columns), len(firing))
+        self._rays = self._make_directions(order)
+        self._rays_base = geometry.apply(geometry.from_rotation(self._T_base_lidar[:3, :3]), self._rays)
         self._reflectance = materials.table("reflectance")
         self._retro = materials.table("retro")
-        self._own_body: Hits | None = None
 
     def _make_directions(self, order: NDArray[np.intp]) -> Array:
-        """Unit directions of all rays in the sensor frame, shape (3, columns, beams)."""
+        """Unit directions of all rays in the sensor frame, shape (rays, 3)."""
         config = self.config
         elevation = np.radians(np.array(config.elevations_deg)[order] + config.elevation_offset_deg)
         turned = (
@@ -191,13 +196,9 @@ class LidarSensor(Sensor):
         ) / config.columns + self._firing_ns / config.sweep_ns
         azimuth = math.pi - 2 * math.pi * turned
         flat = np.cos(elevation)
-        return np.stack(
-            [
-                flat * np.cos(azimuth),
-                flat * np.sin(azimuth),
-                np.broadcast_to(np.sin(elevation), azimuth.shape),
-            ]
-        )
+        up = np.broadcast_to(np.sin(elevation), azimuth.shape)
+        along: Array = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up], axis=-1)
+        return along.reshape(-1, 3)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Padded rows: x, y, z [m], intensity; semantic: x, y, z [m], cos incidence, instance, tag."""
@@ -230,33 +231,47 @@ class LidarSensor(Sensor):
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
     ) -> list[list[Sample]]:
         """The clouds of one sweep under several weathers; rays are cast once."""
-        rays, hits = self._cast(timeline, stamp_ns)
-        if not self.config.weather:
-            clouds = self._clouds(stamp_ns, rays, hits, self._intensity(hits))
+        config = self.config
+        with ThreadPoolExecutor(1) as beside:
+            # One number for every ray that is fired, so that a car in the way of some rays does not
+            # change the noise of the others.
+            drawn = beside.submit(white, self._world.seed, f"{config.name}/range", stamp_ns, config.rays)
+            rays, hits = self._cast(timeline, stamp_ns)
+            noise = drawn.result()
+        if not config.weather:
+            clouds = self._clouds(stamp_ns, noise, rays, hits, self._intensity(hits))
             return [clouds for _ in weathers]
-        return [self._clouds(stamp_ns, *self._felt(timeline, stamp_ns, rays, hits, w)) for w in weathers]
+        return [
+            self._clouds(stamp_ns, noise, *self._felt(timeline, stamp_ns, rays, hits, w)) for w in weathers
+        ]
 
     def _stream_names(self) -> dict[str, str]:
         names = {"cloud": self.config.name, "semantic": f"{self.config.name}_semantic"}
         return {output: names[output] for output in OUTPUTS if output in self.config.outputs}
 
-    def _clouds(self, stamp_ns: int, rays: NDArray[np.intp], hits: Hits, intensity: F32) -> list[Sample]:
+    def _clouds(
+        self, stamp_ns: int, noise: Array, rays: NDArray[np.intp], hits: Hits, intensity: F32
+    ) -> list[Sample]:
         """Samples of what rays met, those out of range and dropped ones left out."""
         config, seed = self.config, self._world.seed
-        # One number for every ray that is fired, so that a car in the way of some rays does not
-        # change the noise of the others.
-        noise = white(seed, f"{config.name}/range", stamp_ns, config.rays)
         kept = np.flatnonzero((hits.range_m >= config.range_min_m) & (hits.range_m <= config.range_max_m))
         if config.drop_weak and not config.weather:
             kept = kept[self._is_detected(hits.take(kept))]
         if config.dropoff_general or config.dropoff_zero_intensity:
             lots = rng.stream(seed, f"{config.name}/dropoff", stamp_ns).random((config.rays, 2))
             kept = kept[self._stays(hits.range_m[kept], lots[rays[kept]])]
-        hits, seen, intensity = hits.take(kept), rays[kept], intensity[kept]
-        distance = hits.range_m + config.range_noise_m * noise[seen]
-        points = np.empty((len(seen), 3), np.float32)
-        for axis in range(3):
-            points[:, axis] = self._rays[:, axis][seen] * distance
+        count = len(kept)
+        points, strength, cosine = (np.empty(shape, np.float32) for shape in ((count, 3), count, count))
+        ring, tag = np.empty(count, np.uint16), np.empty(count, np.uint8)
+        offset_ns, instance = np.empty(count, np.uint32), np.empty(count, np.uint32)
+        points_of(
+            kept,
+            (rays, self._rays, noise, self._ring, self._offset_ns),
+            config.range_noise_m,
+            (hits.range_m, intensity, hits.tag, hits.instance, hits.cos_incidence),
+            points,
+            (strength, ring, offset_ns, tag, instance, cosine),
+        )
         clouds: list[Sample] = []
         for output, stream in self._stream_names().items():
             labelled = output == "semantic"
@@ -266,13 +281,13 @@ class LidarSensor(Sensor):
                     frame_id=config.frame_id,
                     stamp_ns=stamp_ns,
                     points_xyz_m=points,
-                    intensity=intensity,
-                    ring=self._ring[seen],
-                    offset_ns=self._offset_ns[seen].astype(np.uint32),
+                    intensity=strength,
+                    ring=ring,
+                    offset_ns=offset_ns,
                     sweep_ns=config.sweep_ns,
-                    tag=tags_in(config.tag_table, hits.tag) if labelled else None,
-                    instance=hits.instance if labelled else None,
-                    cos_incidence=hits.cos_incidence if labelled else None,
+                    tag=tags_in(config.tag_table, tag) if labelled else None,
+                    instance=instance if labelled else None,
+                    cos_incidence=cosine if labelled else None,
                 )
             )
         return clouds
@@ -280,59 +295,63 @@ class LidarSensor(Sensor):
     def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[NDArray[np.intp], Hits]:
         """Rays that may return something in a sweep, and their first hits."""
         config = self.config
-        own = self._own_body_hits()
-        free = np.flatnonzero(~np.isfinite(own.range_m))
-        origins, directions = (np.take(v, free, axis=1).T for v in self._world_rays(timeline, stamp_ns))
-
-        def cast(along: Array) -> Hits:
-            when = stamp_ns + self._offset_ns[free]
-            return self._world.rays().cast(origins, along, when, timeline, config.range_max_m, ego=False)
-
-        found = cast(directions)
+        own, free = self._own_body
+        world, aimed = self._world.rays(), self._aimed(timeline, stamp_ns, free)
+        when = stamp_ns + self._offset_ns[free].astype(np.int64)
+        found = world.trace(aimed, when, timeline, config.range_max_m)
         if config.divergence_mrad:
-            around = [cast(along) for along in sub_rays(directions, 1e-3 * config.divergence_mrad)]
-            found = weigh([found, *around], self._power)
+            beams = [found]
+            for along in sub_rays(aimed[:, 3:].astype(np.float64), 1e-3 * config.divergence_mrad):
+                aimed[:, 3:] = along
+                beams.append(world.trace(aimed, when, timeline, config.range_max_m))
+            found = weigh(beams, self._power)
         if not config.ego_returns:
             return free, found
         hits = dataclasses.replace(own, **{name: getattr(own, name).copy() for name in own.__slots__})
         hits.put(free, found)
         return np.arange(config.rays), hits
 
-    def _own_body_hits(self) -> Hits:
-        """Hits on the car's own body, the same in every sweep since both are rigid."""
-        if self._own_body is None:
-            T = self._T_base_lidar
-            directions = geometry.apply(geometry.from_rotation(T[:3, :3]), self._rays)
-            origins = np.broadcast_to(T[:3, 3], directions.shape)
-            self._own_body = self._world.rays().cast_ego(origins, directions, self.config.range_max_m)
-        return self._own_body
+    @cached_property
+    def _own_body(self) -> tuple[Hits, NDArray[np.intp]]:
+        """Hits on the car's own body, and rays that pass it: the same in every sweep, both are rigid."""
+        origins = np.broadcast_to(self._T_base_lidar[:3, 3], self._rays_base.shape)
+        own = self._world.rays().cast_ego(origins, self._rays_base, self.config.range_max_m)
+        return own, np.flatnonzero(~np.isfinite(own.range_m))
 
-    def _world_rays(self, timeline: Timeline, stamp_ns: int) -> tuple[Array, Array]:
-        """Origins [m] and directions in the world of all rays at their own times, each (3, rays).
+    def _aimed(self, timeline: Timeline, stamp_ns: int, rays: NDArray[np.intp]) -> F32:
+        """Some rays at their own times, as `RayScene.trace` takes them, shape (N, 6).
 
         Poses are read at the start of each column; within its few microseconds the motion is
         continued with constant velocity and rate, which is exact to a nanometre.
         """
-        motion = timeline.ego_motion(stamp_ns + self._column_ns).at_mount(self._T_base_lidar)
-        local = self._directions
-        origins = np.broadcast_to(motion.position_m.T[:, :, None], local.shape)
-        if self._firing_ns.any() and not self.config.sectors:
-            later = self._firing_ns * 1e-9
-            w, d = motion.omega_body_radps.T[:, :, None], local
-            turning = (w[1] * d[2] - w[2] * d[1], w[2] * d[0] - w[0] * d[2], w[0] * d[1] - w[1] * d[0])
-            local = local + later * np.stack(turning)
-            origins = origins + later * motion.velocity_world_mps.T[:, :, None]
-        R = geometry.quat_to_matrix(motion.quat_xyzw)[..., None]
-        x, y, z = local
-        directions = np.stack([R[:, k, 0] * x + R[:, k, 1] * y + R[:, k, 2] * z for k in range(3)])
-        return origins.reshape(3, -1), directions.reshape(3, -1)
+        motion = timeline.ego_motion(stamp_ns + self._column_ns)
+        lever, omega = self._T_base_lidar[:3, 3], motion.omega_body_radps
+        R = geometry.quat_to_matrix(motion.quat_xyzw)
+        swing = geometry.cross(omega, np.broadcast_to(lever, omega.shape))
+        aimed = np.empty((len(rays), 6), np.float32)
+        aim(
+            rays,
+            (self._column, self._later_s, self._rays_base),
+            R,
+            motion.position_m + np.sum(R * lever, axis=-1) - self._world.rays().middle_m,
+            motion.velocity_world_mps + np.sum(R * swing[:, None], axis=-1),
+            omega,
+            aimed,
+        )
+        return aimed
 
     def _intensity(self, hits: Hits) -> F32:
         """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
-        diffuse = 100.0 * self._reflectance[hits.material] * hits.cos_incidence
-        retro = 155.0 * self._retro[hits.material] * np.sqrt(hits.cos_incidence)
-        fade = np.exp(-self.config.attenuation_per_m * hits.range_m.astype(np.float64))
-        strength: F32 = np.clip((diffuse + retro) * fade, 0.0, 255.0).astype(np.float32)
+        strength = np.empty(len(hits), np.float32)
+        strengths(
+            hits.range_m,
+            hits.material,
+            hits.cos_incidence,
+            self._reflectance,
+            self._retro,
+            self.config.attenuation_per_m,
+            strength,
+        )
         return strength
 
     def _power(self, hits: Hits) -> Array:
@@ -375,10 +394,15 @@ class LidarSensor(Sensor):
         reach = np.minimum(hits.range_m, np.float32(config.range_max_m))
         spray = None
         if air.wetness > 0 and len(timeline.catalog):
-            origins, directions = (np.take(v, rays, axis=1).T for v in self._world_rays(timeline, stamp_ns))
-            middle = stamp_ns + config.sweep_ns // 2
+            aimed, middle = self._aimed(timeline, stamp_ns, rays), stamp_ns + config.sweep_ns // 2
             spray = spray_ranges(
-                origins, directions, reach, middle, timeline, wetness=air.wetness, uniform=lots[:, 5]
+                aimed[:, :3] + self._world.rays().middle_m,
+                aimed[:, 3:],
+                reach,
+                middle,
+                timeline,
+                wetness=air.wetness,
+                uniform=lots[:, 5],
             )
         ground = np.isin(hits.tag, GROUND_TAGS)
         echoes = SolidEchoes(

@@ -19,7 +19,7 @@ _DRIFT_S = 0.5
 
 def spray_ranges(
     origins_m: Array,
-    directions: Array,
+    directions: Array | NDArray[np.float32],
     limit_m: NDArray[np.float32],
     stamp_ns: int,
     timeline: Timeline,

@@ -1,0 +1,237 @@
+"""A town and all that moves in it, hit by rays that are each cast at their own time.
+
+The static town is one Embree scene. A moving actor is hit in its own frame: the rays that may
+meet it are carried there with the actor's pose at each ray's own time, so one model serves all
+actors that look like it, nothing is rebuilt between sweeps, and a passing car is sheared as a
+rolling sensor sees it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.assets.articulation import steered_mesh
+from carlaloc_env.assets.ray_placing import ray_models, ray_postures
+from carlaloc_env.raycast.culling import Cylinders, candidates
+from carlaloc_env.raycast.hits import Hits
+from carlaloc_env.raycast.surface import Surface, import_open3d
+from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, merge
+from carlaloc_env.semantics import Tag
+from carlaloc_env.timeline import ActorFrame, Timeline
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+Floats = Array | F32
+
+_STEER_KINDS = 64
+"""More than the angles of front wheels that are told apart."""
+
+
+class RayScene:
+    """A town and the models that move in it, ready for rays."""
+
+    def __init__(self, static: Sequence[Mesh], library: ModelLibrary) -> None:
+        """Build the ray tracer's trees.
+
+        Args:
+            static: Scenery that never moves, world coordinates.
+            library: Models of actors by name; ``ego`` is the ego's own body.
+
+        Raises:
+            RaycastError: open3d cannot be imported on this machine.
+        """
+        self._o3d = import_open3d()
+        self._library = library
+        town = merge(static)
+        # Embree computes in float32: metres counted from the middle keep the town's far corners exact.
+        self.middle_m = (
+            np.round(town.bounds_m.mean(axis=0, dtype=np.float64)) if len(town.triangles) else np.zeros(3)
+        )
+        """Whence `trace` counts coordinates [m], world, shape (3,)."""
+        self._static = Surface(self._o3d, _moved(town, -self.middle_m))
+        self._models: dict[tuple[int, int], Surface] = {}
+        self._extents: dict[int, Array] = {}
+
+    def cast(
+        self,
+        origins_m: Array,
+        directions: Array,
+        stamps_ns: NDArray[np.int64],
+        timeline: Timeline,
+        range_max_m: float,
+        *,
+        ego: bool = True,
+    ) -> Hits:
+        """First hits of N rays, each cast at its own time.
+
+        Args:
+            origins_m: Where rays start [m], world, shape (N, 3).
+            directions: Unit directions, world, shape (N, 3).
+            stamps_ns: When each ray is cast [ns], shape (N,).
+            timeline: Where everything is.
+            range_max_m: Hits beyond this distance are dropped [m].
+            ego: Whether the ego's own body can be hit.
+        """
+        hits = self.trace(_packed(origins_m - self.middle_m, directions), stamps_ns, timeline, range_max_m)
+        if ego and len(hits):
+            self._cast_ego(hits, origins_m, directions, stamps_ns, timeline, range_max_m)
+        return hits
+
+    def trace(self, rays: F32, stamps_ns: NDArray[np.int64], timeline: Timeline, range_max_m: float) -> Hits:
+        """First hits of N rays on all but the ego, for rays that are already as Embree takes them.
+
+        Args:
+            rays: Origins counted from `middle_m` [m] and unit directions, world axes, shape (N, 6).
+            stamps_ns: When each ray is cast [ns], shape (N,).
+            timeline: Where everything is.
+            range_max_m: Hits beyond this distance are dropped [m].
+        """
+        hits = self._static.trace(rays, range_max_m)
+        if len(rays) and len(timeline.catalog):
+            self._trace_actors(hits, rays, stamps_ns, timeline, range_max_m)
+        return hits
+
+    def cast_ego(self, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
+        """First hits on the ego's own body alone, of N rays given in `base_link`."""
+        if "ego" not in self._library.names:
+            return Hits.none(len(origins_m))
+        hits = self._model(self._library.index("ego")).trace(_packed(origins_m, directions), range_max_m)
+        hits.instance[np.isfinite(hits.range_m)] = EGO_INSTANCE
+        return hits
+
+    def _model(self, index: int, steer_step: int = 0) -> Surface:
+        key = (index, steer_step)
+        if key not in self._models:
+            self._models[key] = Surface(self._o3d, steered_mesh(self._library, index, steer_step))
+        return self._models[key]
+
+    def _extent(self, index: int) -> Array:
+        if index not in self._extents:
+            self._extents[index] = self._library.meshes[index].bounds_m.astype(np.float64)
+        return self._extents[index]
+
+    def _cast_ego(
+        self,
+        hits: Hits,
+        origins_m: Array,
+        directions: Array,
+        stamps_ns: NDArray[np.int64],
+        timeline: Timeline,
+        range_max_m: float,
+    ) -> None:
+        times, back = np.unique(stamps_ns, return_inverse=True)
+        motion = timeline.ego_motion(times)
+        turn = geometry.quat_conjugate(motion.quat_xyzw)[back]
+        found = self.cast_ego(
+            geometry.quat_rotate(turn, origins_m - motion.position_m[back]),
+            geometry.quat_rotate(turn, directions),
+            range_max_m,
+        )
+        rows = np.flatnonzero(found.range_m < hits.range_m)
+        hits.put(rows, found.take(rows))
+
+    def _trace_actors(
+        self, hits: Hits, rays: F32, stamps_ns: NDArray[np.int64], timeline: Timeline, range_max_m: float
+    ) -> None:
+        first, last = int(stamps_ns.min()), int(stamps_ns.max())
+        middle = (first + last) // 2
+        frame, catalog, eye = timeline.actors_at(middle), timeline.catalog, rays[0, :3] + self.middle_m
+        models, steer, walking = ray_models(catalog, frame, self._library, eye)
+        limit = np.minimum(hits.range_m, np.float32(range_max_m))
+        around = self._cylinders(models, frame, 0.5e-9 * (last - first))
+        near, actors = candidates(rays[:, :3], rays[:, 3:], limit, around)
+        if len(near) == 0:
+            return
+        position, heading, pitch = timeline.actor_poses(actors, stamps_ns[near])
+        pitch[(catalog.tag == Tag.PEDESTRIAN)[actors]] = 0.0  # walkers stay upright
+        kind = models[actors] * _STEER_KINDS + steer[actors] + _STEER_KINDS // 2
+        steps = np.flatnonzero(walking[actors])
+        if len(steps):
+            since_s = np.asarray(1e-9 * (stamps_ns[near[steps]] - middle), dtype=np.float64)
+            posture, behind = ray_postures(catalog, frame, self._library, eye, actors[steps], since_s)
+            kind[steps] = posture * _STEER_KINDS + _STEER_KINDS // 2
+            position[steps, 0] -= behind * np.cos(heading[steps])
+            position[steps, 1] -= behind * np.sin(heading[steps])
+        offset = rays[near, :3].astype(np.float64) - (position - self.middle_m)
+        local = into_actor_frame(offset, rays[near, 3:], heading, pitch)
+        found = self._trace_kinds(local, kind, range_max_m)
+        found.instance[:] = catalog.id[actors]
+        nearer = np.flatnonzero(found.range_m < hits.range_m[near])
+        # Where several actors lie behind each other, the nearest is written last.
+        nearer = nearer[np.argsort(-found.range_m[nearer], kind="stable")]
+        hits.put(near[nearer], found.take(nearer))
+
+    def _trace_kinds(self, local: F32, kind: NDArray[np.intp], range_max_m: float) -> Hits:
+        """Hits of rays in their actors' frames, each on the model and steering of its kind."""
+        order = np.argsort(kind, kind="stable")
+        sorted_kind, sorted_rays = kind[order], local[order]
+        parts, borders = [], [0, *(np.flatnonzero(np.diff(sorted_kind)) + 1).tolist(), len(kind)]
+        for begin, end in itertools.pairwise(borders):
+            model, step = divmod(int(sorted_kind[begin]), _STEER_KINDS)
+            surface = self._model(model, step - _STEER_KINDS // 2)
+            parts.append((begin, end, surface.trace(sorted_rays[begin:end], range_max_m)))
+        found = Hits.none(len(kind))
+        for begin, end, part in parts:
+            found.put(order[begin:end], part)
+        return found
+
+    def _cylinders(self, models: NDArray[np.intp], frame: ActorFrame, half_span_s: float) -> Cylinders:
+        """Around all that each actor covers while the rays are cast."""
+        kinds, back = np.unique(models, return_inverse=True)
+        bounds = np.array([self._extent(int(kind)) for kind in kinds])
+        reach = np.maximum(np.abs(bounds[:, 0]), np.abs(bounds[:, 1]))
+        length = np.hypot(reach[:, 0], reach[:, 1])[back]
+        middle = 0.5 * (bounds[:, 0, 2] + bounds[:, 1, 2])[back]
+        half_height = 0.5 * (bounds[:, 1, 2] - bounds[:, 0, 2])[back]
+        # Counted from the middle of the town, as rays are.
+        lean = np.abs(np.sin(frame.pitch_rad.astype(np.float64)))
+        centre = frame.position_m - self.middle_m
+        centre[:, 2] += middle
+        # Half as much again and 15 cm leave room for turns, steered wheels and a walker's other postures.
+        travel = np.abs(frame.speed_mps.astype(np.float64)) * half_span_s * 1.5 + 0.15
+        return Cylinders(
+            centre_m=centre,
+            radius_m=length + lean * (middle + half_height) + travel,
+            half_height_m=half_height + lean * length + 0.1 + travel * lean,
+        )
+
+
+def _packed(origins_m: Array, directions: Array) -> F32:
+    """Rays as Embree takes them, shape (N, 6)."""
+    rays = np.empty((len(origins_m), 6), dtype=np.float32)
+    rays[:, :3], rays[:, 3:] = origins_m, directions
+    return rays
+
+
+def _moved(mesh: Mesh, by_m: Array) -> Mesh:
+    return dataclasses.replace(mesh, vertices_m=(mesh.vertices_m + by_m).astype(np.float32))
+
+
+def into_actor_frame(offset_m: Array, directions: Floats, heading_rad: Array, pitch_rad: Array) -> F32:
+    """Rays in the axes of actors: origins [m] and directions, shape (M, 6).
+
+    The axes are those of Rz(heading)·Ry(−pitch): x forward, y left, z up, nose up positive.
+
+    Args:
+        offset_m: Starts of the rays minus the actors' positions [m], world axes, shape (M, 3).
+        directions: Directions, world axes, shape (M, 3).
+        heading_rad: Headings [rad], shape (M,).
+        pitch_rad: Pitches, nose up positive [rad], shape (M,).
+    """
+    ch, sh, cp, sp = (
+        f(angle.astype(np.float32)) for angle in (heading_rad, pitch_rad) for f in (np.cos, np.sin)
+    )
+    local = np.empty((len(offset_m), 6), dtype=np.float32)
+    for first, vectors in ((0, offset_m), (3, directions)):
+        x, y, z = (vectors[:, k].astype(np.float32) for k in range(3))
+        ahead = ch * x + sh * y
+        local[:, first] = cp * ahead + sp * z
+        local[:, first + 1] = ch * y - sh * x
+        local[:, first + 2] = cp * z - sp * ahead
+    return local

@@ -1,0 +1,113 @@
+"""A LiDAR's work per ray around the casting itself, compiled: aiming, strength, points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.compiled import compiled
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+Index = NDArray[np.intp]
+
+
+@compiled
+def aim(
+    rays: Index,
+    of_ray: tuple[Index, Array, Array],
+    rotation: Array,
+    position_m: Array,
+    velocity_mps: Array,
+    omega_radps: Array,
+    out: F32,
+) -> None:
+    """Origins [m] and directions in the world of some rays, each at its own time.
+
+    Args:
+        rays: Which rays, shape (N,).
+        of_ray: Column of every ray, time between the beginning of its column and the ray [s], and
+            direction in the car's frame.
+        rotation: Car to world at the beginning of each column, shape (C, 3, 3).
+        position_m: Position of the sensor then, world axes [m], shape (C, 3).
+        velocity_mps: Velocity of the sensor in world axes [m/s], shape (C, 3).
+        omega_radps: Rate of the car in its own axes [rad/s], shape (C, 3).
+        out: Receives them, shape (N, 6).
+    """
+    column, later_s, local = of_ray
+    for row in range(len(rays)):
+        ray = rays[row]
+        c, dt = column[ray], later_s[ray]
+        x, y, z = local[ray, 0], local[ray, 1], local[ray, 2]
+        if dt > 0.0:
+            wx, wy, wz = dt * omega_radps[c, 0], dt * omega_radps[c, 1], dt * omega_radps[c, 2]
+            x, y, z = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
+        for k in range(3):
+            out[row, k] = position_m[c, k] + dt * velocity_mps[c, k]
+            out[row, 3 + k] = rotation[c, k, 0] * x + rotation[c, k, 1] * y + rotation[c, k, 2] * z
+
+
+@compiled
+def strengths(
+    range_m: F32,
+    material: NDArray[np.uint8],
+    cos_incidence: F32,
+    reflectance: F32,
+    retro: F32,
+    attenuation_per_m: float,
+    out: F32,
+) -> None:
+    """Return strength 0–255 of N hits: diffuse surfaces up to 100, retro-reflectors above.
+
+    Args:
+        range_m: Distance, inf where nothing was hit [m], shape (N,).
+        material: Material of each hit, shape (N,).
+        cos_incidence: Cosine between ray and normal, shape (N,).
+        reflectance: Diffuse reflectance by material.
+        retro: Share of retro-reflection by material.
+        attenuation_per_m: Loss on the way there [1/m].
+        out: Receives the strengths, shape (N,).
+    """
+    for i in range(len(range_m)):
+        cosine, kind = float(cos_incidence[i]), material[i]
+        strength = 100.0 * reflectance[kind] * cosine
+        if retro[kind] > 0:
+            strength += 155.0 * retro[kind] * math.sqrt(cosine)
+        if strength > 0:
+            strength *= math.exp(-attenuation_per_m * range_m[i])
+        out[i] = min(strength, 255.0)
+
+
+@compiled
+def points_of(
+    kept: Index,
+    of_ray: tuple[Index, Array, Array, NDArray[np.uint16], NDArray[np.uint32]],
+    noise_scale_m: float,
+    of_hit: tuple[F32, F32, NDArray[np.uint8], NDArray[np.uint32], F32],
+    points_xyz_m: F32,
+    out: tuple[F32, NDArray[np.uint16], NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint32], F32],
+) -> None:
+    """Points of the kept hits, in the sensor frame at the time of each.
+
+    Args:
+        kept: Rows of the hits that become points, shape (N,).
+        of_ray: The ray of each hit; then direction, unit noise, ring and time of every ray.
+        noise_scale_m: What one unit of noise adds to the distance [m].
+        of_hit: Distance [m], strength, tag, instance and incidence of each hit.
+        points_xyz_m: Receives the points [m], shape (N, 3).
+        out: Receive strength, ring, time, tag, instance and incidence, each of shape (N,).
+    """
+    rays, local, noise, ring, offset_ns = of_ray
+    range_m, strength, tag, instance, cosine = of_hit
+    out_strength, out_ring, out_offset_ns, out_tag, out_instance, out_cosine = out
+    for row in range(len(kept)):
+        hit = kept[row]
+        ray = rays[hit]
+        distance_m = range_m[hit] + noise_scale_m * noise[ray]
+        for k in range(3):
+            points_xyz_m[row, k] = local[ray, k] * distance_m
+        out_strength[row], out_cosine[row] = strength[hit], cosine[hit]
+        out_ring[row], out_offset_ns[row] = ring[ray], offset_ns[ray]
+        out_tag[row], out_instance[row] = tag[hit], instance[hit]
