@@ -201,6 +201,9 @@ def _trims(plan: TownPlan, axes: dict[str, Path]) -> dict[str, list[float]]:
         else:
             least = WALKERS_SETBACK_M if node.control == "walkers" else node.least_m
             lengths = setbacks(headings, kerbs, node.corner_m, least)
+            wide = {name for pair in node.slips for name in pair}
+            lengths = [max(s, node.slip_m) if road.name in wide else s
+                       for (road, _), s in zip(met, lengths, strict=True)]  # fmt: skip
         for (road, side), length in zip(met, lengths, strict=True):
             trims[road.name][side] = length
     return trims

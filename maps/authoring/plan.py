@@ -39,6 +39,10 @@ class Node:
     """Roads from which one may not turn left here."""
     u_turns: tuple[str, ...] = ()
     """Roads whose left-turn pocket leads back beside the median (crossovers of a `Michigan left`)."""
+    slips: tuple[tuple[str, str], ...] = ()
+    """Pairs of roads between which traffic turns right round an island, from an extra lane of the first."""
+    slip_m: float = 29.0
+    """Distance from the node to the ends of these legs [m]."""
     grade: tuple[float, float] = (0.0, 0.0)
     """Slope of the land towards east and north: the roads at the node, none of which has a `climb`, lean
     into its plane."""

@@ -4,7 +4,7 @@
        105  ╭── TN ── N ─ Opera Bd ─ TE ──╮       N: staggered crossing
             │Tin Lane │                   │
         62  TW ───────╯                   │
-         0  W ─ Market Bd ─ C ─ Market Bd ─ E     C: protected left turns
+         0  W ─ Market Bd ─ C ─ Market Bd ─ E     C: protected left turns; E: slip round an island
             │               │             │
       -105  ╰─ Harbour Dr ─ S ──── P ─────╯       P: lights for walkers alone
     water   ~~~~~~~~~~~~~~~~~~~~~~~~~~~~~~~
@@ -14,6 +14,7 @@ The drive's loop runs clockwise in the right lane: once round the town and once 
 
 from __future__ import annotations
 
+from .extra_lanes import ExtraLane
 from .plan import TownPlan
 from .sections import CrossSection
 
@@ -28,6 +29,7 @@ LIMIT_KMH = 30  # with junctions every 105 m, traffic that may go no faster flow
 PITCH = 105.8  # of the three rows and columns, chosen for a drive of 1115 m
 BEND = (22.0, 12.0)  # radius and clothoids of the town's corners
 SOUTH_Z, MIDDLE_Z, NORTH_Z = 0.0, 0.4, 0.9
+SLIP_M = 42.0  # lane for those who turn right at E, its taper included
 ALLEY_X, ALLEY_Y = -50.0, 62.0
 THEATRE_X, THEATRE_Y, STAGGER = 58.0, 164.0, 9.0
 
@@ -46,7 +48,7 @@ def _nodes(town: TownPlan) -> None:
     p = PITCH
     town.node("C", 0.0, 0.0, MIDDLE_Z, corner_m=9.0)
     town.node("N", 0.0, p, NORTH_Z, corner_m=12.0)
-    town.node("E", p, 0.0, MIDDLE_Z)
+    town.node("E", p, 0.0, MIDDLE_Z, slips=(("Exchange Av", "Market Bd 2"),))
     town.node("S", 0.0, -p, SOUTH_Z)
     town.node("W", -p, 0.0, MIDDLE_Z)
     town.node("P", 62.0, -p, SOUTH_Z, control="walkers")
@@ -62,7 +64,8 @@ def _boulevards(town: TownPlan) -> None:
     town.road("Market Bd 2", "C", "E", bd, LIMIT_KMH, ends=("pocket", "plain"), **pocket)
     town.road("Central Bd 1", "S", "C", bd, LIMIT_KMH, ends=("plain", "pocket"), **pocket)
     town.road("Central Bd 2", "C", "N", bd, LIMIT_KMH, ends=("pocket", "plain"), **pocket)
-    town.road("Exchange Av", "E", "TE", bd, LIMIT_KMH, bends=((p, p, *BEND),))
+    slip = ExtraLane(side="L", last_m=SLIP_M, taper_m=16.0, width_m=3.25, name="slip")
+    town.road("Exchange Av", "E", "TE", bd, LIMIT_KMH, bends=((p, p, *BEND),), extra=(slip,))
     town.road("Opera Bd 1", "TE", "N", bd, LIMIT_KMH)
     town.road("Opera Bd 2", "N", "TN", bd, LIMIT_KMH)
     town.road("Mint Av 1", "TN", "TW", bd, LIMIT_KMH, bends=((-p, p, *BEND),))

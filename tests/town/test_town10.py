@@ -100,3 +100,28 @@ def test_the_drive_goes_round_the_town_and_its_harbour_block() -> None:
     assert turned[-1] - turned[0] == pytest.approx(-4 * np.pi, abs=1e-6)
     twice = np.hypot(*(route.position_m[:, :2] - [-60.0, -99.05]).T) < 0.6
     assert np.count_nonzero(np.diff(twice.astype(int)) == 1) == 2
+
+
+def test_a_slip_leads_right_round_an_island(root: ElementTree.Element, network: LaneNetwork) -> None:
+    """At E a third lane leaves Exchange Avenue for the outer lane of Market Boulevard, for itself alone.
+
+    Between its way and those of the others lies an island of more than 40 m².
+    """
+    names = {road.id: road.name for road in network.xodr.roads}
+    (slip,) = [lane for lane in network.lanes if names[lane.road_id] == "E right from Exchange Av"
+               and lane.type == "driving"]  # fmt: skip
+    (before,), (after,) = slip.predecessors, slip.successors
+    assert network.lanes[before].successors == (slip.index,)
+    assert network.lanes[after].predecessors == (slip.index,)
+    beside = [lane for lane in network.lanes if lane.road_id == network.lanes[before].road_id
+              and lane.section == network.lanes[before].section and lane.type == "driving"]  # fmt: skip
+    assert sum(lane.lane_id > 0 for lane in beside) == 3
+    ways = []
+    for lane in network.lanes:
+        if lane.junction_id == slip.junction_id and lane.type == "driving":
+            station = np.linspace(0.0, lane.length_m, 40)
+            line = network.pose([lane.index] * 40, station).position_m[:, :2]
+            ways.append(shapely.buffer(shapely.LineString(line), 1.8, cap_style="flat"))
+    rest = shapely.difference(shapely.box(77.0, -17.0, 113.0, 28.0), shapely.union_all(ways))
+    (island,) = (part for part in shapely.get_parts(rest) if shapely.contains_xy(part, 93.0, 10.0))
+    assert 40.0 < island.area < 150.0
