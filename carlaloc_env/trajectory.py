@@ -10,6 +10,7 @@ truth: pictures, LiDAR, IMU and ground truth all read it.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.clock import TICK_NS, TICK_S
+from carlaloc_env.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -160,70 +162,151 @@ class EgoTrack:
             raise ValueError(
                 f"times {t.min()}…{t.max()} ns lie outside the known motion {self.start_ns}…{self.end_ns} ns"
             )
-        tick = t // TICK_NS
-        u = ((t % TICK_NS) / TICK_NS)[:, None]
-        rows = self._rows(tick)
-        # Relative to one control point: second differences of coordinates of a few hundred metres
-        # would otherwise lose six digits.
-        anchor = self._position[rows[:, 1]]
-        p = self._position[rows] - anchor[:, None, :]
-        value = ((1 - u) ** 3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3)
-        first = (-3 * (1 - u) ** 2, 9 * u**2 - 12 * u, -9 * u**2 + 6 * u + 3, 3 * u**2)
-        second = (6 * (1 - u), 18 * u - 12, -18 * u + 6, 6 * u)
-        quat, omega, alpha = _attitude(self._quat[rows[:, 0]], self._turns(tick), u)
+        quat, out = np.empty((len(t), 4)), np.empty((5, len(t), 3))
+        _evaluate(t, self._first_tick, self.position_m, self.quat_xyzw, np.empty((3, 3)), quat, out)
         return Motion(
             stamp_ns=t,
-            position_m=anchor + _blend(p, value),
+            position_m=out[0],
             quat_xyzw=quat,
-            velocity_world_mps=_blend(p, first) / TICK_S,
-            acceleration_world_mps2=_blend(p, second) / TICK_S**2,
-            omega_body_radps=omega,
-            alpha_body_radps2=alpha,
+            velocity_world_mps=out[1],
+            acceleration_world_mps2=out[2],
+            omega_body_radps=out[3],
+            alpha_body_radps2=out[4],
         )
 
-    def _rows(self, tick: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Rows of the four control points around times that follow M ticks, shape (M, 4)."""
+
+@compiled
+def _evaluate(
+    stamp_ns: NDArray[np.int64],
+    first_tick: int,
+    position_m: Array,
+    quat_xyzw: Array,
+    turn_rad: Array,
+    out_quat: Array,
+    out: Array,
+) -> None:
+    """The spline and its derivatives at M times.
+
+    Args:
+        stamp_ns: Times since the drive began [ns], shape (M,).
+        first_tick: Tick of the first control point.
+        position_m: Control positions, shape (K, 3).
+        quat_xyzw: Control attitudes, shape (K, 4).
+        turn_rad: Room for the three turns between four control points, shape (3, 3).
+        out_quat: Receives attitudes, shape (M, 4).
+        out: Receives position, velocity, acceleration, body rate and its derivative, shape (5, M, 3).
+    """
+    last = len(position_m) - 1
+    known = np.int64(-1)
+    for m in range(len(stamp_ns)):
+        tick = stamp_ns[m] // TICK_NS
+        u = (stamp_ns[m] % TICK_NS) / TICK_NS
+        row = tick - first_tick
         # Before the first tick the car stood still; past the last one the weight is exactly zero.
-        rows: NDArray[np.int64] = tick[:, None] - self._first_tick + np.arange(-1, 3)
-        return np.clip(rows, 0, self._count - 1)
-
-    def _turns(self, tick: NDArray[np.int64]) -> Array:
-        """Rotation vectors between these control points [rad], shape (M, 3, 3)."""
-        first = int(tick.min()) if len(tick) else 0
-        span = int(tick.max()) - first + 1 if len(tick) else 0
-        if span < len(tick):  # many times within few ticks, as in a LiDAR's sweep
-            return self._turns(np.arange(first, first + span))[tick - first]
-        quats = self._quat[self._rows(tick)]
-        between = geometry.quat_multiply(geometry.quat_conjugate(quats[:, :3]), quats[:, 1:])
-        return geometry.quat_to_rotvec(between)
+        before, at = min(max(row - 1, 0), last), min(max(row, 0), last)
+        after, beyond = min(max(row + 1, 0), last), min(max(row + 2, 0), last)
+        if tick != known:
+            _turns(quat_xyzw, (before, at, after, beyond), turn_rad)
+            known = tick
+        _place(position_m, (before, at, after, beyond), u, out, m)
+        _attitude(quat_xyzw[before], turn_rad, u, out_quat, out, m)
 
 
-def _blend(offsets: Array, weights_times_six: tuple[Array, Array, Array, Array]) -> Array:
-    total = np.zeros_like(offsets[:, 0])
-    for k, weight in enumerate(weights_times_six):
-        total = total + (weight / 6.0) * offsets[:, k]
-    return total
+@compiled
+def _place(position_m: Array, rows: tuple[int, int, int, int], u: float, out: Array, m: int) -> None:
+    """Position and its derivatives from four control points, written to row m."""
+    before, at, after, beyond = rows
+    for k in range(3):
+        # Relative to one control point: second differences of coordinates of a few hundred metres
+        # would otherwise lose six digits.
+        anchor = position_m[at, k]
+        a, b, c = (
+            position_m[before, k] - anchor,
+            position_m[after, k] - anchor,
+            position_m[beyond, k] - anchor,
+        )
+        value = (1 - u) ** 3 * a + (-3 * u**3 + 3 * u**2 + 3 * u + 1) * b + u**3 * c
+        first = -3 * (1 - u) ** 2 * a + (-9 * u**2 + 6 * u + 3) * b + 3 * u**2 * c
+        second = 6 * (1 - u) * a + (-18 * u + 6) * b + 6 * u * c
+        out[0, m, k] = anchor + value / 6
+        out[1, m, k] = first / (6 * TICK_S)
+        out[2, m, k] = second / (6 * TICK_S**2)
 
 
-def _attitude(first: Array, steps: Array, u: Array) -> tuple[Array, Array, Array]:
+@compiled
+def _attitude(first: Array, turn_rad: Array, u: float, out_quat: Array, out: Array, m: int) -> None:
     """Attitude, rate and angular acceleration from the first control point and the turns after it."""
-    basis = (
-        ((5 + 3 * u - 3 * u**2 + u**3) / 6, (3 - 6 * u + 3 * u**2) / 6, (-6 + 6 * u) / 6),
-        ((1 + 3 * u + 3 * u**2 - 2 * u**3) / 6, (3 + 6 * u - 6 * u**2) / 6, (6 - 12 * u) / 6),
-        (u**3 / 6, 3 * u**2 / 6, u),
-    )
-    turns = geometry.rotvec_to_quat(np.stack([b for b, _, _ in basis], axis=1) * steps)
-    backs = geometry.quat_conjugate(turns)
-    q = first
-    omega = alpha = np.zeros((len(q), 3))
-    for k, (_, db, ddb) in enumerate(basis):
-        step, back = steps[:, k], backs[:, k]
-        db, ddb = db / TICK_S, ddb / TICK_S**2
+    qx, qy, qz, qw = first[0], first[1], first[2], first[3]
+    w, alpha = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(3):
         if k == 0:
-            omega, alpha = db * step, ddb * step
+            b, db, ddb = (5 + 3 * u - 3 * u**2 + u**3) / 6, (3 - 6 * u + 3 * u**2) / 6, (-6 + 6 * u) / 6
+        elif k == 1:
+            b, db, ddb = (
+                (1 + 3 * u + 3 * u**2 - 2 * u**3) / 6,
+                (3 + 6 * u - 6 * u**2) / 6,
+                (6 - 12 * u) / 6,
+            )
         else:
-            carried = geometry.quat_rotate(back, omega)
-            alpha = geometry.quat_rotate(back, alpha) + db * geometry.cross(carried, step) + ddb * step
-            omega = carried + db * step
-        q = geometry.quat_multiply(q, turns[:, k])
-    return geometry.quat_normalise(q), omega, alpha
+            b, db, ddb = u**3 / 6, 3 * u**2 / 6, u
+        db, ddb = db / TICK_S, ddb / TICK_S**2
+        turn = (turn_rad[k, 0], turn_rad[k, 1], turn_rad[k, 2])
+        x, y, z = b * turn[0], b * turn[1], b * turn[2]
+        half = 0.5 * math.sqrt(x * x + y * y + z * z)
+        scale = 0.5 * math.sin(half) / half if half > 1e-9 else 0.5
+        x, y, z, c = x * scale, y * scale, z * scale, math.cos(half)
+        w, alpha = _rotated(-x, -y, -z, c, w), _rotated(-x, -y, -z, c, alpha)
+        alpha = (
+            alpha[0] + db * (w[1] * turn[2] - w[2] * turn[1]) + ddb * turn[0],
+            alpha[1] + db * (w[2] * turn[0] - w[0] * turn[2]) + ddb * turn[1],
+            alpha[2] + db * (w[0] * turn[1] - w[1] * turn[0]) + ddb * turn[2],
+        )
+        w = (w[0] + db * turn[0], w[1] + db * turn[1], w[2] + db * turn[2])
+        qx, qy, qz, qw = _product(qx, qy, qz, qw, x, y, z, c)
+    size = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
+    out_quat[m, 0], out_quat[m, 1], out_quat[m, 2], out_quat[m, 3] = (
+        qx / size,
+        qy / size,
+        qz / size,
+        qw / size,
+    )
+    for k in range(3):
+        out[3, m, k], out[4, m, k] = w[k], alpha[k]
+
+
+@compiled
+def _turns(quat_xyzw: Array, rows: tuple[int, int, int, int], turn_rad: Array) -> None:
+    """Rotation vectors between four control points [rad], shape (3, 3)."""
+    for k in range(3):
+        a, b = quat_xyzw[rows[k]], quat_xyzw[rows[k + 1]]
+        x, y, z, w = _product(-a[0], -a[1], -a[2], a[3], b[0], b[1], b[2], b[3])
+        sine = math.sqrt(x * x + y * y + z * z)
+        scale = 2.0 * math.atan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
+        scale = scale if w >= 0 else -scale
+        turn_rad[k, 0], turn_rad[k, 1], turn_rad[k, 2] = x * scale, y * scale, z * scale
+
+
+@compiled
+def _product(
+    ax: float, ay: float, az: float, aw: float, bx: float, by: float, bz: float, bw: float
+) -> tuple[float, float, float, float]:
+    """Product of two quaternions."""
+    return (
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+
+
+@compiled
+def _rotated(
+    x: float, y: float, z: float, w: float, v: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """A vector rotated by a unit quaternion."""
+    tx, ty, tz = 2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])
+    return (
+        v[0] + w * tx + (y * tz - z * ty),
+        v[1] + w * ty + (z * tx - x * tz),
+        v[2] + w * tz + (x * ty - y * tx),
+    )
