@@ -44,6 +44,7 @@ FEATURE_KINDS = (
     "gantry",
     "construction_site",
     "pier",
+    "gatehouse",
 )
 """Single things that can be asked for at a place."""
 
@@ -115,8 +116,8 @@ class Feature:
     heading_deg: float = 0.0
     """Where its front looks [deg], anticlockwise from east."""
     size: tuple[float, ...] = ()
-    """Viaduct, gantry and pier: length [m]; building: width [m], depth [m], storeys; car park, farm, barn,
-    construction site: width [m], depth [m]; silo: diameter [m], height [m]; billboard: width [m],
+    """Viaduct, gantry, pier: length [m]; building, gatehouse: width [m], depth [m], storeys; car park, farm,
+    barn, construction site: width [m], depth [m]; silo: diameter [m], height [m]; billboard: width [m],
     height [m]; empty for the usual ones."""
 
     def __post_init__(self) -> None:

@@ -22,6 +22,9 @@ from carlaloc_env.town.config import Feature
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.farms import barn, farm, silo
 from carlaloc_env.town.filling_station import filling_station
+from carlaloc_env.town.gatehouse import DEPTH_M as DEPTH_OVER_M
+from carlaloc_env.town.gatehouse import WIDTH_M as WIDTH_OVER_M
+from carlaloc_env.town.gatehouse import gatehouse, gatehouse_lamps
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
 from carlaloc_env.town.monuments import fountain, monument
 from carlaloc_env.town.polygons import Area, areas_only, triangulate
@@ -46,6 +49,7 @@ EXTENTS_M: dict[str, tuple[float, float]] = {
     "gantry": (14.0, 1.0),
     "construction_site": (28.0, 40.0),
     "pier": (60.0, 6.0),
+    "gatehouse": (DEPTH_OVER_M, WIDTH_OVER_M),
 }
 """Usual size of each kind along its heading and across it [m]."""
 PAVED_KINDS = ("filling_station", "farm")
@@ -92,6 +96,17 @@ def feature_mesh(site: Site, paved: Area, floor: HeightOf, seed: int, instance: 
         out.add(world)
         return out.build()
     return world
+
+
+def feature_lamps(taken: Sequence[Site], paved: Area, floor: HeightOf) -> Array:
+    """Light sources of features [m], shape (K, 3)."""
+    lit = [gatehouse_lamps(s.feature, paved, floor) for s in taken if s.feature.kind == "gatehouse"]
+    return np.concatenate([np.zeros((0, 3)), *lit])
+
+
+def roofed_sites(taken: Sequence[Site]) -> Area:
+    """Ground that features cover from above."""
+    return shapely.union_all([site.ground for site in taken if site.feature.kind == "gatehouse"])
 
 
 def _extent(feature: Feature) -> tuple[float, float]:
@@ -218,6 +233,7 @@ WORLD_MAKERS: dict[str, Callable[[Feature, Area, HeightOf], Mesh]] = {
     "viaduct": _viaduct,
     "gantry": gantry,
     "pier": pier,
+    "gatehouse": gatehouse,
 }
 """Features that follow the ground below them: from the feature, everything paved and the heights."""
 LOCAL_MAKERS: dict[str, Callable[[Feature, np.random.Generator], Mesh]] = {

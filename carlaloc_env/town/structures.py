@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
+from carlaloc_env.town.cuttings import ROOF_M
 from carlaloc_env.town.level_graph import grown, runs
-from carlaloc_env.town.levels import ROOF_M, WALL_M, Levels, Stretch
+from carlaloc_env.town.levels import WALL_M, Levels, Stretch
 from carlaloc_env.town.meshing import MeshBuilder, extrude
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.levels import find_levels
+from carlaloc_env.town.level_search import find_levels
 from carlaloc_env.town.network import Lane
 from carlaloc_env.town.pavements import KERB_STONE_M, RAMP_M
 from carlaloc_env.town.sections import road_strips

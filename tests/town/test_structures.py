@@ -19,7 +19,7 @@ from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.gores import gore_bars
-from carlaloc_env.town.levels import find_levels
+from carlaloc_env.town.level_search import find_levels
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
