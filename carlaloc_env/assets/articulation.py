@@ -112,6 +112,7 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
     )
 
 
+@lru_cache(maxsize=8)
 def tables_of(catalog: ActorCatalog, library: ModelLibrary) -> tuple[Families, NDArray[np.intp]]:
     """Tables of the families that take part, and each actor's family, shape (N,)."""
     names, of_actor = np.unique(np.array(catalog.model, dtype=np.str_), return_inverse=True)

@@ -18,8 +18,9 @@ Index = NDArray[np.intp]
 def aim(
     rays: Index,
     of_ray: tuple[Index, Array, Array],
-    rotation: Array,
+    lever_m: Array,
     position_m: Array,
+    quat_xyzw: Array,
     velocity_mps: Array,
     omega_radps: Array,
     out: F32,
@@ -27,26 +28,37 @@ def aim(
     """Origins [m] and directions in the world of some rays, each at its own time.
 
     Args:
-        rays: Which rays, shape (N,).
+        rays: Which rays, column by column, shape (N,).
         of_ray: Column of every ray, time between the beginning of its column and the ray [s], and
             direction in the car's frame.
-        rotation: Car to world at the beginning of each column, shape (C, 3, 3).
-        position_m: Position of the sensor then, world axes [m], shape (C, 3).
-        velocity_mps: Velocity of the sensor in world axes [m/s], shape (C, 3).
-        omega_radps: Rate of the car in its own axes [rad/s], shape (C, 3).
+        lever_m: Place of the sensor on the car [m], shape (3,).
+        position_m: Position of the car at the beginning of each column, world axes [m], shape (C, 3).
+        quat_xyzw: Its attitude then, shape (C, 4).
+        velocity_mps: Its velocity in world axes [m/s], shape (C, 3).
+        omega_radps: Its rate in its own axes [rad/s], shape (C, 3).
         out: Receives them, shape (N, 6).
     """
     column, later_s, local = of_ray
     for row in range(len(rays)):
         ray = rays[row]
         c, dt = column[ray], later_s[ray]
+        if row == 0 or c != column[rays[row - 1]]:
+            qx, qy, qz, qw = quat_xyzw[c, 0], quat_xyzw[c, 1], quat_xyzw[c, 2], quat_xyzw[c, 3]
+            xx, xy, xz = 1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw)
+            yx, yy, yz = 2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw)
+            zx, zy, zz = 2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy)
         x, y, z = local[ray, 0], local[ray, 1], local[ray, 2]
+        ax, ay, az = lever_m[0], lever_m[1], lever_m[2]
         if dt > 0.0:
             wx, wy, wz = dt * omega_radps[c, 0], dt * omega_radps[c, 1], dt * omega_radps[c, 2]
             x, y, z = x + (wy * z - wz * y), y + (wz * x - wx * z), z + (wx * y - wy * x)
-        for k in range(3):
-            out[row, k] = position_m[c, k] + dt * velocity_mps[c, k]
-            out[row, 3 + k] = rotation[c, k, 0] * x + rotation[c, k, 1] * y + rotation[c, k, 2] * z
+            ax, ay, az = ax + (wy * az - wz * ay), ay + (wz * ax - wx * az), az + (wx * ay - wy * ax)
+        out[row, 0] = position_m[c, 0] + dt * velocity_mps[c, 0] + (xx * ax + xy * ay + xz * az)
+        out[row, 1] = position_m[c, 1] + dt * velocity_mps[c, 1] + (yx * ax + yy * ay + yz * az)
+        out[row, 2] = position_m[c, 2] + dt * velocity_mps[c, 2] + (zx * ax + zy * ay + zz * az)
+        out[row, 3] = xx * x + xy * y + xz * z
+        out[row, 4] = yx * x + yy * y + yz * z
+        out[row, 5] = zx * x + zy * y + zz * z
 
 
 @compiled

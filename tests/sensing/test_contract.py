@@ -24,7 +24,8 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.can import CanConfig
 from carlaloc_env.sensors.gnss import GnssConfig
 from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, LidarConfig
+from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.sensors.lidar_models import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS
 from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
 from carlaloc_env.sensors.wheels import WheelsConfig

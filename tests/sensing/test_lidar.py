@@ -14,6 +14,7 @@ from carlaloc_env.materials import MATERIALS, Material
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene import EGO_INSTANCE
 from carlaloc_env.semantics import Tag
+from carlaloc_env.sensors import lidar_models
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.truth import truth_at
 
@@ -24,8 +25,8 @@ Array = NDArray[np.float64]
 HEIGHT = 1.85
 MOUNT = Mount(position_m=(1.2, 0.0, HEIGHT))
 HDL32E: dict[str, Any] = {
-    "elevations_deg": lidar.HDL32E_ELEVATIONS_DEG,
-    "firing_ns": lidar.HDL32E_FIRING_NS,
+    "elevations_deg": lidar_models.HDL32E_ELEVATIONS_DEG,
+    "firing_ns": lidar_models.HDL32E_FIRING_NS,
     "columns": 1085,
 }
 
