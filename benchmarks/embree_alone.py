@@ -18,16 +18,16 @@ def embree_alone(
     library: ModelLibrary,
     timeline: Timeline,
     stamp_ns: int,
-    rays: NDArray[np.float32],
-) -> Callable[[], object]:
+) -> Callable[[NDArray[np.float32]], object]:
     """A call that casts rays against everything where it stands at one instant.
+
+    The rays are origins [m] and directions, world, shape (N, 6).
 
     Args:
         chunks: Meshes of the town.
         library: Models of the actors.
         timeline: Where the actors are.
         stamp_ns: The instant [ns].
-        rays: Origins [m] and directions, world, shape (N, 6).
     """
     placed = place_actors(timeline.catalog, timeline.actors_at(stamp_ns), library)
     actors = [
@@ -38,4 +38,4 @@ def embree_alone(
     scene = open3d.t.geometry.RaycastingScene()
     triangles = np.ascontiguousarray(whole.triangles, dtype=np.uint32)
     scene.add_triangles(tensor(np.ascontiguousarray(whole.vertices_m, dtype=np.float32)), tensor(triangles))
-    return lambda: scene.cast_rays(tensor(rays))
+    return lambda rays: scene.cast_rays(tensor(rays))
