@@ -41,7 +41,7 @@ class Node:
     """Roads whose left-turn pocket leads back beside the median (crossovers of a `Michigan left`)."""
     slips: tuple[tuple[str, str], ...] = ()
     """Pairs of roads between which traffic turns right round an island, from an extra lane of the first."""
-    slip_m: float = 29.0
+    slip_m: float = 34.0
     """Distance from the node to the ends of these legs [m]."""
     grade: tuple[float, float] = (0.0, 0.0)
     """Slope of the land towards east and north: the roads at the node, none of which has a `climb`, lean
