@@ -43,6 +43,10 @@ class Families:
     low_stand: Index
     stride_m: Array
     """0 for vehicles."""
+    phases: Index
+    """Number of postures of pedalling, which follow `whole`, `body` and `low`; 1 for all but cycles."""
+    crank_way_m: Array
+    """Way on which cranks turn once [m]."""
     coarse: NDArray[np.bool_]
     """Whether the library holds the family in few triangles."""
     parted: NDArray[np.bool_]
@@ -92,6 +96,8 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
         stand=stand,
         low_stand=low_stand,
         stride_m=np.array([WALKERS[name].stride_m if name in WALKERS else 0.0 for name in names]),
+        phases=np.array([part.phases if part else 1 for part in parts], dtype=np.intp),
+        crank_way_m=np.array([part.crank_way_m if part else 1.0 for part in parts]),
         coarse=low != whole,
         parted=np.array([part is not None for part in parts], dtype=bool),
         wheel_begin=_begin([f for f, _ in wheels], len(names)),
@@ -160,6 +166,13 @@ def walker_models(
     return np.where(moving, walking, still), behind
 
 
+def pedalling(tables: Families, family: Index, travelled_m: NDArray[np.floating]) -> Index:
+    """Which phase of pedalling each of N actors is in, by the way it has covered; 0 for all but cycles."""
+    turns = np.asarray(travelled_m, dtype=np.float64) / tables.crank_way_m[family]
+    count = tables.phases[family]
+    return np.floor(turns * count + 0.5).astype(np.intp) % count
+
+
 def steer_step(steer_rad: NDArray[np.floating]) -> Index:
     """Which of the stored angles comes nearest to the front wheels' angle, shape (N,)."""
     step = np.rint(np.asarray(steer_rad, dtype=np.float64) / STEER_STEP_RAD).astype(np.intp)
@@ -168,10 +181,11 @@ def steer_step(steer_rad: NDArray[np.floating]) -> Index:
 
 def steered_mesh(library: ModelLibrary, model: int, step: int) -> Mesh:
     """A model with its front wheels turned to one of the stored angles, as LiDAR sees it."""
-    name = library.names[model]
-    if step == 0 or name not in VEHICLES or f"{name}/body" not in library.names:
+    name, _, phase = library.names[model].partition("/")
+    whole = name in VEHICLES and (not phase or phase.isdigit())
+    if step == 0 or not whole or f"{name}/body" not in library.names:
         return library.meshes[model]
-    return vehicle(name).steered(step * STEER_STEP_RAD)
+    return vehicle(name).steered(step * STEER_STEP_RAD, int(phase or 0))
 
 
 def _heads(name: str, library: ModelLibrary, known: set[str]) -> tuple[int, int, int, int, int]:

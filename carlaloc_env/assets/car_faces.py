@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+REVERSE_TINT = (188, 190, 192)
+"""Linear tint of unlit reversing lamps."""
 AMBER_TINT = (180, 70, 4)
 """Tint of indicators that are off; they are made of plastic."""
 STOP_TINT = (42, 3, 3)
@@ -139,7 +141,7 @@ def _tail_lamps(decals: Decals, outline: Array, spec: CarSpec) -> None:
     tail, amber, white = (
         Look(Material.LAMP_TAIL, tag),
         Look(Material.PLASTIC, tag, AMBER_TINT),
-        Look(Material.PLASTIC, tag, (190, 190, 190)),
+        Look(Material.PLASTIC, tag, REVERSE_TINT),
     )
     if upright:
         decals.pair_rear(tail, slot(0.06, 0.96, 0.46, 0.97), 2)

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.body import DARK
 from carlaloc_env.assets.car_faces import AMBER_TINT
 from carlaloc_env.assets.figure import figure
+from carlaloc_env.assets.pedals import cranks, push_pedals
 from carlaloc_env.assets.shapes import Look, box, ellipsoid, mirrored, rings, tube
 from carlaloc_env.assets.skeleton import Joints
 from carlaloc_env.assets.tailor import Build
@@ -16,6 +17,11 @@ from carlaloc_env.assets.wheels import WheelPlace, plain_wheel, wheel
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
+
+PEDAL_PHASES = 24
+"""Postures in which a turn of the cranks is stored."""
+CRANK_WAY_M = 5.0
+"""Way of a town bicycle per turn of its cranks [m]: 44 teeth on 19, wheels of 2.14 m."""
 
 
 def motorcycle() -> VehicleParts:
@@ -99,10 +105,6 @@ def bicycle() -> VehicleParts:
         tube(metal, _bar(0.20, 0.294, 1.01, 0.31, 0.10, 1.01), 0.013, 5),
         tube(metal, [seat, (-0.26, 0, 0.94)], 0.014, 5),
         ellipsoid(dark, (-0.29, 0, 0.96), (0.14, 0.075, 0.03), 4, 8),
-        tube(metal, [(-0.10, 0.10, 0.30), (-0.10, 0.10, 0.13)], 0.012, 4),
-        tube(metal, [(-0.10, -0.10, 0.30), (-0.10, -0.10, 0.47)], 0.012, 4),
-        box(dark, (0.09, 0.10, 0.025), (-0.08, 0.15, 0.13)),
-        box(dark, (0.09, 0.10, 0.025), (-0.08, -0.15, 0.47)),
         box(Look(Material.METAL_PAINTED, tag, (30, 30, 30)), (0.40, 0.14, 0.02), (-0.56, 0, 0.73)),
         box(Look(Material.LAMP_TAIL, tag), (0.03, 0.05, 0.04), (-0.77, 0, 0.73)),
         box(Look(Material.LAMP_WHITE, tag), (0.05, 0.06, 0.06), (0.40, 0, 0.88)),
@@ -112,17 +114,22 @@ def bicycle() -> VehicleParts:
         pelvis=(-0.28, 0, 1.02), neck=(-0.06, 0, 1.47), head=(-0.01, 0, 1.594), hands=(0.20, 0.255, 1.03),
         knees=(0.08, 0.12, 0.80), ankles=(-0.14, 0.13, 0.24), spread=0.08,
     )  # fmt: skip
-    rider["knee_r"], rider["ankle_r"] = np.array([0.14, -0.12, 0.94]), np.array([-0.12, -0.13, 0.56])
-    rider["toe_r"] = rider["ankle_r"] + (0.17, -0.01, -0.07)
     build = Build(stature_m=1.72, girth=0.95, lower=(30, 34, 40), helmet=(200, 200, 196))
-    body = merge([*parts, figure(rider, build, Tag.RIDER)])
     thin = [w.mounted() for w in _wheels(_thin_wheel(tag), front[0], rear[0], 0.34)]
-    return assemble(
-        body=body,
-        low=merge([*few, figure(rider, build, Tag.RIDER, low=True), *thin]),
+    postures = []
+    for phase in range(PEDAL_PHASES):
+        turn = phase / PEDAL_PHASES
+        push_pedals(rider, crank, build.stature_m, turn)
+        near = merge([*parts, *cranks(metal, dark, crank, turn), figure(rider, build, Tag.RIDER)])
+        postures.append((near, merge([*few, figure(rider, build, Tag.RIDER, low=True), *thin])))
+    return VehicleParts(
+        body=postures[0][0],
+        low=postures[0][1],
         wheels=_wheels(tyre, front[0], rear[0], 0.34),
         plates=(),
         lamps=(LampPlace(position_m=(0.43, 0.0, 0.88)),),
+        pedalled=tuple(postures[1:]),
+        crank_way_m=CRANK_WAY_M,
     )
 
 

@@ -1,17 +1,17 @@
-"""Lit brake lamps and indicators, cut out of the vehicles that carry them unlit."""
+"""Lit brake lamps, indicators and reversing lamps, cut out of the vehicles that carry them unlit."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.car_faces import AMBER_TINT, STOP_TINT
+from carlaloc_env.assets.car_faces import AMBER_TINT, REVERSE_TINT, STOP_TINT
 from carlaloc_env.assets.shapes import Look
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, make_mesh
 from carlaloc_env.semantics import Tag
 
-LAMPS = ("brake", "left", "right")
+LAMPS = ("brake", "left", "right", "reverse")
 _LIFT_M = 0.004
 """How far a lit lamp stands before the unlit one [m]."""
 _FAR_LIFT_M = 0.05
@@ -19,7 +19,7 @@ _FAR_LIFT_M = 0.05
 
 
 def lit_lamps(name: str, body: Mesh) -> dict[str, Mesh]:
-    """Meshes ``name/brake``, ``name/left``, ``name/right`` and the same under ``name/low/``.
+    """Meshes ``name/brake``, ``name/left``, ``name/right``, ``name/reverse``, and under ``name/low/``.
 
     Empty where the vehicle has no such lamp.
     """
@@ -27,11 +27,13 @@ def lit_lamps(name: str, body: Mesh) -> dict[str, Mesh]:
     plastic = body.material[corner] == Material.PLASTIC
     stop = plastic & np.all(body.colour[corner] == STOP_TINT, axis=-1)
     amber = plastic & np.all(body.colour[corner] == AMBER_TINT, axis=-1)
+    white = plastic & np.all(body.colour[corner] == REVERSE_TINT, axis=-1)
     y = body.vertices_m[body.triangles, 1].mean(axis=1)
     chosen = {
         "brake": (stop | (body.material[corner] == Material.LAMP_TAIL), Material.LAMP_RED),
         "left": (amber & (y > 0), Material.LAMP_AMBER),
         "right": (amber & (y < 0), Material.LAMP_AMBER),
+        "reverse": (white, Material.LAMP_WHITE),
     }
     tag, models = Tag(int(body.tag[0])), dict[str, Mesh]()
     for lamp in LAMPS:

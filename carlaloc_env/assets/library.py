@@ -38,21 +38,29 @@ def build_library() -> ModelLibrary:
 
     Names, for every key of `VEHICLES`: ``name`` the whole vehicle, wheels straight; ``name/body`` without
     wheels and plates; ``name/wheel0`` … its wheels; ``name/low`` the whole in few triangles;
-    ``name/brake``, ``name/left``, ``name/right`` lit lamps, and the same under ``name/low/``.
+    ``name/brake``, ``name/left``, ``name/right``, ``name/reverse`` lit lamps, and the same under
+    ``name/low/``. Cycles have their further phases of pedalling behind ``name``, ``name/body`` and
+    ``name/low``: ``name/01``, ``name/body/01`` and so on.
     ``plate/CAR/00`` … number plates of each vehicle tag, facing +x at the origin. For every key of
     `WALKERS`: ``name/00`` …, ``name/stand``, ``name/low/00`` …, ``name/low/stand``. Besides: ``ego``,
-    ``signal_red``, ``signal_yellow``, ``signal_green``.
+    ``ego/brake``, ``ego/reverse``, ``signal_red``, ``signal_yellow``, ``signal_green``.
     """
     models: dict[str, Mesh] = {}
     for name in VEHICLES:
         parts = vehicle(name)
-        models[name], models[f"{name}/body"], models[f"{name}/low"] = parts.whole, parts.body, parts.low
+        models[name] = parts.whole
+        models |= {f"{name}/{k + 1:02d}": parts.steered(0.0, k + 1) for k in range(len(parts.pedalled))}
+        for kind, first, own in (("body", parts.body, 0), ("low", parts.low, 1)):
+            models[f"{name}/{kind}"] = first
+            models |= {f"{name}/{kind}/{k + 1:02d}": pair[own] for k, pair in enumerate(parts.pedalled)}
         for k, mesh in enumerate(dict.fromkeys(place.mesh for place in parts.wheels)):
             models[f"{name}/wheel{k}"] = mesh
         models.update(lit_lamps(name, parts.body))
     models.update(_plates())
     models.update(walker_models())
     models["ego"] = ego_body()
+    lit = lit_lamps("ego", models["ego"])
+    models |= {name: lit[name] for name in ("ego/brake", "ego/reverse")}
     for name, material in _LENSES.items():
         models[name] = disc(Look(material, Tag.TRAFFIC_LIGHT), LENS_RADIUS_M, 16, LENS_LIFT_M)
     return ModelLibrary(models)

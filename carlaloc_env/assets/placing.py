@@ -11,16 +11,28 @@ from carlaloc_env.assets.articulation import (
     STANDING_MPS,
     Families,
     far_away,
+    pedalling,
     tables_of,
     walker_models,
 )
 from carlaloc_env.assets.catalog import EGO_TINT, VEHICLES
 from carlaloc_env.assets.plate_text import plate_of
 from carlaloc_env.assets.wheels import wheel_pose
+from carlaloc_env.car_track import CarTrack
+from carlaloc_env.errors import EpisodeError
 from carlaloc_env.scene import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
 from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import LIGHT_BRAKE, LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame
+from carlaloc_env.timeline import (
+    LIGHT_BRAKE,
+    LIGHT_LEFT,
+    LIGHT_REVERSE,
+    LIGHT_RIGHT,
+    ActorCatalog,
+    ActorFrame,
+)
 
+BRAKE_SHARE = 0.02
+"""The pedal's way from which the ego's brake lamps are lit."""
 _BLINK_NS = 666_666_666
 """Period of the indicators [ns]."""
 _LIT = ("signal_red", "signal_yellow", "signal_green")
@@ -49,7 +61,8 @@ def place_actors(
 ) -> Instances:
     """Actors as models, in the catalogue's order, then wheels and number plates of the near ones.
 
-    Vehicles follow heading and pitch; their wheels roll with the distance covered and steer. Walkers
+    Vehicles follow heading and pitch; their wheels roll with the distance covered and steer, and it turns
+    the cranks of cycles. Walkers
     stay upright, and the distance they walked chooses the phase of their gait; they stand up to half
     a phase's way behind their place, so that the foot on the ground does not slide.
 
@@ -70,6 +83,7 @@ def place_actors(
     walks = tables.stride_m[family] > 0
     vehicle = tables.whole if eye_m is None else tables.body
     model = np.where(low, tables.low[family], vehicle[family])
+    model += pedalling(tables, family, frame.travelled_m)
     position = frame.position_m.astype(np.float64)
     who = np.flatnonzero(walks)
     if len(who):
@@ -104,7 +118,7 @@ def place_lights(
     *,
     eye_m: ArrayLike | None = None,
 ) -> Instances:
-    """Lit brake lamps and indicators of vehicles, to be drawn over their bodies by cameras.
+    """Lit brake lamps, indicators and, backwards, reversing lamps, to be drawn over vehicles by cameras.
 
     Args:
         catalog: Who takes part.
@@ -114,7 +128,9 @@ def place_lights(
         eye_m: As for `place_actors`.
     """
     blink = (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS
-    bits = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT if blink else 0, "right": LIGHT_RIGHT if blink else 0}
+    bits = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT if blink else 0, "right": LIGHT_RIGHT if blink else 0,
+            "reverse": LIGHT_REVERSE}  # fmt: skip
+    shown = frame.lights | np.where(frame.speed_mps < -STANDING_MPS, LIGHT_REVERSE, 0).astype(np.uint8)
     actor, model = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
     if not len(catalog):
         return Instances()
@@ -122,7 +138,7 @@ def place_lights(
     names = np.unique(np.array(catalog.model, dtype=np.str_))
     low = far_away(tables, family, frame, eye_m)
     for lamp, bit in bits.items():
-        who = np.flatnonzero(((frame.lights & bit) > 0) & (catalog.tag != Tag.PEDESTRIAN))
+        who = np.flatnonzero(((shown & bit) > 0) & (catalog.tag != Tag.PEDESTRIAN))
         if not len(who):
             continue
         near, far = (
@@ -182,14 +198,33 @@ def place_signals(lenses: SignalLenses, states: NDArray[np.uint8], library: Mode
     )
 
 
-def place_ego(T_world_base: ArrayLike, library: ModelLibrary) -> Instances:
-    """The ego's own body at its `base_link` pose (4, 4)."""
+def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -> Instances:
+    """The ego's own body at its `base_link` pose (4, 4), with its lit brake and reversing lamps.
+
+    Args:
+        T_world_base: Pose of the ego.
+        library: Models of `assets.library.build_library`.
+        lights: Bits of lit lights (`LIGHT_BRAKE`, `LIGHT_REVERSE`), as `ego_lights` gives them.
+    """
+    names = ["ego"]
+    names += ["ego/brake"] * bool(lights & LIGHT_BRAKE) + ["ego/reverse"] * bool(lights & LIGHT_REVERSE)
+    T = np.asarray(T_world_base, dtype=np.float64).reshape(1, 4, 4)
     return Instances(
-        model=np.array([library.index("ego")], dtype=np.int32),
-        T_world_model=np.asarray(T_world_base, dtype=np.float64).reshape(1, 4, 4).copy(),
-        instance=np.array([EGO_INSTANCE], dtype=np.uint32),
-        tint=np.array([EGO_TINT], dtype=np.uint8),
+        model=np.array([library.index(name) for name in names], dtype=np.int32),
+        T_world_model=np.repeat(T, len(names), axis=0),
+        instance=np.full(len(names), EGO_INSTANCE, dtype=np.uint32),
+        tint=np.array([EGO_TINT] * len(names), dtype=np.uint8),
     )
+
+
+def ego_lights(car: CarTrack, stamp_ns: int) -> int:
+    """Bits of the ego's lit lights by its pedals and gear at a time [ns]; 0 where they are not known."""
+    try:
+        state = car.at(stamp_ns)
+    except EpisodeError:
+        return 0
+    braking = float(state.brake[0]) > BRAKE_SHARE
+    return braking * LIGHT_BRAKE + bool(state.reverse[0]) * LIGHT_REVERSE
 
 
 def ground_poses(position_m: ArrayLike, heading_rad: ArrayLike, pitch_rad: ArrayLike) -> NDArray[np.float64]:

@@ -46,16 +46,26 @@ class VehicleParts:
     plates: tuple[PlatePlace, ...]
     lamps: tuple[LampPlace, ...]
     """Headlamps."""
+    pedalled: tuple[tuple[Mesh, Mesh], ...] = ()
+    """Body and low version for every further phase of one turn of its cranks; empty for motor vehicles."""
+    crank_way_m: float = 1.0
+    """Way on which its cranks turn once [m]."""
+
+    @property
+    def phases(self) -> int:
+        """Number of postures, the body's own among them."""
+        return 1 + len(self.pedalled)
 
     @property
     def whole(self) -> Mesh:
         """Body with its wheels straight ahead and plate 0."""
         return self.steered(0.0)
 
-    def steered(self, steer_rad: float) -> Mesh:
-        """Body with its front wheels turned to the left by an angle [rad], and plate 0."""
+    def steered(self, steer_rad: float, phase: int = 0) -> Mesh:
+        """Body with its front wheels turned to the left by an angle [rad], plate 0, cranks at a phase."""
+        body = self.pedalled[phase - 1][0] if phase else self.body
         plates = [plate(place, 0, Tag(int(self.body.tag[0]))) for place in self.plates]
-        return merge([self.body, *plates, *(w.mounted(steer_rad) for w in self.wheels)])
+        return merge([body, *plates, *(w.mounted(steer_rad) for w in self.wheels)])
 
 
 def assemble(

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 
+from carlaloc_env.assets.bus import bus
 from carlaloc_env.assets.cars import car
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.cycles import bicycle, motorcycle
 from carlaloc_env.assets.fleet import CARS
-from carlaloc_env.assets.heavy import bus, lorry
+from carlaloc_env.assets.lorry import lorry
 from carlaloc_env.assets.vehicle_parts import VehicleParts
 from carlaloc_env.errors import ConfigError, unknown_name
 

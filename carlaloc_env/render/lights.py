@@ -25,7 +25,10 @@ LAMP_RANGE_M = 30.0
 BEAM_RANGE_M = 40.0
 EGO_HEADLAMPS_M = (3.65, 0.0, 0.65)
 """Between the ego's headlamps, in `base_link` [m]."""
-HEADLAMP_LIGHT = 0.4 * np.array([1.10, 0.99, 0.80])
+REVERSE_CD, REVERSE_RANGE_M = 120.0, 9.0
+"""A reversing lamp (UN regulation 148: 80 to 600 cd), and where its light has faded [m]."""
+HEADLAMP_COLOUR = np.array([1.10, 0.99, 0.80])
+HEADLAMP_LIGHT = 0.4 * HEADLAMP_COLOUR
 """Colour of about 4000 K; dimmed, so that the fixed exposure does not blow out the car ahead."""
 HALO_CD = 220.0
 """What a pair of headlamps throws above its cut-off, all round its front [cd]."""
@@ -162,6 +165,11 @@ def _lamps_of(name: str, mesh: Mesh) -> list[tuple[Array, Array, Array, float, f
         for place in front
         if 0.3 < place[2] < 1.3
     ]
+    if name.endswith("/reverse"):
+        lamps += [
+            (place, -np.eye(3)[0], REVERSE_CD * HEADLAMP_COLOUR, REVERSE_RANGE_M, REVERSE_CD, False)
+            for place in _patches(mesh, corner == Material.LAMP_WHITE, whole=False, side=-1.0)
+        ]
     for material, kind in _KINDS.items():
         side = 1.0 if signal else kind.side
         intensity = kind.signal_cd if signal else kind.intensity_cd

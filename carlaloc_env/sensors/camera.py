@@ -10,7 +10,13 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.assets.placing import (
+    ego_lights,
+    place_actors,
+    place_ego,
+    place_lights,
+    place_signals,
+)
 from carlaloc_env.clock import TICK_NS
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.lens import Lens
@@ -278,7 +284,7 @@ def instances_at(world: World, timeline: Timeline, stamp_ns: int) -> Instances:
     actors, eye_m = timeline.actors_at(stamp_ns), T_world_base[:3, 3]
     return concatenate_instances(
         [
-            place_ego(T_world_base, world.library),
+            place_ego(T_world_base, world.library, ego_lights(timeline.car, stamp_ns)),
             place_actors(timeline.catalog, actors, world.library, eye_m=eye_m),
             place_lights(timeline.catalog, actors, world.library, stamp_ns, eye_m=eye_m),
             place_signals(world.lenses, timeline.signals_at(stamp_ns), world.library),

@@ -11,9 +11,11 @@ import pytest
 from carlaloc_env.assets.atlas import atlas_uv, street_name_uv
 from carlaloc_env.assets.body import loft_body
 from carlaloc_env.assets.catalog import EGO_SIZE_M, GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
+from carlaloc_env.assets.cycles import PEDAL_PHASES
 from carlaloc_env.assets.facets import signed_volume_m3
 from carlaloc_env.assets.fleet import CARS
 from carlaloc_env.assets.gait import posture, standing
+from carlaloc_env.assets.lamps import LAMPS
 from carlaloc_env.assets.library import build_library, vehicle_mesh
 from carlaloc_env.assets.placing import (
     SignalLenses,
@@ -125,13 +127,15 @@ def test_props_stand_at_the_origin_and_show_their_outside(name: str) -> None:
 
 
 def test_library_holds_every_name(library: ModelLibrary) -> None:
-    expected = {*VEHICLES, "ego", "signal_red", "signal_yellow", "signal_green"}
+    expected = {*VEHICLES, "ego", "ego/brake", "ego/reverse", "signal_red", "signal_yellow", "signal_green"}
     for name in WALKERS:
         expected |= {f"{name}/{k:02d}" for k in range(GAIT_PHASES)} | {f"{name}/stand", f"{name}/low/stand"}
         expected |= {f"{name}/low/{k:02d}" for k in range(LOW_GAIT_PHASES)}
     for name in VEHICLES:
-        expected |= {f"{name}{way}/{lamp}" for way in ("", "/low") for lamp in ("brake", "left", "right")}
+        expected |= {f"{name}{way}/{lamp}" for way in ("", "/low") for lamp in LAMPS}
         expected |= {f"{name}/body", f"{name}/low", f"{name}/wheel0"}
+    for kind in ("", "/body", "/low"):
+        expected |= {f"bicycle{kind}/{k:02d}" for k in range(1, PEDAL_PHASES)}
     for tag in {model.tag for model in VEHICLES.values()}:
         expected |= {f"plate/{tag.name}/{k:02d}" for k in range(PLATES)}
     assert set(library.names) == {*expected, "lorry/wheel1"}
@@ -250,7 +254,10 @@ def test_placing_equals_a_calculation_by_hand(library: ModelLibrary) -> None:
             behind = math.remainder(float(frame.travelled_m[k]), step)
         place = frame.position_m[k] - behind * np.array([math.cos(yaw), math.sin(yaw), 0.0])
         np.testing.assert_allclose(T[:3, 3], place, atol=1e-5)
-        if not walker:
+        if name == "bicycle":
+            # 8 m are 1.6 turns of cranks that turn once in 5 m: 14.4 of 24 phases.
+            wanted = "bicycle/14"
+        elif not walker:
             wanted = name
         elif frame.speed_mps[k] == 0:
             wanted = f"{name}/stand"
