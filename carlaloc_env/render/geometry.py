@@ -39,7 +39,8 @@ _SOLID[
         Material.ASPHALT, Material.ASPHALT_OLD, Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW,
         Material.PAVEMENT, Material.KERB, Material.SOIL, Material.GRAVEL, Material.BRICK_RED,
         Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR, Material.CONCRETE_PANEL,
-        Material.CURTAIN_WALL, Material.WINDOW, Material.SHOP_FRONT, Material.DOOR, Material.ROOF_TILE,
+        Material.CURTAIN_WALL, Material.WINDOW, Material.WINDOW_WIDE, Material.SHOP_FRONT,
+        Material.SHOP_FRONT_B, Material.DOOR, Material.ROOF_TILE,
         Material.ROOF_FLAT, Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD,
     ]
 ] = True  # fmt: skip
@@ -113,20 +114,30 @@ def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
 class Geometry:
     """Triangles in one vertex and one index buffer, drawn in ranges by one indirect call."""
 
-    def __init__(self, context: moderngl.Context, meshes: Sequence[Mesh]) -> None:
+    def __init__(
+        self, context: moderngl.Context, meshes: Sequence[Mesh], triangles: NDArray[np.int64] | None = None
+    ) -> None:
+        """Upload meshes.
+
+        Args:
+            context: Where they are drawn.
+            meshes: All triangles.
+            triangles: Number of them in each range that can be drawn alone, shape (N,); a range for
+                every mesh when left out.
+        """
         self._context = context
-        counts = [3 * len(mesh.triangles) for mesh in meshes]
-        self.count = np.array(counts, dtype=np.uint32)
-        """Number of indices of each mesh, shape (N,)."""
-        self.first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.uint32) if counts else self.count
-        """First index of each mesh, shape (N,)."""
+        counts = np.array([len(mesh.triangles) for mesh in meshes]) if triangles is None else triangles
+        self.count = (3 * counts).astype(np.uint32)
+        """Number of indices of each range, shape (N,)."""
+        self.first = (np.cumsum(3 * counts) - 3 * counts).astype(np.uint32)
+        """First index of each range, shape (N,)."""
         whole = merge(meshes)
         # OpenGL refuses empty buffers; one unused vertex stands in for an empty scene.
         vertices = pack_vertices(whole) if len(whole.vertices_m) else np.zeros(1, VERTEX)
         indices = whole.triangles.astype(np.uint32) if len(whole.triangles) else np.zeros(3, np.uint32)
         self.vertices = context.buffer(vertices.tobytes())
         self.indices = context.buffer(indices.tobytes())
-        self._commands = context.buffer(reserve=max(20 * (len(meshes) + 1), 20), dynamic=True)
+        self._commands = context.buffer(reserve=20 * (len(self.count) + 1), dynamic=True)
         self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
 
     def draw(
@@ -137,7 +148,7 @@ class Geometry:
         bare: bool = False,
         instances: InstanceBuffer | None = None,
     ) -> None:
-        """Draw some of the meshes in the given order, once or once per instance."""
+        """Draw some of the ranges in the given order, once or once per instance."""
         if len(which) == 0:
             return
         commands = np.zeros((len(which), 5), dtype=np.uint32)
@@ -203,10 +214,9 @@ class InstanceBuffer:
         self.buffer.write(data)
 
 
-def split_backs(mesh: Mesh) -> tuple[Mesh, Mesh]:
-    """The mesh in two: triangles whose backs need no drawing, and those seen from both sides."""
-    solid = _SOLID[mesh.material[mesh.triangles[:, 2]]] if len(mesh.triangles) else np.zeros(0, bool)
-    return _part(mesh, solid), _part(mesh, ~solid)
+def seen_from_front() -> NDArray[np.bool_]:
+    """Whether the backs of a material's triangles need no drawing, shape (M,)."""
+    return _SOLID[: len(Material)].copy()
 
 
 def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
@@ -217,7 +227,7 @@ def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
     leaf = material == Material.LEAF
     crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
     chosen = np.cumsum(leaf) % how.leaf_share == 0
-    leaves = _part(mesh, leaf & chosen)
+    leaves = part(mesh, leaf & chosen)
     own = leaves.vertices_m[leaves.triangles]
     centre = own.mean(axis=1, keepdims=True)
     flat = leaves.triangles.reshape(-1)
@@ -230,10 +240,11 @@ def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
         vertices_m=(centre + np.sqrt(how.leaf_share) * (own - centre)).reshape(-1, 3).astype(np.float32),
         triangles=np.arange(len(flat), dtype=np.uint32).reshape(-1, 3),
     )
-    return merge([_part(mesh, ~leaf & ~crumb), grown])
+    return merge([part(mesh, ~leaf & ~crumb), grown])
 
 
-def _part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
+def part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
+    """Some of a mesh's triangles (T,), with the vertices that these use."""
     triangles = mesh.triangles[keep]
     used = np.zeros(len(mesh.vertices_m), dtype=bool)
     used[triangles] = True

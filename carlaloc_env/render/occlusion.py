@@ -1,68 +1,125 @@
-"""Which far chunks hide entirely behind what has been drawn already."""
+"""What hides entirely behind what has been drawn already.
+
+A half-drawn picture is read back and reduced to the farthest depth of every tile. A box whose nearest
+corner lies beyond that in all tiles that it may touch shows in no pixel, so leaving it out changes
+nothing.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import math
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import Programs, set_uniforms
-from carlaloc_env.render.projection import View
+from carlaloc_env.compiled import compiled
+from carlaloc_env.render.projection import NEAR_M, View
 
 Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
 
+TILE_PX = 16
 MARGIN_M = 0.3
-"""Boxes are grown by this, so that a rounding never hides what can be seen [m]."""
+"""Boxes are grown by this, for roundings and for leaves that sway [m]."""
 
 
-class Occlusion:
-    """Draws boxes against the depth test without a trace and asks whether any sample passed.
+class Depths:
+    """Farthest surface in every tile of a picture so far."""
 
-    Nothing visible is ever left out, so the picture stays the same; hidden streets cost no triangles.
-    """
+    def __init__(self, view: View, depth_m: F32) -> None:
+        """Reduce a picture.
 
-    def __init__(self, context: moderngl.Context, programs: Programs) -> None:
-        self._context = context
-        self._program = programs.get("box.vert", "shadow.frag")
-        self._array = context.vertex_array(self._program, [])
-        self._queries: list[moderngl.Query] = []
+        Args:
+            view: Camera.
+            depth_m: Planar depth of the drawn samples [m], 0 = nothing yet, shape (H, W).
+        """
+        self._view = view
+        rows, columns = (-(-size // TILE_PX) for size in depth_m.shape)
+        self._far_m = np.empty((rows, columns), np.float32)
+        _farthest(self._far_m, depth_m)
 
-    def seen(
-        self,
-        framebuffer: moderngl.Framebuffer,
-        view: View,
-        depth_range: tuple[float, float],
-        low_m: Array,
-        high_m: Array,
-    ) -> NDArray[np.bool_]:
-        """Whether boxes (N, 3), (N, 3) show in a half-drawn picture, shape (N,)."""
-        while len(self._queries) < len(low_m):
-            self._queries.append(self._context.query(samples=True))
-        set_uniforms(
-            self._program,
-            u_rotation=view.R_camera_world.T.astype("<f4").tobytes(),
-            u_clip=view.clip_scale,
-            u_range=depth_range,
+    def shown(self, corners_m: Array) -> NDArray[np.bool_]:
+        """Whether boxes by their corners in the world (N, 8, 3) [m] may show, shape (N,)."""
+        view = self._view
+        out = np.empty(len(corners_m), np.bool_)
+        width, height = view.size_px
+        shape = np.array([width / 2.0, height / 2.0, MARGIN_M, NEAR_M])
+        _shown(
+            out,
+            np.ascontiguousarray(corners_m),
+            view.position_m,
+            view.R_camera_world,
+            np.array(view.clip_scale),
+            shape,
+            self._far_m,
         )
-        low = low_m - view.position_m - MARGIN_M
-        high = high_m - view.position_m + MARGIN_M
-        attachments = len(framebuffer.color_attachments)
-        _set_colour_mask(framebuffer, attachments, False)
-        framebuffer.depth_mask = False
-        for query, a, b in zip(self._queries, low, high, strict=False):
-            set_uniforms(self._program, u_low=tuple(a), u_high=tuple(b))
-            with query:
-                self._array.render(moderngl.TRIANGLE_STRIP, vertices=14)
-        _set_colour_mask(framebuffer, attachments, True)
-        framebuffer.depth_mask = True
-        return np.array([query.samples > 0 for query in self._queries[: len(low)]], dtype=bool)
-
-    def release(self) -> None:
-        """Free the queries."""
-        self._array.release()
+        return out
 
 
-def _set_colour_mask(framebuffer: Any, attachments: int, write: bool) -> None:
-    framebuffer.color_mask = [(write,) * 4] * attachments
+def box_corners(low_m: Array, high_m: Array) -> Array:
+    """Corners of boxes (N, 3), (N, 3) along the axes, shape (N, 8, 3)."""
+    pick = (np.arange(8)[:, None] >> np.arange(3)) & 1
+    return np.where(pick[None] == 1, high_m[:, None], low_m[:, None])
+
+
+@compiled
+def _farthest(out: F32, depth_m: F32) -> None:
+    for row in range(out.shape[0]):
+        for column in range(out.shape[1]):
+            out[row, column] = 0.0
+    for v in range(depth_m.shape[0]):
+        row = v // TILE_PX
+        for u in range(depth_m.shape[1]):
+            d = depth_m[v, u]
+            column = u // TILE_PX
+            if d == 0.0:
+                out[row, column] = np.float32(np.inf)
+            elif d > out[row, column]:
+                out[row, column] = d
+
+
+@compiled
+def _shown(
+    out: NDArray[np.bool_],
+    corners_m: Array,
+    eye_m: Array,
+    rotation: Array,
+    clip: Array,
+    shape: Array,
+    far_m: F32,
+) -> None:
+    """`shape`: half the picture's width and height [px], margin [m], nearest depth drawn [m]."""
+    rows, columns = far_m.shape
+    for n in range(len(corners_m)):
+        nearest = math.inf
+        low_u, high_u, low_v, high_v = math.inf, -math.inf, math.inf, -math.inf
+        for k in range(8):
+            dx = corners_m[n, k, 0] - eye_m[0]
+            dy = corners_m[n, k, 1] - eye_m[1]
+            dz = corners_m[n, k, 2] - eye_m[2]
+            x = rotation[0, 0] * dx + rotation[0, 1] * dy + rotation[0, 2] * dz
+            y = rotation[1, 0] * dx + rotation[1, 1] * dy + rotation[1, 2] * dz
+            z = rotation[2, 0] * dx + rotation[2, 1] * dy + rotation[2, 2] * dz
+            nearest = min(nearest, z)
+            z = max(z, shape[2] + shape[3])
+            u = (clip[0] * x / z + clip[2] + 1.0) * shape[0]
+            v = (clip[1] * y / z + clip[3] + 1.0) * shape[1]
+            # How far the corner moves in the picture when it moves by the margin along every axis.
+            share = shape[2] / (z - shape[2])
+            grown_u = 1.0 + clip[0] * shape[0] * share * (1.0 + abs(x) / z)
+            grown_v = 1.0 + clip[1] * shape[1] * share * (1.0 + abs(y) / z)
+            low_u, high_u = min(low_u, u - grown_u), max(high_u, u + grown_u)
+            low_v, high_v = min(low_v, v - grown_v), max(high_v, v + grown_v)
+        nearest -= shape[2]
+        out[n] = nearest <= shape[3]
+        if out[n]:
+            continue
+        first = max(int(low_u) // TILE_PX, 0)
+        last = min(int(high_u) // TILE_PX, columns - 1)
+        for row in range(max(int(low_v) // TILE_PX, 0), min(int(high_v) // TILE_PX, rows - 1) + 1):
+            for column in range(first, last + 1):
+                if far_m[row, column] >= nearest:
+                    out[n] = True
+                    break
+            if out[n]:
+                break

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 from types import TracebackType
 
 import cv2
@@ -16,9 +15,10 @@ from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import Programs, create_context, is_software, set_uniforms
 from carlaloc_env.render.gbuffer import SKY_ID, GBuffer, TargetPool, Targets
-from carlaloc_env.render.geometry import FAR, FAR_LOW, Geometry, InstanceBuffer, coarse, split_backs
-from carlaloc_env.render.occlusion import Occlusion
+from carlaloc_env.render.geometry import FAR, FAR_LOW, Geometry, InstanceBuffer
+from carlaloc_env.render.occlusion import Depths, box_corners
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
+from carlaloc_env.render.scenery import Scenery
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.surfaces import surface_table, upload_textures
 from carlaloc_env.render.textures.build import build_textures
@@ -33,6 +33,10 @@ SWAY_S = 0.012
 SWAY_PERIOD_NS = 1_000_000_000_000
 """Shaders count time in single precision; so long after its beginning the leaves jump back [ns]."""
 ACTOR_SHADOW_RANGE_M = 90.0
+ROUNDS_M = (25.0, 60.0)
+"""Bounds of the rounds in which the scene is drawn [m]."""
+LARGE_M = 120.0
+"""Walls and roads nearer than this are drawn in the first round, since they hide much [m]."""
 DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
 """Clip depth = first · z + second."""
 
@@ -74,15 +78,12 @@ class SceneRenderer:
         with self._context:
             self._programs = Programs(self._context)
             self._pool = TargetPool(self._context)
-            self._occlusion = Occlusion(self._context, self._programs)
             self._upload(chunks, library, albedo)
             lamps = np.zeros((0, 3)) if lamps_m is None else np.asarray(lamps_m, np.float64).reshape(-1, 3)
             self._shader = Shader(
                 self._context,
                 self._programs,
-                scenery=[self._solid, self._open],
-                low_m=self._low_m,
-                high_m=self._high_m,
+                scenery=self._scenery,
                 library=library,
                 lamps_m=lamps,
                 live=quality == "low",
@@ -93,17 +94,7 @@ class SceneRenderer:
     def _upload(
         self, chunks: Sequence[Mesh], library: ModelLibrary, albedo: NDArray[np.float16] | None
     ) -> None:
-        chunks = [chunk for chunk in chunks if len(chunk.triangles)]
-        bounds = np.array([chunk.bounds_m for chunk in chunks], dtype=np.float64).reshape(-1, 2, 3)
-        self._low_m, self._high_m = bounds[:, 0], bounds[:, 1]
-        halves = [split_backs(chunk) for chunk in chunks]
-        self._solid = Geometry(self._context, [half[0] for half in halves])
-        self._open = Geometry(self._context, [half[1] for half in halves])
-        self._far = FAR_LOW if self.quality == "low" else FAR
-        self._coarse = [
-            [Geometry(self._context, [coarse(half[k], how) for half in halves]) for k in (0, 1)]
-            for how in self._far
-        ]
+        self._scenery = Scenery(self._context, chunks, FAR_LOW if self.quality == "low" else FAR)
         self._library = Geometry(self._context, library.meshes)
         self._poses = InstanceBuffer(self._context, len(library))
         reach = [
@@ -111,6 +102,10 @@ class SceneRenderer:
             for mesh in library.meshes
         ]
         self._reach_m = np.array(reach, dtype=np.float64)
+        bounds = [mesh.bounds_m if len(mesh.vertices_m) else np.zeros((2, 3)) for mesh in library.meshes]
+        self._model_low_m, self._model_high_m = np.moveaxis(
+            np.array(bounds, np.float64).reshape(-1, 2, 3), 1, 0
+        )
         if albedo is None:
             albedo = build_textures().albedo
         self._textures = upload_textures(self._context, albedo, trilinear=not is_software(self._context))
@@ -200,30 +195,50 @@ class SceneRenderer:
         # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
         context.front_face = "cw"
         context.cull_face = "back"
-        order, distance = view.visible(self._low_m, self._high_m)
-        drawn = self._visible_instances(view, instances)
-        if len(drawn):
-            self._poses.fill(instances, drawn)
-            program = self._gbuffer_program(view, "INSTANCED")
-            self._library.draw(program, self._poses.used, instances=self._poses)
-        program = self._gbuffer_program(view)
-        context.enable(moderngl.CULL_FACE)
-        near, far = order[distance < self._far[0].from_m], order[distance >= self._far[0].from_m]
-        self._solid.draw(program, near)
-        context.disable(moderngl.CULL_FACE)
-        seen = self._occlusion.seen(
-            targets.framebuffer, view, DEPTH_RANGE, self._low_m[far], self._high_m[far]
-        )
-        far, away = far[seen], distance[len(near) :][seen]
-        level = np.searchsorted([how.from_m for how in self._far[1:]], away, side="right")
-        context.enable(moderngl.CULL_FACE)
-        for k, (solid, _) in enumerate(self._coarse):
-            solid.draw(program, far[level == k])
-        context.disable(moderngl.CULL_FACE)
-        self._open.draw(program, near)
-        for k, (_, open_) in enumerate(self._coarse):
-            open_.draw(program, far[level == k])
+        self._draw_unhidden(view, targets, instances)
         context.front_face = "ccw"
+
+    def _draw_unhidden(self, view: View, targets: Targets, instances: Instances) -> None:
+        """Draw from near to far in rounds, each without what hides behind the rounds before."""
+        found = self._scenery.in_view(view)
+        layers = self._scenery.layers
+        left = []
+        for layer, (which, away) in zip(layers, found, strict=True):
+            first = np.where(layer.large[which], away < LARGE_M, layer.culled & (away < ROUNDS_M[0]))
+            left.append((which, np.where(first, 0, 1 + np.searchsorted(ROUNDS_M, away))))
+        self._draw_layers(view, [which[turn == 0] for which, turn in left])
+        drawn = self._visible_instances(view, instances)
+        for now in range(1, len(ROUNDS_M) + 2):
+            hidden = Depths(view, _read_depth(targets))
+            if now == 1:
+                drawn = drawn[hidden.shown(self._corners_m(instances, drawn))]
+                if len(drawn):
+                    self._poses.fill(instances, drawn)
+                    program = self._gbuffer_program(view, "INSTANCED")
+                    self._library.draw(program, self._poses.used, instances=self._poses)
+            shown = []
+            for layer, (which, turn) in zip(layers, left, strict=True):
+                some = which[turn == now]
+                shown.append(some[hidden.shown(box_corners(layer.low_m[some], layer.high_m[some]))])
+            self._draw_layers(view, shown)
+
+    def _draw_layers(self, view: View, which: list[NDArray[np.intp]]) -> None:
+        for layer, some in zip(self._scenery.layers, which, strict=True):
+            if not len(some):
+                continue
+            if layer.culled:
+                self._context.enable(moderngl.CULL_FACE)
+            else:
+                self._context.disable(moderngl.CULL_FACE)
+            layer.geometry.draw(self._gbuffer_program(view, *layer.features), some)
+        self._context.disable(moderngl.CULL_FACE)
+
+    def _corners_m(self, instances: Instances, which: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Corners of the boxes of some instances in the world [m], shape (N, 8, 3)."""
+        model, T = instances.model[which], instances.T_world_model[which]
+        local = box_corners(self._model_low_m[model], self._model_high_m[model])
+        turned = np.sum(T[:, None, :3, :3] * local[:, :, None, :], axis=3)
+        return np.asarray(turned + T[:, None, :3, 3], dtype=np.float64)
 
     def _gbuffer_program(self, view: View, *features: str) -> moderngl.Program:
         defines = (
@@ -271,9 +286,8 @@ class SceneRenderer:
         with self._context:
             self._shader.release()
             self._pool.release()
-            self._occlusion.release()
-            for geometry in (self._solid, self._open, *chain(*self._coarse), self._library):
-                geometry.release()
+            self._scenery.release()
+            self._library.release()
             self._poses.buffer.release()
             self._textures.release()
             self._programs.release()
@@ -298,3 +312,8 @@ def _take(instances: Instances, which: NDArray[np.intp]) -> Instances:
         instance=instances.instance[which],
         tint=instances.tint[which],
     )
+
+
+def _read_depth(targets: Targets) -> NDArray[np.float32]:
+    width, height = targets.depth.size
+    return np.frombuffer(targets.depth.read(), dtype=np.float32).reshape(height, width)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.render.context import Programs, set_uniforms
-from carlaloc_env.render.geometry import Geometry
+from carlaloc_env.render.scenery import Scenery
 
 Array = NDArray[np.float64]
 
@@ -30,12 +30,10 @@ class Roofs:
         self,
         context: moderngl.Context,
         programs: Programs,
-        scenery: list[Geometry],
-        low_m: Array,
-        high_m: Array,
+        scenery: Scenery,
     ) -> None:
-        if len(low_m):
-            low, high = low_m.min(axis=0), high_m.max(axis=0)
+        if len(scenery):
+            low, high = scenery.low_m, scenery.high_m
             self._centre_m = (low + high) / 2
             self._half_m = max(float(np.max(high[:2] - low[:2])) / 2, CELL_MIN_M * SIZE_PX / 2)
             height = self._draw(context, programs, scenery, (high[2] - low[2]) / 2 + 1.0)
@@ -62,7 +60,7 @@ class Roofs:
         return np.asarray(points_m[:, 2] > self._height_m[cell[:, 1], cell[:, 0]])
 
     def _draw(
-        self, context: moderngl.Context, programs: Programs, scenery: list[Geometry], half_height_m: float
+        self, context: moderngl.Context, programs: Programs, scenery: Scenery, half_height_m: float
     ) -> NDArray[np.float32]:
         """Height of the highest surface in each cell [m], row = north, column = east."""
         texture = context.depth_texture((SIZE_PX, SIZE_PX))
@@ -74,8 +72,8 @@ class Roofs:
         program = programs.get("shadow.vert", "shadow.frag")
         down = np.diag([1.0 / self._half_m, 1.0 / self._half_m, -1.0 / half_height_m])
         set_uniforms(program, u_light=down.T.astype("<f4").tobytes(), u_origin=tuple(self._centre_m))
-        for geometry in scenery:
-            geometry.draw(program, np.arange(len(geometry.count)), bare=True)
+        everywhere = np.full(3, np.inf)
+        scenery.draw_bare(program, scenery.touching(np.eye(3), -everywhere, everywhere))
         depth = np.frombuffer(texture.read(), dtype=np.float32).reshape(SIZE_PX, SIZE_PX)
         framebuffer.release()
         texture.release()

@@ -19,6 +19,7 @@ from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain import lit, rain_streaks
 from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.roofs import Roofs
+from carlaloc_env.render.scenery import Scenery
 from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
 from carlaloc_env.render.sky import SkyLight, exposure_time_s, sky_light
 from carlaloc_env.render.tiles import LightGrid
@@ -43,9 +44,7 @@ class Shader:
         context: moderngl.Context,
         programs: Programs,
         *,
-        scenery: list[Geometry],
-        low_m: Array,
-        high_m: Array,
+        scenery: Scenery,
         library: ModelLibrary,
         lamps_m: Array,
         live: bool = False,
@@ -56,8 +55,6 @@ class Shader:
             context: Where it is drawn.
             programs: Shader programs of the context.
             scenery: All of the static scene.
-            low_m: Lowest corners of its chunks [m], shape (N, 3).
-            high_m: Highest corners [m], shape (N, 3).
             library: Movable models.
             lamps_m: Street lamps [m], shape (K, 3).
             live: Do with fewer shadow taps and without mirrors, for a live window.
@@ -65,16 +62,13 @@ class Shader:
         self._context = context
         self._programs = programs
         self._live = live
-        self._scenery = scenery
         self._night = Night(context, library, lamps_m)
         self._shadows = (
-            Shadows(context, programs, low_m, high_m, actor_size_px=512 if live else 1024)
-            if len(low_m)
-            else None
+            Shadows(context, programs, scenery, actor_size_px=512 if live else 1024) if len(scenery) else None
         )
         self._rain = RainLayer(context, programs)
         self._mirror = Mirror(context, programs)
-        self._roofs = Roofs(context, programs, scenery, low_m, high_m)
+        self._roofs = Roofs(context, programs, scenery)
         self._arrays: dict[int, moderngl.VertexArray] = {}
         self._skies: OrderedDict[WeatherParameters, tuple[SkyLight, moderngl.Texture]] = OrderedDict()
         self._outputs: dict[tuple[int, ...], tuple[moderngl.Texture, moderngl.Framebuffer]] = {}
@@ -308,7 +302,7 @@ class Shader:
 
     def _sun_uniforms(self, program: moderngl.Program, view: View, light: SkyLight) -> None:
         assert self._shadows is not None
-        static = self._shadows.static(view, light.sun_direction, self._scenery)
+        static = self._shadows.static(view, light.sun_direction)
         static.texture.use(5)
         matrix, offset = static.lookup(view.position_m)
         set_uniforms(program, u_shadow=5, u_light=matrix.T.astype("<f4").tobytes(), u_light_eye=tuple(offset))

@@ -14,6 +14,7 @@ from carlaloc_env.geometry import cross
 from carlaloc_env.render.context import Programs, set_uniforms
 from carlaloc_env.render.geometry import Geometry, InstanceBuffer
 from carlaloc_env.render.projection import View
+from carlaloc_env.render.scenery import Scenery
 
 Array = NDArray[np.float64]
 
@@ -68,19 +69,18 @@ class Shadows:
         self,
         context: moderngl.Context,
         programs: Programs,
-        low_m: Array,
-        high_m: Array,
+        scenery: Scenery,
         *,
         actor_size_px: int = 1024,
     ) -> None:
         self._context = context
         self._programs = programs
-        self._low_m, self._high_m = low_m, high_m
+        self._scenery = scenery
         self._actor_size_px = actor_size_px
         self._maps: OrderedDict[tuple[float, ...], ShadowMap] = OrderedDict()
         self._actor_target: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
 
-    def static(self, view: View, sun_direction: Array, scenery: list[Geometry]) -> ShadowMap:
+    def static(self, view: View, sun_direction: Array) -> ShadowMap:
         """Map of the static scene round a camera; made when the camera has left the last one.
 
         Its texels lie on a grid fixed to the world and its centre follows from the camera's pose
@@ -98,17 +98,11 @@ class Shadows:
             return self._maps[key]
         result = self._blank_static(axes, across)
         self._maps[key] = result
-        corners = np.where(axes[:, None] > 0, self._low_m[None], self._high_m[None])
-        lowest = np.sum(axes[:, None] * corners, axis=2)
-        corners = np.where(axes[:, None] > 0, self._high_m[None], self._low_m[None])
-        highest = np.sum(axes[:, None] * corners, axis=2)
-        centre = np.sum(axes * result.origin_m, axis=1)[:, None]
-        half = result.half_extent_m[:, None]
-        touching = ((highest > centre - half) & (lowest < centre + half)).all(axis=0)
+        centre = np.sum(axes * result.origin_m, axis=1)
+        touching = self._scenery.touching(axes, centre - result.half_extent_m, centre + result.half_extent_m)
         program = self._programs.get("shadow.vert", "shadow.frag")
         self._begin(result, program)
-        for geometry in scenery:
-            geometry.draw(program, np.flatnonzero(touching), bare=True)
+        self._scenery.draw_bare(program, touching)
         self._end()
         return result
 
@@ -145,7 +139,7 @@ class Shadows:
         else:
             texture, framebuffer = self._target(STATIC_SIZE_PX)
         # Deep enough for everything that stands in the scene, whatever the camera's place.
-        low, high = self._low_m.min(axis=0), self._high_m.max(axis=0)
+        low, high = self._scenery.low_m, self._scenery.high_m
         reach = math.sqrt(float(np.sum((high - low) ** 2))) / 2 + 1.0
         along = float(np.sum(axes[2] * (low + high) / 2))
         half = STATIC_EXTENT_M / 2

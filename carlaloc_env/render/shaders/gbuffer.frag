@@ -4,7 +4,7 @@ flat in uint v_id;
 flat in vec4 v_surface;  // roughness, porosity, light by day and night, light at night
 in vec3 v_normal;
 in vec2 v_uv;
-#ifndef INSTANCED
+#ifdef WORN
 in vec3 v_world;
 #endif
 
@@ -19,7 +19,7 @@ layout(location = 4) out float o_depth;   // planar [m]
 void main() {
     vec4 texel = texture(u_textures, vec3(v_uv, v_layer));
     vec3 albedo = texel.rgb * v_colour;
-#ifndef INSTANCED
+#ifdef WORN
     // Dirt and wear at scales the repeating textures lack; none on paint, glass and metal.
     vec2 p = v_world.xy + v_world.z * vec2(0.43, 0.61);
     float footprint = max(length(dFdx(p)), length(dFdy(p)));

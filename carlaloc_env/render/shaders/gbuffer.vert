@@ -28,7 +28,7 @@ flat out uint v_id;
 flat out vec4 v_surface;
 out vec3 v_normal;
 out vec2 v_uv;
-#ifndef INSTANCED
+#ifdef WORN
 out vec3 v_world;
 #endif
 
@@ -47,13 +47,15 @@ void main() {
 #else
     vec3 world = in_position;
     v_normal = in_normal.xyz;
-    v_world = world;
 #endif
 #ifdef SWAY
     // Two slow waves run through the crowns; neighbouring leaves move together.
     float wave = 0.6 * sin(u_sway.w * 1.9 + dot(world, vec3(0.35, 0.27, 0.20)))
         + 0.4 * sin(u_sway.w * 4.7 + dot(world, vec3(1.1, 0.9, 0.7)));
     world += in_material == LEAF ? u_sway.xyz * wave : vec3(0.0);
+#endif
+#ifdef WORN
+    v_world = world;
 #endif
     v_layer = float(in_material);
     v_uv = in_uv;
