@@ -23,6 +23,7 @@ from carlaloc_env.presets import rig_by_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.camera import instances_at
+from carlaloc_env.sensors.objects import objects_at
 from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
@@ -79,6 +80,17 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | `traffic` | `"dynamic"`, `"static"` or a fraction of the town's traffic | `"dynamic"` |
     | `quality` | `"low"`, `"medium"`, `"high"`: effort per picture | `"medium"` |
     | `render_mode` | `"rgb_array"`: a 640×360 picture from the driver's seat | `None` |
+    | `visibility` | whether `info["objects"]` tells how much of each can be seen, by casting rays | `False` |
+
+    ## Info
+    | key | meaning |
+    |---|---|
+    | `samples` | all samples of the step |
+    | `truth` | `GroundTruth` of `base_link` |
+    | `objects` | `ObjectList`: id, class, box, velocity of all others; points and pixels carry its ids |
+    | `stamp_ns` | time since the drive began [ns] |
+    | `route_s_m`, `route_offset_m` | way along the route, distance from it [m] |
+    | `contacts` | what the car touched in the step |
 
     ## Version History
     * v0: first version.
@@ -94,10 +106,12 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         traffic: str | float = "dynamic",
         quality: str = "medium",
         render_mode: str | None = None,
+        visibility: bool = False,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(unknown_name("render mode", str(render_mode), self.metadata["render_modes"]))
         self.render_mode = render_mode
+        self._visibility = visibility
         self.rig_config = rig if isinstance(rig, SensorRig) else rig_by_name(rig)
         self.weather = weather_of(weather)
         self.town = load_town(map)
@@ -171,6 +185,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return {
             "samples": samples,
             "truth": truth_at(timeline, [now], np.eye(4))[0],
+            "objects": objects_at(timeline, now, rays=self.stage.rays() if self._visibility else None),
             "stamp_ns": now,
             "route_s_m": self.world.route_s_m,
             "route_offset_m": self.world.route_offset_m,

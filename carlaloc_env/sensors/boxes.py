@@ -14,9 +14,6 @@ from carlaloc_env.timeline import Timeline
 
 Array = NDArray[np.float64]
 
-_UPRIGHT = (Tag.PEDESTRIAN,)
-"""Tags of actors that stay upright on a slope."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Boxes:
@@ -79,7 +76,7 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
     """
     catalog = timeline.catalog
     count = len(catalog)
-    upright = np.isin(catalog.tag, _UPRIGHT)
+    upright = catalog.tag == Tag.PEDESTRIAN  # they stay so on a slope
     size = catalog.size_m.astype(np.float64)
     if count == 0:
         position = velocity = np.zeros((0, 3))
@@ -97,9 +94,10 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
         rate = np.zeros(count)
     else:
         begin = (stamp_ns - 1) // STEP_NS * STEP_NS
-        everyone = np.arange(count)
+        everyone, when = np.arange(count), np.array([stamp_ns, begin], dtype=np.int64)
+        poses = timeline.actor_poses(np.concatenate([everyone, everyone]), np.repeat(when, count))
         (position, heading, pitch), (before, turned, _) = (
-            timeline.actor_poses(everyone, np.full(count, at, dtype=np.int64)) for at in (stamp_ns, begin)
+            tuple(values[rows] for values in poses) for rows in (slice(count), slice(count, None))
         )
         lapse = (stamp_ns - begin) * 1e-9
         velocity = (position - before) / lapse
@@ -107,8 +105,9 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
     pitch = np.where(upright, 0.0, pitch)
     centre = position.copy()
     lift = 0.5 * size[:, 2]
-    centre[:, 0] -= lift * np.sin(pitch) * np.cos(heading)
-    centre[:, 1] -= lift * np.sin(pitch) * np.sin(heading)
+    back = lift * np.sin(pitch)
+    centre[:, 0] -= back * np.cos(heading)
+    centre[:, 1] -= back * np.sin(heading)
     centre[:, 2] += lift * np.cos(pitch)
     return Boxes(
         id=catalog.id,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.geometry import quat_rotate
 from carlaloc_env.samples import ObjectList
 from carlaloc_env.sensors.boxes import Boxes, boxes_at
 from carlaloc_env.timeline import Timeline
@@ -39,9 +40,7 @@ def objects_at(
     """
     boxes = boxes_at(timeline, stamp_ns)
     motion = timeline.ego_motion([stamp_ns])
-    T = np.eye(4)
-    T[:3, 3] = eye_m
-    eye = motion.at_mount(T).position_m[0]
+    eye = motion.position_m[0] + quat_rotate(motion.quat_xyzw[0], eye_m)
     away = boxes.centre_m - eye
     distance = np.sqrt(np.sum(away * away, axis=-1))
     visible = np.full(len(boxes), np.nan)
