@@ -14,7 +14,7 @@ from carlaloc_env import geometry
 from carlaloc_env.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
-from recorder.writers.messages import grey
+from recorder.writers.camera_messages import grey
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuCalibration, RigCalibration
 from recorder.writers.states import STATE_HEADER, state_line
 from recorder.writers.yaml_text import real, rows

@@ -14,7 +14,8 @@ from carlaloc_env.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
 from recorder.writers.event_messages import ros1_with_events
-from recorder.writers.messages import ENCODERS, MessageMaker, make_typestore
+from recorder.writers.message_parts import make_typestore
+from recorder.writers.messages import ENCODERS, MessageMaker
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.topics import profile_by_name
 

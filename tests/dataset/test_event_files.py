@@ -18,7 +18,8 @@ from recorder.sequence import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.dsec import DsecWriter
 from recorder.writers.event_messages import cdr_with_events
-from recorder.writers.messages import MessageMaker, make_typestore
+from recorder.writers.message_parts import make_typestore
+from recorder.writers.messages import MessageMaker
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.rosbag1 import Rosbag1Writer
 
