@@ -246,7 +246,8 @@ class SceneRenderer:
             f"CAR_PAINT {int(Material.CAR_PAINT)}u",
             f"CLOTH {int(Material.CLOTH)}u",
             f"SKY_ID {SKY_ID}u",
-            *((f"LEAF {int(Material.LEAF)}u", "SWAY") if any(self._sway[:3]) else ()),
+            f"LEAF {int(Material.LEAF)}u",
+            *(("SWAY",) if any(self._sway[:3]) else ()),
             *features,
         )
         program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines)

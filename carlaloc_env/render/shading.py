@@ -21,7 +21,7 @@ from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.roofs import Roofs
 from carlaloc_env.render.scenery import Scenery
 from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
-from carlaloc_env.render.sky import SkyLight, exposure_time_s, sky_light
+from carlaloc_env.render.sky import READ_NOISE_E, SkyLight, electrons, exposure_time_s, sky_light
 from carlaloc_env.render.tiles import LightGrid
 from carlaloc_env.scene import ModelLibrary
 from carlaloc_env.weather import WeatherParameters
@@ -123,7 +123,7 @@ class Shader:
         light, sky = self._sky(weather)
         falling = weather.precipitation > 0.0 and stamp_ns is not None
         stamp_ns = stamp_ns or 0
-        key = int(rng.stream(seed, "render/dither", stamp_ns).integers(1 << 32))
+        key = _grain_key(gbuffer.view, stamp_ns, seed)
         resolved = gbuffer.shaded is not gbuffer.drawn
         features = self._features(weather, light, linear=linear, resolved=resolved, falling=falling)
         program = self._programs.get("screen.vert", "shade.frag", *features)
@@ -284,6 +284,7 @@ class Shader:
                 weather.uniform_extinction_per_m,
             ),
             u_dither=key,
+            u_electrons=(electrons(e), READ_NOISE_E),
             u_ambient=ambient.astype("<f4").tobytes(),
             u_wall_light=tuple(ambient[0]),
             u_ground=tuple(light.ground_cd_m2 * e),
@@ -354,6 +355,12 @@ class Shader:
         self._rain.release()
         self._mirror.release()
         self._roofs.texture.release()
+
+
+def _grain_key(view: View, stamp_ns: int, seed: int) -> int:
+    """Key of a picture's dither and noise: other in every camera, since no two see the same photons."""
+    x, y, z = (round(1e3 * float(value)) for value in view.position_m)
+    return int(rng.stream(seed, f"render/grain/{x}/{y}/{z}", stamp_ns).integers(1 << 32))
 
 
 def _polynomial(harmonics: Array) -> Array:

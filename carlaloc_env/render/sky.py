@@ -94,6 +94,20 @@ def exposure_time_s(picture_per_cd_m2: float) -> float:
     return float(np.clip(2.8**2 * 1.2 * picture_per_cd_m2, 0.002, 0.015))
 
 
+ELECTRONS_PER_CD_M2_S = 2000.0
+"""Electrons in a pixel of 3 µm behind f/2.8 per luminance and time [e⁻/(cd/m²·s)]."""
+FULL_WELL_E = 10000.0
+"""Most electrons in such a pixel [e⁻]."""
+READ_NOISE_E = 3.0
+"""Standard deviation of reading it [e⁻]."""
+
+
+def electrons(picture_per_cd_m2: float) -> float:
+    """Electrons of a pixel at picture value 1 [e⁻]: 10 000 by day, some hundred in a lit street at night."""
+    gathered = ELECTRONS_PER_CD_M2_S * exposure_time_s(picture_per_cd_m2) / picture_per_cd_m2
+    return min(gathered, FULL_WELL_E)
+
+
 def hemisphere() -> tuple[Array, Array]:
     """Directions (S, S, 3) and solid angles [sr] (S, S) of the sky map's pixels."""
     axis = (np.arange(SKY_SIZE_PX) + 0.5) / SKY_SIZE_PX * 2.0 - 1.0

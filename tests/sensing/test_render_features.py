@@ -40,7 +40,7 @@ class Found:
 
     keypoints: float
     strongest_occupy: float
-    """Share of the cells of an 8×5 grid that hold one of the strongest 1200 keypoints."""
+    """Share of the cells of an 8×5 grid that hold one of the strongest 1200 keypoints; a mean."""
     occupied: float
     """The same for 1200 keypoints taken evenly from all cells, as SLAM systems do."""
     matches: float
@@ -49,6 +49,8 @@ class Found:
     """Share of the mutual nearest matches that are right."""
     depth_m: float
     """Median depth of right matches [m]."""
+    error_px: float
+    """Deviation of the disparities from the true ones, of matches within 3 px [px]; a mean."""
 
 
 def stereo_poses(town: Town, share: float) -> tuple[Pinhole, list[NDArray[np.float64]], NDArray[np.float64]]:
@@ -80,12 +82,14 @@ def found(name: str, images: int) -> dict[str, Found]:
             pair = [renderer.shade(g, PRESETS[weather], stamp_ns=k * 10**9, seed=1) for g in drawn]
             rows[weather].append(orb(pair, disparity, pinhole.fx_px * 0.4))
     stage.close()
-    return {
-        weather: Found(
-            **dict(zip(Found.__slots__, np.nanmedian(np.array(row), axis=0), strict=True))  # type: ignore[arg-type]
-        )
-        for weather, row in rows.items()
-    }
+    figures = {}
+    for weather, row in rows.items():
+        numbers = np.array(row)
+        of = dict(zip(Found.__slots__, np.nanmedian(numbers, axis=0), strict=True))
+        for name in ("strongest_occupy", "error_px"):
+            of[name] = np.nanmean(numbers[:, Found.__slots__.index(name)])
+        figures[weather] = Found(**{name: float(value) for name, value in of.items()})
+    return figures
 
 
 def disparity_px(
@@ -100,7 +104,7 @@ def orb(
     pair: list[NDArray[np.uint8]], disparity: NDArray[np.float64], focal_baseline: float
 ) -> tuple[float, ...]:
     """Row of `Found` of one stereo pair."""
-    detector = cv2.ORB_create(nfeatures=1200, nlevels=8, scaleFactor=1.2, fastThreshold=12)  # type: ignore[attr-defined]
+    detector = cv2.ORB_create(nfeatures=1200, nlevels=8, scaleFactor=1.2)  # type: ignore[attr-defined]
     grey = [cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) for picture in pair]
     left, right = (detector.detectAndCompute(picture, None) for picture in grey)
     occupied = [
@@ -110,18 +114,23 @@ def orb(
     true = disparity[np.rint(a[:, 1]).astype(int), np.rint(a[:, 0]).astype(int)]
     right_ones = (np.abs(a[:, 1] - b[:, 1]) <= 1.0) & (np.abs(a[:, 0] - b[:, 0] - true) <= 1.0)
     depth = focal_baseline / true[right_ones]
+    error = a[:, 0] - b[:, 0] - true
+    error = error[np.abs(error) <= 3.0]
     return (
         float(len(left[0])),
         *occupied,
         float(right_ones.sum()),
         float(right_ones.mean()),
         float(np.median(depth)) if len(depth) else np.nan,
+        float(error.std()) if len(error) > 20 else np.nan,
     )
 
 
 def _stereo_matches(left: Any, right: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mutual nearest descriptors of a rectified pair: rows within 2 px, disparity from 0 to 160 px."""
     a, b = (np.array([p.pt for p in side[0]]).reshape(-1, 2) for side in (left, right))
+    if not len(a) or not len(b):
+        return a[:0], b[:0]
     bits = [np.unpackbits(side[1], axis=1).astype(np.float32) for side in (left, right)]
     # Hamming distance: ones of both less twice the common ones.
     far = bits[0].sum(axis=1)[:, None] + bits[1].sum(axis=1)[None] - 2.0 * (bits[0] @ bits[1].T)
@@ -157,6 +166,7 @@ def judge(figures: dict[str, Found]) -> None:
     assert clear.matches >= 300
     assert fog.depth_m <= 0.5 * clear.depth_m
     assert night.matches < clear.matches
+    assert night.error_px > clear.error_px
 
 
 def test_orb_in_town03() -> None:

@@ -46,9 +46,9 @@ def wall(x_m: float, low_m: tuple[float, float], high_m: tuple[float, float], **
     return quad([[x_m, y1, z0], [x_m, y0, z0], [x_m, y0, z1], [x_m, y1, z1]], **kind)  # type: ignore[arg-type]
 
 
-def ground(reach_m: float = 400.0) -> Mesh:
+def ground(reach_m: float = 400.0, material: Material = Material.ASPHALT) -> Mesh:
     r = reach_m
-    return quad([[-r, -r, 0], [r, -r, 0], [r, r, 0], [-r, r, 0]], Material.ASPHALT, Tag.ROAD)
+    return quad([[-r, -r, 0], [r, -r, 0], [r, r, 0], [-r, r, 0]], material, Tag.ROAD)
 
 
 def scene(*meshes: Mesh, library: ModelLibrary | None = None, **settings: object) -> SceneRenderer:
@@ -252,7 +252,8 @@ def test_sun_throws_a_shadow_where_the_ray_to_it_is_blocked() -> None:
     plate = quad([[8, -2, 3], [8, 2, 3], [6, 2, 3], [6, -2, 3]], Material.LEAF, Tag.STATIC)
     high = geometry.from_rotation(np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]), (2.0, 0.0, 30.0))
     camera = Pinhole(width_px=240, height_px=160, fx_px=400.0, fy_px=400.0, cx_px=120.0, cy_px=80.0)
-    with scene(ground(), plate) as renderer:
+    # Even ground: asphalt has stones and stains of its own.
+    with scene(ground(material=Material.PLAIN), plate) as renderer:
         gbuffer = renderer.draw(camera, high, Instances())
         tag, _ = gbuffer.labels()
         lit = renderer.radiance_cd_m2(gbuffer, sunny)[..., 1]

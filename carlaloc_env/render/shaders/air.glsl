@@ -38,6 +38,20 @@ vec3 through_air(vec3 light, vec3 direction, float length_m) {
 uniform sampler2D u_rain;   // light of the streaks before the picture, and how much they hide
 #endif
 
+#ifdef NIGHT
+uniform vec2 u_electrons;   // of a pixel at value 1; noise of reading it [electrons]
+
+// Few photons make a picture by night: their noise, as a sum of two even ones, and that of reading.
+vec3 grainy(vec3 exposed) {
+    uint h = mix_bits(uint(gl_FragCoord.x) * 40503u + uint(gl_FragCoord.y) * 65599u ^ u_dither);
+    uint k = mix_bits(h + 0x9e3779b9u);
+    vec3 a = vec3(float(h & 1023u), float((h >> 10) & 1023u), float((h >> 20) & 1023u));
+    vec3 b = vec3(float(k & 1023u), float((k >> 10) & 1023u), float((k >> 20) & 1023u));
+    vec3 lot = (a + b) * (2.4495 / 1024.0) - 2.4471;
+    return exposed + lot * sqrt(max(exposed, 0.0) * u_electrons.x + u_electrons.y * u_electrons.y) / u_electrons.x;
+}
+#endif
+
 vec4 develop(vec3 exposed) {
 #ifdef RAIN
     vec4 rain = texelFetch(u_rain, ivec2(gl_FragCoord.xy), 0);
@@ -46,6 +60,9 @@ vec4 develop(vec3 exposed) {
 #ifdef LINEAR
     return vec4(exposed, 1.0);
 #else
+#ifdef NIGHT
+    exposed = grainy(exposed);
+#endif
     // Linear up to 0.6, a soft shoulder above; then exact sRGB and half a step of dither.
     vec3 x = max(exposed, 0.0);
     vec3 toned = min(x, 0.6) + 0.4 * (1.0 - exp(-max(x - 0.6, 0.0) * 2.5));

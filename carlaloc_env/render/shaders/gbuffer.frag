@@ -27,8 +27,21 @@ void main() {
         + 0.8 * (noise(p * 0.71 + 17.3) - 0.5) * band(footprint, 0.71);
     albedo *= 1.0 + 0.45 * v_surface.y * wear;
 #endif
+#ifdef LEVEL
+    // Asphalt bears a few bright stones and drops of tar in every square metre, and here and there a stain.
+    float small = noise(p * 14.0 + 4.7);
+    float large = noise(p * 4.3 + 9.1);
+    float spots = (2.8 * smoothstep(0.945, 0.97, small) - 0.72 * smoothstep(0.075, 0.045, small)) * band(footprint, 14.0)
+        + (0.5 * smoothstep(0.955, 0.97, large) - 0.55 * smoothstep(0.055, 0.04, large)) * band(footprint, 4.3);
+    float porous = v_surface.y * v_surface.y * v_surface.y;
+    albedo *= 1.0 + max(spots, -0.8) * porous * smoothstep(0.90, 0.97, v_normal.z);
+#endif
     vec3 n = normalize(v_normal);
-    n = gl_FrontFacing ? n : -n;
+    // Leaves let half of the light through, and throw it to their neighbours: both sides are lit alike.
+    bool leaf = v_layer == float(LEAF);
+    albedo *= leaf ? 1.35 : 1.0;
+    n = gl_FrontFacing || leaf ? n : -n;
+    n = leaf ? normalize(0.45 * n + vec3(0.0, 0.0, 0.6)) : n;
     o_albedo = vec4(sqrt(clamp(albedo, 0.0, 1.0)), 1.0);
     o_normal = encode_normal(n);
     o_surface = vec4(texel.a, v_surface.yzw);

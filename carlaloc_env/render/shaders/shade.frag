@@ -80,7 +80,8 @@ float gloss(float nl, float nv, float lv, float alpha, float f0) {
     float lh2 = 0.25 * s;
     float a2 = alpha * alpha;
     float d = nh2 * (a2 - 1.0) + 1.0;
-    float fresnel = f0 + (1.0 - f0) * fifth(1.0 - sqrt(lh2));
+    // Rough surfaces shade themselves where they would mirror most (Lagarde 2011).
+    float fresnel = f0 + max(1.0 - f0 - sqrt(alpha), 0.0) * fifth(1.0 - sqrt(lh2));
     return a2 / (d * d) * fresnel / (4.0 * lh2 * (0.5 + alpha));
 }
 

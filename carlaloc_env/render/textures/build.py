@@ -105,6 +105,26 @@ WIDE: dict[Material, float] = {
 }
 """Materials that cover hundreds of tiles, and the cycles per tile below which they are levelled; the
 renderer's wear and the ground's tint, which do not repeat, shade them slowly instead."""
+FACADES = frozenset(
+    {
+        Material.ASHLAR,
+        Material.BRICK_BROWN,
+        Material.BRICK_RED,
+        Material.CONCRETE_PANEL,
+        Material.CURTAIN_WALL,
+        Material.ROOF_SLATE,
+        Material.ROOF_TILE,
+        Material.RUBBLE,
+        Material.SHOP_FRONT,
+        Material.SHOP_FRONT_B,
+        Material.SIDING,
+        Material.WINDOW,
+        Material.WINDOW_WIDE,
+    }
+)
+"""What stands behind the roadway; photographs show it paler than it is, and its joints less."""
+FACADE_CONTRAST = 0.85
+"""Exponent of the façades' albedo about its mean."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -142,7 +162,9 @@ def make_albedo(size_px: int) -> NDArray[np.float16]:
     out = np.empty((len(Material), size_px, size_px, 4), dtype=np.float16)
     for material in Material:
         layer = RECIPES[material](stream(0, f"texture/{material.name}"), size_px)
-        out[material] = noise.levelled(layer, WIDE[material]) if material in WIDE else layer
+        if material in WIDE:
+            layer = noise.levelled(layer, WIDE[material])
+        out[material] = noise.softened(layer, FACADE_CONTRAST) if material in FACADES else layer
     return out
 
 

@@ -20,14 +20,14 @@ from carlaloc_env.render.textures.noise import (
 
 def asphalt(rng: np.random.Generator, size: int) -> Layer:
     """Worn asphalt: aggregate, bright stones, pits, a few cracks."""
-    log = _aggregate(rng, size, 0.10, 0.18)
+    log = _aggregate(rng, size, 0.11, 0.21)
     log += np.log(0.45) * _cracks(rng, size, 3, 0.30)
     return layer((0.105, 0.103, 0.100), log, 0.9 - 0.03 * fbm(rng, size, 0.5, 0.05))
 
 
 def asphalt_old(rng: np.random.Generator, size: int) -> Layer:
     """Old, pale asphalt: coarse stones, a net of cracks, sealed seams, a patch."""
-    log = _aggregate(rng, size, 0.17, 0.21)
+    log = _aggregate(rng, size, 0.18, 0.24)
     log += np.log(0.40) * _cracks(rng, size, 4, 0.62)
     seam = _line(rng, size, 0.31, 0.012) + _line(rng, size, 0.77, 0.010)
     log += np.log(0.50) * np.clip(seam, 0, 1)
@@ -92,7 +92,7 @@ def grass(rng: np.random.Generator, size: int) -> Layer:
     """Meadow: blades at every angle over clumps and dry patches."""
     blades = _strokes(rng, size, 9000, (0.008, 0.018))
     clumps, dry = fbm(rng, size, 0.25, 0.02, 0.8), fbm(rng, size, 0.7, 0.08, 0.6)
-    log = 0.30 * blades + 0.16 * clumps + 0.10 * dry
+    log = 0.42 * blades + 0.22 * clumps + 0.12 * dry
     straw = smoothstep(0.9, 2.2, dry + 0.4 * clumps)
     tint = np.stack([log + 0.55 * straw, log + 0.12 * straw, log + 0.25 * straw], axis=-1)
     return layer((0.060, 0.112, 0.030), tint, 0.9)

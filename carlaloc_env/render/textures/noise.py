@@ -177,3 +177,11 @@ def levelled(tile: Layer, cycles: float, keep: float = 0.12) -> Layer:
     rgb = np.exp(flat)
     rgb *= tile[..., :3].mean(axis=(0, 1)) / rgb.mean(axis=(0, 1))
     return with_roughness(rgb.astype(np.float32), tile[..., 3])
+
+
+def softened(tile: Layer, contrast: float) -> Layer:
+    """The same layer with less contrast about its mean, as dust, haze and the lens leave it."""
+    mean = tile[..., :3].mean(axis=(0, 1), keepdims=True)
+    rgb = mean * (tile[..., :3] / mean) ** np.float32(contrast)
+    rgb *= mean / rgb.mean(axis=(0, 1), keepdims=True)
+    return with_roughness(rgb.astype(np.float32), tile[..., 3])

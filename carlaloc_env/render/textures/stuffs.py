@@ -98,9 +98,9 @@ def leaf(rng: np.random.Generator, size: int) -> Layer:
     length = rng.uniform(0.020, 0.042, count) * size
     turn = rng.uniform(0.0, 180.0, count)
     # Lower leaves are drawn first and lie in the shade of the others.
-    light = np.linspace(-0.55, 0.28, count) + rng.normal(0.0, 0.14, count)
+    light = np.linspace(-0.24, 0.16, count) + rng.normal(0.0, 0.09, count)
     hue = rng.normal(0.0, 0.16, count)
-    canvas = np.full((size, size, 2), (-0.75, 0.0), np.float32)
+    canvas = np.full((size, size, 2), (-0.36, 0.0), np.float32)
     for k in range(count):
         axes = (max(round(length[k]), 1), max(round(0.45 * length[k]), 1))
         value = (float(light[k]), float(hue[k]))
