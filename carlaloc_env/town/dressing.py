@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.assets.trees import FORMS
+from carlaloc_env.assets.tree_forms import FORMS
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh
 from carlaloc_env.semantics import Tag

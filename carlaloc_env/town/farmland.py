@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.assets.farm_things import bale, fence_panel, maize, stalks
-from carlaloc_env.assets.trees import DETAILS, tree
+from carlaloc_env.assets.tree_forms import DETAILS
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.land import Land

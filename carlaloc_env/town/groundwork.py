@@ -10,7 +10,6 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.town.areas import TownAreas, town_areas
-from carlaloc_env.town.bridges import RaisedParts, raised_parts
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.fields import EdgeField, GroundGrid
 from carlaloc_env.town.junctions import corner_edges
@@ -20,6 +19,7 @@ from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.model import Road
 from carlaloc_env.town.opendrive.surface import RoadSurface
 from carlaloc_env.town.polygons import Area
+from carlaloc_env.town.raised import RaisedParts, raised_parts
 from carlaloc_env.town.sections import KERB_M, Strip, road_strips
 from carlaloc_env.town.terrain import MARGIN_M, Ground, zone_areas
 from carlaloc_env.town.water import Shore, bank_tops, shores

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from carlaloc_env.assets import street
 from carlaloc_env.assets.shapes import placed
 from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.town.bridges import RAIL_KERB_M
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.guard_rails import FAST_MPS
 from carlaloc_env.town.levels import WALL_M, State
+from carlaloc_env.town.parapets import RAIL_KERB_M
 from carlaloc_env.town.polygons import Area
 from carlaloc_env.town.road_edges import RoadEdge, right_of
 from carlaloc_env.town.terrain import Ground

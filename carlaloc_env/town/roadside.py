@@ -28,6 +28,7 @@ from carlaloc_env.town.road_lamps import mast_meshes
 from carlaloc_env.town.sections import Strip
 from carlaloc_env.town.terrain import Ground
 from carlaloc_env.town.utility_lines import POLE_M, add_lines, corridor, place_lines
+from carlaloc_env.town.wire_fences import add_wire_fences
 
 Array = NDArray[np.float64]
 
@@ -103,12 +104,22 @@ def line_roads(solid: MeshBuilder, site: RoadsideSite, first_instance: int) -> R
     drives = lay_drives(fittings, cars, site.edges, site.zones, blocked, site.ground, site.seed)
     beside = shapely.union_all([beside, *drives])
     park_on_verges(cars, site.edges, site.zones, beside, site.ground, site.seed)
+    fenced = add_wire_fences(
+        fittings, solid, site.edges, site.zones, shapely.union_all([beside, *cars.footprints()]), site.ground
+    )
     cars.add_boxes(solid)
     for places, radius, height in ((feet, 0.11, 8.0), (pole_feet, 0.15, POLE_M)):
         if len(places):
             faces = posts(places, np.full(len(places), radius), np.full(len(places), height))
             solid.quads(faces, material=Material.PLAIN, tag=Tag.POLE)
-    taken = [rails, corridor(rows), *drives, *cars.footprints(), *(park.area() for park in site.car_parks)]
+    taken = [
+        rails,
+        fenced,
+        corridor(rows),
+        *drives,
+        *cars.footprints(),
+        *(park.area() for park in site.car_parks),
+    ]
     return Roadside(
         meshes=[fittings.build(), *masts, *poles, *cars.meshes(number)],
         lamps_m=lights,

@@ -33,7 +33,8 @@ from carlaloc_env.assets.shrubs import hedge
 from carlaloc_env.assets.signals import traffic_light
 from carlaloc_env.assets.signs import SIGNS, sign
 from carlaloc_env.assets.skeleton import shoe_sole
-from carlaloc_env.assets.trees import FORMS, tree
+from carlaloc_env.assets.tree_forms import FORMS
+from carlaloc_env.assets.trees import tree
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.materials import MATERIALS, Material
 from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary

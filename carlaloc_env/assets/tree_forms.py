@@ -1,0 +1,84 @@
+"""Kinds of trees: their sizes, branching and leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TreeForm:
+    """Shape of a kind of tree; ranges are (least, greatest)."""
+
+    height_m: tuple[float, float]
+    crown_m: tuple[float, float]
+    """Diameter of the crown."""
+    trunk_m: tuple[float, float]
+    """Diameter of the trunk at breast height."""
+    bare_m: tuple[float, float]
+    """Height of the first branch."""
+    branches: int
+    twigs: int
+    """Second-level branches on each first-level one."""
+    rise: tuple[float, float]
+    """Sine of the branches' slope, at the bottom and at the top of the crown."""
+    shape: str
+    """``round``, ``cone``, ``tall``, ``column`` or ``palm``."""
+    leaf_m: float
+    """Edge of a leaf triangle at high detail [m]."""
+    density: float
+    """Leaf area over the crown's projected area."""
+    tint: tuple[int, int, int] = (220, 220, 220)
+    bark: tuple[int, int, int] = (235, 235, 235)
+    """Tint of the trunk."""
+    clumps: int = 44
+    """Leaf clumps of the crown at high detail; low detail has two fifths of them."""
+
+
+FORMS: dict[str, TreeForm] = {
+    "plane": TreeForm(
+        height_m=(9.0, 13.0), crown_m=(5.5, 7.5), trunk_m=(0.28, 0.42), bare_m=(2.6, 3.4), branches=9,
+        twigs=2, rise=(0.30, 0.85), shape="round", leaf_m=0.30, density=7.6, clumps=32, bark=(255, 250, 235),
+    ),
+    "lime": TreeForm(
+        height_m=(8.0, 12.0), crown_m=(4.5, 6.0), trunk_m=(0.25, 0.36), bare_m=(2.4, 3.0), branches=10,
+        twigs=2, rise=(0.30, 0.9), shape="tall", leaf_m=0.27, density=8.5, clumps=32, tint=(205, 230, 195),
+    ),
+    "park": TreeForm(
+        height_m=(14.0, 19.0), crown_m=(10.0, 13.0), trunk_m=(0.55, 0.85), bare_m=(3.0, 4.0), branches=12,
+        twigs=3, rise=(0.20, 0.8), shape="round", leaf_m=0.46, density=7.0, tint=(190, 205, 180), clumps=44,
+    ),
+    "conifer": TreeForm(
+        height_m=(12.0, 18.0), crown_m=(4.8, 6.0), trunk_m=(0.30, 0.46), bare_m=(0.8, 1.5), branches=60,
+        twigs=0, rise=(-0.30, 0.30), shape="cone", leaf_m=0.40, density=13.0, tint=(125, 165, 140), clumps=84,
+    ),
+    "young": TreeForm(
+        height_m=(3.6, 5.0), crown_m=(2.0, 2.8), trunk_m=(0.08, 0.13), bare_m=(1.2, 1.6), branches=7, twigs=2,
+        rise=(0.2, 0.8), shape="round", leaf_m=0.17, density=7.5, tint=(235, 240, 200), clumps=20,
+    ),
+    "autumn": TreeForm(
+        height_m=(7.0, 10.0), crown_m=(4.5, 6.0), trunk_m=(0.22, 0.32), bare_m=(2.2, 2.8), branches=9,
+        twigs=2, rise=(0.35, 0.85), shape="round", leaf_m=0.26, density=7.2, tint=(430, 165, 60), clumps=30,
+    ),
+    "birch": TreeForm(
+        height_m=(10.0, 15.0), crown_m=(3.8, 5.0), trunk_m=(0.18, 0.28), bare_m=(2.4, 3.4), branches=13,
+        twigs=2, rise=(0.55, 0.95), shape="tall", leaf_m=0.22, density=7.5, tint=(245, 250, 190),
+        bark=(255, 255, 255), clumps=34,
+    ),
+    "poplar": TreeForm(
+        height_m=(16.0, 22.0), crown_m=(2.8, 3.8), trunk_m=(0.35, 0.55), bare_m=(1.2, 1.8), branches=18,
+        twigs=1, rise=(1.6, 2.4), shape="column", leaf_m=0.28, density=24.0, tint=(215, 225, 190), clumps=60,
+    ),
+    "orchard": TreeForm(
+        height_m=(4.0, 5.4), crown_m=(3.6, 4.6), trunk_m=(0.16, 0.26), bare_m=(1.2, 1.6), branches=8, twigs=2,
+        rise=(0.2, 0.7), shape="round", leaf_m=0.20, density=6.6, tint=(225, 245, 185), clumps=24,
+    ),
+    "palm": TreeForm(
+        height_m=(8.0, 12.0), crown_m=(4.4, 5.4), trunk_m=(0.26, 0.36), bare_m=(7.0, 10.0), branches=22,
+        twigs=0, rise=(0.2, 0.9), shape="palm", leaf_m=0.55, density=1.0, tint=(205, 215, 165),
+        bark=(225, 215, 200), clumps=0,
+    ),
+}  # fmt: skip
+"""All kinds of trees."""
+
+DETAILS = ("high", "low", "far")
+"""Levels of detail: beside the ego's route, beside other roads, and farther off."""
