@@ -16,7 +16,8 @@ from carlaloc_env.samples import RadarScan
 from carlaloc_env.scene import EGO_INSTANCE
 from carlaloc_env.semantics import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.radar import CLUTTER, GHOST, THING, RadarConfig
+from carlaloc_env.sensors.radar import RadarConfig
+from carlaloc_env.sensors.radar_detector import CLUTTER, GHOST, THING
 from carlaloc_env.sensors.radar_echo import (
     Echoes,
     detect,

@@ -1,0 +1,35 @@
+"""Directions as a radar counts them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.trajectory import Motion
+
+Array = NDArray[np.float64]
+
+
+def polar(local_m: Array) -> tuple[Array, Array, Array]:
+    """Distance [m], azimuth and elevation [rad] of points (N, 3) in a sensor's frame."""
+    flat = np.sqrt(local_m[:, 0] * local_m[:, 0] + local_m[:, 1] * local_m[:, 1])
+    distance = np.sqrt(flat * flat + local_m[:, 2] * local_m[:, 2])
+    return distance, np.arctan2(local_m[:, 1], local_m[:, 0]), np.arctan2(local_m[:, 2], flat)
+
+
+def into(motion: Motion, vectors: Array) -> Array:
+    """Vectors (N, 3) from world axes to those of the radar."""
+    return geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), vectors)
+
+
+def out_of(motion: Motion, vectors: Array) -> Array:
+    """Vectors (N, 3) from the axes of the radar to those of the world."""
+    return geometry.quat_rotate(motion.quat_xyzw, vectors)
+
+
+def dot(vectors: Array, other: Array) -> Array:
+    """Scalar products of vectors (N, 3) with others or with one, shape (N,), without BLAS."""
+    product = vectors * other
+    result: Array = product[:, 0] + product[:, 1] + product[:, 2]
+    return result
