@@ -46,10 +46,11 @@ def page() -> str:
 
 
 def sample_classes() -> list[type[samples.Sample]]:
-    """`Sample` and all kinds of samples, in the order of their module."""
+    """`Sample` and all kinds of samples, in the order of their modules."""
+    names = [f"{samples.__name__}.{part}" for part in ("base", "pictures", "clouds", "states", "truth")]
     found = [cls for _, cls in inspect.getmembers(samples, inspect.isclass)]
     mine = [cls for cls in found if issubclass(cls, samples.Sample)]
-    return sorted(mine, key=lambda cls: inspect.getsourcelines(cls)[1])
+    return sorted(mine, key=lambda cls: (names.index(cls.__module__), inspect.getsourcelines(cls)[1]))
 
 
 def field_docs(cls: type[Any]) -> dict[str, str]:
@@ -99,8 +100,10 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
 
 
 def _inputs(sensor: Any) -> str:
-    """What a sensor asks its world for, read off its module's source."""
-    source = inspect.getsource(inspect.getmodule(type(sensor)))  # type: ignore[arg-type]
+    """What a sensor asks its world for, read off its module's source and that of its parts."""
+    module = Path(inspect.getfile(type(sensor)))
+    parts = sorted(module.parent.glob(f"{module.stem}_*.py"))
+    source = "".join(path.read_text(encoding="utf-8") for path in (module, *parts))
     asked = (
         ("the ego's motion", "ego_motion("),
         ("wheels and pedals", "timeline.car"),
@@ -108,7 +111,7 @@ def _inputs(sensor: Any) -> str:
         ("rays against town and actors", ".rays()"),
         ("pictures of town and actors", ".renderer()"),
         ("the weather", ".weather"),
-        ("the map's geo-reference", ".geo"),
+        ("the map's geo-reference", "world.geo"),
         ("the seed", "seed"),
     )
     found = [name for name, sign in asked if sign in source]

@@ -1,0 +1,100 @@
+"""What inertial, satellite and wheel sensors put out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.samples.base import Sample, check
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Imu(Sample):
+    """One inertial measurement in the IMU frame; at rest the up axis reads +9.81 m/s²."""
+
+    specific_force_mps2: NDArray[np.float64]
+    """Specific force [m/s²], frame `frame_id`, shape (3,)."""
+    angular_rate_radps: NDArray[np.float64]
+    """Body rate [rad/s], frame `frame_id`, shape (3,)."""
+    quat_xyzw: NDArray[np.float64] | None = None
+    """Attitude: maps `frame_id` to world (ENU), unit quaternion xyzw, shape (4,); None: not estimated."""
+    orientation_noise_rad: float = 0.0
+    """Standard deviation of the attitude per axis [rad]."""
+
+    def __post_init__(self) -> None:
+        check(self, "specific_force_mps2", np.float64, (3,))
+        check(self, "angular_rate_radps", np.float64, (3,))
+        if self.quat_xyzw is not None:
+            check(self, "quat_xyzw", np.float64, (4,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GnssFix(Sample):
+    """One satellite fix on WGS84."""
+
+    latitude_deg: float
+    """Latitude [deg]."""
+    longitude_deg: float
+    """Longitude [deg]."""
+    altitude_m: float
+    """Height above the ellipsoid [m]."""
+    covariance_enu_m2: NDArray[np.float64]
+    """Covariance of the position, east, north, up [m²], shape (3, 3)."""
+    has_fix: bool = True
+    """Whether enough satellites were seen; without a fix the place is NaN."""
+    solution: str = "single"
+    """How the place was found: ``none``, ``single``, or with a base station ``float`` or ``fixed``."""
+    satellites: int = 0
+    """Number of satellites used [1]; 0 where none are modelled."""
+
+    def __post_init__(self) -> None:
+        check(self, "covariance_enu_m2", np.float64, (3, 3))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Speed(Sample):
+    """The speedometer."""
+
+    speed_mps: float
+    """Forward speed of base_link [m/s], negative backwards."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WheelTicks(Sample):
+    """Counters of the wheels: front left, front right, rear left, rear right."""
+
+    ticks: NDArray[np.int64]
+    """Ticks counted since the drive began, less when rolling back, shape (4,)."""
+    rate_radps: NDArray[np.float64]
+    """Spin over the last period, from the ticks in it [rad/s], shape (4,)."""
+    ticks_per_turn: int
+    """Ticks in one turn of a wheel [1]; 96 = two of each of 48 teeth."""
+
+    def __post_init__(self) -> None:
+        check(self, "ticks", np.int64, (4,))
+        check(self, "rate_radps", np.float64, (4,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CanState(Sample):
+    """What a car tells on its CAN bus, rounded to the bus' steps."""
+
+    steering_wheel_rad: float
+    """Angle of the steering wheel, left positive [rad]."""
+    speed_mps: float
+    """Speed on the dashboard: mean of the rear wheels', negative backwards [m/s]."""
+    wheel_speed_mps: NDArray[np.float64]
+    """Speed of each wheel's tread: front left, front right, rear left, rear right [m/s], shape (4,)."""
+    throttle: float
+    """Throttle pedal [0–1], 1 = down."""
+    brake: float
+    """Brake pedal [0–1], 1 = down."""
+    gear: int
+    """Selected gear [1 or −1]: 1 = forwards, −1 = reverse."""
+    handbrake: bool
+    """Whether the handbrake is pulled, 1 = pulled."""
+
+    def __post_init__(self) -> None:
+        check(self, "wheel_speed_mps", np.float64, (4,))
