@@ -15,7 +15,7 @@ STEP_M = 0.5
 """Distance of the points at which a bend is compared with the plane [m]."""
 HEIGHT_TOLERANCE_M, TILT_TOLERANCE_RAD = 1e-4, 2e-5
 """How far cubics may miss the plane; 2e-5 rad are 0.1 mm at a distance of 5 m."""
-LEAN_M = 25.0
+LEAN_M = 15.0
 """Way on which a road turns from the plane's cross fall to a level cross-section [m]."""
 
 
