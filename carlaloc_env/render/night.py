@@ -50,11 +50,14 @@ class Night:
         eye_m = gbuffer.view.position_m
         lights = concatenate_lights([self._street, self._emitters.lights(gbuffer.actors)])
         lights = nearest(lights, eye_m)
+        depth_m = _depth_m(gbuffer)
         grid = light_grid(
             gbuffer.view,
             lights,
-            _depth_range(gbuffer),
+            DepthRange.of(depth_m),
             extinction_per_m * exposure / 4.0,
+            depth_m=depth_m,
+            exposure=exposure,
         )
         rows = np.zeros((MOST_LIGHTS, 5, 4), dtype="<f4")
         n = len(lights)
@@ -108,6 +111,6 @@ class Night:
             buffer.release()
 
 
-def _depth_range(gbuffer: GBuffer) -> DepthRange:
+def _depth_m(gbuffer: GBuffer) -> NDArray[np.float32]:
     depth = np.frombuffer(gbuffer.shaded.depth.read(), dtype=np.float32)
-    return DepthRange.of(depth.reshape(gbuffer.camera.height_px, gbuffer.camera.width_px))
+    return depth.reshape(gbuffer.camera.height_px, gbuffer.camera.width_px)

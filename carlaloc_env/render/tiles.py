@@ -6,13 +6,16 @@ Tiles of 32 pixels with the nearest and farthest depth in them are tested agains
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.geometry import cross
 from carlaloc_env.render.lights import Lights
 from carlaloc_env.render.projection import View
+from carlaloc_env.render.tile_kernels import keep_lit
 
 Array = NDArray[np.float64]
 
@@ -22,6 +25,8 @@ LIST_SIZE = 16384
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""
 GLOW_MOST_M = 8.0
+LIGHT_CUTOFF = 3e-4
+"""Exposed light of a lamp that no picture shows: half a step of 8 bits at what is dark in a town."""
 
 TILE = np.dtype([("place", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), ("glows", "<u4", 2)])
 """One tile: column and row, then the first entry and the end of its lists."""
@@ -62,7 +67,15 @@ class LightGrid:
     """Indices of lights, all lists in one, at most `LIST_SIZE`."""
 
 
-def light_grid(view: View, lights: Lights, depths: DepthRange, glow_per_cd: float) -> LightGrid:
+def light_grid(
+    view: View,
+    lights: Lights,
+    depths: DepthRange,
+    glow_per_cd: float,
+    *,
+    depth_m: NDArray[np.float32] | None = None,
+    exposure: float = 0.0,
+) -> LightGrid:
     """Lists of the lights that reach the surfaces and the air in every tile.
 
     Args:
@@ -70,6 +83,9 @@ def light_grid(view: View, lights: Lights, depths: DepthRange, glow_per_cd: floa
         lights: At most as many as the shaders hold.
         depths: What the tiles show.
         glow_per_cd: Exposed radiance at 1 m beside a lamp of 1 cd, seen through endless air.
+        depth_m: Planar depth, 0 = sky, shape (H, W); with it, lamps that light nothing in a tile are
+            left out of its lists.
+        exposure: Picture value per luminance [m²/cd].
     """
     centre = (
         lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
@@ -80,11 +96,44 @@ def light_grid(view: View, lights: Lights, depths: DepthRange, glow_per_cd: floa
     near, far = depths.near_m[..., None], depths.far_m[..., None]
     z = _along(view, centre)
     surface = _touched(view, centre, radius, near.shape) & (z + radius > near) & (z - radius < far)
+    if depth_m is not None:
+        _keep_lit(surface, view, lights, depth_m, exposure)
     # The air of a tile reaches from the eye to its farthest surface, or on where there is sky.
     sky = ~np.isfinite(near) | (far > 200.0)
     air = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
     air &= sky | (_along(view, lights.position_m) - glow < far)
     return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, air)
+
+
+def _keep_lit(
+    surface: NDArray[np.bool_], view: View, lights: Lights, depth_m: NDArray[np.float32], exposure: float
+) -> None:
+    """Leave only lamps in the lists of tiles (R, C, N) that light what these show."""
+    camera = view.camera
+    keep_lit(
+        surface,
+        np.empty((TILE_PX * TILE_PX, 3)),
+        TILE_PX,
+        depth_m,
+        np.array(
+            [1 / camera.fx_px, 1 / camera.fy_px, -camera.cx_px / camera.fx_px, -camera.cy_px / camera.fy_px]
+        ),
+        view.R_camera_world,
+        lights.position_m - view.position_m,
+        lights.axis,
+        lights.left,
+        cross(lights.axis, lights.left),
+        np.column_stack(
+            [
+                lights.colour_cd.max(axis=1, initial=0.0) * (exposure / math.pi),
+                lights.cap,
+                lights.edge,
+                lights.range_m,
+            ]
+        ),
+        lights.beam,
+        LIGHT_CUTOFF,
+    )
 
 
 def _along(view: View, points_m: Array) -> Array:
