@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from carlaloc_env.assets.tree_forms import FORMS
 from carlaloc_env.geometry import apply
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import EGO_INSTANCE, Mesh, merge
@@ -101,8 +102,9 @@ def test_neighbouring_buildings_differ(mesh: Mesh) -> None:
     assert len(looks) > 60
 
 
-def test_styles_are_many_and_every_zone_knows_its_own() -> None:
-    assert len(STYLES) >= 6
+def test_styles_and_trees_are_many_and_every_zone_knows_its_own() -> None:
+    assert len(STYLES) >= 12
+    assert len(FORMS) >= 6
     for styles in ZONE_STYLES.values():
         for name, weight in styles:
             assert name in STYLES
