@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from carlaloc_env import rng
 from carlaloc_env.compiled import compiled, over_bands
 from carlaloc_env.samples import EVENT
-from carlaloc_env.sensors.event_kernels import NEVER_US, fire_rows, new_scratch
+from carlaloc_env.sensors.event_crossing import NEVER_US
+from carlaloc_env.sensors.event_kernels import fire_rows
+from carlaloc_env.sensors.event_tiles import new_scratch
 from carlaloc_env.sensors.pixel_motion import TILE_PX, passing_surfaces
 from carlaloc_env.sensors.pixel_ways import tile_ranges
 
