@@ -12,11 +12,13 @@ from scipy.signal import welch
 
 from carlaloc_env import geometry
 from carlaloc_env.car_track import CarTrack
-from carlaloc_env.clock import TICK_NS
+from carlaloc_env.clock import STEP_NS, TICK_NS
 from carlaloc_env.errors import ConfigError, EpisodeError
+from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.imu import ImuConfig
+from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.sensors.noise import Flicker, GaussMarkov, RandomWalk, WhiteSequence
 from carlaloc_env.sensors.speed import SpeedConfig
 from carlaloc_env.sensors.vibration import body_response
@@ -391,3 +393,15 @@ def test_orientation_on_request(scenery: Any) -> None:
 def test_wrong_configurations_are_refused(wrong: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         ImuConfig(**wrong)
+
+
+def test_readings_begin_with_the_drive_and_never_pause(scenery: Any) -> None:
+    """Trackers look for the reading before the first picture: no other sample comes before ours begin."""
+    pytest.importorskip("open3d", reason="open3d is not installed")
+    sensors = (ImuConfig(), LidarConfig(columns=8), SpeedConfig())
+    rig = SensorRig(name="three", sensors=sensors).build(scenery.world([scenery.ground()]))
+    drive = scenery.drive(scenery.straight(0.0), 1.0)
+    samples = [s for k in range(10) for s in rig.measure(drive, k * STEP_NS - (k == 0), (k + 1) * STEP_NS)]
+    inertial = [s.stamp_ns for s in samples if isinstance(s, Imu)]
+    assert inertial == list(range(0, 10 * STEP_NS + 1, TICK_NS))
+    assert min(s.stamp_ns for s in samples if not isinstance(s, Imu)) == 0
