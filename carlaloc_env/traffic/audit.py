@@ -64,6 +64,10 @@ class TrafficReport:
     """Processor time of one step: least and median [ms]."""
     overlaps: list[tuple[float, int, int]] = field(default_factory=list)
     """Time [s] and the two vehicles of every overlap, once for each second."""
+    red_runners: list[tuple[float, int]] = field(default_factory=list)
+    """Time [s] and vehicle of every line crossed at red."""
+    hits: list[tuple[float, int]] = field(default_factory=list)
+    """Time [s] and walker of every walker-second inside a box; walkers count from the first vehicle on."""
 
 
 def audit_traffic(
@@ -93,8 +97,9 @@ class _Watch:
         self._stand_s, self._longest_s = np.zeros(count), 0.0
         self._speed_share: list[float] = []
         self._overlaps: list[tuple[float, int, int]] = []
-        self._red_runs = self._crossed = self._hits = self._astray = self._across = 0
-        self._changes = 0
+        self._red_runners: list[tuple[float, int]] = []
+        self._hits: list[tuple[float, int]] = []
+        self._crossed = self._astray = self._across = self._changes = 0
         self._was_changing = np.zeros(count, dtype=bool)
         self._lines = _StopLines(network)
         self._before: ActorFrame | None = None
@@ -110,7 +115,7 @@ class _Watch:
                 self._before, frame, self._world.catalog, self._vehicles, states
             )
             self._crossed += crossed
-            self._red_runs += red
+            self._red_runners += [(step * STEP_NS / 1e9, int(v)) for v in red]
         else:
             self._lines.note(states)
         self._before = frame
@@ -128,9 +133,8 @@ class _Watch:
         for a, b in overlapping_boxes(frame, self._world.catalog, self._vehicles):
             self._overlaps.append((step * STEP_NS / 1e9, int(a), int(b)))
         if len(self._walkers):
-            self._hits += int(
-                np.count_nonzero(walkers_in_boxes(frame, self._world.catalog, self._vehicles, self._walkers))
-            )
+            hit = walkers_in_boxes(frame, self._world.catalog, self._vehicles, self._walkers)
+            self._hits += [(step * STEP_NS / 1e9, int(w)) for w in self._walkers[hit]]
             pavement, crosswalk = walking_ground(self._network, frame.position_m[self._walkers])
             self._astray += int(np.count_nonzero(~pavement & ~crosswalk))
             self._across += int(np.count_nonzero(crosswalk & ~pavement))
@@ -146,14 +150,16 @@ class _Watch:
             overlap_share=len(hit) / (seconds * max(len(self._vehicles), 1)),
             longest_stand_s=self._longest_s,
             speed_share=float(np.mean(self._speed_share)),
-            red_runs=self._red_runs,
+            red_runs=len(self._red_runners),
             lines_crossed=self._crossed,
-            walker_hits=self._hits,
+            walker_hits=len(self._hits),
             walkers_astray=self._astray,
             walked_across=self._across,
             lane_changes=self._changes,
             step_ms=(1e3 * float(costs_s.min()), 1e3 * float(np.median(costs_s))),
             overlaps=self._overlaps,
+            red_runners=self._red_runners,
+            hits=self._hits,
         )
 
 
@@ -248,11 +254,11 @@ class _StopLines:
         catalog: ActorCatalog,
         vehicles: Index,
         states: NDArray[np.uint8],
-    ) -> tuple[int, int]:
-        """How many fronts crossed a line in the last step, and how many of those at red."""
+    ) -> tuple[int, Index]:
+        """How many fronts crossed a line in the last step, and which vehicles did so at red."""
         self.note(states)
         if not len(self._heads):
-            return 0, 0
+            return 0, vehicles[:0]
         half = 0.5 * catalog.size_m[vehicles, 0].astype(np.float64)
         fronts = []
         for frame in (before, after):
@@ -268,5 +274,6 @@ class _StopLines:
         along = np.cos(after.heading_rad[vehicles][:, None] - self._heading) > 0.8
         hit = (was < 0.0) & (now >= 0.0) & (side < self._half_m) & level & along
         rows = np.flatnonzero(hit.any(axis=0))
-        red = sum(int(hit[:, k].sum()) for k in rows if (self._red_s[self._heads[k]] > LATE_S).all())
+        late = [k for k in rows if (self._red_s[self._heads[k]] > LATE_S).all()]
+        red: Index = vehicles[hit[:, late].any(axis=1)]
         return int(hit.sum()), red

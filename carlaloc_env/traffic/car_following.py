@@ -15,7 +15,7 @@ from carlaloc_env.town.network import LaneNetwork
 
 Array = NDArray[np.float64]
 
-LATERAL_ACCELERATION_MPS2 = 2.6
+LATERAL_ACCELERATION_MPS2 = 2.9
 """Comfortable lateral acceleration in bends [m/s²]."""
 COMFORT_BRAKING_MPS2 = 2.0
 """Braking on which speed tables count when they look ahead [m/s²]."""

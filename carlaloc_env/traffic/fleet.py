@@ -34,7 +34,8 @@ def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
 def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     """Drivers' habits, the ego's size in the last row.
 
-    Town values of Treiber & Kesting, "Traffic Flow Dynamics", ch. 11; SUMO's vehicle classes.
+    Headways as in towns (Treiber & Kesting, "Traffic Flow Dynamics", ch. 11); accelerations up to those of
+    SUMO's vehicle classes.
     """
     draw = rng.stream(config.seed, "traffic/drivers")
     count = len(names)
@@ -44,9 +45,9 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     motorcycle, bicycle = tag == int(Tag.MOTORCYCLE), tag == int(Tag.BICYCLE)
     two_wheels = motorcycle | bicycle
     factor = np.clip(draw.normal(1.0, 0.1, count), 0.8, 1.2)
-    headway = np.clip(draw.normal(1.2, 0.25, count), 0.8, 2.0)
+    headway = np.clip(draw.normal(1.1, 0.2, count), 0.8, 1.8)
     standstill = draw.uniform(2.0, 2.5, count)
-    pull = draw.uniform(1.4, 2.2, count)
+    pull = draw.uniform(1.8, 2.6, count)
     change = np.clip(draw.normal(4.6, 0.8, count), 3.0, 7.0)
     cyclist = draw.uniform(*_CYCLIST_MPS, count)
     keeps_right = draw.random(count) < 0.01 * config.keep_right_rule_percentage
@@ -72,7 +73,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
             else np.full(count, distance),
             2.0,
         ),
-        acceleration_mps2=with_ego(np.where(heavy | bicycle, 1.0, np.where(motorcycle, 2.0, pull)), 1.5),
+        acceleration_mps2=with_ego(np.where(heavy | bicycle, 1.2, np.where(motorcycle, 2.6, pull)), 1.5),
         braking_mps2=with_ego(np.where(heavy | bicycle, 1.5, np.where(motorcycle, 2.5, 2.0)), 2.0),
         change_s=with_ego(np.where(two_wheels, 3.0, change), 4.0),
         keeps_right=with_ego(np.where(keeps_right | bicycle, 0.2, 0.0), 0.0),

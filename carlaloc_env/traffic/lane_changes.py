@@ -16,7 +16,7 @@ from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.leaders import find_beside
 from carlaloc_env.traffic.plans import change_goal, find_way, plan_ahead
 from carlaloc_env.traffic.presence import Presence
-from carlaloc_env.traffic.right_of_way import drop_holds_ahead
+from carlaloc_env.traffic.requests import drop_holds_ahead
 from carlaloc_env.traffic.roads import Roads, allowed_at, place_of, station_beside, width_at
 from carlaloc_env.traffic.state import PAST, REFUSED_ROOM, Drivers, Fleet, Habits
 
@@ -32,15 +32,16 @@ SAFE_BRAKING_MPS2, URGENT_BRAKING_MPS2 = 3.0, 4.5
 """What a change may ask of the follower at most; the latter in the last metres before one must [m/s²]."""
 INDICATE_S = 1.0
 """How long drivers indicate before they move over [s]."""
-CLEAR_OF_JUNCTION_M = 12.0
-"""Changes do not begin closer before a junction [m]."""
-_URGENT_M, _LAST_M = 150.0, 25.0
+CLEAR_OF_JUNCTION_M = 18.0
+"""Changes for speed alone do not begin closer before a junction [m]."""
+_URGENT_M = 150.0
 _GIVE_UP_M = 22.0
+_SHORTEST_M = 14.0
+_CLEAR_S = 2.5
 _NARROW_M = 0.5
 _TIRED_S, _STOOD_S = 20.0, 3.0
 _FREE_ROOM_M = 120.0
 _CRAWL_MPS, _START_ROOM_M = 0.5, 4.0
-_FULL_PACE_MPS = 4.0
 _LEFT, _RIGHT = 11, 12
 
 
@@ -112,14 +113,15 @@ def _best_side(
     if way >= 0:
         changes, must = roads.way.changes[way], roads.way.side[way]
         room = rest + roads.way.room_m[way]
-    tired = fleet.waited_s[v] > 3.0 or room < 8.0
+    tired = fleet.waited_s[v] > 3.0 or room < _SHORTEST_M * changes
     if changes > 0 and room < _GIVE_UP_M * changes and tired:  # noqa: SIM102
         if change_goal(roads, crowd, fleet, v, habits.seed):
             return 0, False
     if fleet.refused[v] == REFUSED_ROOM and fleet.waited_s[v] > _TIRED_S and (step + v) % 100 < DECIDE_EVERY:
         change_goal(roads, crowd, fleet, v, habits.seed)
     ahead = fleet.plan[v, 1]
-    if rest < CLEAR_OF_JUNCTION_M and (ahead < 0 or roads.lane.junction[ahead] >= 0) and changes == 0:
+    clear = max(CLEAR_OF_JUNCTION_M, _CLEAR_S * fleet.speed_mps[v])
+    if rest < clear and changes == 0 and (ahead < 0 or roads.lane.junction[ahead] >= 0):
         return 0, False
     if must != 0:
         target = roads.lane.left[lane] if must > 0 else roads.lane.right[lane]
@@ -277,44 +279,3 @@ def _begin(
     fleet.change[v] = 0.0
     fleet.wish[v], fleet.wished_s[v] = 0, 0.0
     plan_ahead(roads, crowd, fleet, v, seed)
-
-
-@compiled
-def move_aside(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
-    """Carry on with all lane changes: 10τ³ − 15τ⁴ + 6τ⁵ of the way after the share τ of the time.
-
-    Slow vehicles take longer, those that stand do not move at all.
-    """
-    for v in range(count):
-        lane, station = fleet.plan[v, 0], fleet.station_m[v]
-        before = fleet.aside_m[v]
-        base = _base_aside(roads, drivers, v, lane, station)
-        if fleet.change[v] >= 1.0:
-            target = base
-        else:
-            pace = min(fleet.speed_mps[v] / _FULL_PACE_MPS, 1.0)
-            fleet.change[v] = min(fleet.change[v] + pace * STEP_S / drivers.change_s[v], 1.0)
-            t = fleet.change[v]
-            side = fleet.origin[v]
-            origin = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
-            if origin >= 0:
-                there = station_beside(roads, lane, station, origin)
-                fleet.spacing_m[v] = 0.5 * (width_at(roads, lane, station) + width_at(roads, origin, there))
-            left = 1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
-            target = base + side * fleet.spacing_m[v] * left
-            if t >= 1.0:
-                fleet.origin[v] = 0
-        # Nobody slides sideways faster than a quarter of the way driven.
-        most = 0.25 * fleet.speed_mps[v] * STEP_S
-        fleet.aside_m[v] = before + min(max(target - before, -most), most)
-        drift = (fleet.aside_m[v] - before) / max(fleet.speed_mps[v] * STEP_S, 0.05)
-        fleet.drift[v] += 0.4 * (drift - fleet.drift[v])
-
-
-@compiled
-def _base_aside(roads: Roads, drivers: Drivers, v: int, lane: int, station_m: float) -> float:
-    """Where in its lane a vehicle usually drives: in the middle, or near the right edge [m]."""
-    edge = drivers.aside_m[v]
-    if edge <= 0.0:
-        return 0.0
-    return float(min(0.0, edge - 0.5 * width_at(roads, lane, station_m)))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.roads import Roads
-from carlaloc_env.traffic.state import GOALS, PLAN, Fleet
+from carlaloc_env.traffic.state import GOALS, HELD, PLAN, Fleet
 
 Array = NDArray[np.float64]
 
@@ -18,6 +18,9 @@ _TURN_RAD, _U_TURN_RAD = 0.5, 2.6
 _LEFT_TURNS, _RIGHT_TURNS, _U_TURNS = 0.4, 0.6, 0.05
 _CROWDED = 0.15
 """Share of a stretch taken by vehicles at which only half as many choose to go there."""
+_QUEUE, _WAITING_MPS, _SERVED = 0.6, 3.0, 0.3
+"""Queue at which only half as many choose to join; who waits is slower; where it counts singly lights are
+open for that share of the time."""
 _TURN, _EXIT = 1, 2
 
 
@@ -34,11 +37,11 @@ def find_way(roads: Roads, lane: int, goal: int) -> int:
 def choose_goal(roads: Roads, crowd: Array, lane: int, station_m: float, dice: float, stay: bool) -> int:
     """Junction lane to head for from a lane, −1 where none is in reach.
 
-    Ways without lane changes count more, U-turns and crowded roads less.
+    Ways without lane changes count more, U-turns, crowded roads and long queues less.
 
     Args:
         roads: The roads.
-        crowd: How full each stretch is, 0 = empty, 1 = a standing queue.
+        crowd: How full each stretch is, and how much waits for each junction lane, as `measure_crowd` says.
         lane: Present lane.
         station_m: Place on it [m].
         dice: Chance in [0, 1).
@@ -65,7 +68,9 @@ def choose_goal(roads: Roads, crowd: Array, lane: int, station_m: float, dice: f
                 else goal
             )
             full = crowd[roads.lane.stretch[exit_lane]] / _CROWDED
-            weight /= 1.0 + full * full
+            weight /= 1.0 + full * full * full * full
+            queue = crowd[goal] / _QUEUE
+            weight /= 1.0 + queue * queue
             if step == 0:
                 total += weight
             else:
@@ -134,10 +139,13 @@ def _any_lasting(roads: Roads, lane: int, dice: float) -> int:
 
 @compiled
 def reach_goal(fleet: Fleet, v: int) -> None:
-    """The vehicle has left a junction: its next goal comes first."""
-    for k in range(GOALS - 1):
-        fleet.goals[v, k] = fleet.goals[v, k + 1]
-    fleet.goals[v, GOALS - 1] = -1
+    """The vehicle has left a junction: its next goal comes first, those after it are chosen anew."""
+    fleet.goals[v, 0] = fleet.goals[v, 1]
+    keep = False
+    for k in range(HELD):
+        keep = keep or (fleet.held_lane[v, k] >= 0 and fleet.held_front_m[v, k] < 0.0)
+    for k in range(1 if keep else 0, GOALS):
+        fleet.goals[v, k] = -1
     fleet.draws[v] += 1
 
 
@@ -157,9 +165,19 @@ def change_goal(roads: Roads, crowd: Array, fleet: Fleet, v: int, seed: int) -> 
 
 
 @compiled
-def measure_crowd(roads: Roads, fleet: Fleet, length_m: Array, count: int, crowd: Array) -> None:
-    """How full every stretch is: share of its lanes that vehicles and their gaps would cover standing."""
+def measure_crowd(
+    roads: Roads, fleet: Fleet, length_m: Array, open_share: Array, count: int, crowd: Array
+) -> None:
+    """How full every stretch is, and how much waits for every junction lane.
+
+    For stretches the share of their lanes that vehicles and their gaps would cover standing; for junction
+    lanes the number of those who wait for them, more where the lights are seldom open.
+    """
     crowd[:] = 0.0
     for v in range(count):
         lane = fleet.plan[v, 0]
-        crowd[roads.lane.stretch[lane]] += (length_m[v] + 3.0) / max(roads.lane.stretch_m[lane], 10.0)
+        if roads.lane.junction[lane] < 0:
+            crowd[roads.lane.stretch[lane]] += (length_m[v] + 3.0) / max(roads.lane.stretch_m[lane], 10.0)
+        goal = fleet.goals[v, 0]
+        if goal >= 0 and fleet.speed_mps[v] < _WAITING_MPS:
+            crowd[goal] += _SERVED / open_share[goal]

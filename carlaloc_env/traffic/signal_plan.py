@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.traffic.roads import Roads
 
 _LEFT_RAD = 0.5
 
@@ -99,6 +100,19 @@ class SignalPlan:
         """Time until each head next turns green [s], 0 while it is green, shape (S,)."""
         into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
         return np.where(into < self._green_ns, 0.0, (self._cycle_ns - into) / 1e9)
+
+    def until_red_s(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Time until each head next turns red [s], 0 while it is red, shape (S,)."""
+        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
+        return np.maximum(self._green_ns + self._yellow_ns - into, 0) / 1e9
+
+    def open_share(self, roads: Roads) -> NDArray[np.float64]:
+        """Share of time for which the lights let vehicles into each lane, 1 without lights, shape (N,)."""
+        share = np.zeros(len(roads.lane.head_first))
+        lane = np.repeat(np.arange(len(share)), roads.lane.head_end - roads.lane.head_first)
+        np.maximum.at(share, lane, (self._green_ns / self._cycle_ns)[roads.head])
+        share[roads.lane.head_first == roads.lane.head_end] = 1.0
+        return share
 
 
 def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:

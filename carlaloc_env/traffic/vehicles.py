@@ -6,24 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.compiled import compiled
+from carlaloc_env.traffic.approach import collect
 from carlaloc_env.traffic.courtesy import mind_walkers
 from carlaloc_env.traffic.ego_view import Cells, place_ego
-from carlaloc_env.traffic.lane_changes import move_aside, think_of_changes
+from carlaloc_env.traffic.inside import release_passed, wait_inside
+from carlaloc_env.traffic.lane_changes import think_of_changes
 from carlaloc_env.traffic.lights import put_lights
 from carlaloc_env.traffic.motion import be_courteous, drive, enter_lanes, look_ahead, stop_where_needed
 from carlaloc_env.traffic.plans import measure_crowd, plan_ahead
 from carlaloc_env.traffic.poses import put_poses
 from carlaloc_env.traffic.presence import Presence, empty_presence, gather, sort_bodies
-from carlaloc_env.traffic.right_of_way import (
-    Requests,
-    admit,
-    collect,
-    empty_requests,
-    list_holders,
-    release_passed,
-    wait_inside,
-)
+from carlaloc_env.traffic.requests import Requests, empty_requests, list_holders
+from carlaloc_env.traffic.right_of_way import admit
 from carlaloc_env.traffic.roads import Roads
+from carlaloc_env.traffic.sideways import move_aside
 from carlaloc_env.traffic.state import Drivers, Fleet, Habits, empty_fleet
 from carlaloc_env.traffic.tables import TrafficTables
 
@@ -44,7 +40,9 @@ def _step(
     asks: Requests,
     taken_by_walkers: NDArray[np.uint8],
     signals: NDArray[np.uint8],
+    red_in_s: Array,
     ego: Array,
+    open_share: Array,
     crowd: Array,
     last_change: Index,
     wanted: Array,
@@ -53,14 +51,14 @@ def _step(
     """Everything that happens in 50 ms."""
     count = len(fleet.speed_mps) - 1
     if step % _CROWD_EVERY == 0:
-        measure_crowd(roads, fleet, drivers.length_m, count, crowd)
+        measure_crowd(roads, fleet, drivers.length_m, open_share, count, crowd)
     gather(there, roads, drivers, fleet, count)
     place_ego(there, cells, roads, fleet, ego)
     sort_bodies(there)
     list_holders(asks, fleet)
     look_ahead(there, roads, drivers, fleet, habits, wanted, count, step)
     be_courteous(there, roads, drivers, fleet, wanted, count)
-    collect(asks, roads, drivers, fleet, habits, signals, count)
+    collect(asks, roads, drivers, fleet, habits, signals, red_in_s, count)
     admit(asks, there, roads, drivers, fleet)
     wait_inside(asks, roads, drivers, fleet, count)
     mind_walkers(taken_by_walkers, roads, drivers, fleet, habits, count, step)
@@ -81,10 +79,11 @@ def _plan_all(roads: Roads, crowd: Array, fleet: Fleet, count: int, seed: int) -
 class Vehicles:
     """All vehicles of the traffic, advanced together by steps of 50 ms."""
 
-    def __init__(self, tables: TrafficTables, drivers: Drivers, habits: Habits) -> None:
+    def __init__(self, tables: TrafficTables, drivers: Drivers, habits: Habits, open_share: Array) -> None:
         self.tables = tables
         self.drivers = drivers
         self.habits = habits
+        self._open_share = open_share
         self.count = len(drivers.length_m) - 1
         self._position_m = np.zeros((self.count, 3))
         self._heading_rad = np.zeros(self.count)
@@ -106,17 +105,23 @@ class Vehicles:
         before = roads.lane.before_first[lane]
         has_before = before < roads.lane.before_end[lane]
         self.fleet.past[: self.count, 0][has_before] = roads.before[before[has_before]]
-        measure_crowd(roads, self.fleet, self.drivers.length_m, self.count, self._crowd)
+        measure_crowd(roads, self.fleet, self.drivers.length_m, self._open_share, self.count, self._crowd)
         _plan_all(roads, self._crowd, self.fleet, self.count, self.habits.seed)
 
     def step(
-        self, ego: Array, signals: NDArray[np.uint8], taken_by_walkers: NDArray[np.uint8], step: int
+        self,
+        ego: Array,
+        signals: NDArray[np.uint8],
+        red_in_s: Array,
+        taken_by_walkers: NDArray[np.uint8],
+        step: int,
     ) -> None:
         """Advance by 50 ms.
 
         Args:
             ego: The ego in numbers, as `EgoView.numbers` gives them.
             signals: State of all signal heads.
+            red_in_s: Time until each of them turns red [s].
             taken_by_walkers: What walkers do with each crossing: 0, WANTED or TAKEN.
             step: Number of the step.
         """
@@ -131,7 +136,9 @@ class Vehicles:
             self._asks,
             taken_by_walkers,
             signals,
+            red_in_s,
             ego,
+            self._open_share,
             self._crowd,
             self._last_change,
             self._wanted,

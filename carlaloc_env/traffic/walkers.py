@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 from carlaloc_env import rng
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.traffic.columns import Array, columns
-from carlaloc_env.traffic.footways import PAVEMENT, Ground
+from carlaloc_env.traffic.footway_tables import PAVEMENT, Ground
+from carlaloc_env.traffic.people import Boxes, Walking
 from carlaloc_env.traffic.poses import angle_of
 from carlaloc_env.traffic.presence import Presence
 from carlaloc_env.traffic.roads import Roads
 from carlaloc_env.traffic.state import Drivers, Fleet
-from carlaloc_env.traffic.walking import Boxes, Walking, walk
+from carlaloc_env.traffic.walking import walk
 
 _START_GAP_M = 5.0
 _END_ROOM_M = 3.0

@@ -37,7 +37,8 @@ class TrafficWorld:
         self.signal_plan = SignalPlan.from_network(network, config.timing)
         names, tints = draw_vehicles(config)
         self._tables = tables or TrafficTables(network)
-        self._vehicles = Vehicles(self._tables, draw_drivers(names, config), config.habits())
+        drivers, open_share = draw_drivers(names, config), self.signal_plan.open_share(self._tables.roads)
+        self._vehicles = Vehicles(self._tables, drivers, config.habits(), open_share)
         self.catalog = draw_catalog(names, tints, config)
 
     def reset(self, ego: EgoView | None = None) -> ActorFrame:
@@ -90,7 +91,8 @@ class TrafficWorld:
             self._walkers.see_vehicles(v.fleet, self._poses[0], self._poses[1], seen)
             until_green = self.signal_plan.until_green_s(stamp_ns)
             self._walkers.step(self._tables.roads, v.there, self._taken, signals, until_green)
-        self._vehicles.step(seen, signals, self._taken, self._step)
+        red_in = self.signal_plan.until_red_s(stamp_ns)
+        self._vehicles.step(seen, signals, red_in, self._taken, self._step)
         self._poses = self._vehicles.poses()
         self._step += 1
 

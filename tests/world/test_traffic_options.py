@@ -15,6 +15,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.config import traffic_of_town
+from carlaloc_env.traffic.crossings import TAKEN
 from carlaloc_env.traffic.tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
@@ -108,6 +109,33 @@ def test_distance_to_leading_vehicle_is_kept(tables: TrafficTables) -> None:
         gaps[distance] = float(np.median(fleet.gap_m[standing]))
     assert gaps[2.0] == pytest.approx(2.0, abs=1.0)
     assert gaps[6.0] == pytest.approx(6.0, abs=1.5)
+
+
+def driven_through(tables: TrafficTables, percentage: float) -> int:
+    """Fronts that came onto a crosswalk in two minutes while a walker was on its way over that lane."""
+    config = TrafficConfig(
+        vehicles=150, walkers=120, seed=3, warm_up_s=5.0, ignore_walkers_percentage=percentage
+    )
+    world = TrafficWorld(tables.network, config, tables)
+    world.reset()
+    fleet, crossing = world._vehicles.fleet, tables.roads.crossing
+    length = world._vehicles.drivers.length_m[:-1]
+    lane, front, taken, count = np.zeros(0), np.zeros(0), world._taken.copy(), 0
+    for _ in range(20 * 120):
+        world.step(NOBODY)
+        now_lane, now_front = fleet.plan[:-1, 0].copy(), fleet.station_m[:-1] + 0.5 * length
+        for k in np.flatnonzero((taken == TAKEN) & (world._taken == TAKEN)) if len(lane) else ():
+            here = (lane == crossing.lane[k]) & (now_lane == lane)
+            enter = crossing.enter_m[k]
+            count += int((here & (front < enter) & (now_front >= enter)).sum())
+        lane, front, taken = now_lane, now_front, world._taken.copy()
+    return count
+
+
+def test_ignored_walkers_are_not_given_way(tables: TrafficTables) -> None:
+    """Drivers who do not mind walkers come onto crosswalks that walkers use; the others hardly ever do."""
+    usual = driven_through(tables, 0.0)
+    assert driven_through(tables, 100.0) > max(5, 3 * usual)
 
 
 def stops(tables: TrafficTables, percentage: float) -> int:
