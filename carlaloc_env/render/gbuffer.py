@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import moderngl
 import numpy as np
@@ -38,9 +38,17 @@ class Targets:
 
     @classmethod
     def create(
-        cls, context: moderngl.Context, size_px: tuple[int, int], *, resolved: bool = False
+        cls,
+        context: moderngl.Context,
+        size_px: tuple[int, int],
+        *,
+        resolved: bool = False,
+        smooth: bool = False,
     ) -> Targets:
-        """Textures of a size; a resolved buffer has no ids and no depth test."""
+        """Textures of a size; a resolved buffer has no ids and no depth test.
+
+        They are read between texels where they are to be resolved, which costs a CPU twice as much.
+        """
         albedo = context.texture(size_px, 4)
         normal = context.texture(size_px, 2, dtype="nu2")
         surface = context.texture(size_px, 4)
@@ -53,11 +61,10 @@ class Targets:
             zbuffer = context.depth_texture(size_px)
             zbuffer.compare_func = ""
             colours.insert(3, identity)
-        smooth = (moderngl.LINEAR, moderngl.LINEAR)
-        plain = (moderngl.NEAREST, moderngl.NEAREST)
+        mode = moderngl.LINEAR if smooth else moderngl.NEAREST
         for texture in (albedo, normal, surface, depth):
             texture.repeat_x = texture.repeat_y = False
-            texture.filter = plain if resolved else smooth
+            texture.filter = (mode, mode)
         return cls(
             albedo=albedo,
             normal=normal,
@@ -73,10 +80,14 @@ class Targets:
         parts = [self.albedo, self.normal, self.surface, self.depth, self.id, self.zbuffer]
         return [texture for texture in parts if texture is not None]
 
-    def set_filter(self, mode: int) -> None:
-        """Bilinear or nearest reading of the colour textures."""
-        for texture in (self.albedo, self.normal, self.surface, self.depth):
-            texture.filter = (mode, mode)
+    def clear(self) -> None:
+        """Nothing but sky; textures that are read at surfaces only keep what was there before."""
+        framebuffer: Any = self.framebuffer
+        averaged = self.id is None or self.albedo.filter[0] == moderngl.LINEAR
+        wiped = framebuffer.color_attachments if averaged else (self.id, self.depth)
+        framebuffer.color_mask = [(part in wiped,) * 4 for part in framebuffer.color_attachments]
+        framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+        framebuffer.color_mask = [(True,) * 4] * len(framebuffer.color_attachments)
 
     def release(self) -> None:
         """Free the graphics memory."""
@@ -156,12 +167,12 @@ class TargetPool:
         self._free: dict[tuple[int, int, bool], list[Targets]] = {}
         self._all: list[Targets] = []
 
-    def take(self, size_px: tuple[int, int], *, resolved: bool = False) -> Targets:
-        """Textures of a size that nobody uses."""
+    def take(self, size_px: tuple[int, int], *, resolved: bool = False, smooth: bool = False) -> Targets:
+        """Textures of a size that nobody uses; one renderer reads all unresolved ones alike."""
         free = self._free.setdefault((*size_px, resolved), [])
         if free:
             return free.pop()
-        targets = Targets.create(self._context, size_px, resolved=resolved)
+        targets = Targets.create(self._context, size_px, resolved=resolved, smooth=smooth)
         self._all.append(targets)
         return targets
 

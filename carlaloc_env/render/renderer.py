@@ -20,6 +20,7 @@ from carlaloc_env.render.occlusion import Depths, box_corners
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
 from carlaloc_env.render.scenery import Scenery
 from carlaloc_env.render.shading import Shader
+from carlaloc_env.render.shadow import Casters
 from carlaloc_env.render.surfaces import surface_table, upload_textures
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene import Instances, Mesh, ModelLibrary
@@ -140,7 +141,7 @@ class SceneRenderer:
         self._sway = (*(SWAY_S * np.asarray(wind_mps, dtype=np.float64)), stamp_ns % SWAY_PERIOD_NS * 1e-9)
         view = View.of(camera, T_world_camera, self._subsamples, velocity_mps)
         with self._context:
-            targets = self._pool.take(view.size_px)
+            targets = self._pool.take(view.size_px, smooth=self._subsamples > 1)
             self._fill(view, targets, instances)
             shaded = targets
             if self._subsamples > 1:
@@ -189,7 +190,7 @@ class SceneRenderer:
     def _fill(self, view: View, targets: Targets, instances: Instances) -> None:
         context = self._context
         targets.framebuffer.use()
-        targets.framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+        targets.clear()
         context.enable_only(moderngl.DEPTH_TEST)
         context.depth_func = "<"
         # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
@@ -274,10 +275,10 @@ class SceneRenderer:
         seen = np.flatnonzero((gap > -reach[:, None]).all(axis=1) & (distance - reach < FAR_M))
         return seen[np.argsort(distance[seen], kind="stable")]
 
-    def _shadow_casters(self, gbuffer: GBuffer) -> tuple[Geometry, InstanceBuffer]:
-        instances = gbuffer.actors
-        self._poses.fill(instances, np.arange(len(instances)))
-        return self._library, self._poses
+    def _shadow_casters(self, gbuffer: GBuffer) -> Casters:
+        return Casters(
+            library=self._library, poses=self._poses, instances=gbuffer.actors, reach_m=self._reach_m
+        )
 
     def close(self) -> None:
         """Free the graphics memory and the context; G-buffers of this renderer become invalid."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from carlaloc_env import rng
 from carlaloc_env.render.context import Programs, set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer, Targets
-from carlaloc_env.render.geometry import Geometry, InstanceBuffer
 from carlaloc_env.render.lights import NO_LIGHTS
 from carlaloc_env.render.mirror import Mirror
 from carlaloc_env.render.night import FEATURES, Night
@@ -20,7 +19,7 @@ from carlaloc_env.render.rain import lit, rain_streaks
 from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.roofs import Roofs
 from carlaloc_env.render.scenery import Scenery
-from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Shadows
+from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, Casters, Shadows
 from carlaloc_env.render.sky import READ_NOISE_E, SkyLight, electrons, exposure_time_s, sky_light
 from carlaloc_env.render.tiles import LightGrid
 from carlaloc_env.scene import ModelLibrary
@@ -86,7 +85,7 @@ class Shader:
         self,
         gbuffer: GBuffer,
         weather: WeatherParameters,
-        casters: tuple[Geometry, InstanceBuffer],
+        casters: Casters,
         stamp_ns: int,
         seed: int,
     ) -> NDArray[np.uint8]:
@@ -100,7 +99,7 @@ class Shader:
         self,
         gbuffer: GBuffer,
         weather: WeatherParameters,
-        casters: tuple[Geometry, InstanceBuffer],
+        casters: Casters,
         stamp_ns: int | None,
         seed: int,
     ) -> NDArray[np.float32]:
@@ -114,7 +113,7 @@ class Shader:
         self,
         gbuffer: GBuffer,
         weather: WeatherParameters,
-        casters: tuple[Geometry, InstanceBuffer],
+        casters: Casters,
         stamp_ns: int | None,
         seed: int,
         *,
@@ -313,10 +312,10 @@ class Shader:
         program: moderngl.Program,
         view: View,
         direction: Array,
-        casters: tuple[Geometry, InstanceBuffer],
+        casters: Casters,
     ) -> None:
         assert self._shadows is not None
-        actors = self._shadows.actors(view, direction, *casters)
+        actors = self._shadows.actors(view, direction, casters)
         actors.texture.use(6)
         matrix, offset = actors.lookup(view.position_m)
         set_uniforms(

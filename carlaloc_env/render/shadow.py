@@ -15,6 +15,7 @@ from carlaloc_env.render.context import Programs, set_uniforms
 from carlaloc_env.render.geometry import Geometry, InstanceBuffer
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.scenery import Scenery
+from carlaloc_env.scene import Instances
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,8 @@ STATIC_STEP_M = 40.0
 STATIC_AHEAD_M = 80.0
 """How far its centre lies ahead of the camera [m]."""
 ACTOR_EXTENT_M = 80.0
+ACTOR_STEP_M = 5.0
+"""Grid on which the centre of the actors' map lies [m]: a whole number of its texels."""
 CACHED_MAPS = 2
 
 
@@ -53,6 +56,18 @@ class ShadowMap:
         return matrix, np.sum(matrix * (eye_m - self.origin_m), axis=1) + 0.5
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Casters:
+    """Movable models that throw shadows."""
+
+    library: Geometry
+    poses: InstanceBuffer
+    """Room for their poses."""
+    instances: Instances
+    reach_m: Array
+    """How far each model of the library reaches from its origin [m], shape (M,)."""
+
+
 def light_axes(sun_direction: Array) -> Array:
     """Right, up and away-from-the-sun axes of the sunlight in the world, shape (3, 3)."""
     away = -np.asarray(sun_direction, dtype=np.float64)
@@ -78,7 +93,7 @@ class Shadows:
         self._scenery = scenery
         self._actor_size_px = actor_size_px
         self._maps: OrderedDict[tuple[float, ...], ShadowMap] = OrderedDict()
-        self._actor_target: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
+        self._actor_maps: OrderedDict[tuple[bytes, ...], ShadowMap] = OrderedDict()
 
     def static(self, view: View, sun_direction: Array) -> ShadowMap:
         """Map of the static scene round a camera; made when the camera has left the last one.
@@ -106,29 +121,46 @@ class Shadows:
         self._end()
         return result
 
-    def actors(
-        self, view: View, sun_direction: Array, library: Geometry, instances: InstanceBuffer
-    ) -> ShadowMap:
-        """Map of the movable models near a camera, drawn anew each time."""
-        if self._actor_target is None:
-            self._actor_target = self._target(self._actor_size_px)
+    def actors(self, view: View, sun_direction: Array, casters: Casters) -> ShadowMap:
+        """Map of the movable models near a camera; both eyes and all weathers of one sun share it.
+
+        Its texels lie on a grid fixed to the world, and only models that reach into it are drawn.
+        """
         ahead = view.R_camera_world[2] * np.array([1.0, 1.0, 0.0])
-        texture, framebuffer = self._actor_target
         half = ACTOR_EXTENT_M / 2
         axes = light_axes(sun_direction)
-        texel = ACTOR_EXTENT_M / self._actor_size_px
         across = np.sum(axes * (view.position_m + 25.0 * ahead), axis=1)
-        across = np.rint(across / texel) * texel
-        result = ShadowMap(
+        across = np.rint(across / ACTOR_STEP_M) * ACTOR_STEP_M
+        half_extent_m = np.array([half, half, 120.0])
+        instances = casters.instances
+        away = np.sum(axes * instances.T_world_model[:, None, :3, 3], axis=2) - across
+        reach = casters.reach_m[instances.model][:, None]
+        which = np.flatnonzero((np.abs(away) < half_extent_m + reach).all(axis=1))
+        key = (
+            axes.tobytes(),
+            across.tobytes(),
+            instances.model[which].tobytes(),
+            instances.T_world_model[which].tobytes(),
+        )
+        if key in self._actor_maps:
+            self._actor_maps.move_to_end(key)
+            return self._actor_maps[key]
+        if len(self._actor_maps) >= CACHED_MAPS:
+            _, old = self._actor_maps.popitem(last=False)
+            texture, framebuffer = old.texture, old.framebuffer
+        else:
+            texture, framebuffer = self._target(self._actor_size_px)
+        result = self._actor_maps[key] = ShadowMap(
             texture=texture,
             framebuffer=framebuffer,
             axes=axes,
             origin_m=np.sum(axes * across[:, None], axis=0),
-            half_extent_m=np.array([half, half, 120.0]),
+            half_extent_m=half_extent_m,
         )
         program = self._programs.get("shadow.vert", "shadow.frag", "INSTANCED")
+        casters.poses.fill(instances, which)
         self._begin(result, program)
-        library.draw(program, instances.used, bare=True, instances=instances)
+        casters.library.draw(program, casters.poses.used, bare=True, instances=casters.poses)
         self._end()
         return result
 
@@ -175,10 +207,8 @@ class Shadows:
 
     def release(self) -> None:
         """Free the maps."""
-        for shadow in self._maps.values():
+        for shadow in (*self._maps.values(), *self._actor_maps.values()):
             shadow.framebuffer.release()
             shadow.texture.release()
-        if self._actor_target is not None:
-            for part in self._actor_target:
-                part.release()
         self._maps.clear()
+        self._actor_maps.clear()
