@@ -23,6 +23,9 @@ from carlaloc_env.errors import ConfigError, unknown_name
 MOR_CONTRAST = 0.05
 """Contrast left at the meteorological optical range (ICAO, WMO)."""
 
+WIND_DIRECTION: NDArray[np.float64] = np.array([0.8, -0.6, 0.0])
+"""Where the wind always blows to, in the world (east, north, up)."""
+
 _RANGES: dict[str, tuple[float, float]] = {
     "cloudiness": (0.0, 100.0),
     "precipitation": (0.0, 100.0),
@@ -118,8 +121,7 @@ class WeatherParameters:
 
         It always blows from the north-west.
         """
-        speed = 0.15 * self.wind_intensity
-        return np.array([0.8 * speed, -0.6 * speed, 0.0])
+        return np.asarray(0.15 * self.wind_intensity * WIND_DIRECTION)
 
     @property
     def rain_mmph(self) -> float:

@@ -1,22 +1,36 @@
 """Draw docs/gallery/, one sheet per town, and maps/*/preview.png: `python docs/make_gallery.py [TOWN ...]`.
 
 Each shows the town from above with its lanes, route, spawn points and lights, and four street views.
+With `--weathers` it draws docs/gallery/weathers.jpg instead: every town in the paper's three weathers.
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from carlaloc_env.assets.placing import place_actors, place_lights, place_signals
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.scene import concatenate_instances
+from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import known_towns, load_town
-from recorder.report.town_preview import town_sheet
+from carlaloc_env.weather import weather_by_name
+from recorder.report.standing_traffic import standing_traffic
+from recorder.report.town_preview import street_poses, town_sheet
 
 GALLERY = Path(__file__).parent / "gallery"
 LARGEST_BYTES = 490_000
 LARGEST_PREVIEW_BYTES = 690_000
+WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
+PANEL_PX = (480, 270)
+VEHICLES = 260
+CLEAR_M = 9.0
+"""No car stands nearer to the camera than this [m]."""
 
 
 def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
@@ -28,8 +42,44 @@ def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
         quality: Render quality.
     """
     sheet = cv2.cvtColor(town_sheet(load_town(name), quality=quality), cv2.COLOR_RGB2BGR)
-    folder.mkdir(parents=True, exist_ok=True)
-    out = folder / f"{name}.jpg"
+    return _write(sheet, folder / f"{name}.jpg")
+
+
+def draw_weathers(names: list[str], folder: Path = GALLERY, quality: str = "high") -> Path:
+    """Write one street of every town in three weathers, a row per town."""
+    rows = [np.hstack(street_in_weathers(name, quality)) for name in names]
+    return _write(cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), folder / "weathers.jpg")
+
+
+def street_in_weathers(name: str, quality: str) -> list[NDArray[np.uint8]]:
+    """One street with standing traffic under each of `WEATHERS`, sRGB."""
+    town, camera = load_town(name), Pinhole()
+    stage = SensorStage(town, seed=0, weather=weather_by_name(WEATHERS[0]), quality=quality)
+    renderer = stage.renderer()
+    catalog, frame = standing_traffic(town.network, VEHICLES)
+    T = street_poses(town, 4)[1]
+    far = np.flatnonzero(np.hypot(*(frame.position_m[:, :2] - T[:2, 3]).T) > CLEAR_M)
+    catalog, frame, eye = catalog.take(far), frame.take(far), T[:3, 3]
+    green = np.full(int(town.lenses.signal.max(initial=-1)) + 1, 3, np.uint8)
+    seen = [
+        place_actors(catalog, frame, stage.library, eye_m=eye),
+        place_lights(catalog, frame, stage.library, 0, eye_m=eye),
+        place_signals(town.lenses, green, stage.library),
+    ]
+    gbuffer = renderer.draw(camera, T, concatenate_instances(seen))
+    pictures = []
+    for weather in WEATHERS:
+        rgb = renderer.shade(gbuffer, weather_by_name(weather), stamp_ns=10**9)
+        small = np.asarray(cv2.resize(rgb, PANEL_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        cv2.putText(small, f"{name} {weather}", (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1)
+        pictures.append(small)
+    stage.close()
+    return pictures
+
+
+def _write(sheet: NDArray[Any], out: Path) -> Path:
+    """Write a JPEG, as good as `LARGEST_BYTES` allow."""
+    out.parent.mkdir(parents=True, exist_ok=True)
     for percent in range(92, 20, -3):
         _, data = cv2.imencode(".jpg", sheet, [cv2.IMWRITE_JPEG_QUALITY, percent])
         if len(data) <= LARGEST_BYTES:
@@ -59,7 +109,11 @@ if __name__ == "__main__":
     parser.add_argument("towns", nargs="*", help="all when left out")
     parser.add_argument("--out", type=Path, default=GALLERY, help="folder of the pictures")
     parser.add_argument("--quality", default="high", help="low, medium or high")
+    parser.add_argument("--weathers", action="store_true", help="every town in three weathers instead")
     arguments = parser.parse_args()
+    if arguments.weathers:
+        draw_weathers(arguments.towns or list(known_towns()), arguments.out, arguments.quality)
+        raise SystemExit
     for town in arguments.towns or known_towns():
         picture = draw(town, arguments.out, arguments.quality)
         if arguments.out == GALLERY:

@@ -18,7 +18,7 @@ from carlaloc_env.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather_schedule import weather_of
 from recorder.devices.base import Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
@@ -57,7 +57,7 @@ class RecordConfig:
     window: bool | None = None
     """Whether a window shows the drive; None: where a person drives."""
     weather: str = "ClearNoon"
-    """Weather in the window; a replay may choose any other."""
+    """Weather in the window, by name or as a schedule (``.yaml``); a replay may choose any other."""
 
     def __post_init__(self) -> None:
         if self.device not in DEVICES:
@@ -108,7 +108,7 @@ def record(
     """
     town = load_town(config.map)
     traffic = traffic_of_town(town, config.traffic, config.seed)
-    weather = weather_by_name(config.weather)
+    weather = weather_of(config.weather)
     with ExitStack() as stack:
         driver = device or open_device(config.device, config.seed, window=config.wants_window)
         stack.callback(driver.close)

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from shutil import rmtree
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from carlaloc_env.presets import rig_by_name
 from carlaloc_env.rig import Rig, SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Camera
+from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.objects import objects_at
 from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
@@ -78,6 +80,10 @@ class ReplayConfig:
     """Processes; None: one per core."""
     preview: bool = True
     """Whether a film of each sequence is made."""
+    lens_drops: bool = False
+    """Whether drops cling to the lenses of all cameras while it rains."""
+    leaf_wind_mps: float = 0.0
+    """Wind that sways leaves in all pictures [m/s]; 0: as the rig says."""
 
     def __post_init__(self) -> None:
         check_formats(self.formats)
@@ -113,6 +119,24 @@ class _Job:
     seed: int
 
 
+def rig_of(config: ReplayConfig) -> SensorRig:
+    """The rig of a replay, with the options that it sets for all cameras.
+
+    Raises:
+        ConfigError: there is no such rig, or an option is out of range.
+    """
+    rig = rig_by_name(config.rig)
+    changes: dict[str, Any] = {}
+    if config.lens_drops:
+        changes["lens_drops"] = True
+    if config.leaf_wind_mps:
+        changes["leaf_wind_mps"] = config.leaf_wind_mps
+    if not changes:
+        return rig
+    sensors = tuple(replace(s, **changes) if isinstance(s, CameraConfig) else s for s in rig.sensors)
+    return replace(rig, sensors=sensors)
+
+
 def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResult:
     """Replay an episode and write all its sequences.
 
@@ -126,7 +150,7 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
         WriterError: a sequence exists already or cannot be written.
     """
     conditions = conditions_of(config.weathers, config.traffic)
-    rig = rig_by_name(config.rig)
+    rig = rig_of(config)
     episode = Episode.load(config.episode)
     town = _identified(episode)
     timeline = episode.timeline()
@@ -222,7 +246,7 @@ def _run(jobs: list[_Job], workers: int | None, progress: Progress | None) -> di
 def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
     episode = Episode.load(job.config.episode)
     timeline = job.level.select(episode.timeline())
-    config = without_unwritten(rig_by_name(job.config.rig), job.config.formats, job.config.topics)
+    config = without_unwritten(rig_of(job.config), job.config.formats, job.config.topics)
     # Nobody else holds the town here, so that the stage can let its meshes go.
     stage = SensorStage(
         load_town(episode.header.map_name),

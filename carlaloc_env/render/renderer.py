@@ -187,6 +187,30 @@ class SceneRenderer:
             casters = self._shadow_casters(gbuffer)
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
 
+    def rain_cd_m2(
+        self,
+        gbuffer: GBuffer,
+        weather: WeatherParameters,
+        *,
+        stamp_ns: int,
+        exposure_s: float,
+        seed: int = 0,
+    ) -> NDArray[np.float32]:
+        """The layer of falling drops alone, shape (H, W, 4).
+
+        Args:
+            gbuffer: What `draw` returned.
+            weather: Rain and light.
+            stamp_ns: End of the exposure [ns].
+            exposure_s: Exposure time, which makes the streaks long [s].
+            seed: Seed of the rain.
+
+        Returns:
+            Light that they add [cd/m²], three channels, and the share of what lies behind that they hide.
+        """
+        with self._context:
+            return self._shader.rain_cd_m2(gbuffer, weather, stamp_ns, seed, exposure_s)
+
     def _fill(self, view: View, targets: Targets, instances: Instances) -> None:
         context = self._context
         targets.framebuffer.use()

@@ -109,6 +109,21 @@ class Shader:
         texture.read_into(out)
         return out[..., :3] / np.float32(self._sky(weather)[0].exposure)
 
+    def rain_cd_m2(
+        self, gbuffer: GBuffer, weather: WeatherParameters, stamp_ns: int, seed: int, exposure_s: float
+    ) -> NDArray[np.float32]:
+        """Light of streaks [cd/m²] in three channels, and how much they hide in the fourth, (H, W, 4)."""
+        light, _ = self._sky(weather)
+        grid = None
+        if weather.is_night:
+            grid = self._night.prepare(gbuffer, weather.extinction_per_m, light.exposure)
+        texture = self._rain_texture(gbuffer, weather, light, grid, stamp_ns, seed, exposure_s)
+        out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.float16)
+        texture.read_into(out)
+        rain = out.astype(np.float32)
+        rain[..., :3] /= np.float32(light.exposure)
+        return rain
+
     def _run(
         self,
         gbuffer: GBuffer,
@@ -136,7 +151,8 @@ class Shader:
         if weather.is_night:
             grid = self._night.prepare(gbuffer, weather.extinction_per_m, light.exposure)
         if "RAIN" in features:
-            self._rain_texture(gbuffer, weather, light, grid, stamp_ns, seed).use(8)
+            exposure_s = exposure_time_s(light.exposure)
+            self._rain_texture(gbuffer, weather, light, grid, stamp_ns, seed, exposure_s).use(8)
         if "MIRROR" in features:
             self._mirrored(gbuffer, weather, light, key, stamp_ns).use(9)
         self._bind(program, gbuffer.shaded)
@@ -211,6 +227,7 @@ class Shader:
         grid: LightGrid | None,
         stamp_ns: int,
         seed: int,
+        exposure_s: float,
     ) -> moderngl.Texture:
         view = gbuffer.view
         streaks = rain_streaks(
@@ -219,7 +236,7 @@ class Shader:
             stamp_ns=stamp_ns,
             seed=seed,
             velocity_mps=view.velocity_mps,
-            exposure_time_s=exposure_time_s(light.exposure),
+            exposure_time_s=exposure_s,
         )
         streaks = streaks.take(np.flatnonzero(self._roofs.open_sky(streaks.end_m + view.position_m)))
         above = np.maximum(np.sum(_polynomial(light.irradiance)[[0, 2, 6]], axis=0), 0.0) / np.pi

@@ -21,6 +21,7 @@ from carlaloc_env.clock import TICK_NS
 from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.lens import Lens
 from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.lens_drops import with_lens_drops
 from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.samples import (
     DepthImage,
@@ -42,6 +43,7 @@ from carlaloc_env.sensors.exposure import ImagerConfig
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.sensors.shutter import ShutterConfig
 from carlaloc_env.timeline import Timeline
+from carlaloc_env.weather import WIND_DIRECTION
 from carlaloc_env.weather_schedule import Weather
 
 OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
@@ -65,9 +67,13 @@ class CameraConfig(SensorConfig):
     lens: Lens = field(default_factory=Lens)
     """Distortion; the default has none."""
     imager: ImagerConfig | None = None
-    """Exposure control, noise and tone curve; None: the renderer's own picture, without noise."""
+    """Exposure control, noise and tone curve; None: the renderer's own picture, which has noise by night."""
     shutter: ShutterConfig | None = None
     """Motion blur and rolling shutter, which need an imager; None: an infinitely short exposure."""
+    leaf_wind_mps: float = 0.0
+    """Wind that sways leaves [m/s], the same in all weathers; LiDARs, events and flow see still leaves."""
+    lens_drops: bool = False
+    """Whether drops cling to the lens while it rains."""
     outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
     """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
     events: EventConfig = field(default_factory=EventConfig)
@@ -83,6 +89,8 @@ class CameraConfig(SensorConfig):
             )
         if self.shutter is not None and self.imager is None:
             raise ConfigError(f"camera '{self.name}': a shutter needs an imager, which sets its exposure")
+        if not 0.0 <= self.leaf_wind_mps <= 40.0:
+            raise ConfigError(f"camera '{self.name}': leaf_wind_mps must lie between 0 and 40")
         if self.tag_table not in TAG_TABLES:
             raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
 
@@ -170,7 +178,9 @@ class CameraSensor(Camera):
             else:
                 shot, seed = draw(stamp_ns)[0], self._world.seed
                 pictures = [shot.rgb(weather.at(stamp_ns), stamp_ns, seed) for weather in weathers]
-            for samples, rgb in zip(conditions, pictures, strict=True):
+            for samples, rgb, weather in zip(conditions, pictures, weathers, strict=True):
+                if self.config.lens_drops:
+                    rgb = self._through_drops(rgb, weather, stamp_ns)
                 samples.append(Image(rgb=rgb, **self._labels("rgb", stamp_ns)))
         for samples in conditions:
             samples += shared
@@ -180,6 +190,12 @@ class CameraSensor(Camera):
             ):
                 samples.append(one)
         return conditions
+
+    def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
+        now, seed = weather.at(stamp_ns), self._world.seed
+        if now.precipitation <= 0.0:
+            return rgb
+        return with_lens_drops(rgb, now, stamp_ns=stamp_ns, seed=seed, camera=self.config.name)
 
     def _make(self, seed: int) -> None:
         """Fixed patterns of noise, for a seed."""
@@ -207,6 +223,8 @@ class CameraSensor(Camera):
             self._pose(timeline, stamp_ns),
             instances_at(self._world, timeline, stamp_ns),
             velocity_mps=timeline.ego_motion([stamp_ns]).velocity_world_mps[0],
+            wind_mps=self.config.leaf_wind_mps * WIND_DIRECTION,
+            stamp_ns=stamp_ns,
         )
         return Shot(gbuffer, renderer, self._optics.view)
 

@@ -66,7 +66,7 @@ class Imaging:
         shape = (optics.pinhole.height_px, optics.pinhole.width_px)
         self._imager = Imager(imager, name, shape, seed)
         self._shutter, self._optics, self._shape = shutter, optics, shape
-        self._period_ns = period_ns
+        self._period_ns, self._seed = period_ns, seed
         self._restart_ns = round(1e9 * imager.restart_s)
         self._chain: Chain[_Metered] = Chain(period_ns, self._restart_ns)
 
@@ -83,17 +83,22 @@ class Imaging:
             swept: From `sweep`; None: the shutter is infinitely fast.
         """
         found = []
+        config = self._imager.config
         for weather, product_s in zip(
             weathers, self._products_s(timeline, stamp_ns, weathers, draw), strict=True
         ):
-            now = weather.at(stamp_ns)
+            now, exposure_s = weather.at(stamp_ns), config.split(product_s)[0]
             if swept is None or self._shutter is None:
                 light = draw(stamp_ns)[0].imaged_cd_m2(now)
             else:
-                exposure_s = self._imager.config.split(product_s)[0]
                 rows_ns = self._shutter.rows_ns(stamp_ns, exposure_s, self._shape[0])
                 ends = swept.first.imaged_cd_m2(now), swept.second.imaged_cd_m2(now)
                 light = exposed(*ends, swept.motion, swept.shares(rows_ns))
+            if now.precipitation > 0.0:
+                # Drops fall across the motion of surfaces: they are drawn where the exposure ends.
+                light = draw(stamp_ns)[0].rained_cd_m2(
+                    light, now, stamp_ns=stamp_ns, exposure_s=exposure_s, seed=self._seed
+                )
             found.append(self._imager.picture(light, product_s, stamp_ns))
         return found
 

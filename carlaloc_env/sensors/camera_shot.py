@@ -90,6 +90,26 @@ class Shot:
         blurred = cv2.GaussianBlur(radiance, (3, 3), 0.5, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, dtype=np.float32)
 
+    def rained_cd_m2(
+        self, light: F32, weather: WeatherParameters, *, stamp_ns: int, exposure_s: float, seed: int
+    ) -> F32:
+        """Light with falling drops before it; as it is where none fall.
+
+        Args:
+            light: Linear colour [cd/m²], shape (H, W, 3).
+            weather: Rain.
+            stamp_ns: Time of the picture [ns].
+            exposure_s: Exposure time [s].
+            seed: Seed of the rain.
+        """
+        if weather.precipitation <= 0.0:
+            return light
+        rain = self._renderer.rain_cd_m2(
+            self._gbuffer, weather, stamp_ns=stamp_ns, exposure_s=exposure_s, seed=seed
+        )
+        rain = rain if self._view is None else self._bent(rain)
+        return np.asarray(light * (1 - rain[..., 3:]) + rain[..., :3], dtype=np.float32)
+
     @property
     def is_blurred(self) -> bool:
         """Whether the radiance has the lens' blur already."""

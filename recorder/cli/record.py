@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else the route")
     parser.add_argument("--seed", type=int, default=0, help="seed of traffic and scripted driver")
     parser.add_argument("--traffic", default="dynamic", help="dynamic, static or a fraction")
-    parser.add_argument("--weather", default="ClearNoon", help="weather in the window (default: ClearNoon)")
+    parser.add_argument("--weather", default="ClearNoon", help="weather in the window, or a schedule.yaml")
     parser.add_argument(
         "--window",
         action=argparse.BooleanOptionalAction,

@@ -17,7 +17,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc replay`."""
     parser.add_argument("episode", type=path_argument, help="episode to replay (.mcap)")
     parser.add_argument("--out", type=path_argument, required=True, help="folder of the dataset")
-    parser.add_argument("--weather", type=names, default=("ClearNoon",), metavar="A,B", help="weathers")
+    parser.add_argument(
+        "--weather", type=names, default=("ClearNoon",), metavar="A,B", help="weathers, or schedules (.yaml)"
+    )
+    parser.add_argument("--lens-drops", action="store_true", help="drops on the lenses while it rains")
+    parser.add_argument(
+        "--leaf-wind", type=seconds, default=0.0, metavar="M/S", help="wind that sways leaves [m/s]"
+    )
     parser.add_argument(
         "--traffic", type=names, default=("dynamic",), metavar="A,B", help="static, dynamic, fractions"
     )
@@ -60,6 +66,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         quality=arguments.quality,
         workers=arguments.workers,
         preview=not arguments.no_preview,
+        lens_drops=arguments.lens_drops,
+        leaf_wind_mps=arguments.leaf_wind,
     )
     with tqdm(unit="s", desc="replaying", disable=None, leave=False) as bar:
 

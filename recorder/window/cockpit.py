@@ -10,7 +10,7 @@ from carlaloc_env.clock import TICK_HZ
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather_schedule import Weather
 from recorder.drive_status import DriveStatus
 from recorder.window.hud import HudState
 from recorder.window.minimap import MiniMap
@@ -34,7 +34,7 @@ class WindowCockpit:
         RenderError: there is no OpenGL.
     """
 
-    def __init__(self, town: Town, weather: WeatherParameters) -> None:
+    def __init__(self, town: Town, weather: Weather) -> None:
         self._town = town
         self.window = Window(f"CarlaLoc: {town.name}")
         self._stage = SensorStage(town, seed=0, weather=weather, quality="low")

@@ -15,7 +15,7 @@ import pytest
 
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import EpisodeError
+from carlaloc_env.errors import ConfigError, EpisodeError
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signal_plan import SignalState
@@ -219,3 +219,17 @@ def test_keyboard_drive_with_pause_restart_and_views(tmp_path: Path, monkeypatch
     assert any(event.kind == "checkpoint" for event in kept.events)
     assert np.ptp(kept.ego["position_m"][:, :2], axis=0).max() > 0.2
     assert resimulate(out).first_difference_tick is None
+
+
+def test_a_recording_takes_the_weather_as_a_schedule(tmp_path: Path) -> None:
+    """The same names and files as a replay; a wrong one is refused before anything is driven."""
+    schedule = tmp_path / "shower.yaml"
+    schedule.write_text("- {at_s: 0, weather: ClearNoon}\n- {at_s: 1, weather: HardRainNoon}\n")
+    settings = {"map": "Town03", "duration_s": 0.5, "traffic": "static"}
+    drive = record(RecordConfig(out=tmp_path / "a.mcap", weather=str(schedule), **settings))  # type: ignore[arg-type]
+    assert len(Episode.load(drive.path).ego) > 50
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
+        record(RecordConfig(out=tmp_path / "b.mcap", weather=str(tmp_path / "nowhere.yaml"), **settings))  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="ClearNoon"):
+        record(RecordConfig(out=tmp_path / "b.mcap", weather="ClearNon", **settings))  # type: ignore[arg-type]
+    assert not (tmp_path / "b.mcap").exists()

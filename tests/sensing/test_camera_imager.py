@@ -186,7 +186,59 @@ def test_night_is_grainier_than_noon(wall: Any, scenery: Any) -> None:
     assert grain[1] > 3 * grain[0]
 
 
+@pytest.mark.parametrize("shutter", [None, ShutterConfig()])
+def test_an_imager_sees_drops_fall(wall: Any, scenery: Any, shutter: ShutterConfig | None) -> None:
+    """Nothing but rain moves: pictures of two stamps differ in rain only."""
+    drive = scenery.drive(scenery.straight(0.0), 0.4)
+    still = ImagerConfig(noise=False)
+    camera = config(imager=still, shutter=shutter, outputs=("rgb",)).build(wall)
+    changed = {}
+    for name in ("HardRainNoon", "ClearNoon"):
+        a, b = (
+            camera.measure_conditions(drive, stamp, [PRESETS[name]])[0][0].rgb.astype(int)  # type: ignore[attr-defined]
+            for stamp in (100_000_000, 150_000_000)
+        )
+        changed[name] = float((np.abs(a - b).max(axis=2) > 2).mean())
+    assert changed["ClearNoon"] == 0.0
+    assert changed["HardRainNoon"] > 0.002
+
+
+def test_drops_cling_to_the_lens_where_asked_for(wall: Any, scenery: Any) -> None:
+    drive = scenery.drive(scenery.straight(0.0), 0.2)
+    weathers = [PRESETS["HardRainNoon"], PRESETS["ClearNoon"]]
+    wiped, wet = (
+        [
+            s[0].rgb
+            for s in config(outputs=("rgb",), lens_drops=drops)
+            .build(wall)
+            .measure_conditions(drive, 0, weathers)
+        ]  # type: ignore[attr-defined]
+        for drops in (False, True)
+    )
+    assert not np.array_equal(wiped[0], wet[0])
+    np.testing.assert_array_equal(wiped[1], wet[1])
+
+
+def test_leaves_sway_in_the_wind_of_the_camera(wall: Any, scenery: Any) -> None:
+    """A hedge moves in its depth picture from stamp to stamp; without wind it stands."""
+    models = {f"signal_{c}": scenery.box([0, 0, 0], [0.1, 0.1, 0.1]) for c in ("red", "yellow", "green")}
+    models["ego"] = scenery.box([-0.9, -0.2, 0.2], [0.3, 0.2, 0.3])
+    world = scenery.world([scenery.box([9, -3, 0], [10, 3, 4], material=Material.LEAF)], models, 5)
+    drive = scenery.drive(scenery.straight(0.0), 1.0)
+    moved = []
+    for wind in (0.0, 12.0):
+        camera = config(outputs=("depth",), leaf_wind_mps=wind).build(world)
+        first, later = (s.depth_m for s in camera.measure(drive, [0, 900_000_000]))  # type: ignore[attr-defined]
+        both = (first > 0) & (later > 0)
+        moved.append(float(np.abs(first - later)[both].max()))
+    world.renderer().close()
+    assert moved[0] == 0.0
+    assert 0.01 < moved[1] <= 2 * 0.012 * 12.0
+
+
 def test_wrong_configurations_are_refused() -> None:
+    with pytest.raises(ConfigError, match="leaf_wind_mps"):
+        CameraConfig(leaf_wind_mps=80.0)
     with pytest.raises(ConfigError, match="needs an imager"):
         CameraConfig(shutter=ShutterConfig())
     with pytest.raises(ConfigError, match="exposure_min_ms"):
