@@ -206,15 +206,13 @@ def test_an_imager_sees_drops_fall(wall: Any, scenery: Any, shutter: ShutterConf
 def test_drops_cling_to_the_lens_where_asked_for(wall: Any, scenery: Any) -> None:
     drive = scenery.drive(scenery.straight(0.0), 0.2)
     weathers = [PRESETS["HardRainNoon"], PRESETS["ClearNoon"]]
-    wiped, wet = (
-        [
-            s[0].rgb
-            for s in config(outputs=("rgb",), lens_drops=drops)
-            .build(wall)
-            .measure_conditions(drive, 0, weathers)
-        ]  # type: ignore[attr-defined]
-        for drops in (False, True)
-    )
+
+    def pictures(lens_drops: bool) -> list[Any]:
+        camera = config(outputs=("rgb",), lens_drops=lens_drops).build(wall)
+        samples: Any = camera.measure_conditions(drive, 0, weathers)
+        return [one[0].rgb for one in samples]
+
+    wiped, wet = pictures(False), pictures(True)
     assert not np.array_equal(wiped[0], wet[0])
     np.testing.assert_array_equal(wiped[1], wet[1])
 
