@@ -1,0 +1,150 @@
+"""What the renderer leaves out changes nothing: clusters, hidden boxes, lamps that light nothing."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import RenderError
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.clusters import CLUSTER_TRIANGLES, cut
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.lights import nearest, street_lamps
+from carlaloc_env.render.occlusion import Depths, box_corners
+from carlaloc_env.render.projection import View
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.surfaces import plain_albedo
+from carlaloc_env.render.tiles import LIGHT_CUTOFF, TILE_PX, DepthRange, light_grid
+from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh, merge
+from carlaloc_env.semantics import Tag
+
+CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
+FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+
+
+def soup(count: int, seed: int, low_m: tuple[float, ...], high_m: tuple[float, ...], size_m: float) -> Mesh:
+    """Triangles of random places, sizes and sides."""
+    random = np.random.default_rng(seed)
+    middle = random.uniform(low_m, high_m, (count, 1, 3))
+    corners = middle + random.normal(0.0, size_m, (count, 3, 3)) * random.uniform(0.1, 1.0, (count, 1, 1))
+    return make_mesh(
+        corners.reshape(-1, 3),
+        np.arange(3 * count).reshape(-1, 3),
+        material=Material.BARK,
+        tag=Tag.VEGETATION,
+        instance=seed,
+    )
+
+
+def test_clusters_are_the_mesh_in_another_order() -> None:
+    mesh = soup(3000, 3, (-30.0, -30.0, 0.0), (30.0, 30.0, 9.0), 2.0)
+    clusters = cut(mesh)
+    before = mesh.vertices_m[mesh.triangles].reshape(-1, 9)
+    after = clusters.mesh.vertices_m[clusters.mesh.triangles].reshape(-1, 9)
+    np.testing.assert_array_equal(before[np.lexsort(before.T)], after[np.lexsort(after.T)])
+    assert clusters.count.sum() == 3000
+    assert clusters.count.max() <= CLUSTER_TRIANGLES
+    who = np.repeat(np.arange(len(clusters.count)), clusters.count)
+    corners = after.reshape(-1, 3, 3)
+    np.testing.assert_array_equal(corners.min(axis=1)[who == 0].min(axis=0), clusters.low_m[0])
+    assert np.all(corners >= clusters.low_m[who][:, None])
+    assert np.all(corners <= clusters.high_m[who][:, None])
+
+
+def test_clusters_are_compact() -> None:
+    """A mesh of 60 m in 75 clusters and more: most boxes have a few percent of its volume."""
+    clusters = cut(soup(12000, 3, (-30.0, -30.0, 0.0), (30.0, 30.0, 9.0), 0.2))
+    volume = np.prod(clusters.high_m - clusters.low_m, axis=1)
+    assert np.median(volume) < 0.05 * 60 * 60 * 9
+
+
+def test_a_box_that_shows_in_any_pixel_is_not_hidden() -> None:
+    """Random boxes before a random relief, against points inside them that lie before it."""
+    random = np.random.default_rng(8)
+    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.1, -0.2, 1.0))
+    view = View.of(CAMERA, geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (5.0, -3.0, 1.6)))
+    depth = np.kron(random.uniform(4.0, 60.0, (9, 16)), np.ones((20, 20))).astype(np.float32)
+    depth[:20, :60] = 0.0
+    low = view.position_m + random.uniform(-40.0, 40.0, (4000, 3))
+    high = low + random.uniform(0.1, 4.0, (4000, 3))
+    shown = Depths(view, depth).shown(box_corners(low, high))
+    points = low[:, None] + (high - low)[:, None] * random.random((4000, 200, 3))
+    p = (points - view.position_m) @ view.R_camera_world.T
+    z = np.maximum(p[..., 2], 1e-3)
+    u = np.rint(p[..., 0] / z * CAMERA.fx_px + CAMERA.cx_px)
+    v = np.rint(p[..., 1] / z * CAMERA.fy_px + CAMERA.cy_px)
+    inside = (p[..., 2] > 0.2) & (u >= 0) & (u < 320) & (v >= 0) & (v < 180)
+    there = depth[np.where(inside, v, 0).astype(int), np.where(inside, u, 0).astype(int)]
+    seen = (inside & ((there == 0.0) | (p[..., 2] < there))).any(axis=1)
+    assert seen.sum() > 200
+    assert np.all(shown[seen])
+    assert (~shown).sum() > 1000
+
+
+@pytest.mark.parametrize("quality", ["low", "medium", "high"])
+def test_culling_leaves_the_picture_as_it_is(quality: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A street of random triangles behind walls, drawn with and without the test for what hides."""
+    try:
+        create_context().release()
+    except RenderError as no_opengl:
+        pytest.skip(str(no_opengl))
+    chunks = [soup(1500, k + 1, (8.0 * k, -15.0, 0.0), (8.0 * k + 8.0, 15.0, 6.0), 0.4) for k in range(12)]
+    wall = [[30.0, 12.0, 0.0], [30.0, -3.0, 0.0], [30.0, -3.0, 9.0], [30.0, 12.0, 9.0]]
+    walls = make_mesh(wall, [[0, 1, 2], [0, 2, 3]], material=Material.PLASTER, tag=Tag.WALL)
+    chunks[3] = merge([chunks[3], walls])
+
+    def picture() -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        library = ModelLibrary({})
+        with SceneRenderer(chunks, library, quality=quality, albedo=plain_albedo()) as renderer:
+            gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
+            return gbuffer.depth_m(), gbuffer.labels()[1]
+
+    asked = []
+    plain = Depths.shown
+
+    def counting(self: Depths, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        asked.append(plain(self, corners_m))
+        return asked[-1]
+
+    monkeypatch.setattr(Depths, "shown", counting)
+    depth, instance = picture()
+    hidden = sum(np.count_nonzero(~shown) for shown in asked)
+    monkeypatch.setattr(Depths, "shown", lambda self, corners_m: np.ones(len(corners_m), bool))
+    whole_depth, whole_instance = picture()
+    np.testing.assert_array_equal(depth, whole_depth)
+    np.testing.assert_array_equal(instance, whole_instance)
+    assert hidden > 2
+
+
+def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
+    """Over a relief of blocks, against the light of every lamp at every pixel."""
+    random = np.random.default_rng(4)
+    view = View.of(CAMERA, FORWARD)
+    depth = np.kron(random.uniform(5.0, 40.0, (12, 20)), np.ones((15, 16))).astype(np.float32)
+    lamps = street_lamps(random.uniform([-5, -40, 2], [60, 40, 9], (60, 3)))
+    lights = nearest(lamps, view.position_m)
+    exposure = 0.02
+    grid = light_grid(view, lights, DepthRange.of(depth), 0.0, depth_m=depth, exposure=exposure)
+    whole = light_grid(view, lights, DepthRange.of(depth), 0.0)
+    v, u = np.mgrid[:180, :320]
+    rays = np.stack([(u - 160.0) / 160.0, (v - 90.0) / 160.0, np.ones_like(u)], -1)
+    points = view.position_m + (rays * depth[..., None]) @ view.R_camera_world
+    way = points[..., None, :] - lights.position_m
+    far2 = np.maximum(np.sum(way**2, axis=-1), 0.25)
+    cosine = -way[..., 2] / np.sqrt(far2)
+    t = np.clip((cosine - 0.17) / 0.3, 0.0, 1.0)
+    beam = np.minimum(1.0 / (np.maximum(cosine, 0.0) ** 3 + 1e-3), 3.5) * t * t * (3 - 2 * t)
+    fade = np.maximum(1.0 - (far2 / lights.range_m**2) ** 2, 0.0) ** 2
+    light = lights.colour_cd.max() * exposure / math.pi * beam * fade / far2
+    for tile in grid.tiles:
+        column, row = tile["place"]
+        box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
+        listed = set(grid.entries[tile["lamps"][0] : tile["lamps"][1]])
+        lit = np.flatnonzero((light[box] > 1.5 * LIGHT_CUTOFF).mean(axis=(0, 1)) > 0.02)
+        assert set(lit) <= listed
+    assert len(grid.entries) < 0.75 * len(whole.entries)
