@@ -23,6 +23,7 @@ STOP_SIGN_S = 1.0
 PATIENCE_S = 25.0
 """After so long a wait, a driver's turn comes before that of higher ranks [s]."""
 _LATE_S = 0.4
+_CLOSES_M = 0.6
 _STUCK_OUTSIDE_S, _STUCK_OUTSIDE_M = 3.0, 2.0
 _AT_SIGN_M = 3.0
 _LIGHTS, _SIGNS = 23, 24
@@ -89,11 +90,7 @@ def collect(
                 break
             lane = fleet.plan[v, hop]
             if lane < 0:
-                ending = fleet.plan[v, hop - 1]
-                # Who has not reached its lane yet waits for it behind the stop line, too.
-                halt = min(roads.lane.wide_m[ending], roads.lane.stop_m[ending] + 1.0)
-                narrow = roads.lane.length_m[ending] - halt
-                fleet.stop_gap_m[v] = max(distance - 1.0 - narrow, 0.0)
+                fleet.stop_gap_m[v] = max(_until_narrow(roads, fleet, v, hop, distance) - 1.0, 0.0)
                 break
             before = fleet.plan[v, hop - 1]
             if roads.lane.junction[lane] >= 0 and roads.lane.junction[before] < 0:
@@ -102,6 +99,25 @@ def collect(
                     break
             distance += roads.lane.length_m[lane]
     _sort_requests(asks, roads, fleet)
+
+
+@compiled
+def _until_narrow(roads: Roads, fleet: Fleet, v: int, hop: int, distance_m: float) -> float:
+    """How far a vehicle may go whose plan ends after some lanes, without a lane change [m].
+
+    It waits behind the stop line, too, and where the first of those lanes begins to close.
+    """
+    ending = fleet.plan[v, hop - 1]
+    halt = min(roads.lane.wide_m[ending], roads.lane.stop_m[ending] + 1.0)
+    until = distance_m - roads.lane.length_m[ending] + halt
+    end = distance_m
+    for k in range(hop - 1, -1, -1):
+        lane = fleet.plan[v, k]
+        closed = roads.lane.length_m[lane] - roads.lane.wide_m[lane]
+        if closed > _CLOSES_M:
+            until = min(until, end - closed)
+        end -= roads.lane.length_m[lane]
+    return float(until)
 
 
 @compiled
