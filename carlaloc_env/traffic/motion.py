@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 STEP_S = STEP_NS / 1e9
 _COURTEOUS_BRAKING_MPS2 = 1.5
-_SEES_WISH_M = 45.0
+_SEES_WISH_M, _BEHIND_M = 45.0, 0.5
 _LETS_IN_S, _FITS_IN_MPS = 4.0, 2.0
 _STANDING_MPS = 0.1
 _IGNORES = 22
@@ -110,8 +110,10 @@ def be_courteous(
         if front >= 0 and speed > _FITS_IN_MPS:
             fit = _follow(drivers, v, speed, max(speed, 1.0), max(gap, 0.5), front_speed)
             wanted[v] = min(wanted[v], max(fit, -_COURTEOUS_BRAKING_MPS2))
-        if 0 <= back < count and back_gap < _SEES_WISH_M and fleet.waited_s[back] < _LETS_IN_S:
-            let = _follow(drivers, back, back_speed, 40.0, max(back_gap, 0.5), speed)
+        # Who is alongside drives on: waiting there would keep the place from everybody.
+        sees = 0 <= back < count and _BEHIND_M < back_gap < _SEES_WISH_M
+        if sees and fleet.waited_s[back] < _LETS_IN_S:
+            let = _follow(drivers, back, back_speed, 40.0, back_gap, speed)
             wanted[back] = min(wanted[back], max(let, -_COURTEOUS_BRAKING_MPS2))
 
 
