@@ -14,6 +14,7 @@ from carlaloc_env.errors import ConfigError, unknown_name
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import Programs, create_context, is_software, set_uniforms
+from carlaloc_env.render.distant import Distant
 from carlaloc_env.render.gbuffer import SKY_ID, GBuffer, TargetPool, Targets
 from carlaloc_env.render.geometry import FAR, FAR_LOW, Geometry, InstanceBuffer
 from carlaloc_env.render.occlusion import Depths, box_corners
@@ -97,6 +98,7 @@ class SceneRenderer:
     ) -> None:
         self._scenery = Scenery(self._context, chunks, FAR_LOW if self.quality == "low" else FAR)
         self._library = Geometry(self._context, library.meshes)
+        self._distant = Distant(library) if self.quality == "low" else None
         self._poses = InstanceBuffer(self._context, len(library))
         reach = [
             np.sqrt(np.max(np.sum(mesh.vertices_m.astype(np.float64) ** 2, axis=1), initial=0.0))
@@ -140,6 +142,10 @@ class SceneRenderer:
         """
         self._sway = (*(SWAY_S * np.asarray(wind_mps, dtype=np.float64)), stamp_ns % SWAY_PERIOD_NS * 1e-9)
         view = View.of(camera, T_world_camera, self._subsamples, velocity_mps)
+        distance = _distance_m(instances, view)
+        if self._distant is not None:
+            instances = self._distant.of(instances, distance)
+            distance = _distance_m(instances, view)
         with self._context:
             targets = self._pool.take(view.size_px, smooth=self._subsamples > 1)
             self._fill(view, targets, instances)
@@ -147,7 +153,6 @@ class SceneRenderer:
             if self._subsamples > 1:
                 shaded = self._pool.take((camera.width_px, camera.height_px), resolved=True)
                 self._shader.resolve(view, targets, shaded)
-        distance = np.sqrt(np.sum((instances.T_world_model[:, :3, 3] - view.position_m) ** 2, axis=1))
         near = _take(instances, np.flatnonzero(distance < ACTOR_SHADOW_RANGE_M))
         gbuffer = GBuffer(context=self._context, view=view, drawn=targets, shaded=shaded, actors=near)
         self._pool.give_back_with(gbuffer)
@@ -295,7 +300,7 @@ class SceneRenderer:
         reach = self._reach_m[instances.model]
         planes = view.planes()
         gap = np.sum(centre[:, None] * planes[None, :, :3], axis=2) + planes[:, 3]
-        distance = np.sqrt(np.sum((centre - view.position_m) ** 2, axis=1))
+        distance = _distance_m(instances, view)
         seen = np.flatnonzero((gap > -reach[:, None]).all(axis=1) & (distance - reach < FAR_M))
         return seen[np.argsort(distance[seen], kind="stable")]
 
@@ -338,6 +343,11 @@ def _take(instances: Instances, which: NDArray[np.intp]) -> Instances:
         instance=instances.instance[which],
         tint=instances.tint[which],
     )
+
+
+def _distance_m(instances: Instances, view: View) -> NDArray[np.float64]:
+    away = instances.T_world_model[:, :3, 3] - view.position_m
+    return np.asarray(np.sqrt(np.sum(away**2, axis=1)), dtype=np.float64)
 
 
 def _read_depth(targets: Targets) -> NDArray[np.float32]:

@@ -1,0 +1,43 @@
+"""Cars of few triangles for small pictures, from nearer on than the scene chooses them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.scene import Instances, ModelLibrary
+
+FROM_M = 15.0
+"""Distance from which cars are simpler in small pictures [m]: half as far for half the pixels."""
+
+
+class Distant:
+    """Which simple model stands for which whole one."""
+
+    def __init__(self, library: ModelLibrary) -> None:
+        """Pair the models ``name/body`` and ``name/low``, their lamps, and leave single wheels out."""
+        index = {name: k for k, name in enumerate(library.names)}
+        self._simple = np.arange(len(library))
+        self._left_out = np.zeros(len(library), dtype=bool)
+        for name, k in index.items():
+            family, _, part = name.partition("/")
+            if f"{family}/body" not in index or f"{family}/low" not in index:
+                continue
+            if part == "body":
+                self._simple[k] = index[f"{family}/low"]
+            elif part.startswith("wheel"):
+                self._left_out[k] = True
+            else:
+                self._simple[k] = index.get(f"{family}/low/{part}", k)
+
+    def of(self, instances: Instances, distance_m: NDArray[np.float64]) -> Instances:
+        """The instances with simple models where they are far from the eye; distances of shape (N,)."""
+        far = distance_m > FROM_M
+        keep = np.flatnonzero(~(far & self._left_out[instances.model]))
+        model = np.where(far, self._simple[instances.model], instances.model).astype(np.int32)
+        return Instances(
+            model=model[keep],
+            T_world_model=instances.T_world_model[keep],
+            instance=instances.instance[keep],
+            tint=instances.tint[keep],
+        )
