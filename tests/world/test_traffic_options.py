@@ -56,7 +56,8 @@ def test_auto_lane_change_off_leaves_the_necessary_ones(motorway: TrafficTables)
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_random_lane_changes_add_changes(motorway: TrafficTables, side: str) -> None:
     few = watch(motorway, auto_lane_change=False)
-    more = watch(motorway, auto_lane_change=False, **{f"random_{side}_lanechange_percentage": 50.0})
+    options: dict[str, Any] = {f"random_{side}_lanechange_percentage": 50.0}
+    more = watch(motorway, auto_lane_change=False, **options)
     assert more.lane_changes > few.lane_changes
 
 
@@ -120,7 +121,7 @@ def driven_through(tables: TrafficTables, percentage: float) -> int:
     world.reset()
     fleet, crossing = world._vehicles.fleet, tables.roads.crossing
     length = world._vehicles.drivers.length_m[:-1]
-    lane, front, taken, count = np.zeros(0), np.zeros(0), world._taken.copy(), 0
+    lane, front, taken, count = np.zeros(0, np.int64), np.zeros(0), world._taken.copy(), 0
     for _ in range(20 * 120):
         world.step(NOBODY)
         now_lane, now_front = fleet.plan[:-1, 0].copy(), fleet.station_m[:-1] + 0.5 * length
