@@ -14,9 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import place_actors, place_lights, place_signals
+from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.presets import rig_by_name
 from carlaloc_env.scene import concatenate_instances
+from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.weather import weather_by_name
@@ -61,7 +63,9 @@ def street_in_weathers(name: str, quality: str) -> list[NDArray[np.uint8]]:
     far = np.flatnonzero(np.hypot(*(frame.position_m[:, :2] - T[:2, 3]).T) > CLEAR_M)
     catalog, frame, eye = catalog.take(far), frame.take(far), T[:3, 3]
     green = np.full(int(town.lenses.signal.max(initial=-1)) + 1, 3, np.uint8)
+    mount = next(c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)).mount
     seen = [
+        place_ego(T @ np.linalg.inv(mount.T_base_sensor), stage.library),
         place_actors(catalog, frame, stage.library, eye_m=eye),
         place_lights(catalog, frame, stage.library, 0, eye_m=eye),
         place_signals(town.lenses, green, stage.library),
