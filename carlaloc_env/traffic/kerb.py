@@ -18,7 +18,7 @@ _WAIT_BEFORE_M = 0.5
 _SAFE_S = 1.5
 _BRAKE_MPS2 = 2.5
 _CLAIM_S = 3.0
-_HELD_UP_S = 4.0
+_HELD_UP_S, _LEFT_M = 4.0, 0.1
 
 
 @compiled
@@ -120,9 +120,9 @@ def claim_crossings(
         else:
             to_near = walking.station_m[w] - ground.passage.far_m[k]
             to_far = walking.station_m[w] - ground.passage.near_m[k]
-        # Who is held up on the way keeps only the lane free that it stands in.
-        held_up = walking.crossing[w] and walking.waited_s[w] > _HELD_UP_S and to_near > 0.3
-        if to_far < -0.3 or held_up:
+        # Who is held up on the way keeps only the lane free that it stands in, not the one that it has left.
+        held_up = walking.crossing[w] and walking.waited_s[w] > _HELD_UP_S
+        if to_far < (_LEFT_M if held_up else -0.3) or (held_up and to_near > 0.3):
             continue
         if walking.crossing[w]:
             if to_near < _CLAIM_S * walking.pace_mps[w]:

@@ -17,6 +17,7 @@ from carlaloc_env.traffic.roads import Roads
 
 CROSSES = 0.45
 """Chance that a walker who comes past a crosswalk crosses."""
+_TURNS_BACK_S = 15.0
 _DOOR, _WAY, _JOIN = 31, 32, 33
 
 
@@ -52,6 +53,9 @@ def walk(
         if ground.way.kind[way] == CROSSWALK:
             if not walking.crossing[w]:
                 wanted = wait_or_go(ground, walking, roads, there, boxes, signals, red_for_s, w)
+            elif walking.waited_s[w] > _TURNS_BACK_S:
+                # Whoever stands in the way may itself wait for the lane that this walker stands in.
+                walking.sense[w], walking.waited_s[w] = -walking.sense[w], 0.0
             claim_crossings(ground, walking, roads, there, taken, w)
         move(ground, walking, boxes, w, wanted)
         _follow_way(ground, walking, w, seed)

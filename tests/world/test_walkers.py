@@ -10,6 +10,8 @@ from carlaloc_env.semantics import Tag
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, walking_ground
+from carlaloc_env.traffic.crossings import TAKEN
+from carlaloc_env.traffic.ego_view import EgoView
 from carlaloc_env.traffic.footways import CROSSWALK
 from carlaloc_env.traffic.signal_plan import SignalState
 from carlaloc_env.traffic.tables import TrafficTables
@@ -73,6 +75,44 @@ def test_walkers_do_not_set_out_against_a_green(tables: TrafficTables) -> None:
             assert (lights[heads] == SignalState.RED).all()
         was = state.crossing.copy()
     assert begun > 10
+
+
+def test_a_walker_whose_way_is_parked_up_leaves_the_road(tables: TrafficTables) -> None:
+    """It holds up only the lane that it stands in and, after a while, goes back to where it came from."""
+    world = TrafficWorld(tables.network, TrafficConfig(vehicles=0, walkers=1, seed=2, warm_up_s=0.0), tables)
+    world.reset()
+    ground, state, roads = tables.ground, world._walkers.state, tables.roads
+    way = next(
+        w
+        for w in np.flatnonzero(ground.way.kind == CROSSWALK)
+        if ground.way.pass_end[w] - ground.way.pass_first[w] == 4
+    )
+    passes = range(int(ground.way.pass_first[way]), int(ground.way.pass_end[way]))
+    first, parked = sorted(passes, key=lambda k: float(ground.passage.near_m[k]))[:2]
+    state.way[0], state.sense[0], state.crossing[0] = way, 1, True
+    state.station_m[0] = ground.passage.near_m[first]
+    row = int(ground.way.row_first[way] + state.station_m[0] / ground.way.row_step_m[way])
+    state.position_m[0] = ground.row.position_m[row]
+    crossing = int(ground.passage.crossing[parked])
+    lane = int(roads.crossing.lane[crossing])
+    middle = 0.5 * (roads.crossing.enter_m[crossing] + roads.crossing.leave_m[crossing])
+    pose = tables.network.pose(np.array([lane]), np.array([middle]))
+    x, y, z = (float(value) for value in pose.position_m[0])
+    ego = EgoView(position_m=(x, y, z), heading_rad=float(pose.heading_rad[0]), speed_mps=0.0)
+    waited, back = 0.0, False
+    for _ in range(20 * 60):
+        frame = world.step(ego)
+        if state.waited_s[0] > 5.0:
+            waited = max(waited, float(state.waited_s[0]))
+            assert world._taken[ground.passage.crossing[parked]] == TAKEN
+            assert world._taken[ground.passage.crossing[first]] == 0
+        back = back or (ground.way.kind[state.way[0]] != CROSSWALK)
+        if back:
+            break
+    assert waited > 5.0
+    assert back
+    start = ground.row.position_m[ground.way.row_first[way]]
+    assert np.linalg.norm(frame.position_m[0, :2] - start[:2]) < 2.0
 
 
 def test_catalogue_lists_walkers_last(tables: TrafficTables) -> None:
