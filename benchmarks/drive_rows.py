@@ -58,6 +58,8 @@ def _pictures_per_s(
     """Pictures in a second of a stretch of the drive, with the ticks that fall due meanwhile."""
     from recorder.pacing import Pacer
 
+    for _ in range(10):  # the first ones compile shaders and find their size
+        cockpit.show(world, status)
     pacer, shown = Pacer(), 0
     began = time.perf_counter()
     while time.perf_counter() - began < seconds:

@@ -66,7 +66,10 @@ FAR = (Coarseness(from_m=150.0, crumb_m2=0.012, leaf_share=4),)
 FAR_LOW = (
     Coarseness(from_m=10.0, crumb_m2=0.025, leaf_share=8),
     Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_share=24),
-    Coarseness(from_m=130.0, crumb_m2=1.0, any_m2=0.25, leaf_share=64),
+    Coarseness(from_m=80.0, crumb_m2=0.4, any_m2=0.1, leaf_share=40),
+    Coarseness(from_m=130.0, crumb_m2=1.2, any_m2=0.4, leaf_share=100),
+    Coarseness(from_m=200.0, crumb_m2=3.0, any_m2=1.0, leaf_share=250),
+    Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_share=600),
 )
 """For small live pictures, in which vertices cost the most."""
 _LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Material.PLASTIC, Material.BARK)

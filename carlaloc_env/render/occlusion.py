@@ -18,7 +18,8 @@ from carlaloc_env.render.projection import NEAR_M, View
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
 
-TILE_PX = 16
+TILES = 80
+"""Tiles across a picture."""
 MARGIN_M = 0.3
 """Boxes are grown by this, for roundings and for leaves that sway [m]."""
 
@@ -26,24 +27,27 @@ MARGIN_M = 0.3
 class Depths:
     """Farthest surface in every tile of a picture so far."""
 
-    def __init__(self, view: View, depth_m: F32) -> None:
+    def __init__(self, view: View, depth_m: F32, *, least_px: float = 0.0) -> None:
         """Reduce a picture.
 
         Args:
             view: Camera.
             depth_m: Planar depth of the drawn samples [m], 0 = nothing yet, shape (H, W).
+            least_px: Boxes that look smaller than this in both directions are left out, too [px].
         """
         self._view = view
-        rows, columns = (-(-size // TILE_PX) for size in depth_m.shape)
+        self._least_px = least_px
+        self._tile_px = max(4, depth_m.shape[1] // TILES)
+        rows, columns = (-(-size // self._tile_px) for size in depth_m.shape)
         self._far_m = np.empty((rows, columns), np.float32)
-        _farthest(self._far_m, depth_m)
+        _farthest(self._far_m, depth_m, self._tile_px)
 
     def shown(self, corners_m: Array) -> NDArray[np.bool_]:
         """Whether boxes by their corners in the world (N, 8, 3) [m] may show, shape (N,)."""
         view = self._view
         out = np.empty(len(corners_m), np.bool_)
         width, height = view.size_px
-        shape = np.array([width / 2.0, height / 2.0, MARGIN_M, NEAR_M])
+        shape = np.array([width / 2.0, height / 2.0, MARGIN_M, NEAR_M, self._least_px])
         _shown(
             out,
             np.ascontiguousarray(corners_m),
@@ -52,6 +56,7 @@ class Depths:
             np.array(view.clip_scale),
             shape,
             self._far_m,
+            self._tile_px,
         )
         return out
 
@@ -63,15 +68,15 @@ def box_corners(low_m: Array, high_m: Array) -> Array:
 
 
 @compiled
-def _farthest(out: F32, depth_m: F32) -> None:
+def _farthest(out: F32, depth_m: F32, tile_px: int) -> None:
     for row in range(out.shape[0]):
         for column in range(out.shape[1]):
             out[row, column] = 0.0
     for v in range(depth_m.shape[0]):
-        row = v // TILE_PX
+        row = v // tile_px
         for u in range(depth_m.shape[1]):
             d = depth_m[v, u]
-            column = u // TILE_PX
+            column = u // tile_px
             if d == 0.0:
                 out[row, column] = np.float32(np.inf)
             elif d > out[row, column]:
@@ -87,12 +92,14 @@ def _shown(
     clip: Array,
     shape: Array,
     far_m: F32,
+    tile_px: int,
 ) -> None:
-    """`shape`: half the picture's width and height [px], margin [m], nearest depth drawn [m]."""
+    """`shape`: half of width and height [px], margin [m], nearest depth drawn [m], least size [px]."""
     rows, columns = far_m.shape
     for n in range(len(corners_m)):
         nearest = math.inf
         low_u, high_u, low_v, high_v = math.inf, -math.inf, math.inf, -math.inf
+        size_u, size_v = 0.0, 0.0
         for k in range(8):
             dx = corners_m[n, k, 0] - eye_m[0]
             dy = corners_m[n, k, 1] - eye_m[1]
@@ -110,13 +117,14 @@ def _shown(
             grown_v = 1.0 + clip[1] * shape[1] * share * (1.0 + abs(y) / z)
             low_u, high_u = min(low_u, u - grown_u), max(high_u, u + grown_u)
             low_v, high_v = min(low_v, v - grown_v), max(high_v, v + grown_v)
+            size_u, size_v = max(size_u, grown_u), max(size_v, grown_v)
         nearest -= shape[2]
         out[n] = nearest <= shape[3]
-        if out[n]:
+        if out[n] or max(high_u - low_u - 2.0 * size_u, high_v - low_v - 2.0 * size_v) < shape[4]:
             continue
-        first = max(int(low_u) // TILE_PX, 0)
-        last = min(int(high_u) // TILE_PX, columns - 1)
-        for row in range(max(int(low_v) // TILE_PX, 0), min(int(high_v) // TILE_PX, rows - 1) + 1):
+        first = max(int(low_u) // tile_px, 0)
+        last = min(int(high_u) // tile_px, columns - 1)
+        for row in range(max(int(low_v) // tile_px, 0), min(int(high_v) // tile_px, rows - 1) + 1):
             for column in range(first, last + 1):
                 if far_m[row, column] >= nearest:
                     out[n] = True

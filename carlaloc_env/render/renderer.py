@@ -37,6 +37,8 @@ SWAY_PERIOD_NS = 1_000_000_000_000
 ACTOR_SHADOW_RANGE_M = 90.0
 ROUNDS_M = (25.0, 60.0)
 """Bounds of the rounds in which the scene is drawn [m]."""
+LEAST_PX = 3.0
+"""Clusters that look smaller are left out of live pictures [px]."""
 LARGE_M = 120.0
 """Walls and roads nearer than this are drawn in the first round, since they hide much [m]."""
 DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
@@ -99,6 +101,7 @@ class SceneRenderer:
         self._scenery = Scenery(self._context, chunks, FAR_LOW if self.quality == "low" else FAR)
         self._library = Geometry(self._context, library.meshes)
         self._distant = Distant(library) if self.quality == "low" else None
+        self._least_px = LEAST_PX if self.quality == "low" else 0.0
         self._poses = InstanceBuffer(self._context, len(library))
         reach = [
             np.sqrt(np.max(np.sum(mesh.vertices_m.astype(np.float64) ** 2, axis=1), initial=0.0))
@@ -239,7 +242,7 @@ class SceneRenderer:
         self._draw_layers(view, [which[turn == 0] for which, turn in left])
         drawn = self._visible_instances(view, instances)
         for now in range(1, len(ROUNDS_M) + 2):
-            hidden = Depths(view, _read_depth(targets))
+            hidden = Depths(view, _read_depth(targets), least_px=self._least_px)
             if now == 1:
                 drawn = drawn[hidden.shown(self._corners_m(instances, drawn))]
                 if len(drawn):

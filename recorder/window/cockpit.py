@@ -17,8 +17,6 @@ from recorder.window.minimap import MiniMap
 from recorder.window.views import VIEWS, LiveView
 from recorder.window.window import WINDOW_PX, Window
 
-PICTURE_PX = (480, 270)
-"""Size of the live view before it is scaled to the window [px]."""
 _ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
 
 
@@ -40,7 +38,7 @@ class WindowCockpit:
         self._stage = SensorStage(town, seed=0, weather=weather, quality="low")
         # Made before the drive begins: it takes seconds, in which nobody steers.
         self._stage.renderer()
-        self._view = LiveView(self._stage, PICTURE_PX)
+        self._view = LiveView(self._stage)
         self._map: MiniMap | None = None
 
     def __enter__(self) -> WindowCockpit:

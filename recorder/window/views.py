@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation, quat_to_matrix, 
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.sensors.camera import instances_at
 from carlaloc_env.stage import SensorStage
+from recorder.window.resolution import LiveResolution
 
 Array = NDArray[np.float64]
 
@@ -24,25 +26,28 @@ _FOV_DEG = {"seat": 80.0, "chase": 75.0, "above": 60.0}
 class LiveView:
     """Draws what the driver sees, in low resolution and at the renderer's lowest tier.
 
+    Pictures become smaller where the machine would not draw twenty a second.
+
     Args:
         stage: Town, weather and renderer.
-        size_px: Width and height of the pictures [px].
     """
 
-    def __init__(self, stage: SensorStage, size_px: tuple[int, int]) -> None:
+    def __init__(self, stage: SensorStage) -> None:
         self._stage = stage
-        self._lenses = {name: Pinhole.from_fov(*size_px, _FOV_DEG[name]) for name in VIEWS}
+        self._resolution = LiveResolution()
         self._heading_rad: float | None = None
 
     def picture(self, world: DrivingWorld, view: str) -> NDArray[np.uint8]:
         """Colour picture of now, sRGB, shape (H, W, 3), C-contiguous."""
-        now = world.now_ns
+        began, now = time.perf_counter(), world.now_ns
         T_world_base = world.timeline.ego_motion([now]).T_world_frame[0]
         renderer = self._stage.renderer()
         instances = instances_at(self._stage, world.timeline, now)
         pose = self._pose(T_world_base, view)
-        drawn = renderer.draw(self._lenses[view], pose, instances)
+        lens = Pinhole.from_fov(*self._resolution.size_px, _FOV_DEG[view])
+        drawn = renderer.draw(lens, pose, instances)
         rgb = renderer.shade(drawn, self._stage.weather.at(now), stamp_ns=now, seed=self._stage.seed)
+        self._resolution.took(time.perf_counter() - began)
         return np.ascontiguousarray(rgb)
 
     def _pose(self, T_world_base: Array, view: str) -> Array:
