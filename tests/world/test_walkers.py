@@ -12,7 +12,7 @@ from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, walking_ground
 from carlaloc_env.traffic.crossings import TAKEN
 from carlaloc_env.traffic.ego_view import EgoView
-from carlaloc_env.traffic.footways import CROSSWALK
+from carlaloc_env.traffic.footway_tables import CROSSWALK
 from carlaloc_env.traffic.signal_plan import SignalState
 from carlaloc_env.traffic.tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
