@@ -15,45 +15,86 @@ _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
 @compiled
-def cross(
+def any_crosses(levels: Any, count: int, upper: Any, lower: Any) -> bool:
+    """Whether any of the first levels reaches one of two bounds."""
+    hits = np.int32(0)
+    for f in range(count):
+        hits |= np.int32(levels[f] >= upper) | np.int32(levels[f] <= lower)
+    found: bool = hits != 0
+    return found
+
+
+@compiled
+def fire_levels(
     noise: Any,
-    numbers: Any,
+    refractory_us: int,
+    span_us: int,
+    sample_us: float,
     on: Any,
     off: Any,
     pixel: int,
+    begin: int,
+    count: int,
     levels: Any,
-    j: int,
-    steps: int,
+    earlier: Any,
     memory: Any,
     out_t: Any,
     out_code: Any,
 ) -> Any:
-    """Events of a pixel whose signal goes from one level to another in sample j of all its steps."""
-    span_us, refractory_us = numbers[0], numbers[1]
-    from_level, to_level = levels
-    rise = to_level - from_level
-    while to_level >= memory[0] + on or to_level <= memory[0] - off:
-        positive = to_level >= memory[0] + on
-        reference = memory[0] + on if positive else memory[0] - off
-        part = (reference - from_level) / rise if rise != 0 else _ONE
-        part = min(max(part, _ZERO), _ONE)
-        t = min(max(math.ceil((np.float64(j - 1) + part) * span_us / steps), 1), span_us)
-        _, last, shot, count = shots_until(noise, numbers, pixel, t, memory, out_t, out_code)
-        if t - last >= refractory_us:
-            last = t
-            if count < len(out_t):
-                out_t[count] = t
-                out_code[count] = (pixel << 1) | positive
-            count += 1
-        memory = (reference, last, shot, count)
-    return memory
+    """Events of a pixel whose signal passes through levels, at the samples after `begin`.
+
+    Args:
+        noise: Noise events in the order of pixels: pixel, time [µs], polarity, first of each row of tiles.
+        refractory_us: Shortest time between two events [µs].
+        span_us: Length of the span [µs].
+        sample_us: Time between two samples [µs].
+        on: Threshold of positive events.
+        off: Threshold of negative events.
+        pixel: Index of the pixel.
+        begin: Sample before the first level.
+        count: Number of levels.
+        levels: Signal, one number a sample.
+        earlier: Signal at sample `begin`.
+        memory: Level of the last event, its time, next noise event, number of events so far.
+        out_t: Times of the events [µs].
+        out_code: Pixel and polarity of the events.
+
+    Returns:
+        The memory afterwards.
+    """
+    reference, last, shot, filled = memory
+    upper, lower = reference + on, reference - off
+    noisy = shot < len(noise[0]) and noise[0][shot] == pixel
+    for f in range(count):
+        level = levels[f]
+        while level >= upper or level <= lower:
+            positive = level >= upper
+            reference = upper if positive else lower
+            upper, lower = reference + on, reference - off
+            rise = level - earlier
+            part = (reference - earlier) / rise if rise != _ZERO else _ONE
+            part = min(max(part, _ZERO), _ONE)
+            t: Any = min(max(np.int64(math.ceil((begin + f + np.float64(part)) * sample_us)), 1), span_us)
+            if noisy:
+                _, last, shot, filled = shots_until(
+                    noise, refractory_us, pixel, t, (reference, last, shot, filled), out_t, out_code
+                )
+            if t - last >= refractory_us:
+                last = t
+                if filled < len(out_t):
+                    out_t[filled] = t
+                    out_code[filled] = (pixel << 1) | positive
+                filled += 1
+        earlier = level
+    return reference, last, shot, filled
 
 
 @compiled
-def shots_until(noise: Any, numbers: Any, pixel: int, t: int, memory: Any, out_t: Any, out_code: Any) -> Any:
+def shots_until(
+    noise: Any, refractory_us: int, pixel: int, t: int, memory: Any, out_t: Any, out_code: Any
+) -> Any:
     """Noise events of a pixel up to a time [µs]."""
     shot_pixel, shot_t, shot_positive, _ = noise
-    refractory_us = numbers[1]
     reference, last, shot, count = memory
     while shot < len(shot_pixel) and shot_pixel[shot] == pixel and shot_t[shot] <= t:
         if shot_t[shot] - last >= refractory_us:

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.compiled import compiled
+from carlaloc_env.sensors.event_alone import fire_alone
 from carlaloc_env.sensors.event_crossing import NEVER_US, shots_until
-from carlaloc_env.sensors.event_signal import fire_alone, fire_in_tile
+from carlaloc_env.sensors.event_signal import fire_tile
 from carlaloc_env.sensors.event_tiles import tile_bounds, tile_knots, tile_steps
 from carlaloc_env.sensors.pixel_motion import TILE_PX
-
-_ONE, _ZERO = np.float32(1), np.float32(0)
 
 
 @compiled
@@ -42,8 +41,8 @@ def fire_rows(
     before, _, ranges_before, ranges_after = pictures
     passing = fields[2]
     reference_in, last_in, reference_out, last_out = device[2:]
-    span_us, _, leaks, step_px = numbers
-    knots, bounds = scratch
+    span_us, refractory_us, leaks, step_px = numbers
+    knots, bounds, levels = scratch
     height, width = before.shape
     count = 0
     for row in range(first // TILE_PX, (end + TILE_PX - 1) // TILE_PX):
@@ -54,44 +53,35 @@ def fire_rows(
             steps = tile_steps(fields, row, column, y0, x0, y1, x1, step_px)
             if steps > 1 and not tile_knots(fields, y0, x0, y1, x1, steps, knots, bounds):
                 steps = 0
-            low, high = _ZERO, _ZERO
             if steps > 0:
                 low, high = tile_bounds(ranges_before, ranges_after, row, column, knots, steps, bounds)
+                corners = (y0, x0, y1, x1, low, high)
+                shot, count = fire_tile(
+                    pictures,
+                    device,
+                    noise,
+                    numbers,
+                    knots,
+                    bounds,
+                    levels,
+                    corners,
+                    steps,
+                    shot,
+                    count,
+                    out_t,
+                    out_code,
+                )
+                continue
             for y in range(y0, y1 + 1):
                 for x in range(x0, x1 + 1):
                     on, off = device[0][y, x], device[1][y, x]
-                    reference, last = reference_in[y, x], last_in[y, x]
-                    pixel = y * width + x
-                    drift = leaks * on
-                    memory = (reference, last, shot, count)
-                    if steps == 0:
-                        memory = fire_alone(
-                            pictures, fields, noise, numbers, on, off, y, x, memory, out_t, out_code
-                        )
-                    elif not (high + drift < reference + on and low > reference - off):
-                        where = (
-                            np.float32(x - x0) / max(np.float32(x1 - x0), _ONE),
-                            np.float32(y - y0) / max(np.float32(y1 - y0), _ONE),
-                        )
-                        memory = fire_in_tile(
-                            pictures,
-                            noise,
-                            numbers,
-                            on,
-                            off,
-                            y,
-                            x,
-                            where,
-                            knots,
-                            bounds,
-                            steps,
-                            memory,
-                            out_t,
-                            out_code,
-                        )
-                    reference, last, shot, count = shots_until(
-                        noise, numbers, pixel, span_us, memory, out_t, out_code
+                    memory = (reference_in[y, x], np.int64(last_in[y, x]), shot, count)
+                    memory = fire_alone(
+                        pictures, fields, noise, numbers, on, off, y, x, levels, memory, out_t, out_code
                     )
-                    reference_out[y, x] = reference - drift
+                    reference, last, shot, count = shots_until(
+                        noise, refractory_us, y * width + x, span_us, memory, out_t, out_code
+                    )
+                    reference_out[y, x] = reference - leaks * on
                     last_out[y, x] = max(last - span_us, NEVER_US)
     return count

@@ -1,116 +1,205 @@
-"""Kernels of the event camera: the signal of one pixel between two pictures."""
+"""Kernels of the event camera: the signal of a tile's pixels between two pictures."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
 from carlaloc_env.compiled import compiled
-from carlaloc_env.sensors.event_crossing import cross
-from carlaloc_env.sensors.event_tiles import CHUNK, STEPS_MAX
-from carlaloc_env.sensors.pixel_motion import TILE_PX, bilinear
-from carlaloc_env.sensors.pixel_ways import (
-    BOTH,
-    FIRST,
-    NOWHERE,
-    SECOND,
-    hidden_by,
-    mixed,
-    range_along,
-    sources,
-)
+from carlaloc_env.sensors.event_crossing import NEVER_US, any_crosses, fire_levels, shots_until
+from carlaloc_env.sensors.event_sampling import sample
+from carlaloc_env.sensors.event_tiles import CHUNK
+from carlaloc_env.sensors.pixel_motion import bilinear
+from carlaloc_env.sensors.pixel_ways import BOTH
 
-CHUNK_BEHIND = 4
-"""Samples between two places that are looked for, where something passes in front."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
 @compiled
-def fire_in_tile(
+def fire_tile(
     pictures: Any,
+    device: Any,
     noise: Any,
     numbers: Any,
-    on: Any,
-    off: Any,
-    y: int,
-    x: int,
-    where: Any,
     knots: Any,
     bounds: Any,
+    levels: Any,
+    corners: Any,
     steps: int,
-    memory: Any,
+    shot: int,
+    count: int,
     out_t: Any,
     out_code: Any,
 ) -> Any:
-    """Signal of a pixel in a smooth tile."""
-    before, after, ranges_before, ranges_after = pictures
-    drift = numbers[2] * on
-    pixel = y * before.shape[1] + x
-    if steps == 1:
-        levels = (before[y, x], after[y, x] + drift)
-        return cross(noise, numbers, on, off, pixel, levels, 1, 1, memory, out_t, out_code)
+    """Events of all pixels of a smooth tile.
+
+    Returns:
+        Next noise event and number of events so far.
+    """
+    before, after, _, _ = pictures
+    ons, offs, reference_in, last_in, reference_out, last_out = device
+    span_us, refractory_us, leaks, _ = numbers
+    y0, x0, y1, x1, low_tile, high_tile = corners
+    height, width = before.shape
+    flat_before, flat_after = before.reshape(height * width), after.reshape(height * width)
     per_step = _ONE / np.float32(steps)
-    slope = drift * per_step
-    last = steps - 1
-    # What the end of one chunk says holds at the beginning of the next; -1: nothing is known.
-    placed, sampled = -1, -1
-    earlier = before[y, x]
-    ax, ay, bx, by = _ZERO, _ZERO, _ZERO, _ZERO
-    for k in range((steps + CHUNK - 1) // CHUNK):
-        if bounds[k, 1] + drift < memory[0] + on and bounds[k, 0] > memory[0] - off:
-            continue
-        begin, stop = k * CHUNK, min(k * CHUNK + CHUNK, steps)
-        if placed != k:
-            ax, ay, bx, by = _inside(knots, k, where)
-        ex, ey, fx, fy = _inside(knots, k + 1, where)
-        if k > 0 and sampled != k:
-            kind = int(bounds[k, 2])
-            earlier = mixed(before, after, kind, np.float32(begin) * per_step, ax, ay, bx, by, before[y, x])
-        both = bounds[k, 2] == BOTH and bounds[k + 1, 2] == BOTH
-        low, high = range_along(ranges_before, ax, ay, ex, ey, earlier, earlier)
-        if both:
-            low, high = range_along(ranges_after, bx, by, fx, fy, low, high)
-        if stop == steps:
-            low, high = min(low, after[y, x]), max(high, after[y, x])
-        wx, wy, ux, uy = ax, ay, bx, by
-        ax, ay, bx, by, placed = ex, ey, fx, fy, k + 1
-        if high + drift < memory[0] + on and low > memory[0] - off:
-            continue
-        # The picture nearer in time is followed; what the other says more of goes linearly in between.
-        share = _ONE / np.float32(stop - begin)
-        own, dx, dy = before, share * (ex - wx), share * (ey - wy)
-        more, grows = _ZERO, _ZERO
-        if both:
-            s1 = np.float32(stop) * per_step
-            first_end, second_end = bilinear(before, ex, ey), bilinear(after, fx, fy)
-            mean, own_end = (_ONE - s1) * first_end + s1 * second_end, first_end
-            if begin + stop > steps:
-                own, own_end = after, second_end
-                wx, wy, dx, dy = ux, uy, share * (fx - ux), share * (fy - uy)
-            more = earlier - bilinear(own, wx, wy)
-            grows = (mean - own_end - more) * share
-        upper, lower = memory[0] + on, memory[0] - off
-        for j in range(begin + 1, stop + 1):
-            now = after[y, x]
-            if j <= last:
-                f = np.float32(j - begin)
-                now = bilinear(own, wx + f * dx, wy + f * dy) + (more + f * grows)
-            to_level = now + slope * np.float32(j)
-            if to_level >= upper or to_level <= lower:
-                levels = (earlier + slope * np.float32(j - 1), to_level)
-                memory = cross(noise, numbers, on, off, pixel, levels, j, steps, memory, out_t, out_code)
-                upper, lower = memory[0] + on, memory[0] - off
-            earlier = now
-        sampled = k + 1
-    return memory
+    sample_us = np.float64(span_us) / np.float64(steps)
+    chunks = (steps + CHUNK - 1) // CHUNK if steps > 1 else 0
+    along, down = _ONE / max(np.float32(x1 - x0), _ONE), _ONE / max(np.float32(y1 - y0), _ONE)
+    for y in range(y0, y1 + 1):
+        g = np.float32(y - y0) * down
+        for x in range(x0, x1 + 1):
+            on, off = ons[y, x], offs[y, x]
+            reference, last = reference_in[y, x], np.int64(last_in[y, x])
+            drift = leaks * on
+            upper, lower = reference + on, reference - off
+            pixel = y * width + x
+            if high_tile + drift >= upper or low_tile <= lower:
+                slope = drift * per_step
+                f = np.float32(x - x0) * along
+                # What the end of one chunk says holds at the beginning of the next; -1: nothing is known.
+                placed, known = -1, 0
+                earlier = before[y, x]
+                ax, ay, bx, by = _ZERO, _ZERO, _ZERO, _ZERO
+                if steps == 1:
+                    levels[0] = after[y, x] + drift
+                    if any_crosses(levels, 1, upper, lower):
+                        memory = (reference, last, shot, count)
+                        reference, last, shot, count = fire_levels(
+                            noise,
+                            refractory_us,
+                            span_us,
+                            sample_us,
+                            on,
+                            off,
+                            pixel,
+                            0,
+                            1,
+                            levels,
+                            earlier,
+                            memory,
+                            out_t,
+                            out_code,
+                        )
+                for k in range(chunks):
+                    if bounds[k, 1] + drift < upper and bounds[k, 0] > lower:
+                        continue
+                    begin, stop = k * CHUNK, min(k * CHUNK + CHUNK, steps)
+                    if placed != k:
+                        ax, ay, bx, by = _inside(knots, k, f, g)
+                    ex, ey, fx, fy = _inside(knots, k + 1, f, g)
+                    wx, wy, ux, uy = ax, ay, bx, by
+                    ax, ay, bx, by, placed = ex, ey, fx, fy, k + 1
+                    both = bounds[k, 2] == BOTH and bounds[k + 1, 2] == BOTH
+                    if known != k:
+                        earlier = bilinear(before, wx, wy)
+                        if bounds[k, 2] == BOTH:
+                            earlier += np.float32(begin) * per_step * (bilinear(after, ux, uy) - earlier)
+                    level = earlier + slope * np.float32(begin)
+                    earlier, known = (
+                        _fill_levels(
+                            before,
+                            after,
+                            flat_before,
+                            flat_after,
+                            (wx, wy, ux, uy),
+                            (ex, ey, fx, fy),
+                            both,
+                            earlier,
+                            begin,
+                            stop,
+                            steps,
+                            slope,
+                            levels,
+                        ),
+                        k + 1,
+                    )
+                    if stop == steps:
+                        levels[stop - begin - 1] = after[y, x] + drift
+                    if any_crosses(levels, stop - begin, upper, lower):
+                        reference, last, shot, count = fire_levels(
+                            noise,
+                            refractory_us,
+                            span_us,
+                            sample_us,
+                            on,
+                            off,
+                            pixel,
+                            begin,
+                            stop - begin,
+                            levels,
+                            level,
+                            (reference, last, shot, count),
+                            out_t,
+                            out_code,
+                        )
+                        upper, lower = reference + on, reference - off
+            if shot < len(noise[0]) and noise[0][shot] == pixel:
+                reference, last, shot, count = shots_until(
+                    noise, refractory_us, pixel, span_us, (reference, last, shot, count), out_t, out_code
+                )
+            reference_out[y, x] = reference - drift
+            last_out[y, x] = max(last - span_us, NEVER_US)
+    return shot, count
 
 
 @compiled
-def _inside(knots: Any, k: int, where: Any) -> Any:
+def _fill_levels(
+    before: Any,
+    after: Any,
+    flat_before: Any,
+    flat_after: Any,
+    places: Any,
+    ends: Any,
+    both: bool,
+    earlier: Any,
+    begin: int,
+    stop: int,
+    steps: int,
+    slope: Any,
+    levels: Any,
+) -> Any:
+    """Fill in the signal of one chunk from the places at its ends; what it is at the end, less the leak.
+
+    The picture nearer in time is followed; what the other says more of goes linearly in between.
+    """
+    wx, wy, ux, uy = places
+    ex, ey, fx, fy = ends
+    share = _ONE / np.float32(stop - begin)
+    flat, sx, sy, dx, dy = flat_before, wx, wy, share * (ex - wx), share * (ey - wy)
+    more, grows, end = _ZERO, _ZERO, earlier
+    if both:
+        s1 = np.float32(stop) / np.float32(steps)
+        first, second = bilinear(before, ex, ey), bilinear(after, fx, fy)
+        end, own_end, own_begin = (_ONE - s1) * first + s1 * second, first, _ZERO
+        if begin + stop > steps:
+            flat, own_end, own_begin = flat_after, second, bilinear(after, ux, uy)
+            sx, sy, dx, dy = ux, uy, share * (fx - ux), share * (fy - uy)
+        else:
+            own_begin = bilinear(before, wx, wy)
+        more = earlier - own_begin
+        grows = (end - own_end - more) * share
+    leaked = slope * np.float32(begin)
+    # As many levels as a chunk is long, whether it is full or not.
+    sample(
+        flat,
+        np.int32(before.shape[1]),
+        np.int32(before.shape[0]),
+        sx,
+        sy,
+        dx,
+        dy,
+        more + leaked,
+        grows + slope,
+        levels,
+    )
+    return end if both else levels[stop - begin - 1] - slope * np.float32(stop)
+
+
+@compiled
+def _inside(knots: Any, k: int, f: Any, g: Any) -> Any:
     """Places in both pictures between those of a tile's corners."""
-    f, g = where
     w0, w1, w2, w3 = (_ONE - f) * (_ONE - g), f * (_ONE - g), (_ONE - f) * g, f * g
     return (
         w0 * knots[k, 0, 0] + w1 * knots[k, 1, 0] + w2 * knots[k, 2, 0] + w3 * knots[k, 3, 0],
@@ -118,95 +207,3 @@ def _inside(knots: Any, k: int, where: Any) -> Any:
         w0 * knots[k, 0, 2] + w1 * knots[k, 1, 2] + w2 * knots[k, 2, 2] + w3 * knots[k, 3, 2],
         w0 * knots[k, 0, 3] + w1 * knots[k, 1, 3] + w2 * knots[k, 2, 3] + w3 * knots[k, 3, 3],
     )
-
-
-@compiled
-def fire_alone(
-    pictures: Any,
-    fields: Any,
-    noise: Any,
-    numbers: Any,
-    on: Any,
-    off: Any,
-    y: int,
-    x: int,
-    memory: Any,
-    out_t: Any,
-    out_code: Any,
-) -> Any:
-    """Signal of a pixel near edges of depth, looked for on its own."""
-    before, after, ranges_before, ranges_after = pictures
-    forward, backward, passing = fields
-    drift = numbers[2] * on
-    pixel = y * before.shape[1] + x
-    over = passing[y // TILE_PX, x // TILE_PX]
-    steps, through = _steps(forward[y, x], backward[y, x], over, numbers[3])
-    u, v, count = np.float32(x), np.float32(y), np.float32(steps)
-    earlier = before[y, x]
-    if steps == 1:
-        levels = (earlier, after[y, x] + drift)
-        return cross(noise, numbers, on, off, pixel, levels, 1, 1, memory, out_t, out_code)
-    chunk = CHUNK_BEHIND if through else CHUNK
-    # Slopes of both ways, per sample: first as if all were one surface, then as found.
-    dax, day = backward[y, x, 0] / count, backward[y, x, 1] / count
-    dbx, dby = -forward[y, x, 0] / count, -forward[y, x, 1] / count
-    ax, ay, bx, by, kind = sources(
-        forward, backward, u, v, _ZERO, u, v, u + forward[y, x, 0], v + forward[y, x, 1]
-    )
-    hidden = False
-    k = 0
-    while k < steps:
-        stop = min(k + chunk, steps)
-        px, py, qx, qy, was, was_hidden = ax, ay, bx, by, kind, hidden
-        s, far = np.float32(stop) / count, np.float32(stop - k)
-        ax, ay, bx, by, kind = sources(
-            forward, backward, u, v, s, px + far * dax, py + far * day, qx + far * dbx, qy + far * dby
-        )
-        dax, day, dbx, dby = (ax - px) / far, (ay - py) / far, (bx - qx) / far, (by - qy) / far
-        if through:
-            hidden = hidden_by(before, forward, backward, over, u, v, s, ax, ay, bx, by, kind, _ZERO)[0]
-        straight = kind == was and kind != NOWHERE and not hidden and not was_hidden
-        if straight:
-            low, high = earlier, earlier
-            if kind != SECOND:
-                low, high = range_along(ranges_before, px, py, ax, ay, low, high)
-            if kind != FIRST:
-                low, high = range_along(ranges_after, qx, qy, bx, by, low, high)
-            if stop == steps:
-                low, high = min(low, after[y, x]), max(high, after[y, x])
-            if high + drift < memory[0] + on and low > memory[0] - off:
-                if stop < steps:
-                    earlier = mixed(before, after, kind, s, ax, ay, bx, by, earlier)
-                k = stop
-                continue
-        cx, cy, ex, ey, sort = px, py, qx, qy, kind
-        for j in range(k + 1, stop + 1):
-            now = after[y, x]
-            s = np.float32(j) / count
-            if j < steps:
-                if straight:
-                    f = np.float32(j - k) / far
-                    cx, cy = px + f * (ax - px), py + f * (ay - py)
-                    ex, ey = qx + f * (bx - qx), qy + f * (by - qy)
-                else:
-                    cx, cy, ex, ey, sort = sources(forward, backward, u, v, s, cx, cy, ex, ey)
-                now = mixed(before, after, sort, s, cx, cy, ex, ey, earlier)
-                if through and not straight:
-                    now = hidden_by(before, forward, backward, over, u, v, s, cx, cy, ex, ey, sort, now)[1]
-            levels = (earlier + drift * (np.float32(j - 1) / count), now + drift * s)
-            if levels[1] >= memory[0] + on or levels[1] <= memory[0] - off:
-                memory = cross(noise, numbers, on, off, pixel, levels, j, steps, memory, out_t, out_code)
-            earlier = now
-        k = stop
-    return memory
-
-
-@compiled
-def _steps(ahead: Any, back: Any, over: Any, step_px: Any) -> Any:
-    """Number of samples of a pixel, and whether something nearer passes that neither picture shows there."""
-    length = max(max(abs(ahead[0]), abs(ahead[1])), max(abs(back[0]), abs(back[1])))
-    own = min(min(ahead[3], ahead[3] * ahead[2]), min(back[3], back[3] * back[2]))
-    through = over[3] > 0 and min(over[3], over[3] * over[2]) < np.float32(0.8) * own
-    if through:
-        length = max(length, max(abs(over[0]), abs(over[1])))
-    return min(max(math.ceil(length / step_px), 1), STEPS_MAX), through

@@ -13,27 +13,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.compiled import compiled
+from carlaloc_env.sensors.event_sampling import LANES
 from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, range_along, sources
 
 F32 = NDArray[np.float32]
 
 STEPS_MAX = 512
 """Most samples of a pixel between two pictures."""
-CHUNK = 16
+CHUNK = LANES
 """Samples between two places that are looked for in both pictures."""
 SMOOTH_PX = np.float32(0.3)
 """Motion in a smooth tile differs by less from what its corners say [px]."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-def new_scratch() -> tuple[F32, F32]:
+def new_scratch() -> tuple[F32, F32, F32]:
     """Room for the notes that `fire_rows` takes of one tile.
 
     Where its corners come from at the ends of all chunks, x and y in both pictures; and for each
-    chunk the lowest and highest intensity, and the kind at its beginning.
+    chunk the lowest and highest intensity, and the kind at its beginning. And the levels of one chunk.
     """
     chunks = STEPS_MAX // CHUNK + 2
-    return np.empty((chunks, 4, 4), np.float32), np.empty((chunks, 3), np.float32)
+    return (
+        np.empty((chunks, 4, 4), np.float32),
+        np.empty((chunks, 3), np.float32),
+        np.empty(CHUNK, np.float32),
+    )
 
 
 @compiled

@@ -67,8 +67,19 @@ def mixed(before: Any, after: Any, kind: Any, s: Any, ax: Any, ay: Any, bx: Any,
 
 
 @compiled
-def hidden_by(
-    before: Any,
+def comes_over(field: Any, over: Any, u: Any, v: Any, s: Any) -> bool:
+    """Whether the first picture shows something as near as `over` where that must have come from."""
+    tau = s * over[2] / ((_ONE - s) + s * over[2])
+    i, j = int(u - tau * over[0]), int(v - tau * over[1])
+    if i < 0 or j < 0 or i > field.shape[1] - 2 or j > field.shape[0] - 2:
+        return False
+    nearest = min(min(field[j, i, 3], field[j, i + 1, 3]), min(field[j + 1, i, 3], field[j + 1, i + 1, 3]))
+    found: bool = nearest < np.float32(1.25) * over[3]
+    return found
+
+
+@compiled
+def over_place(
     forward: Any,
     backward: Any,
     over: Any,
@@ -80,21 +91,22 @@ def hidden_by(
     bx: Any,
     by: Any,
     kind: Any,
-    value: Any,
 ) -> Any:
-    """Whether surface `over` passes in front at time s, and its log intensity, or else the value given."""
+    """Whether surface `over` passes in front at time s, and where it was in the first picture."""
+    if not comes_over(forward, over, u, v, s):
+        return False, u, v
     tau = s * over[2] / ((_ONE - s) + s * over[2])
     x, y, near, miss = source_of(forward, u, v, s, u - tau * over[0], v - tau * over[1])
     if miss >= MISS_PX:
-        return False, value
+        return False, u, v
     depth = np.float32(1e9)
     if kind in (BOTH, FIRST):
         depth = motion_at(forward, ax, ay)[3]
     elif kind == SECOND:
         depth = motion_at(backward, bx, by)[3]
     if near >= np.float32(0.9) * depth:
-        return False, value
-    return True, bilinear(before, x, y)
+        return False, u, v
+    return True, x, y
 
 
 def tile_ranges(image: F32) -> F32:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.samples import EVENT, Events
+from carlaloc_env.sensors.event_sampling import LANES, sample
 from carlaloc_env.sensors.events import (
     NEVER_US,
     Motion,
@@ -271,6 +273,35 @@ def test_a_pole_that_sweeps_past_fires_all_along_its_way() -> None:
         # Its right edge arrives, its left edge leaves 5 px later.
         assert np.median(dark["t"]) / 50e6 == pytest.approx((x - 52.5) / 60, abs=0.025)
         assert np.median(bright["t"]) / 50e6 == pytest.approx((x - 47.5) / 60, abs=0.025)
+
+
+def test_sixteen_samples_at_once_are_those_taken_one_by_one() -> None:
+    """Bit for bit the bilinear value at each place within the picture, up to its last row and column."""
+    generator = np.random.default_rng(12)
+    image = generator.normal(0, 2, (40, 70)).astype(np.float32)
+    levels, count = np.empty(LANES, np.float32), 0
+    for _ in range(200):
+        x, y = (np.float32(v) for v in (generator.uniform(0, 69), generator.uniform(0, 39)))
+        dx, dy, more, grows = generator.uniform(-1.5, 1.5, 4).astype(np.float32)
+        _sixteen(image.reshape(-1), np.int32(70), np.int32(40), x, y, dx, dy, more, grows, levels)
+        h = np.arange(1, LANES + 1, dtype=np.float32)
+        u, v = x + h * dx, y + h * dy
+        inside = (u >= 0) & (u <= 69) & (v >= 0) & (v <= 39)
+        count += int(inside.sum())
+        i, j = np.clip(u, 0, 68).astype(int), np.clip(v, 0, 38).astype(int)
+        a, b = u - i.astype(np.float32), v - j.astype(np.float32)
+        upper = image[j, i] + a * (image[j, i + 1] - image[j, i])
+        lower = image[j + 1, i] + a * (image[j + 1, i + 1] - image[j + 1, i])
+        expected = upper + b * (lower - upper) + (more + h * grows)
+        np.testing.assert_array_equal(levels[inside], expected[inside])
+    assert count > 1000
+
+
+@numba.njit
+def _sixteen(
+    flat: Any, width: Any, height: Any, x: Any, y: Any, dx: Any, dy: Any, more: Any, grows: Any, levels: Any
+) -> None:
+    sample(flat, width, height, x, y, dx, dy, more, grows, levels)
 
 
 def test_counts_of_an_observation() -> None:
