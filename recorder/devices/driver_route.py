@@ -7,6 +7,7 @@ from math import cos, floor, pi, sin
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.geometry import wrap_angle
 from carlaloc_env.town.route import Route
 
@@ -17,6 +18,9 @@ _CURVE_WINDOW_M = 4.0
 _SLOWEST_MPS = 2.5
 _TURN_FROM_RADPM, _TURN_FULL_RADPM = 1.0 / 45.0, 1.0 / 25.0
 _TURN_REACH_M = 7.0
+_TIGHT_FROM_RADPM, _TIGHT_FULL_RADPM, _TIGHT_EASE_M = 1.0 / 9.0, 1.0 / 6.0, 2.0
+_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
+"""From the rear axle to the front bumper [m]."""
 
 
 class DriverRoute:
@@ -41,6 +45,12 @@ class DriverRoute:
             last = float(wrap_angle(heading[0] - heading[-1]))
             self._turn_rad = round((heading[-1] + last - heading[0]) / (2 * pi)) * 2 * pi
         self._count = count
+        inside = self._inside(self._windowed_curvature(heading, _CURVE_WINDOW_M))
+        position[:, 0] -= inside * np.sin(heading)
+        position[:, 1] += inside * np.cos(heading)
+        heading = heading + np.arctan(
+            (self._shifted(inside, 1) - self._shifted(inside, -1)) / (2.0 * self._step_m)
+        )
         self._x: list[float] = position[:, 0].tolist()
         self._y: list[float] = position[:, 1].tolist()
         self._heading: list[float] = heading.tolist()
@@ -121,6 +131,23 @@ class DriverRoute:
         difference = self._shifted(heading, half) - self._shifted(heading, -half)
         turn: Array = wrap_angle(difference)
         return turn / (2 * half * self._step_m)
+
+    def _inside(self, curvature: Array) -> Array:
+        """How far left of the lane's centre to drive [m]: in tight turns inside, for the nose swings out.
+
+        Where the rear axle follows an arc of radius R, the outer front corner runs wider than the car's
+        side by √((R + w/2)² + l²) − (R + w/2); half of that keeps both sides of the lane alike.
+        """
+        bend = np.maximum(np.abs(curvature), 1e-4)
+        side = 1.0 / bend + 0.5 * EGO_SIZE_M[1]
+        swing = np.sqrt(side * side + _FRONT_M * _FRONT_M) - side
+        tight = np.clip((bend - _TIGHT_FROM_RADPM) / (_TIGHT_FULL_RADPM - _TIGHT_FROM_RADPM), 0.0, 1.0)
+        wanted = 0.5 * swing * tight * np.sign(curvature)
+        # Two running means: neither the path nor its direction jumps.
+        half = round(_TIGHT_EASE_M / self._step_m)
+        for _ in range(2):
+            wanted = np.mean([self._shifted(wanted, k) for k in range(-half, half + 1)], axis=0)
+        return wanted
 
     def _widest(self, values: Array, reach: int) -> Array:
         widest: Array = np.max(np.stack([self._shifted(values, k) for k in range(-reach, reach + 1)]), axis=0)

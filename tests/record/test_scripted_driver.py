@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from carlaloc_env.assets.catalog import EGO_SIZE_M
 from carlaloc_env.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.controls import Controls
 from carlaloc_env.driver_view import DriverView
@@ -20,6 +21,7 @@ from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.town.route import Route
 from carlaloc_env.traffic.signal_plan import SignalState
 from recorder.devices.driver_pedals import DriverPedals
+from recorder.devices.driver_route import DriverRoute
 from recorder.devices.registry import open_device
 from recorder.devices.scripted import ScriptedDriver
 
@@ -230,6 +232,29 @@ def test_stays_in_its_lane_in_turns(town: dict[str, Array]) -> None:
             lateral = town["speed"][inside] ** 2 * abs(curvature)
             assert 1.5 < np.median(lateral) < 3.0
             assert lateral.max() < 3.5
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_tight_turns_are_driven_inside(sense: float) -> None:
+    """In a turn of R 5 the outer front corner and the inner side keep equal distances from the lane's centre.
+
+    Wide turns and straights are driven in the middle.
+    """
+    radius, half_width = 5.0, 0.5 * EGO_SIZE_M[1]
+    route = route_of([(40.0, 0.0), (math.pi * radius, sense / radius), (40.0, 0.0)], 11.0)
+    road = DriverRoute(route, 1.0)
+    middle_m = 40.0 + 0.5 * math.pi * radius
+    x, y, _ = route.at(middle_m).position_m[0]
+    _, outside = road.locate(float(x), float(y), middle_m)
+    shift = -sense * outside
+    corner = math.hypot(radius - shift + half_width, FRONT_M) - radius
+    assert corner == pytest.approx(half_width + shift, abs=0.1)
+    assert corner < math.hypot(radius + half_width, FRONT_M) - radius - 0.4
+    x, y, _ = route.at(20.0).position_m[0]
+    assert road.locate(float(x), float(y), 20.0)[1] == pytest.approx(0.0, abs=1e-6)
+    wide = route_of([(40.0, 0.0), (RIGHT_ANGLE * 10.0, sense / 10.0), (40.0, 0.0)], 11.0)
+    x, y, _ = wide.at(48.0).position_m[0]
+    assert DriverRoute(wide, 1.0).locate(float(x), float(y), 48.0)[1] == pytest.approx(0.0, abs=0.03)
 
 
 def test_holds_the_wheel_still(town: dict[str, Array], straight: dict[str, Array]) -> None:
