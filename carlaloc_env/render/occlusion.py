@@ -27,27 +27,30 @@ MARGIN_M = 0.3
 class Depths:
     """Farthest surface in every tile of a picture so far."""
 
-    def __init__(self, view: View, depth_m: F32, *, least_px: float = 0.0) -> None:
+    def __init__(self, view: View, depth_m: F32) -> None:
         """Reduce a picture.
 
         Args:
             view: Camera.
             depth_m: Planar depth of the drawn samples [m], 0 = nothing yet, shape (H, W).
-            least_px: Boxes that look smaller than this in both directions are left out, too [px].
         """
         self._view = view
-        self._least_px = least_px
         self._tile_px = max(4, depth_m.shape[1] // TILES)
         rows, columns = (-(-size // self._tile_px) for size in depth_m.shape)
         self._far_m = np.empty((rows, columns), np.float32)
         _farthest(self._far_m, depth_m, self._tile_px)
 
-    def shown(self, corners_m: Array) -> NDArray[np.bool_]:
-        """Whether boxes by their corners in the world (N, 8, 3) [m] may show, shape (N,)."""
+    def shown(self, corners_m: Array, *, least_px: float = 0.0) -> NDArray[np.bool_]:
+        """Whether boxes may show, shape (N,).
+
+        Args:
+            corners_m: Their corners in the world [m], shape (N, 8, 3).
+            least_px: Boxes that look smaller than this in both directions do not count [px].
+        """
         view = self._view
         out = np.empty(len(corners_m), np.bool_)
         width, height = view.size_px
-        shape = np.array([width / 2.0, height / 2.0, MARGIN_M, NEAR_M, self._least_px])
+        shape = np.array([width / 2.0, height / 2.0, MARGIN_M, NEAR_M, least_px])
         _shown(
             out,
             np.ascontiguousarray(corners_m),

@@ -242,7 +242,7 @@ class SceneRenderer:
         self._draw_layers(view, [which[turn == 0] for which, turn in left])
         drawn = self._visible_instances(view, instances)
         for now in range(1, len(ROUNDS_M) + 2):
-            hidden = Depths(view, _read_depth(targets), least_px=self._least_px)
+            hidden = Depths(view, _read_depth(targets))
             if now == 1:
                 drawn = drawn[hidden.shown(self._corners_m(instances, drawn))]
                 if len(drawn):
@@ -252,7 +252,8 @@ class SceneRenderer:
             shown = []
             for layer, (which, turn) in zip(layers, left, strict=True):
                 some = which[turn == now]
-                shown.append(some[hidden.shown(box_corners(layer.low_m[some], layer.high_m[some]))])
+                boxes = box_corners(layer.low_m[some], layer.high_m[some])
+                shown.append(some[hidden.shown(boxes, least_px=self._least_px)])
             self._draw_layers(view, shown)
 
     def _draw_layers(self, view: View, which: list[NDArray[np.intp]]) -> None:

@@ -74,7 +74,8 @@ def test_rays_meet_the_shapes_that_cameras_see() -> None:
     )
     library, (catalog, frame) = build_library(), actors()
     T = geometry.from_rotation(geometry.R_FLU_OPTICAL, EYE_M)
-    with SceneRenderer([ground], library, quality="low", albedo=plain_albedo()) as renderer:
+    # Quality "low" is for live pictures: it draws far cars in few triangles.
+    with SceneRenderer([ground], library, quality="medium", albedo=plain_albedo()) as renderer:
         picture = renderer.draw(CAMERA, T, place_actors(catalog, frame, library, eye_m=EYE_M))
         depth, (_, instance) = picture.depth_m(), picture.labels()
     v, u = np.nonzero(instance > EGO_INSTANCE)

@@ -184,7 +184,7 @@ UNITLESS = {
     "rig", "formats", "topics", "quality", "workers", "preview", "fraction", "loop",
     "ghosts", "weather", "rows", "rays_per_actor", "detections_max", "orientation", "road_class", "model",
     "constellations", "rtk", "solution", "satellites", "window", "tag_table",
-    "lens", "imager", "shutter", "events",
+    "lens", "lens_drops", "imager", "shutter", "events",
 }  # fmt: skip
 """Fields that are names, choices, counts or shares."""
 MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")
