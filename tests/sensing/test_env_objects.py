@@ -34,7 +34,7 @@ def steps() -> Iterator[list[dict[str, Any]]]:
     )
     env = CarlaLocEnv(rig=SensorRig(name="both", sensors=(lidar, camera)), visibility=True)
     try:
-        env.reset(seed=3)
+        env.reset(seed=7)
         yield [env.step(GO)[4] for _ in range(60)][20::2]
     except (RaycastError, RenderError) as error:
         pytest.skip(str(error))
