@@ -107,14 +107,19 @@ def test_culling_leaves_the_picture_as_it_is(quality: str, monkeypatch: pytest.M
     asked = []
     plain = Depths.shown
 
-    def counting(self: Depths, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        asked.append(plain(self, corners_m))
+    def counting(self: Depths, corners_m: NDArray[np.float64], *, least_px: float = 0.0) -> NDArray[np.bool_]:
+        asked.append(plain(self, corners_m, least_px=least_px))
         return asked[-1]
+
+    def everything(
+        self: Depths, corners_m: NDArray[np.float64], *, least_px: float = 0.0
+    ) -> NDArray[np.bool_]:
+        return np.ones(len(corners_m), bool)
 
     monkeypatch.setattr(Depths, "shown", counting)
     depth, instance = picture()
     hidden = sum(np.count_nonzero(~shown) for shown in asked)
-    monkeypatch.setattr(Depths, "shown", lambda self, corners_m: np.ones(len(corners_m), bool))
+    monkeypatch.setattr(Depths, "shown", everything)
     whole_depth, whole_instance = picture()
     np.testing.assert_array_equal(depth, whole_depth)
     np.testing.assert_array_equal(instance, whole_instance)
