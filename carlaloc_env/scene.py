@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.geometry import cross
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 
@@ -118,7 +119,7 @@ def make_mesh(
 def vertex_normals(vertices_m: F32, triangles: NDArray[np.uint32]) -> F32:
     """Area-weighted unit normals, shape (V, 3)."""
     a, b, c = (vertices_m[triangles[:, i]].astype(np.float64) for i in range(3))
-    face = np.cross(b - a, c - a)
+    face = cross(b - a, c - a)
     total = np.stack(
         [
             np.bincount(triangles.ravel(), np.repeat(face[:, axis], 3), minlength=len(vertices_m))

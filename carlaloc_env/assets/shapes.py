@@ -39,8 +39,15 @@ def surface(
     crease_deg: float = 35.0,
 ) -> Mesh:
     """Mesh of one look with normals that are smooth up to an edge angle [deg]."""
+    vertices = np.asarray(vertices_m, dtype=np.float32)
     mesh = make_mesh(
-        vertices_m, triangles, material=look.material, tag=look.tag, uv_m=uv_m, colour=look.colour
+        vertices,
+        triangles,
+        material=look.material,
+        tag=look.tag,
+        uv_m=uv_m,
+        normals=np.zeros_like(vertices),
+        colour=look.colour,
     )
     return crease(mesh, crease_deg)
 

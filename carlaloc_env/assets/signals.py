@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,6 +68,7 @@ def pedestrian_head() -> Mesh:
     return merge([post, _foot(0.13), case, button, face])
 
 
+@functools.cache
 def _head() -> Mesh:
     """Case, backplate, visors and dark lenses, lower edge at z = 0, centred on x, y."""
     depth, width, height = HEAD_M

@@ -30,8 +30,11 @@ def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:
 
 def _part(mesh: Mesh, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Mesh:
     triangles = mesh.triangles[rows]
-    used, number = np.unique(triangles, return_inverse=True)
-    renumbered = number.reshape(-1, 3).astype(np.uint32)
+    low = triangles.min()
+    taken = np.zeros(triangles.max() - low + 1, dtype=bool)
+    taken[triangles - low] = True
+    used = np.flatnonzero(taken) + low
+    renumbered = (np.cumsum(taken, dtype=np.uint32) - np.uint32(1))[triangles - low]
     return Mesh(
         vertices_m=mesh.vertices_m[used],
         triangles=renumbered,

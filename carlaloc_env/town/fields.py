@@ -63,13 +63,14 @@ class JunctionField:
                 for lane in range(*span)
                 if strip.lanes[lane].type == "driving"
             ]
-            self._roads.append((strip.road, s, pose, t_left, t_right, middles))
+            line = cKDTree(np.stack([pose.x_m, pose.y_m], axis=-1))
+            self._roads.append((strip.road, s, pose, line, t_left, t_right, middles))
 
     def height(self, xy_m: Array) -> Array:
         """Height of the surface [m], shape (M,); roads that hold the point count, others fade."""
         total, weight = np.zeros(len(xy_m)), np.zeros(len(xy_m))
-        for road, s, pose, t_left, t_right, middles in self._roads:
-            _, row = cKDTree(np.stack([pose.x_m, pose.y_m], -1)).query(xy_m[:, :2])
+        for road, s, pose, line, t_left, t_right, middles in self._roads:
+            _, row = line.query(xy_m[:, :2])
             cos, sin = np.cos(pose.heading_rad[row]), np.sin(pose.heading_rad[row])
             dx, dy = xy_m[:, 0] - pose.x_m[row], xy_m[:, 1] - pose.y_m[row]
             along, t = cos * dx + sin * dy, cos * dy - sin * dx

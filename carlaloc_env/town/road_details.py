@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,20 +39,48 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
             continue
         draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
         painted = _painted_spans(roads[strip.road])
+        bands = _Bands(strip)
         for lane in range(len(strip.lanes)):
             if (
                 strip.kind(lane) == "roadway"
                 and strip.lanes[lane].type == "driving"
                 and not strip.unpaved(lane)
             ):
-                _patches(out, strip, lane, painted, draw)
-                _covers(out, strip, lane, painted, draw)
-                _cracks(out, strip, lane, draw)
-                _tyre_marks(out, strip, lane, draw)
-            _drains(out, strip, lane, draw)
+                _patches(bands, strip, lane, painted, draw)
+                _covers(bands, strip, lane, painted, draw)
+                _cracks(bands, strip, lane, draw)
+                _tyre_marks(bands, strip, lane, draw)
+            _drains(bands, strip, lane, draw)
+        bands.lay(out)
 
 
-def _patches(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
+class _Bands:
+    """Thin bands and plates on one strip, gathered so that the road's table is looked at once per edge."""
+
+    def __init__(self, strip: Strip) -> None:
+        self._strip = strip
+        self._found: list[tuple[int, Array, Array, Callable[[MeshBuilder, Array], None]]] = []
+
+    def add(self, edge: int, s: Array, offset_m: Array, lay: Callable[[MeshBuilder, Array], None]) -> None:
+        """Points at stations (K,), `offset_m` (K,) to the left of an edge; `lay` gets them (K, 3)."""
+        self._found.append((edge, s, offset_m, lay))
+
+    def lay(self, out: MeshBuilder) -> None:
+        """Lay everything in the order in which it came."""
+        points: dict[int, Array] = {}
+        for edge in {edge for edge, *_ in self._found}:
+            own = [(s, offset) for other, s, offset, _ in self._found if other == edge]
+            points[edge] = beside(
+                self._strip, edge, np.concatenate([s for s, _ in own]), np.concatenate([o for _, o in own])
+            )
+        used = dict.fromkeys(points, 0)
+        for edge, s, _, lay in self._found:
+            first = used[edge]
+            used[edge] += len(s)
+            lay(out, points[edge][first : used[edge]])
+
+
+def _patches(bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
     for start in _places(strip, PATCH_STEP_M, draw):
         length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
         room = _width_at(strip, lane, start, start + length) - width - 0.5
@@ -62,10 +90,10 @@ def _patches(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np
             continue
         grey = 255.0 * shade
         material = Material.ASPHALT if fresh else Material.ASPHALT_OLD
-        _sheet(out, strip, lane, (start, start + length), (side, side + width), PATCH_M, material, grey)
+        _sheet(bands, strip, lane, (start, start + length), (side, side + width), PATCH_M, material, grey)
 
 
-def _covers(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
+def _covers(bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
     """Round covers as twelve-sided plates."""
     for start in _places(strip, COVER_STEP_M, draw):
         room = _width_at(strip, lane, start - 0.5, start + 0.5)
@@ -77,14 +105,10 @@ def _covers(out: MeshBuilder, strip: Strip, lane: int, painted: Spans, draw: np.
         ):
             continue
         angle = np.arange(12) * (np.pi / 6)
-        rim = beside(strip, lane + 1, start + 0.33 * np.sin(angle), across + 0.33 * np.cos(angle))
-        rim[:, 2] += COVER_M
-        fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
-        # Angles run from left to forward: clockwise seen from above.
-        out.triangles(rim, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(17, 15, 13))
+        bands.add(lane + 1, start + 0.33 * np.sin(angle), across + 0.33 * np.cos(angle), _lay_cover)
 
 
-def _cracks(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -> None:
     """Cracks sealed with bitumen: some wander along the lane, some are joints across it."""
     for start in _places(strip, CRACK_STEP_M, draw):
         length, width = float(draw.uniform(2.0, 9.0)), float(draw.uniform(0.035, 0.075))
@@ -94,14 +118,16 @@ def _cracks(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator
         wander = np.cumsum(draw.normal(0.0, 0.09, len(steps)))
         if room > 2.0 and start + length < strip.s_m[-1] - 0.3:
             across = np.clip(side + wander, 0.12, room - 0.12)
-            _ribbon(out, strip, lane, start + steps, across, width, 6.0)
+            _ribbon(bands, lane, start + steps, across, width, 6.0)
     for start in _places(strip, JOINT_STEP_M, draw):
         room = _width_at(strip, lane, start - 0.3, start + 0.3)
         if room > 2.0:
-            _sheet(out, strip, lane, (start, start + 0.06), (0.02, room - 0.02), CRACK_M, Material.PLAIN, 7.0)
+            _sheet(
+                bands, strip, lane, (start, start + 0.06), (0.02, room - 0.02), CRACK_M, Material.PLAIN, 7.0
+            )
 
 
-def _tyre_marks(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+def _tyre_marks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -> None:
     """Pairs of dark streaks where cars brake before the road's end."""
     ahead = strip.lanes[lane].id < 0
     for _ in range(int(draw.poisson(0.5))):
@@ -119,12 +145,18 @@ def _tyre_marks(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Gener
         grey = float(draw.uniform(105.0, 150.0))
         for offset in (0.0, TRACK_M):
             across = np.clip(side + offset + veer, 0.12, room - 0.12)
-            _ribbon(out, strip, lane, start + steps, across, TYRE_WIDTH_M, grey, Material.ASPHALT)
+            _ribbon(bands, lane, start + steps, across, TYRE_WIDTH_M, grey, Material.ASPHALT)
+
+
+def _lay_cover(out: MeshBuilder, rim: Array) -> None:
+    fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
+    rim = rim + np.array([0.0, 0.0, COVER_M])
+    # Angles run from left to forward: clockwise seen from above.
+    out.triangles(rim, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(17, 15, 13))
 
 
 def _ribbon(
-    out: MeshBuilder,
-    strip: Strip,
+    bands: _Bands,
     lane: int,
     s: Array,
     across_m: Array,
@@ -135,13 +167,29 @@ def _ribbon(
     """A thin band along a lane whose middle lies `across_m` from the lane's right edge, shape (N,)."""
     half = 0.5 * width_m
     sides = (across_m - half, across_m + half)
-    rows = np.stack([beside(strip, lane + 1, s, offset) for offset in sides], axis=1)
-    rows[..., 2] += CRACK_M
     uv = np.stack([np.stack([offset, s], axis=-1) for offset in sides], axis=1)
-    out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv, colour=(grey, grey, grey))
+    _band(bands, lane, s, sides, CRACK_M, material, uv, grey)
 
 
-def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+def _band(
+    bands: _Bands,
+    lane: int,
+    s: Array,
+    sides_m: tuple[Array, Array],
+    height_m: float,
+    material: Material,
+    uv_m: Array,
+    grey: float,
+) -> None:
+    def lay(out: MeshBuilder, points: Array) -> None:
+        rows = np.stack([points[: len(s)], points[len(s) :]], axis=1)
+        rows[..., 2] += height_m
+        out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv_m, colour=(grey, grey, grey))
+
+    bands.add(lane + 1, np.concatenate([s, s]), np.concatenate(sides_m), lay)
+
+
+def _drains(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -> None:
     """Gratings in the roadway along kerbs."""
     if strip.kind(lane) != "roadway" or strip.unpaved(lane):
         return
@@ -154,11 +202,11 @@ def _drains(out: MeshBuilder, strip: Strip, lane: int, draw: np.random.Generator
         for start in _places(strip, DRAIN_STEP_M, draw):
             if start + 0.6 < strip.s_m[-1] - 0.5:
                 span = (start, start + 0.55)
-                _sheet(out, strip, lane, span, (low, high), COVER_M, Material.PLAIN, 13.0)
+                _sheet(bands, strip, lane, span, (low, high), COVER_M, Material.PLAIN, 13.0)
 
 
 def _sheet(
-    out: MeshBuilder,
+    bands: _Bands,
     strip: Strip,
     lane: int,
     span_m: tuple[float, float],
@@ -170,10 +218,9 @@ def _sheet(
     """A thin rectangle on a lane; `across_m` counts from the lane's right edge to the left."""
     inner = strip.s_m[(strip.s_m > span_m[0] + 1e-3) & (strip.s_m < span_m[1] - 1e-3)]
     s = np.concatenate([[span_m[0]], inner, [span_m[1]]])
-    rows = np.stack([beside(strip, lane + 1, s, offset) for offset in across_m], axis=1)
-    rows[..., 2] += height_m
     uv = np.stack(np.broadcast_arrays(np.array(across_m)[None] + 0.7, s[:, None] + 0.4), axis=-1)
-    out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv, colour=(grey, grey, grey))
+    sides = (np.full(len(s), across_m[0]), np.full(len(s), across_m[1]))
+    _band(bands, lane, s, sides, height_m, material, uv, grey)
 
 
 def _places(strip: Strip, step_m: float, draw: np.random.Generator) -> Array:

@@ -23,14 +23,20 @@ def last_at_or_before(first: Index, count: Index, starts: Array, s: Array) -> In
         s: What is looked up, (M,).
     """
     low = first.copy()
-    high = first + count
-    rounds = int(count.max(initial=1)).bit_length()
-    for _ in range(rounds):
-        middle = (low + high) >> 1
-        go_right = (high - low > 1) & (starts[np.minimum(middle, len(starts) - 1)] <= s)
-        keep = high - low > 1
-        low = np.where(go_right, middle, low)
-        high = np.where(keep & ~go_right, middle, high)
+    # Most owners have a single row; only the others are searched.
+    many = np.flatnonzero(count > 1)
+    if not len(many):
+        return low
+    s = s[many]
+    at, end = first[many], first[many] + count[many]
+    for _ in range(int(count.max(initial=1) - 1).bit_length()):
+        middle = (at + end) >> 1
+        right = starts[np.minimum(middle, len(starts) - 1)] <= s
+        # A span of one row halves to itself: it can only stay.
+        right &= middle > at
+        at = np.where(right, middle, at)
+        end = np.where(right | (end - at <= 1), end, middle)
+    low[many] = at
     return low
 
 

@@ -1,0 +1,185 @@
+"""Many small groups of quads and triangles worked out together, and handed out in their order."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.geometry import cross
+from carlaloc_env.materials import Material
+from carlaloc_env.scene import Mesh, merge, vertex_normals
+from carlaloc_env.semantics import Tag
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Quads:
+    """Quads of one call: corners (N, 4, 3), texture coordinates (N, 4, 2), the rest as it was given."""
+
+    corners_m: Array
+    uv_m: Array | None
+    colour: ArrayLike
+    material: ArrayLike
+    tag: Tag
+    instance: ArrayLike
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Triangles:
+    """Triangles of one call: corners (V, 3) and their indices (T, 3), the rest as it was given."""
+
+    corners_m: Array
+    triangles: NDArray[np.uint32]
+    uv_m: Array | None
+    colour: ArrayLike
+    material: Material
+    tag: Tag
+    instance: int
+
+
+def joined(groups: Sequence[Quads | Triangles]) -> list[Mesh]:
+    """Meshes of all groups in their order, one for each run of groups of one kind."""
+    flat = _quad_parts([group for group in groups if isinstance(group, Quads)])
+    smooth = _triangle_parts([group for group in groups if isinstance(group, Triangles)])
+    meshes = []
+    for kind, run in itertools.groupby(groups, type):
+        made = flat if kind is Quads else smooth
+        meshes.append(made.take(sum(1 for _ in run)))
+    return meshes
+
+
+def planar_uv(corners_m: Array, normal: Array) -> Array:
+    """World-anchored texture coordinates [m] of flat quads, shape (N, 4, 2)."""
+    along = _unit(corners_m[:, 1] - corners_m[:, 0])
+    across = cross(normal, along)
+    u = np.sum(corners_m * along[:, None], axis=-1)
+    v = np.sum(corners_m * across[:, None], axis=-1)
+    return np.stack([u, v], axis=-1)
+
+
+class _Parts:
+    """One mesh of many groups, handed out again a few groups at a time."""
+
+    def __init__(self, mesh: Mesh, vertices: NDArray[np.int64], triangles: NDArray[np.int64]) -> None:
+        """How many vertices and triangles each group has, (G,)."""
+        self._mesh = mesh
+        self._vertex = np.concatenate([[0], np.cumsum(vertices)])
+        self._triangle = np.concatenate([[0], np.cumsum(triangles)])
+        self._next = 0
+
+    def take(self, groups: int) -> Mesh:
+        """The next groups as a mesh of their own."""
+        first, self._next = self._next, self._next + groups
+        own = slice(self._vertex[first], self._vertex[self._next])
+        mesh, rows = self._mesh, slice(self._triangle[first], self._triangle[self._next])
+        return Mesh(
+            vertices_m=mesh.vertices_m[own],
+            triangles=mesh.triangles[rows] - np.uint32(own.start),
+            normals=mesh.normals[own],
+            uv_m=mesh.uv_m[own],
+            colour=mesh.colour[own],
+            material=mesh.material[own],
+            tag=mesh.tag[own],
+            instance=mesh.instance[own],
+        )
+
+
+def _quad_parts(groups: Sequence[Quads]) -> _Parts:
+    size = np.array([len(group.corners_m) for group in groups], dtype=np.int64)
+    count = int(size.sum())
+    if not count:
+        return _Parts(merge([]), size, size)
+    corners = np.concatenate([group.corners_m for group in groups])
+    normal = _unit(cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]))
+    uv = planar_uv(corners, normal)
+    colour = np.empty((count, 4, 3))
+    material, tag, instance = np.empty(count, np.uint8), np.empty(count, np.uint8), np.empty(count, np.uint32)
+    end = 0
+    for group in groups:
+        own = slice(end, end := end + len(group.corners_m))
+        if group.uv_m is not None:
+            uv[own] = group.uv_m
+        tint = np.asarray(group.colour)
+        colour[own] = tint[:, None] if tint.ndim == 2 else tint
+        material[own], tag[own], instance[own] = group.material, group.tag, group.instance
+    base = np.arange(count, dtype=np.uint32)[:, None] * 4
+    mesh = _mesh(
+        corners.reshape(-1, 3),
+        (base + np.array([[0, 1, 2, 0, 2, 3]], dtype=np.uint32)).reshape(-1, 3),
+        np.repeat(normal, 4, axis=0),
+        uv.reshape(-1, 2),
+        colour.reshape(-1, 3),
+        np.repeat(material, 4),
+        np.repeat(tag, 4),
+        np.repeat(instance, 4),
+    )
+    return _Parts(mesh, size * 4, size * 2)
+
+
+def _triangle_parts(groups: Sequence[Triangles]) -> _Parts:
+    size = np.array([len(group.corners_m) for group in groups], dtype=np.int64)
+    count = int(size.sum())
+    if not count:
+        return _Parts(merge([]), size, size)
+    v = np.concatenate([group.corners_m for group in groups])
+    first = np.cumsum(size) - size
+    t = np.concatenate([group.triangles + np.uint32(at) for group, at in zip(groups, first, strict=True)])
+    owner = np.repeat(np.arange(len(groups)), [len(group.triangles) for group in groups])
+    corner = v[t]
+    flat = np.sum(cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) ** 2, axis=-1) < 1e-14
+    t, owner = t[~flat], owner[~flat]
+    triangles = np.bincount(owner, minlength=len(groups))
+    uv, colour = v[:, :2].copy(), np.empty((count, 3))
+    material, tag = np.empty(count, np.uint8), np.empty(count, np.uint8)
+    instance = np.empty(count, np.uint32)
+    for group, start in zip(groups, first, strict=True):
+        own = slice(start, start + len(group.corners_m))
+        if group.uv_m is not None:
+            uv[own] = group.uv_m
+        colour[own], material[own], tag[own] = group.colour, group.material, group.tag
+        instance[own] = group.instance
+    # Groups of slivers alone are left out, corners included.
+    kept = np.repeat(triangles > 0, size)
+    t = (np.cumsum(kept, dtype=np.uint32) - np.uint32(1))[t]
+    v = v[kept]
+    normals = vertex_normals(v.astype(np.float32), t)
+    mesh = _mesh(v, t, normals, uv[kept], colour[kept], material[kept], tag[kept], instance[kept])
+    return _Parts(mesh, np.where(triangles > 0, size, 0), triangles)
+
+
+def _mesh(
+    vertices: Array,
+    triangles: NDArray[np.uint32],
+    normals: ArrayLike,
+    uv: Array,
+    colour: Array,
+    material: NDArray[np.uint8],
+    tag: NDArray[np.uint8],
+    instance: NDArray[np.uint32],
+) -> Mesh:
+    normal = np.asarray(normals, dtype=np.float32)
+    # Slivers have no direction of their own; a zero normal would turn pictures black.
+    normal = np.where(
+        np.sum(normal**2, axis=1, keepdims=True) > 0.5, normal, np.array([0.0, 0.0, 1.0], np.float32)
+    )
+    return Mesh(
+        vertices_m=vertices.astype(np.float32),
+        triangles=triangles,
+        normals=normal,
+        uv_m=uv.astype(np.float32),
+        colour=np.clip(colour, 0, 255).astype(np.uint8),
+        material=material,
+        tag=tag,
+        instance=instance,
+    )
+
+
+def _unit(v: Array) -> Array:
+    length = np.sqrt(np.sum(v * v, axis=-1, keepdims=True))
+    result: Array = v / np.where(length > 1e-12, length, 1.0)
+    return result
