@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -38,7 +39,7 @@ class JunctionArea:
     """Height of the corners above the road [m]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TownAreas:
     """All areas of a town."""
 
@@ -55,7 +56,7 @@ class TownAreas:
     carried: frozenset[str] = frozenset()
     """Junctions that stand above the ground."""
 
-    @property
+    @cached_property
     def paved(self) -> Area:
         """Roadway and raised areas together."""
         return shapely.union(self.roadway, self.raised)
@@ -139,20 +140,22 @@ def _level(
     widths: Mapping[str, tuple[float, float]],
 ) -> TownAreas:
     """Areas of one level, which sees nothing of the others."""
-    asphalt = {name: _asphalt(group, plain_road, plain_raised) for name, group in groups.items()}
+    beside = shapely.union(plain_road, plain_raised)
+    asphalt = {name: _asphalt(group, beside) for name, group in groups.items()}
     roadway = union([plain_road, *asphalt.values()])
     taken = shapely.union(roadway, plain_raised)
-    junctions = []
+    for area in (taken, plain_raised):
+        shapely.prepare(area)
+    junctions: list[JunctionArea] = []
     for name, group in groups.items():
         width, kerb = widths.get(name, (0.0, KERB_M))
-        corners = _corners(group, asphalt[name], taken, plain_raised, width)
-        taken = shapely.union(taken, corners)
+        others = [junction.pavement for junction in junctions]
         junctions.append(
             JunctionArea(
                 id=name,
                 strips=tuple(group),
                 roadway=asphalt[name],
-                pavement=corners,
+                pavement=_corners(group, asphalt[name], taken, others, plain_raised, width),
                 kerb_m=kerb,
             )
         )
@@ -169,10 +172,10 @@ def _level(
     )
 
 
-def _asphalt(group: Sequence[Strip], plain_road: Area, plain_raised: Area) -> Area:
+def _asphalt(group: Sequence[Strip], beside: Area) -> Area:
+    """A junction's own asphalt, without what belongs to the roads `beside` it."""
     joined = union(area for strip in group for area in lane_area(strip, ("roadway",)))
-    filled = fill_holes(joined, FILLED_HOLE_M2)
-    return areas_only(shapely.difference(filled, shapely.union(plain_road, plain_raised)), 1e-2)
+    return areas_only(shapely.difference(fill_holes(joined, FILLED_HOLE_M2), beside), 1e-2)
 
 
 def _islands(roadway: Area, raised: Area) -> Area:
@@ -207,13 +210,27 @@ def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, t
     return widths
 
 
-def _corners(group: Sequence[Strip], asphalt: Area, taken: Area, plain_raised: Area, width_m: float) -> Area:
+def _corners(
+    group: Sequence[Strip],
+    asphalt: Area,
+    taken: Area,
+    others: Sequence[Area],
+    plain_raised: Area,
+    width_m: float,
+) -> Area:
+    """Pavements of a junction, without what is `taken` or belongs to `others`."""
     own = union(area for strip in group for area in lane_area(strip, ("walkway", "median")))
     parts = [own]
     if width_m > 0.3:
         parts.append(shapely.buffer(asphalt, width_m, quad_segs=12))
-    area = areas_only(shapely.difference(union(parts), taken), 0.3)
-    near = shapely.union(plain_raised, own)
-    shapely.prepare(near)
-    kept = [part for part in area.geoms if shapely.dwithin(part, near, 0.15)]
+    wanted = union(parts)
+    # Joining the few neighbours that matter spares a union of the whole town for every junction.
+    near = [area for area in others if shapely.intersects(area, wanted)]
+    area = areas_only(shapely.difference(wanted, shapely.union_all([taken, *near]) if near else taken), 0.3)
+    shapely.prepare(own)
+    kept = [
+        part
+        for part in area.geoms
+        if shapely.dwithin(plain_raised, part, 0.15) or shapely.dwithin(own, part, 0.15)
+    ]
     return shapely.MultiPolygon(kept)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.scene import Mesh
 
@@ -25,19 +26,22 @@ def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order], prepend=-3))
     ends = np.append(starts[1:], len(order))
-    return tuple(_part(mesh, order[a:b]) for a, b in zip(starts, ends, strict=True))
+    taken = np.zeros(len(mesh.vertices_m), dtype=bool)
+    number = np.zeros(len(mesh.vertices_m), dtype=np.uint32)
+    return tuple(_part(mesh, order[a:b], taken, number) for a, b in zip(starts, ends, strict=True))
 
 
-def _part(mesh: Mesh, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Mesh:
+def _part(mesh: Mesh, rows: NDArray[np.int64], taken: NDArray[np.bool_], number: NDArray[np.uint32]) -> Mesh:
+    """Some triangles with their own vertices; `taken` (all false) and `number` are room for all vertices."""
     triangles = mesh.triangles[rows]
-    low = triangles.min()
-    taken = np.zeros(triangles.max() - low + 1, dtype=bool)
-    taken[triangles - low] = True
-    used = np.flatnonzero(taken) + low
-    renumbered = (np.cumsum(taken, dtype=np.uint32) - np.uint32(1))[triangles - low]
+    taken[triangles] = True
+    low, high = int(triangles.min()), int(triangles.max()) + 1
+    used = np.flatnonzero(taken[low:high]) + low
+    taken[used] = False
+    number[used] = np.arange(len(used), dtype=np.uint32)
     return Mesh(
         vertices_m=mesh.vertices_m[used],
-        triangles=renumbered,
+        triangles=number[triangles],
         normals=mesh.normals[used],
         uv_m=mesh.uv_m[used],
         colour=mesh.colour[used],

@@ -79,6 +79,31 @@ class Farmsteads:
         return None
 
 
+class _Footprints:
+    """Areas of buildings, found by their boxes."""
+
+    def __init__(self) -> None:
+        self._areas: list[Area] = []
+        self._boxes = np.zeros((0, 4))
+
+    def add(self, area: Area) -> None:
+        """Note a building."""
+        if len(self._areas) == len(self._boxes):
+            self._boxes = np.concatenate([self._boxes, np.zeros((len(self._boxes) + 16, 4))])
+        self._boxes[len(self._areas)] = area.bounds
+        self._areas.append(area)
+
+    def near(self, area: Area) -> bool:
+        """Whether an area, 1 cm smaller, meets one of them."""
+        x0, y0, x1, y1 = area.bounds
+        own = self._boxes[: len(self._areas)]
+        rows = np.flatnonzero((own[:, 0] <= x1) & (own[:, 2] >= x0) & (own[:, 1] <= y1) & (own[:, 3] >= y0))
+        if not len(rows):
+            return False
+        found = np.array([self._areas[row] for row in rows])
+        return bool(shapely.intersects(shapely.buffer(area, -0.01), found).any())
+
+
 def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
     """Lines along which buildings may stand, with the free side on their right.
 
@@ -117,7 +142,7 @@ def place_lots(
     for _, area in zones:
         shapely.prepare(area)
     placed: list[Lot] = []
-    footprints: list[Area] = []
+    footprints = _Footprints()
     farmsteads = Farmsteads()
     inside = [strip for strip in strips if strip.junction_id is None]
     joints = [strip for strip in strips if strip.junction_id is not None]
@@ -134,7 +159,7 @@ def _along(
     zones: Sequence[tuple[str, Area]],
     seed: int,
     placed: list[Lot],
-    footprints: list[Area],
+    footprints: _Footprints,
     farmsteads: Farmsteads,
 ) -> None:
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line[:, :2], axis=0).T))])
@@ -156,7 +181,7 @@ def _along(
             at += _STEP_M
             continue
         placed.append(lot)
-        footprints.append(lot.footprint())
+        footprints.add(lot.footprint())
         if zone == "rural":
             farmsteads.add(start)
         spread = 2.5 if zone == "industrial" else 1.0
@@ -171,7 +196,7 @@ def _fit(
     extra_m: float,
     plan: BuildingPlan,
     blocked: Area,
-    footprints: list[Area],
+    footprints: _Footprints,
 ) -> Lot | None:
     start, end = _on(line, length, at), _on(line, length, at + plan.width_m)
     chord = end - start
@@ -187,7 +212,7 @@ def _fit(
         area = lot.footprint()
         if shapely.dwithin(blocked, area, CLEARANCE_M):
             continue
-        if footprints and shapely.intersects(shapely.buffer(area, -0.01), np.array(footprints)).any():
+        if footprints.near(area):
             continue
         return lot
     return None
