@@ -81,7 +81,7 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     if not has_toml:
         config = choose_zones(network, config)
     build_key = content_hash(key.encode(), _builder_sources())
-    stored = (cache_dir or default_cache_dir()) / f"{name}-{build_key}.npz"
+    stored = (cache_dir or default_cache_dir()) / f"{name}-{build_key}.town"
     route = _route(network, config)
     scenery = _scenery(network, config, route, key, stored)
     return Town(
@@ -142,8 +142,10 @@ def _scenery(
 
 def _drop_old(stored: Path) -> None:
     """Keep the newest few files of a town; older ones belong to earlier versions of it."""
-    name = stored.name[: -len("-.npz") - 32]
-    others = sorted(stored.parent.glob(f"{name}-*.npz"), key=lambda path: path.stat().st_mtime)
+    name = stored.name[: -len("-.town") - 32]
+    # Earlier versions kept .npz files.
+    found = [path for kind in ("npz", "town") for path in stored.parent.glob(f"{name}-*.{kind}")]
+    others = sorted(found, key=lambda path: path.stat().st_mtime)
     for path in others[:-KEPT_FILES]:
         path.unlink(missing_ok=True)
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import io
+import json
 import logging
+import math
 import os
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,11 @@ from numpy.typing import NDArray
 _log = logging.getLogger(__name__)
 
 Arrays = dict[str, NDArray[Any]]
+
+SIGNATURE = b"carlaloc arrays 1\n"
+"""First bytes of a file of arrays."""
+ALIGNED_BYTES = 64
+"""Values of each array begin at a multiple of this, so that they can be used where they lie."""
 
 
 def default_cache_dir() -> Path:
@@ -36,39 +41,75 @@ def content_hash(*parts: bytes) -> str:
 
 def arrays_hash(arrays: Mapping[str, NDArray[Any]]) -> str:
     """Hash of named arrays with their types and shapes, 32 hexadecimal digits."""
-    digest = hashlib.blake2b(digest_size=16)
+    # Processors have instructions for SHA-256: towns are large, and each load looks at every byte.
+    digest = hashlib.sha256()
     for name in sorted(arrays):
         value = np.ascontiguousarray(arrays[name])
         digest.update(f"{name}/{value.dtype.str}/{value.shape}".encode())
         digest.update(value.data.cast("B") if value.size else b"")
-    return digest.hexdigest()
+    return digest.hexdigest()[:32]
 
 
 def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write named arrays and their hash; the name `path` never holds a half-written file."""
+    """Write named arrays and their hash; the name `path` never holds a half-written file.
+
+    After the signature come the length of a JSON table (8 bytes), the table, and the values themselves.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    rows, end = {}, 0
+    for name, value in arrays.items():
+        start = -(-end // ALIGNED_BYTES) * ALIGNED_BYTES
+        rows[name] = (value.dtype.str, value.shape, start)
+        end = start + value.nbytes
+    table = json.dumps({"hash": arrays_hash(arrays), "arrays": rows}).encode()
     try:
         with partial.open("wb") as out:
-            mark = np.frombuffer(arrays_hash(arrays).encode(), dtype=np.uint8)
-            np.savez(out, allow_pickle=False, **{**arrays, "hash": mark})
+            out.write(SIGNATURE + len(table).to_bytes(8, "little") + table)
+            first = _first_byte(len(table))
+            for name, (_, _, start) in rows.items():
+                out.seek(first + start)
+                out.write(np.ascontiguousarray(arrays[name]).data)
+            out.truncate(first + end)
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
 
 
 def load(path: Path) -> Arrays | None:
-    """Named arrays of a file, or None when it is missing or damaged."""
+    """Named arrays of a file, or None when it is missing or damaged.
+
+    They are views of the file, mapped into memory: nobody can write to them, and processes share them.
+    """
     if not path.is_file():
         return None
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        mark = arrays.pop("hash").tobytes().decode()
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        arrays, mark = _mapped(path)
+    except (OSError, ValueError, KeyError, TypeError) as error:
         _log.warning("cached town %s is damaged (%s) and will be built again", path, error)
         return None
     if mark != arrays_hash(arrays):
         _log.warning("cached town %s does not match its hash and will be built again", path)
         return None
     return arrays
+
+
+def _mapped(path: Path) -> tuple[Arrays, str]:
+    """Arrays of a file as views of it, and the hash that they had."""
+    content = np.memmap(path, dtype=np.uint8, mode="r").view(np.ndarray)
+    begin = len(SIGNATURE) + 8
+    if content[: len(SIGNATURE)].tobytes() != SIGNATURE:
+        raise ValueError("it is no file of arrays")
+    size = int.from_bytes(content[len(SIGNATURE) : begin].tobytes(), "little")
+    table = json.loads(content[begin : begin + size].tobytes())
+    values = content[_first_byte(size) :]
+    arrays: Arrays = {}
+    for name, (kind, shape, start) in table["arrays"].items():
+        dtype = np.dtype(kind)
+        own = values[start : start + math.prod(shape) * dtype.itemsize]
+        arrays[name] = own.view(dtype).reshape(shape)
+    return arrays, str(table["hash"])
+
+
+def _first_byte(table_bytes: int) -> int:
+    return -(-(len(SIGNATURE) + 8 + table_bytes) // ALIGNED_BYTES) * ALIGNED_BYTES

@@ -90,6 +90,38 @@ def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path) -> 
     assert _bytes(load_town(folder, cache_dir=tmp_path / "cache")) == _bytes(first)
 
 
+def test_kept_arrays_come_back_as_they_were(tmp_path: Path) -> None:
+    """Of every type and shape, also without values; aligned, so that they can be used where they lie."""
+    kept = {
+        "plain": np.arange(6, dtype=np.float32).reshape(2, 3),
+        "none": np.zeros((0, 4), dtype=np.uint16),
+        "bytes": np.arange(5, dtype=np.uint8),
+        "turned": np.arange(12.0).reshape(3, 4).T,
+        "number": np.array(7, dtype=np.int64),
+    }
+    save(tmp_path / "kept.town", kept)
+    found = load(tmp_path / "kept.town")
+    assert found is not None
+    assert list(found) == list(kept)
+    for name, value in kept.items():
+        assert found[name].dtype == value.dtype
+        assert found[name].shape == value.shape
+        assert (found[name] == value).all()
+        assert found[name].flags.aligned
+
+
+def test_no_flipped_bit_of_a_kept_file_goes_unnoticed(tmp_path: Path) -> None:
+    save(tmp_path / "kept.town", {"a": np.arange(16, dtype=np.float32)})
+    content = (tmp_path / "kept.town").read_bytes()
+    table_bytes = content.rindex(b"}") + 1
+    for place in (*range(table_bytes), *range(len(content) - 64, len(content))):
+        broken = bytearray(content)
+        broken[place] ^= 0x04
+        (tmp_path / "broken.town").write_bytes(broken)
+        found = load(tmp_path / "broken.town")
+        assert found is None or (found["a"] == np.arange(16)).all(), place
+
+
 def test_another_toml_gives_another_town(folder: Path, tmp_path: Path) -> None:
     first = load_town(folder, cache_dir=tmp_path / "cache")
     (folder / "town.toml").write_text(TOML.replace("downtown", "rural"))
@@ -108,7 +140,7 @@ def test_nothing_half_written_stands_under_the_final_name(
     monkeypatch.setattr(os, "replace", fail)
     monkeypatch.setattr(Path, "replace", fail)
     with pytest.raises(OSError, match="disk full"):
-        save(tmp_path / "town.npz", {"a": np.zeros(3)})
+        save(tmp_path / "kept.town", {"a": np.zeros(3)})
     assert list(tmp_path.iterdir()) == []
 
 
