@@ -89,10 +89,11 @@ def kerb(rng: np.random.Generator, size: int) -> Layer:
 
 
 def grass(rng: np.random.Generator, size: int) -> Layer:
-    """Meadow: blades at every angle over clumps and dry patches."""
+    """Meadow: blades at every angle over clumps, dry patches and dark gaps between tufts."""
     blades = _strokes(rng, size, 9000, (0.008, 0.018))
     clumps, dry = fbm(rng, size, 0.25, 0.02, 0.8), fbm(rng, size, 0.7, 0.08, 0.6)
-    log = 0.42 * blades + 0.22 * clumps + 0.12 * dry
+    tufts = smoothstep(0.6, 1.4, fbm(rng, size, 0.035, 0.012, 0.8))
+    log = 0.42 * blades + 0.26 * clumps + 0.12 * dry - 0.55 * tufts
     straw = smoothstep(0.9, 2.2, dry + 0.4 * clumps)
     tint = np.stack([log + 0.55 * straw, log + 0.12 * straw, log + 0.25 * straw], axis=-1)
     return layer((0.060, 0.112, 0.030), tint, 0.9)
