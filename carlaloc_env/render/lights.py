@@ -22,15 +22,16 @@ LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
 """Linear colour of unit luminance, about 3000 K."""
 LAMP_RANGE_M = 30.0
 """Where a street lamp gives less than 0.1 lx [m]."""
-BEAM_RANGE_M = 40.0
+BEAM_RANGE_M = 60.0
+"""Where low beams end [m]; the cut-off meets the road there."""
 EGO_HEADLAMPS_M = (3.65, 0.0, 0.65)
 """Between the ego's headlamps, in `base_link` [m]."""
 REVERSE_CD, REVERSE_RANGE_M = 120.0, 9.0
 """A reversing lamp (UN regulation 148: 80 to 600 cd), and where its light has faded [m]."""
 HEADLAMP_COLOUR = np.array([1.10, 0.99, 0.80])
-HEADLAMP_LIGHT = 0.4 * HEADLAMP_COLOUR
-"""Colour of about 4000 K; dimmed, so that the fixed exposure does not blow out the car ahead."""
-HALO_CD = 220.0
+HEADLAMP_LIGHT = 2.0 * HEADLAMP_COLOUR
+"""Colour of about 4000 K; a pair of headlamps is followed as one of twice the light."""
+HALO_CD = 360.0
 """What a pair of headlamps throws above its cut-off, all round its front [cd]."""
 MOST_LIGHTS = 256
 """Lights of a picture, the nearest ones; the shaders' arrays have this size."""
@@ -90,36 +91,58 @@ class _Kind:
 
 
 # Intensities: UN regulations 7, 48 and 148 (tail 4–17 cd, stop 60–260 cd, indicators 50–500 cd) and
-# EN 12368 (300 mm lens ≥ 400 cd, 80 cd when dimmed at night; half of it here, as for headlamps).
+# EN 12368 (300 mm lens ≥ 400 cd, 80 cd when dimmed at night).
 _KINDS: Mapping[Material, _Kind] = {
     Material.LAMP_TAIL: _Kind(colour=(1.0, 0.03, 0.01), intensity_cd=7.0, range_m=4.0, side=-1.0),
     Material.LAMP_RED: _Kind(
-        colour=(1.0, 0.03, 0.01), intensity_cd=60.0, range_m=9.0, side=-1.0, signal_cd=45.0
+        colour=(1.0, 0.03, 0.01), intensity_cd=60.0, range_m=9.0, side=-1.0, signal_cd=80.0
     ),
     Material.LAMP_AMBER: _Kind(
-        colour=(1.0, 0.42, 0.02), intensity_cd=80.0, range_m=7.0, side=1.0, signal_cd=45.0
+        colour=(1.0, 0.42, 0.02), intensity_cd=80.0, range_m=7.0, side=1.0, signal_cd=80.0
     ),
     Material.LAMP_GREEN: _Kind(
-        colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0, signal_cd=45.0
+        colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0, signal_cd=80.0
     ),
 }
 _SIGNAL_RANGE_M = 22.0
+_SIGNAL_EDGE = (0.80, 1.0)
+"""Cosines between which a signal fades: a quarter is left at 30° (EN 12368, class W)."""
+_SIGNAL_GLOW = 0.3
+"""Mean intensity of such a narrow beam over the half-sphere before it, as a share of the axis."""
+_PLAIN_EDGE = (0.0, 0.6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Lamp:
+    """A lamp of a model, in the model's frame."""
+
+    place_m: Array
+    axis: Array
+    colour_cd: Array
+    range_m: float
+    glow_cd: float
+    edge: tuple[float, float] = _PLAIN_EDGE
+    beam: bool = False
 
 
 class Emitters:
     """Where the models of a library carry lamps."""
 
     def __init__(self, library: ModelLibrary) -> None:
-        rows: list[tuple[int, Array, Array, Array, float, float, bool]] = []
-        for model, (name, mesh) in enumerate(zip(library.names, library.meshes, strict=True)):
-            rows += [(model, *lamp) for lamp in _lamps_of(name, mesh)]
-        self.model = np.array([row[0] for row in rows], dtype=np.intp)
-        self._place_m = np.array([row[1] for row in rows]).reshape(-1, 3)
-        self._axis = np.array([row[2] for row in rows]).reshape(-1, 3)
-        self._colour = np.array([row[3] for row in rows]).reshape(-1, 3)
-        self._range_m = np.array([row[4] for row in rows])
-        self._glow_cd = np.array([row[5] for row in rows])
-        self._beam = np.array([row[6] for row in rows], dtype=bool)
+        found = [
+            (model, lamp)
+            for model, (name, mesh) in enumerate(zip(library.names, library.meshes, strict=True))
+            for lamp in _lamps_of(name, mesh)
+        ]
+        lamps = [lamp for _, lamp in found]
+        self.model = np.array([model for model, _ in found], dtype=np.intp)
+        self._place_m = np.array([lamp.place_m for lamp in lamps]).reshape(-1, 3)
+        self._axis = np.array([lamp.axis for lamp in lamps]).reshape(-1, 3)
+        self._colour = np.array([lamp.colour_cd for lamp in lamps]).reshape(-1, 3)
+        self._range_m = np.array([lamp.range_m for lamp in lamps])
+        self._glow_cd = np.array([lamp.glow_cd for lamp in lamps])
+        self._edge = np.array([lamp.edge for lamp in lamps]).reshape(-1, 2)
+        self._beam = np.array([lamp.beam for lamp in lamps], dtype=bool)
         self._count = np.bincount(self.model, minlength=len(library))
         self._begin = np.cumsum(self._count) - self._count
 
@@ -132,6 +155,7 @@ class Emitters:
         T = instances.T_world_model[who]
         place, axis, colour = self._place_m[row], self._axis[row], self._colour[row]
         beam, range_m, glow = self._beam[row], self._range_m[row], self._glow_cd[row]
+        edge = self._edge[row]
         ego = np.flatnonzero(instances.instance == EGO_INSTANCE)[:1]
         if len(ego):
             T = np.concatenate([T, instances.T_world_model[ego]])
@@ -139,6 +163,7 @@ class Emitters:
             axis = np.concatenate([axis, [[1.0, 0.0, 0.0]]])
             colour = np.concatenate([colour, [HEADLAMP_LIGHT]])
             range_m, glow = np.append(range_m, BEAM_RANGE_M), np.append(glow, 0.0)
+            edge = np.concatenate([edge, [_PLAIN_EDGE]])
             beam = np.append(beam, True)
         return Lights(
             position_m=np.sum(T[:, :3, :3] * place[:, None, :], axis=2) + T[:, :3, 3],
@@ -146,28 +171,40 @@ class Emitters:
             left=T[:, :3, 1].copy(),
             colour_cd=colour,
             cap=np.ones(len(place)),
-            edge=np.tile([0.0, 0.6], (len(place), 1)),
+            edge=edge,
             range_m=range_m,
             glow_cd=glow,
             beam=beam,
         )
 
 
-def _lamps_of(name: str, mesh: Mesh) -> list[tuple[Array, Array, Array, float, float, bool]]:
-    """Place, axis, colour [cd], range, glow and whether it is a low beam, of every lamp of a model."""
+def _lamps_of(name: str, mesh: Mesh) -> list[_Lamp]:
+    """Every lamp of a model."""
     signal = name.startswith("signal_")
     corner = mesh.material[mesh.triangles[:, 0]] if len(mesh.triangles) else np.zeros(0, np.uint8)
-    lamps: list[tuple[Array, Array, Array, float, float, bool]] = []
-    front = _patches(mesh, corner == Material.LAMP_WHITE, whole=True, side=1.0)
+    ahead = np.eye(3)[0]
     # Lamps of whole vehicles lie low; bright roof signs do not light the road.
-    lamps += [
-        (place, np.array([1.0, 0.0, 0.0]), HEADLAMP_LIGHT, BEAM_RANGE_M, HALO_CD, True)
-        for place in front
+    lamps = [
+        _Lamp(
+            place_m=place,
+            axis=ahead,
+            colour_cd=HEADLAMP_LIGHT,
+            range_m=BEAM_RANGE_M,
+            glow_cd=HALO_CD,
+            beam=True,
+        )
+        for place in _patches(mesh, corner == Material.LAMP_WHITE, whole=True, side=1.0)
         if 0.3 < place[2] < 1.3
     ]
     if name.endswith("/reverse"):
         lamps += [
-            (place, -np.eye(3)[0], REVERSE_CD * HEADLAMP_COLOUR, REVERSE_RANGE_M, REVERSE_CD, False)
+            _Lamp(
+                place_m=place,
+                axis=-ahead,
+                colour_cd=REVERSE_CD * HEADLAMP_COLOUR,
+                range_m=REVERSE_RANGE_M,
+                glow_cd=REVERSE_CD,
+            )
             for place in _patches(mesh, corner == Material.LAMP_WHITE, whole=False, side=-1.0)
         ]
     for material, kind in _KINDS.items():
@@ -176,18 +213,19 @@ def _lamps_of(name: str, mesh: Mesh) -> list[tuple[Array, Array, Array, float, f
         if intensity <= 0.0:
             continue
         # Indicators burn at both ends; the ones that face back are seen from behind.
-        for way in (side, -side) if material == Material.LAMP_AMBER and not signal else (side,):
-            for place in _patches(mesh, corner == material, whole=signal, side=way):
-                lamps.append(
-                    (
-                        place,
-                        np.array([way, 0.0, 0.0]),
-                        np.array(kind.colour) * intensity,
-                        _SIGNAL_RANGE_M if signal else kind.range_m,
-                        intensity,
-                        False,
-                    )
-                )
+        ways = (side, -side) if material == Material.LAMP_AMBER and not signal else (side,)
+        lamps += [
+            _Lamp(
+                place_m=place,
+                axis=way * ahead,
+                colour_cd=np.array(kind.colour) * intensity,
+                range_m=_SIGNAL_RANGE_M if signal else kind.range_m,
+                glow_cd=intensity * (_SIGNAL_GLOW if signal else 1.0),
+                edge=_SIGNAL_EDGE if signal else _PLAIN_EDGE,
+            )
+            for way in ways
+            for place in _patches(mesh, corner == material, whole=signal, side=way)
+        ]
     return lamps
 
 

@@ -86,19 +86,23 @@ def exposure(horizontal_lx: float) -> float:
     return float(1.0 / (1.2 * 2.0**ev100))
 
 
+F_NUMBER = 2.0
+"""Of the lens, a usual one of cameras that also drive by night."""
+
+
 def exposure_time_s(picture_per_cd_m2: float) -> float:
-    """Exposure time [s] that goes with an `exposure`: f/2.8 and ISO 100, within 2 to 15 ms.
+    """Exposure time [s] that goes with an `exposure`: f/2 and ISO 100, within 2 to 15 ms.
 
     Beyond 15 ms a camera on a moving car raises its gain instead.
     """
-    return float(np.clip(2.8**2 * 1.2 * picture_per_cd_m2, 0.002, 0.015))
+    return float(np.clip(F_NUMBER**2 * 1.2 * picture_per_cd_m2, 0.002, 0.015))
 
 
-ELECTRONS_PER_CD_M2_S = 2000.0
-"""Electrons in a pixel of 3 µm behind f/2.8 per luminance and time [e⁻/(cd/m²·s)]."""
+ELECTRONS_PER_CD_M2_S = 2000.0 * (2.8 / F_NUMBER) ** 2
+"""Electrons in a pixel of 3 µm behind this lens per luminance and time [e⁻/(cd/m²·s)]."""
 FULL_WELL_E = 10000.0
 """Most electrons in such a pixel [e⁻]."""
-READ_NOISE_E = 3.0
+READ_NOISE_E = 2.0
 """Standard deviation of reading it [e⁻]."""
 
 

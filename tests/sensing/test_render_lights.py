@@ -10,7 +10,14 @@ from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
-from carlaloc_env.render.lights import HEADLAMP_LIGHT, Emitters, nearest, street_lamps
+from carlaloc_env.render.lights import (
+    BEAM_RANGE_M,
+    HEADLAMP_COLOUR,
+    HEADLAMP_LIGHT,
+    Emitters,
+    nearest,
+    street_lamps,
+)
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
@@ -150,3 +157,51 @@ def test_low_beam_lights_the_road_and_spares_the_eyes() -> None:
     assert lux(1.15, -0.57) > 12.0 * fade
     assert lux(-3.43, 0.57) < 0.6
     assert lux(0.0, -0.86) > 6.0 * fade
+
+
+def test_headlamps_light_the_road_ahead_up_to_their_cut_off() -> None:
+    """Dry asphalt: about 1 cd/m² and more up to 20 m, and as much per lx as EN 1436 measures at 30 m.
+
+    Roads throw back 5 to 20 mcd/m² per lx across the beam at the standard's 1.24° and 2.29°; a matt
+    surface that spreads light evenly would give 0.7.
+    """
+    plate = make_mesh(
+        [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR
+    )
+    road = make_mesh(
+        [[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]],
+        [[0, 1, 2], [0, 2, 3]],
+        material=Material.ASPHALT,
+        tag=Tag.ROAD,
+    )
+    ego = Instances(
+        model=np.zeros(1, np.int32),
+        T_world_model=np.eye(4)[None],
+        instance=np.array([EGO_INSTANCE], np.uint32),
+        tint=np.full((1, 3), 9, np.uint8),
+    )
+    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (1.4, 0.0, 1.6))
+    camera = Pinhole(width_px=320, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=160.0, cy_px=20.0)
+    with SceneRenderer(
+        [road], ModelLibrary({"ego": plate}), quality="low", albedo=plain_albedo()
+    ) as renderer:
+        seen = renderer.radiance_cd_m2(renderer.draw(camera, eye, ego), NIGHT)[..., 1]
+
+    def luminance(ahead_of_lamps_m: float) -> float:
+        return float(seen[round(20 + 640 * 1.6 / (ahead_of_lamps_m + 3.65 - 1.4)), 155:165].mean())
+
+    assert 0.7 < luminance(20.0) < luminance(10.0) < 6.0
+    assert 0.2 < luminance(30.0) < luminance(20.0)
+    assert luminance(58.0) < 0.1 * luminance(20.0)
+    # Intensity of the pair towards the road straight ahead at 30 m, 1.24° down, by the beam's formula.
+    intensity_cd = (
+        2.0
+        * HEADLAMP_COLOUR[1]
+        * (
+            26000 * np.exp(-0.5 * ((-1.5 / 2.3) ** 2 + (0.24 / 0.9) ** 2))
+            + 8000 * np.exp(-0.5 * (0.56 / 1.8) ** 2)
+            + 4200 * np.exp(-0.5 * (3.26 / 3.5) ** 2)
+        )
+    )
+    across_lx = intensity_cd / 30.0**2 * (1.0 - (30.0 / BEAM_RANGE_M) ** 4) ** 2
+    assert 0.005 < luminance(30.0) / across_lx < 0.020

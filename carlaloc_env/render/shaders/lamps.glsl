@@ -17,6 +17,9 @@ uint entry(uint i) {
     return lists[i >> 2][i & 3u];
 }
 
+// How far the air glows before the sky [m].
+const float SKY_M = 1000.0;
+
 // Fades a light out at its range, so that none pops in.
 float window(float r2, float range) {
     float x = r2 / (range * range);

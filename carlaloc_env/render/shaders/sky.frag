@@ -7,7 +7,7 @@ void main() {
     vec3 direction = normalize(v_ray);
     vec3 exposed = sky_through_air(textureLod(u_sky, sky_uv(direction), 0.0).rgb, direction);
 #ifdef NIGHT
-    exposed += lamp_glow(direction, 1000.0);
+    exposed += lamp_glow(direction, SKY_M);
 #endif
     o_colour = develop(exposed);
 }

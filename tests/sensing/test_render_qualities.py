@@ -1,0 +1,98 @@
+"""All render qualities show the same light; only edges and noise differ."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import RenderError
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.renderer import QUALITIES, SceneRenderer
+from carlaloc_env.render.surfaces import plain_albedo
+from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.semantics import Tag
+from carlaloc_env.weather import PRESETS
+
+try:
+    create_context().release()
+except RenderError as no_opengl:
+    pytest.skip(str(no_opengl), allow_module_level=True)
+
+CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
+FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+LAMP_M = np.array([24.0, 6.0, 8.0])
+
+
+def quad(corners_m: list[list[float]], material: Material, tag: Tag) -> Mesh:
+    return make_mesh(corners_m, [[0, 1, 2], [0, 2, 3]], material=material, tag=tag)
+
+
+def street() -> list[Mesh]:
+    """Asphalt, a house on the right and a lamp post on the left."""
+    x, y = LAMP_M[:2]
+    return [
+        quad([[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]], Material.ASPHALT, Tag.ROAD),
+        quad([[10, -6, 0], [60, -6, 0], [60, -6, 9], [10, -6, 9]], Material.PLASTER, Tag.BUILDING),
+        quad(
+            [[x, y + 0.1, 0], [x, y - 0.1, 0], [x, y - 0.1, 8], [x, y + 0.1, 8]],
+            Material.METAL_PAINTED,
+            Tag.POLE,
+        ),
+    ]
+
+
+def ego() -> tuple[ModelLibrary, Instances]:
+    plate = make_mesh(
+        [[0, -1, 0], [0, 1, 0], [0, 1, 0.01]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.CAR
+    )
+    one = Instances(
+        model=np.zeros(1, np.int32),
+        T_world_model=geometry.transform([-1.4, 0.0, 0.0], [0, 0, 0, 1])[None],
+        instance=np.array([EGO_INSTANCE], np.uint32),
+        tint=np.full((1, 3), 9, np.uint8),
+    )
+    return ModelLibrary({"ego": plate}), one
+
+
+@pytest.fixture(scope="module")
+def radiance() -> dict[tuple[str, str], NDArray[np.float32]]:
+    library, one = ego()
+    seen = {}
+    for quality in QUALITIES:
+        with SceneRenderer(
+            street(), library, quality=quality, lamps_m=LAMP_M[None], albedo=plain_albedo()
+        ) as renderer:
+            gbuffer = renderer.draw(CAMERA, FORWARD, one)
+            for name in ("ClearNoon", "FoggyNoon", "RainyNight"):
+                seen[quality, name] = renderer.radiance_cd_m2(gbuffer, PRESETS[name])
+    return seen
+
+
+@pytest.mark.parametrize("weather", ["ClearNoon", "FoggyNoon", "RainyNight"])
+def test_qualities_agree_in_brightness(
+    radiance: dict[tuple[str, str], NDArray[np.float32]], weather: str
+) -> None:
+    """Means of the whole picture, of the sky and of the road; live pictures do without mirrors."""
+    for rows, name in ((slice(None), "all"), (slice(0, 80), "above"), (slice(110, 180), "road")):
+        means = [float(radiance[quality, weather][rows].mean()) for quality in QUALITIES]
+        assert means == pytest.approx([means[1]] * 3, rel=0.03), name
+
+
+def test_qualities_agree_in_the_glow_round_a_lamp_by_night(
+    radiance: dict[tuple[str, str], NDArray[np.float32]],
+) -> None:
+    """Rain and fog glow before the sky round a street lamp, ever less away from it."""
+    u, v = round(160 - 160 * 6 / 24), round(90 - 160 * (8 - 1.6) / 24)
+    for quality in QUALITIES:
+        seen = radiance[quality, "RainyNight"][..., 1]
+        near, far = (seen[v + 4 : v + 12, u - d - 6 : u - d].mean() for d in (2, 40))
+        assert near > 1.15 * far, quality
+    boxes = [
+        float(radiance[quality, "RainyNight"][v - 15 : v + 25, u - 30 : u + 30].mean())
+        for quality in QUALITIES
+    ]
+    assert boxes == pytest.approx([boxes[1]] * 3, rel=0.02)
