@@ -27,6 +27,7 @@ class Decals:
         self.meshes: list[Mesh] = []
         self._lift_m = lift_m
         self._corners = body.vertices_m[body.triangles].astype(np.float64)
+        self._low, self._high = self._corners.min(axis=1), self._corners.max(axis=1)
         self._normals = body.normals[body.triangles].astype(np.float64)
         self._lifts = _welded_normals(body)[body.triangles]
         self._face = cross(
@@ -135,7 +136,7 @@ class Decals:
 
     def _candidates(self, edge: Array, axis: int, facing: float, across: list[int]) -> NDArray[np.intp]:
         """Triangles that face the viewer and whose box meets the outline's."""
-        low, high = self._corners.min(axis=1), self._corners.max(axis=1)
+        low, high = self._low, self._high
         touching = np.all(
             (high[:, across] >= edge.min(axis=0)) & (low[:, across] <= edge.max(axis=0)), axis=1
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,24 +53,40 @@ def surface(
     return crease(mesh, crease_deg)
 
 
+def _box_tables() -> tuple[Array, NDArray[np.int64], NDArray[np.uint32], NDArray[np.float32]]:
+    """Of the 24 corners of a box: signs, axes of the picture on their face, triangles, normals."""
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=np.float64)
+    signs, uv, normals = np.zeros((6, 4, 3)), np.zeros((6, 4, 2), np.int64), np.zeros((6, 4, 3), np.float32)
+    for face, (axis, side) in enumerate(itertools.product(range(3), (1.0, -1.0))):
+        a, b = (axis + 1) % 3, (axis + 2) % 3
+        signs[face, :, axis], normals[face, :, axis] = side, side
+        signs[face, :, a], signs[face, :, b] = square[:, 0] * side, square[:, 1]
+        uv[face] = (a, b) if b == 2 else (b, a)
+    triangles = np.arange(6, dtype=np.uint32)[:, None, None] * 4 + np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
+    tables = signs.reshape(-1, 3), uv.reshape(-1, 2), triangles.reshape(-1, 3), normals.reshape(-1, 3)
+    for table in tables:
+        table.setflags(write=False)
+    return tables
+
+
+_BOX_SIGNS, _BOX_UV, _BOX_TRIANGLES, _BOX_NORMALS = _box_tables()
+
+
 def box(look: Look, size_m: ArrayLike, centre_m: ArrayLike = (0.0, 0.0, 0.0)) -> Mesh:
     """Axis-aligned box of 12 triangles with sharp edges."""
     half = 0.5 * np.asarray(size_m, dtype=np.float64)
-    sign = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=np.float64)
-    vertices, uvs = [], []
-    for axis in range(3):
-        a, b = (axis + 1) % 3, (axis + 2) % 3
-        for side in (1.0, -1.0):
-            face = np.zeros((4, 3))
-            face[:, axis] = side * half[axis]
-            face[:, a] = sign[:, 0] * half[a] * side
-            face[:, b] = sign[:, 1] * half[b]
-            vertices.append(face)
-            across, up = (a, b) if b == 2 else (b, a)
-            uvs.append(face[:, [across, up]] + half[[across, up]])
-    index = np.arange(6)[:, None, None] * 4 + np.array([(0, 1, 2), (0, 2, 3)])
-    corners = np.concatenate(vertices) + np.asarray(centre_m, dtype=np.float64)
-    return surface(look, corners, index.reshape(-1, 3), np.concatenate(uvs), 10.0)
+    corners = _BOX_SIGNS * half
+    # Pictures lie along each face: seen from a side upright, on top and bottom along x and y.
+    uv = np.take_along_axis(corners + half, _BOX_UV, axis=1)
+    return make_mesh(
+        corners + np.asarray(centre_m, dtype=np.float64),
+        _BOX_TRIANGLES,
+        material=look.material,
+        tag=look.tag,
+        uv_m=uv,
+        normals=_BOX_NORMALS,
+        colour=look.colour,
+    )
 
 
 def quad(look: Look, corners_m: ArrayLike, uv_m: ArrayLike | None = None) -> Mesh:

@@ -17,12 +17,13 @@ def split_chunks(mesh: Mesh, size_m: float = CHUNK_M) -> tuple[Mesh, ...]:
     """Meshes of the squares of a world-fixed grid; each triangle goes where its centre lies."""
     if not len(mesh.triangles):
         return ()
-    corners = mesh.vertices_m[mesh.triangles][:, :, :2]
-    centre = corners.mean(axis=1)
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, k], :2] for k in range(3))
+    centre = (a + b + c) / np.float32(3.0)
     cell = np.floor(centre / size_m).astype(np.int64)
     key = (cell[:, 0] + (1 << 20)) * (1 << 22) + cell[:, 1] + (1 << 20)
     # The far land's triangles are larger than squares; one chunk holds them all.
-    key[np.ptp(corners, axis=1).max(axis=1) > size_m] = -2
+    extent = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
+    key[extent.max(axis=1) > size_m] = -2
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order], prepend=-3))
     ends = np.append(starts[1:], len(order))

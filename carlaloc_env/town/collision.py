@@ -12,6 +12,7 @@ from carlaloc_env.scene import Mesh
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.lots import Lot
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
+from carlaloc_env.town.polygons import unique_rows
 from carlaloc_env.town.sections import Strip
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ def weld(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np.int32]
     """Corners and triangles of several meshes with equal corners made one (to 0.1 mm)."""
     corners = np.concatenate([mesh.vertices_m[mesh.triangles].reshape(-1, 3) for mesh in meshes])
     key = np.round(corners.astype(np.float64) * 1e4).astype(np.int64)
-    _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    _, first, inverse = unique_rows(key)
     triangles = inverse.reshape(-1, 3)
     real = (
         (triangles[:, 0] != triangles[:, 1])

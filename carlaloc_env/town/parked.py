@@ -162,7 +162,7 @@ def _park_lane(
         taken, wander = draw.random(), float(draw.uniform(-0.5, 0.5))
         span = np.array([at - 2.7, at, at + 2.7]) + wander
         spots = np.stack([np.interp(span, along, middle[:, k]) for k in range(3)], axis=-1)
-        kind = _zone(zones, spots[1])
+        kind = _kinds(zones, spots[1:2])[0]
         if taken > OCCUPIED.get(kind, 0.0) or np.interp(span, along, width).min() < least:
             continue
         if shapely.dwithin(crosswalks, shapely.Point(*spots[1][:2]), CROSSWALK_M):
@@ -185,12 +185,12 @@ def park_on_verges(
         if edge.walkway or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
             continue
         draw = rng.stream(seed, f"verge/{edge.name}")
+        kinds = _kinds(zones, edge.line_m)
         for row in np.arange(int(JUNCTION_M), len(edge.line_m) - int(JUNCTION_M), int(SPACE_M) + 1):
             chance = draw.random()
             if edge.state[row] != State.GROUND:
                 continue
-            kind = _zone(zones, edge.line_m[row])
-            if chance > VERGES.get(kind, 0.0):
+            if chance > VERGES.get(kinds[row], 0.0):
                 continue
             xy = edge.line_m[row, :2] + edge.right[row] * (VERGE_M + 1.05)
             yaw = float(np.arctan2(edge.right[row, 0], -edge.right[row, 1]))
@@ -215,10 +215,10 @@ def lay_drives(
         if not edge.walkway:
             continue
         draw = rng.stream(seed, f"drives/{edge.name}")
+        kinds = _kinds(zones, edge.line_m)
         row = int(JUNCTION_M)
         while row < len(edge.line_m) - JUNCTION_M:
-            kind = _zone(zones, edge.line_m[row])
-            if edge.state[row] == State.GROUND and draw.random() < DRIVES.get(kind, 0.0):
+            if edge.state[row] == State.GROUND and draw.random() < DRIVES.get(kinds[row], 0.0):
                 drive = _drive(out, cars, edge, row, blocked, found, ground, draw)
                 if drive is not None:
                     found.append(drive)
@@ -263,8 +263,10 @@ def _drive(
     return area
 
 
-def _zone(zones: Sequence[tuple[str, Area]], point: Array) -> str:
-    for kind, area in zones:
-        if shapely.intersects_xy(area, point[0], point[1]):
-            return kind
-    return ""
+def _kinds(zones: Sequence[tuple[str, Area]], points: Array) -> list[str]:
+    """Kind of scenery at points (N, 2 or 3), empty where there is none."""
+    found = np.full(len(points), -1)
+    for number, (_, area) in enumerate(zones):
+        shapely.prepare(area)
+        found[(found < 0) & shapely.intersects_xy(area, points[:, 0], points[:, 1])] = number
+    return [zones[number][0] if number >= 0 else "" for number in found]

@@ -83,15 +83,21 @@ class Wall:
             table: Number of the limit of each corner along a, b and z, shape (3, F, 4).
             limits: Least and largest a, b and z [m], (N,) or numbers.
         """
-        values = [np.atleast_1d(np.asarray(limit, dtype=np.float64)) for limit in limits]
-        count = max(map(len, values)) if all(map(len, values)) else 0
+        sizes = [np.size(limit) for limit in limits]
+        count = max(sizes) if all(sizes) else 0
         if count == 0:
             return np.zeros((0, 4, 3))
-        rows = np.empty((count, 6))
-        for k, value in enumerate(values):
-            rows[:, k] = value
-        a, b, z = rows.T[table].transpose(0, 1, 3, 2)
-        return self.points(a, b, z).reshape(-1, 4, 3)
+        values = np.empty((6, count))
+        for k, limit in enumerate(limits):
+            values[k] = limit
+        a, b, z = values[table]
+        c, s = float(self.along[0]), float(self.along[1])
+        quads = np.empty((a.shape[0], count, 4, 3))
+        x, y, up = np.moveaxis(quads, (3, 0, 2, 1), (0, 1, 2, 3))
+        np.add(self.origin_m[0] + a * c, b * s, out=x)
+        np.subtract(self.origin_m[1] + a * s, b * c, out=y)
+        np.add(self.origin_m[2], z, out=up)
+        return quads.reshape(-1, 4, 3)
 
 
 def _table(*faces: str) -> NDArray[np.int64]:
