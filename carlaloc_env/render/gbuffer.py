@@ -130,6 +130,16 @@ class GBuffer:
         code = self._centred(np.frombuffer(data, dtype=np.uint32)) ^ np.uint32(SKY_ID)
         return (code >> 24).astype(np.uint8), code & np.uint32(0xFFFFFF)
 
+    def samples(self) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
+        """Depth [m] and instance id of all samples as drawn, both of the shape of the drawn grid."""
+        assert self.drawn.id is not None
+        width, height = self.view.size_px
+        with self._context:
+            depth, code = self.drawn.depth.read(), self.drawn.id.read()
+        depth_m = np.frombuffer(depth, dtype=np.float32).reshape(height, width)
+        instance = np.frombuffer(code, dtype=np.uint32) & np.uint32(0xFFFFFF)
+        return depth_m, instance.reshape(height, width)
+
     def normals(self) -> NDArray[np.float32]:
         """Unit shading normals at pixel centres in the optical frame, zero for the sky, shape (H, W, 3)."""
         with self._context:

@@ -2,7 +2,8 @@
 
 A half-drawn picture is read back and reduced to the farthest depth of every tile. A box whose nearest
 corner lies beyond that in all tiles that it may touch shows in no pixel, so leaving it out changes
-nothing.
+nothing. A live window cannot wait for that: it carries the surfaces of its last picture over to where
+the camera is now, and takes for open whatever no surface has been carried to.
 """
 
 from __future__ import annotations
@@ -14,12 +15,17 @@ from numpy.typing import NDArray
 
 from carlaloc_env.compiled import compiled
 from carlaloc_env.render.projection import NEAR_M, View
+from carlaloc_env.scene import EGO_INSTANCE
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
 
 TILES = 80
 """Tiles across a picture."""
+CELL_PX = 2
+"""Edge of the cells that a surface must be carried into to hide anything [px]."""
+MOVING_FROM = EGO_INSTANCE
+"""Least instance id of what may have moved since an earlier picture."""
 MARGIN_M = 0.3
 """Boxes are grown by this, for roundings and for leaves that sway [m]."""
 
@@ -39,6 +45,26 @@ class Depths:
         rows, columns = (-(-size // self._tile_px) for size in depth_m.shape)
         self._far_m = np.empty((rows, columns), np.float32)
         _farthest(self._far_m, depth_m, self._tile_px)
+
+    @classmethod
+    def carried(cls, view: View, earlier: View, depth_m: F32, instance: NDArray[np.uint32]) -> Depths:
+        """What will hide in a picture that is not drawn yet, by the surfaces of one shortly before.
+
+        Args:
+            view: Camera.
+            earlier: Camera of the earlier picture.
+            depth_m: Planar depth of its samples [m], 0 = sky, shape (H, W).
+            instance: Instance ids of its samples, shape (H, W); what may move hides nothing.
+        """
+        depths = cls.__new__(cls)
+        width, height = view.size_px
+        depths._view, depths._tile_px = view, CELL_PX
+        depths._far_m = np.empty((-(-height // CELL_PX), -(-width // CELL_PX)), np.float32)
+        turn = np.sum(view.R_camera_world[:, None] * earlier.R_camera_world[None], axis=2)
+        shift = np.sum(view.R_camera_world * (earlier.position_m - view.position_m), axis=1)
+        clips = np.array([earlier.clip_scale, view.clip_scale])
+        _carry(depths._far_m, depth_m, instance, turn, shift, clips, np.array([width, height]))
+        return depths
 
     def shown(self, corners_m: Array, *, least_px: float = 0.0) -> NDArray[np.bool_]:
         """Whether boxes may show, shape (N,).
@@ -84,6 +110,47 @@ def _farthest(out: F32, depth_m: F32, tile_px: int) -> None:
                 out[row, column] = np.float32(np.inf)
             elif d > out[row, column]:
                 out[row, column] = d
+
+
+@compiled
+def _carry(
+    out: F32,
+    depth_m: F32,
+    instance: NDArray[np.uint32],
+    turn: Array,
+    shift_m: Array,
+    clips: Array,
+    size: NDArray[np.int64],
+) -> None:
+    """`turn`, `shift_m`: from the earlier optical frame to this; `clips`: of the earlier view and of this."""
+    height, width = depth_m.shape
+    rows, columns = out.shape
+    for row in range(rows):
+        for column in range(columns):
+            out[row, column] = -1.0
+    for v in range(height):
+        ray_y = (2.0 * (v + 0.5) / height - 1.0 - clips[0, 3]) / clips[0, 1]
+        for u in range(width):
+            ray_x = (2.0 * (u + 0.5) / width - 1.0 - clips[0, 2]) / clips[0, 0]
+            d, away = depth_m[v, u], 1.0
+            if d == 0.0:
+                d, away = 1.0, 0.0
+            x = d * (turn[0, 0] * ray_x + turn[0, 1] * ray_y + turn[0, 2]) + away * shift_m[0]
+            y = d * (turn[1, 0] * ray_x + turn[1, 1] * ray_y + turn[1, 2]) + away * shift_m[1]
+            z = d * (turn[2, 0] * ray_x + turn[2, 1] * ray_y + turn[2, 2]) + away * shift_m[2]
+            if z < NEAR_M:
+                continue
+            column = math.floor((clips[1, 0] * x / z + clips[1, 2] + 1.0) * 0.5 * size[0])
+            row = math.floor((clips[1, 1] * y / z + clips[1, 3] + 1.0) * 0.5 * size[1])
+            if column < 0 or column >= size[0] or row < 0 or row >= size[1]:
+                continue
+            far = math.inf if away == 0.0 or instance[v, u] >= MOVING_FROM else z
+            row, column = row // CELL_PX, column // CELL_PX
+            out[row, column] = max(out[row, column], far)
+    for row in range(rows):
+        for column in range(columns):
+            if out[row, column] < 0.0:
+                out[row, column] = np.inf
 
 
 @compiled

@@ -1,0 +1,216 @@
+"""Filling a G-buffer: what of the scene is drawn into it, in which order, and by which programs."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.render.context import Programs, is_software, set_uniforms
+from carlaloc_env.render.distant import Distant
+from carlaloc_env.render.gbuffer import SKY_ID, Targets
+from carlaloc_env.render.geometry import FAR, FAR_LOW, Geometry, InstanceBuffer
+from carlaloc_env.render.occlusion import Depths, box_corners
+from carlaloc_env.render.projection import FAR_M, NEAR_M, View
+from carlaloc_env.render.scenery import Layer, Scenery
+from carlaloc_env.render.shadow import Casters
+from carlaloc_env.render.surfaces import surface_table, upload_textures
+from carlaloc_env.scene import Instances, Mesh, ModelLibrary
+
+ROUNDS_M = (25.0, 60.0)
+"""Bounds of the rounds in which the scene is drawn [m]."""
+LEAST_PX = 3.0
+"""Clusters that look smaller are left out of live pictures [px]."""
+LARGE_M = 120.0
+"""Walls and roads nearer than this are drawn in the first round, since they hide much [m]."""
+DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
+"""Clip depth = first · z + second."""
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Sway = tuple[float, float, float, float]
+
+
+class Filler:
+    """All geometry on the graphics side: draws it as one camera sees it, without what hides.
+
+    Args:
+        context: Where it is drawn.
+        programs: Shader programs of the context.
+        chunks: Static scenery in squares of some tens of metres.
+        library: Movable models.
+        albedo: Linear albedo and roughness of every material, shape (M, S, S, 4).
+        live: Less detail, for a live window.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        programs: Programs,
+        *,
+        chunks: list[Mesh],
+        library: ModelLibrary,
+        albedo: NDArray[np.float16],
+        live: bool = False,
+    ) -> None:
+        self._context, self._programs = context, programs
+        self.scenery = Scenery(context, chunks, FAR_LOW if live else FAR)
+        self._library = Geometry(context, library.meshes)
+        self._distant = Distant(library) if live else None
+        self._least_px = LEAST_PX if live else 0.0
+        self._poses = InstanceBuffer(context, len(library))
+        reach = [
+            np.sqrt(np.max(np.sum(mesh.vertices_m.astype(np.float64) ** 2, axis=1), initial=0.0))
+            for mesh in library.meshes
+        ]
+        self._reach_m = np.array(reach, dtype=np.float64)
+        bounds = [mesh.bounds_m if len(mesh.vertices_m) else np.zeros((2, 3)) for mesh in library.meshes]
+        self._low_m, self._high_m = np.moveaxis(np.array(bounds, np.float64).reshape(-1, 2, 3), 1, 0)
+        self._textures = upload_textures(context, albedo, trilinear=not is_software(context))
+        self._surface = surface_table()
+
+    def simplified(self, instances: Instances, view: View) -> Instances:
+        """The instances as they are drawn from here: in live pictures simple ones where they are far."""
+        return (
+            instances if self._distant is None else self._distant.of(instances, distance_m(instances, view))
+        )
+
+    def fill(
+        self, view: View, targets: Targets, instances: Instances, sway: Sway, known: Depths | None = None
+    ) -> None:
+        """Draw the scene.
+
+        Args:
+            view: Camera.
+            targets: What to draw into; cleared before.
+            instances: Movable models.
+            sway: Farthest way of leaves to leeward [m] (3), and time [s].
+            known: What hides, if that is known before anything is drawn; found out by reading back
+                what has been drawn so far when left out.
+        """
+        context = self._context
+        targets.framebuffer.use()
+        targets.clear()
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = "<"
+        # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
+        context.front_face = "cw"
+        context.cull_face = "back"
+        self._draw_unhidden(view, targets, instances, sway, known)
+        context.front_face = "ccw"
+
+    def casters(self, instances: Instances) -> Casters:
+        """Instances as what throws shadows."""
+        return Casters(library=self._library, poses=self._poses, instances=instances, reach_m=self._reach_m)
+
+    def _draw_unhidden(
+        self, view: View, targets: Targets, instances: Instances, sway: Sway, known: Depths | None
+    ) -> None:
+        """Draw from near to far in rounds, each without what hides behind the rounds before."""
+        found = self.scenery.in_view(view)
+        if known is not None:
+            found = [
+                _chosen(which, away, self._shown(known, layer, which))
+                for layer, (which, away) in zip(self.scenery.layers, found, strict=True)
+            ]
+        left = []
+        for layer, (which, away) in zip(self.scenery.layers, found, strict=True):
+            first = np.where(layer.large[which], away < LARGE_M, layer.culled & (away < ROUNDS_M[0]))
+            left.append((which, np.where(first, 0, 1 + np.searchsorted(ROUNDS_M, away))))
+        programs = {
+            layer.features: self._program(view, sway, *layer.features) for layer in self.scenery.layers
+        }
+        self._draw_layers(programs, [which[turn == 0] for which, turn in left])
+        drawn = self._visible_instances(view, instances)
+        for now in range(1, len(ROUNDS_M) + 2):
+            hidden = known or Depths(view, _read_depth(targets))
+            if now == 1:
+                drawn = drawn[hidden.shown(self._corners_m(instances, drawn))]
+                if len(drawn):
+                    self._poses.fill(instances, drawn)
+                    program = self._program(view, sway, "INSTANCED")
+                    self._library.draw(program, self._poses.used, instances=self._poses)
+            shown = []
+            for layer, (which, turn) in zip(self.scenery.layers, left, strict=True):
+                some = which[turn == now]
+                shown.append(some if known is not None else some[self._shown(hidden, layer, some)])
+            self._draw_layers(programs, shown)
+
+    def _shown(self, hidden: Depths, layer: Layer, which: Index) -> NDArray[np.bool_]:
+        boxes = box_corners(layer.low_m[which], layer.high_m[which])
+        return hidden.shown(boxes, least_px=self._least_px)
+
+    def _draw_layers(self, programs: dict[tuple[str, ...], moderngl.Program], which: list[Index]) -> None:
+        for layer, some in zip(self.scenery.layers, which, strict=True):
+            if not len(some):
+                continue
+            if layer.culled:
+                self._context.enable(moderngl.CULL_FACE)
+            else:
+                self._context.disable(moderngl.CULL_FACE)
+            layer.geometry.draw(programs[layer.features], some)
+        self._context.disable(moderngl.CULL_FACE)
+
+    def _corners_m(self, instances: Instances, which: Index) -> Array:
+        """Corners of the boxes of some instances in the world [m], shape (N, 8, 3)."""
+        model, T = instances.model[which], instances.T_world_model[which]
+        local = box_corners(self._low_m[model], self._high_m[model])
+        turned = np.sum(T[:, None, :3, :3] * local[:, :, None, :], axis=3)
+        return np.asarray(turned + T[:, None, :3, 3], dtype=np.float64)
+
+    def _visible_instances(self, view: View, instances: Instances) -> Index:
+        """Instances whose sphere reaches into the view, nearest first."""
+        centre = instances.T_world_model[:, :3, 3]
+        reach = self._reach_m[instances.model]
+        planes = view.planes()
+        gap = np.sum(centre[:, None] * planes[None, :, :3], axis=2) + planes[:, 3]
+        distance = distance_m(instances, view)
+        seen = np.flatnonzero((gap > -reach[:, None]).all(axis=1) & (distance - reach < FAR_M))
+        return seen[np.argsort(distance[seen], kind="stable")]
+
+    def _program(self, view: View, sway: Sway, *features: str) -> moderngl.Program:
+        defines = (
+            f"MATERIALS {len(self._surface)}",
+            f"CAR_PAINT {int(Material.CAR_PAINT)}u",
+            f"CLOTH {int(Material.CLOTH)}u",
+            f"SKY_ID {SKY_ID}u",
+            f"LEAF {int(Material.LEAF)}u",
+            *(("SWAY",) if any(sway[:3]) else ()),
+            *features,
+        )
+        program = self._programs.get("gbuffer.vert", "gbuffer.frag", *defines)
+        self._textures.use(0)
+        set_uniforms(
+            program,
+            u_textures=0,
+            u_eye=tuple(view.position_m),
+            u_rotation=view.R_camera_world.T.astype("<f4").tobytes(),
+            u_clip=view.clip_scale,
+            u_range=DEPTH_RANGE,
+            u_surface=self._surface.tobytes(),
+            u_sway=sway,
+        )
+        return program
+
+    def release(self) -> None:
+        """Free the buffers and textures."""
+        self.scenery.release()
+        self._library.release()
+        self._poses.buffer.release()
+        self._textures.release()
+
+
+def distance_m(instances: Instances, view: View) -> Array:
+    """Distance of instances from the eye [m], shape (N,)."""
+    away = instances.T_world_model[:, :3, 3] - view.position_m
+    return np.asarray(np.sqrt(np.sum(away**2, axis=1)), dtype=np.float64)
+
+
+def _chosen(which: Index, away_m: Array, shown: NDArray[np.bool_]) -> tuple[Index, Array]:
+    return which[shown], away_m[shown]
+
+
+def _read_depth(targets: Targets) -> NDArray[np.float32]:
+    width, height = targets.depth.size
+    return np.frombuffer(targets.depth.read(), dtype=np.float32).reshape(height, width)
