@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import time
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.clock import TICK_HZ
 from carlaloc_env.driving import DrivingWorld
@@ -14,9 +16,15 @@ from carlaloc_env.weather_schedule import Weather
 from recorder.drive_status import DriveStatus
 from recorder.window.hud import HudState
 from recorder.window.minimap import MiniMap
-from recorder.window.views import VIEWS, LiveView
+from recorder.window.moment import Moment
+from recorder.window.painter import GONE, Painter
+from recorder.window.views import VIEWS
 from recorder.window.window import WINDOW_PX, Window
 
+_PATIENCE_S = 0.003
+"""How long to wait for a picture before the world goes on [s]."""
+_GONE_S = 0.03
+"""Time between two views of the instruments when there are no more pictures [s]."""
 _ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
 
 
@@ -35,28 +43,47 @@ class WindowCockpit:
     def __init__(self, town: Town, weather: Weather) -> None:
         self._town = town
         self.window = Window(f"CarlaLoc: {town.name}")
-        self._stage = SensorStage(town, seed=0, weather=weather, quality="low")
-        # Made before the drive begins: it takes seconds, in which nobody steers.
-        self._stage.renderer()
-        self._view = LiveView(self._stage)
+        self._painter = Painter(SensorStage(town, seed=0, weather=weather, quality="low"))
+        # Waited for before the drive begins: it takes seconds, in which nobody steers.
+        self._painter.wait_until_ready()
         self._map: MiniMap | None = None
+        self._last: NDArray[np.uint8] | None = None
+        self._told: tuple[object, ...] = ()
+        self.pictures = 0
+        """Pictures shown so far."""
 
     def __enter__(self) -> WindowCockpit:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.window.close()
-        self._stage.close()
+        self._painter.close()
 
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
-        """Show the present."""
+        """Show the present: order a picture of it, and show the one ordered before when it is drawn."""
+        view = VIEWS[status.view % len(VIEWS)]
+        picture = self._painter.picture(_PATIENCE_S)
+        if picture is not None:
+            self._last = picture.copy()
+            self.pictures += 1
+        if self._painter.idle:
+            self._painter.ask(Moment.of(world), view)
+        if not self._painter.alive:
+            status.message = GONE
+            time.sleep(_GONE_S)
+        # Between two pictures only what the driver has just been told or has asked for is shown.
+        told = (status.message, status.paused, status.help, status.indicator, status.headlamps)
+        if self._last is not None and (picture is not None or told != self._told or not self._painter.alive):
+            self._told = told
+            self._show(self._last, world, status, view)
+
+    def _show(self, picture: NDArray[np.uint8], world: DrivingWorld, status: DriveStatus, view: str) -> None:
         if self._map is None:
             self._map = MiniMap(self._town.network, world.route, size_px=WINDOW_PX[1] // 3)
-        view = VIEWS[status.view % len(VIEWS)]
         driver = world.driver_view()
         actors = world.timeline.actors_at(world.now_ns)
         small = self._map.picture(driver.position_m, driver.heading_rad, actors)
-        self.window.show(self._view.picture(world, view), self._state(world, status, view), small)
+        self.window.show(picture, self._state(world, status, view), small)
 
     def _state(self, world: DrivingWorld, status: DriveStatus, view: str) -> HudState:
         driver, route = world.driver_view(), world.route

@@ -8,11 +8,11 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.sensors.camera import instances_at
+from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.stage import SensorStage
+from recorder.window.moment import Moment
 from recorder.window.resolution import LiveResolution
 
 Array = NDArray[np.float64]
@@ -36,17 +36,19 @@ class LiveView:
         self._stage = stage
         self._resolution = LiveResolution()
         self._heading_rad: float | None = None
+        self._last: GBuffer | None = None
+        self._view = ""
 
-    def picture(self, world: DrivingWorld, view: str) -> NDArray[np.uint8]:
-        """Colour picture of now, sRGB, shape (H, W, 3), C-contiguous."""
-        began, now = time.perf_counter(), world.now_ns
-        T_world_base = world.timeline.ego_motion([now]).T_world_frame[0]
-        renderer = self._stage.renderer()
-        instances = instances_at(self._stage, world.timeline, now)
-        pose = self._pose(T_world_base, view)
+    def picture(self, moment: Moment, view: str) -> NDArray[np.uint8]:
+        """Colour picture of a moment, sRGB, shape (H, W, 3), C-contiguous."""
+        began = time.perf_counter()
+        renderer, now = self._stage.renderer(), moment.stamp_ns
+        pose = self._pose(moment.T_world_base, view)
         lens = Pinhole.from_fov(*self._resolution.size_px, _FOV_DEG[view])
-        drawn = renderer.draw(lens, pose, instances)
+        earlier = self._last if view == self._view else None
+        drawn = renderer.draw(lens, pose, moment.instances(self._stage), earlier=earlier)
         rgb = renderer.shade(drawn, self._stage.weather.at(now), stamp_ns=now, seed=self._stage.seed)
+        self._last, self._view = drawn, view
         self._resolution.took(time.perf_counter() - began)
         return np.ascontiguousarray(rgb)
 
