@@ -42,6 +42,8 @@ class ActorCodes:
     """Angle of the front wheels in `ANGLE_STEP_RAD`, shape (…, N)."""
     lights: NDArray[np.uint8]
     """Bits of lit lights, shape (…, N)."""
+    roll: NDArray[np.int16]
+    """Lean in `ANGLE_STEP_RAD`, shape (…, N)."""
 
 
 def encode_actors(frame: ActorFrame) -> ActorCodes:
@@ -54,6 +56,7 @@ def encode_actors(frame: ActorFrame) -> ActorCodes:
         travelled=_steps(frame.travelled_m, TRAVEL_STEP_M).astype(np.int32),
         steer=_angles(frame.steer_rad),
         lights=frame.lights,
+        roll=_angles(frame.roll_rad),
     )
 
 
@@ -67,6 +70,7 @@ def decode_actors(codes: ActorCodes) -> ActorFrame:
         travelled_m=_values(codes.travelled, TRAVEL_STEP_M),
         steer_rad=_values(codes.steer, ANGLE_STEP_RAD),
         lights=codes.lights,
+        roll_rad=_values(codes.roll, ANGLE_STEP_RAD),
     )
 
 

@@ -6,7 +6,8 @@ A live environment fills a short Timeline while it drives, a replay loads a whol
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,6 +82,13 @@ class ActorFrame:
     """Angle of the front wheels, left positive [rad], shape (N,)."""
     lights: NDArray[np.uint8]
     """Bits of lit vehicle lights (`LIGHT_BRAKE` …), shape (N,)."""
+    roll_rad: F32 = field(default_factory=lambda: np.zeros(0, np.float32))
+    """Lean of the ground about the actor's long axis, left side up positive [rad], shape (N,); level when
+    left out."""
+
+    def __post_init__(self) -> None:
+        if self.roll_rad.shape != self.heading_rad.shape:
+            object.__setattr__(self, "roll_rad", np.zeros_like(self.heading_rad))
 
     def __len__(self) -> int:
         return len(self.heading_rad)
@@ -102,6 +110,19 @@ def empty_frame() -> ActorFrame:
         steer_rad=zero,
         lights=np.zeros(0, np.uint8),
     )
+
+
+class ActorPoses(NamedTuple):
+    """Poses of actors at M times: Rz(heading)·Ry(−pitch)·Rx(roll) at a position on the ground."""
+
+    position_m: NDArray[np.float64]
+    """World [m], shape (M, 3)."""
+    heading_rad: NDArray[np.float64]
+    """Anticlockwise from east [rad], shape (M,)."""
+    pitch_rad: NDArray[np.float64]
+    """Nose up positive [rad], shape (M,)."""
+    roll_rad: NDArray[np.float64]
+    """Left side up positive [rad], shape (M,)."""
 
 
 class Timeline:
@@ -176,12 +197,11 @@ class Timeline:
             travelled_m=a.travelled_m + f * (b.travelled_m - a.travelled_m),
             steer_rad=a.steer_rad + f * (b.steer_rad - a.steer_rad),
             lights=a.lights,
+            roll_rad=a.roll_rad + f * (b.roll_rad - a.roll_rad),
         )
 
-    def actor_poses(
-        self, index: int | NDArray[np.intp], stamps_ns: NDArray[np.int64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Position [m] (M, 3), heading [rad] (M,), pitch [rad] (M,) of actors at M times [ns].
+    def actor_poses(self, index: int | NDArray[np.intp], stamps_ns: NDArray[np.int64]) -> ActorPoses:
+        """Poses of actors at M times [ns].
 
         Args:
             index: One actor for all times, or an actor for each time, shape (M,).
@@ -193,6 +213,7 @@ class Timeline:
         position = np.array([frame.position_m for frame in frames], dtype=np.float64)
         heading = np.array([frame.heading_rad for frame in frames], dtype=np.float64)
         pitch = np.array([frame.pitch_rad for frame in frames], dtype=np.float64)
+        roll = np.array([frame.roll_rad for frame in frames], dtype=np.float64)
         row = (step - first) * len(self.catalog) + index
         fraction = (stamps_ns % STEP_NS) / STEP_NS
 
@@ -203,10 +224,11 @@ class Timeline:
             moved: NDArray[np.float64] = start.reshape(flat)[row] + f * change.reshape(flat)[row]
             return moved
 
-        return (
+        return ActorPoses(
             between(position, np.diff(position, axis=0), fraction[:, None]),
             between(heading, wrap_angle(np.diff(heading, axis=0)), fraction),
             between(pitch, np.diff(pitch, axis=0), fraction),
+            between(roll, np.diff(roll, axis=0), fraction),
         )
 
     def signals_at(self, stamp_ns: int) -> NDArray[np.uint8]:

@@ -27,6 +27,7 @@ uint16[] z_fraction
 # Angles [rad] = 2 * pi / 65536 * value.
 int16[] heading
 int16[] pitch
+int16[] roll
 int16[] steer
 # Speed [m/s] = value / 256.
 int16[] speed
@@ -43,6 +44,7 @@ _WORDS = (
     *((f"{axis}_fraction", "<u2") for axis in _AXES),
     ("heading", "<i2"),
     ("pitch", "<i2"),
+    ("roll", "<i2"),
     ("steer", "<i2"),
     ("speed", "<i2"),
     ("travelled_tile", "<i2"),
@@ -81,7 +83,7 @@ def pack_actors(step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> byt
         row[f"{axis}_fraction"] = codes.position[:, k] & 0xFFFF
     row["travelled_tile"] = codes.travelled >> 16
     row["travelled_fraction"] = codes.travelled & 0xFFFF
-    for name in ("heading", "pitch", "steer", "speed", "lights"):
+    for name in ("heading", "pitch", "roll", "steer", "speed", "lights"):
         row[name] = getattr(codes, name)
     for name in (*(name for name, _ in _WORDS), "lights"):
         row[f"{name}_count"] = len(frame)
@@ -113,6 +115,7 @@ def actor_states(rows: NDArray[np.void]) -> ActorFrame:
             position=place,
             heading=rows["heading"],
             pitch=rows["pitch"],
+            roll=rows["roll"],
             speed=rows["speed"],
             travelled=_joined(rows, "travelled"),
             steer=rows["steer"],

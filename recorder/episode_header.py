@@ -15,8 +15,8 @@ from carlaloc_env.timeline import ActorCatalog, empty_catalog
 
 HEADER_RECORD = "carlaloc_episode"
 """Name of the MCAP metadata record that holds the header."""
-FORMAT_VERSION = 2
-"""Version of the episode format; a reader refuses others. 2: actors in fixed point."""
+FORMAT_VERSION = 3
+"""Version of the episode format; a reader refuses others. 2: actors in fixed point. 3: they lean."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -61,9 +61,8 @@ def place_actors(
 ) -> Instances:
     """Actors as models, in the catalogue's order, then wheels and number plates of the near ones.
 
-    Vehicles follow heading and pitch; their wheels roll with the distance covered and steer, and it turns
-    the cranks of cycles. Walkers
-    stay upright, and the distance they walked chooses the phase of their gait; they stand up to half
+    Vehicles follow heading, pitch and roll; their wheels turn with the distance covered and steer, and it
+    turns the cranks of cycles. Walkers stay upright, and the distance they walked chooses the phase of their gait; they stand up to half
     a phase's way behind their place, so that the foot on the ground does not slide.
 
     Args:
@@ -99,7 +98,12 @@ def place_actors(
         position[who, 1] -= behind * np.sin(heading)
     placed = Instances(
         model=model.astype(np.int32),
-        T_world_model=ground_poses(position, frame.heading_rad, np.where(walks, 0.0, frame.pitch_rad)),
+        T_world_model=ground_poses(
+            position,
+            frame.heading_rad,
+            np.where(walks, 0.0, frame.pitch_rad),
+            np.where(walks, 0.0, frame.roll_rad),
+        ),
         instance=catalog.id,
         tint=catalog.tint,
     )
@@ -150,7 +154,9 @@ def place_lights(
     who = np.concatenate(actor)
     return Instances(
         model=np.concatenate(model).astype(np.int32),
-        T_world_model=ground_poses(frame.position_m[who], frame.heading_rad[who], frame.pitch_rad[who]),
+        T_world_model=ground_poses(
+            frame.position_m[who], frame.heading_rad[who], frame.pitch_rad[who], frame.roll_rad[who]
+        ),
         instance=catalog.id[who],
         tint=np.full((len(who), 3), 255, np.uint8),
     )
@@ -175,7 +181,7 @@ def headlamps(
     tables, family = tables_of(catalog, library)
     everyone = np.arange(len(catalog))
     actor, row = _rows(tables.lamp_begin, family, everyone)
-    T = ground_poses(frame.position_m, frame.heading_rad, frame.pitch_rad)[actor]
+    T = ground_poses(frame.position_m, frame.heading_rad, frame.pitch_rad, frame.roll_rad)[actor]
     place = np.sum(T[:, :3, :3] * tables.lamp_place_m[row][:, None, :], axis=2) + T[:, :3, 3]
     return place, T[:, :3, 0].copy(), actor
 
@@ -227,15 +233,20 @@ def ego_lights(car: CarTrack, stamp_ns: int) -> int:
     return braking * LIGHT_BRAKE + bool(state.reverse[0]) * LIGHT_REVERSE
 
 
-def ground_poses(position_m: ArrayLike, heading_rad: ArrayLike, pitch_rad: ArrayLike) -> NDArray[np.float64]:
-    """Transforms (N, 4, 4) of things at a position [m], facing a heading, nose up by a pitch [rad]."""
+def ground_poses(
+    position_m: ArrayLike, heading_rad: ArrayLike, pitch_rad: ArrayLike, roll_rad: ArrayLike = 0.0
+) -> NDArray[np.float64]:
+    """Transforms (N, 4, 4) of things at a position [m]: Rz(heading)·Ry(−pitch)·Rx(roll).
+
+    Nose up and left side up are positive [rad].
+    """
     p = np.asarray(position_m, dtype=np.float64)
-    heading, pitch = np.asarray(heading_rad, dtype=np.float64), np.asarray(pitch_rad, dtype=np.float64)
-    c, s, cp, sp = np.cos(heading), np.sin(heading), np.cos(pitch), np.sin(pitch)
+    heading, pitch, roll = (np.asarray(a, dtype=np.float64) for a in (heading_rad, pitch_rad, roll_rad))
+    c, s, cp, sp, cr, sr = (f(angle) for angle in (heading, pitch, roll) for f in (np.cos, np.sin))
     T = np.zeros((len(p), 4, 4))
-    T[:, 0, 0], T[:, 0, 1], T[:, 0, 2] = c * cp, -s, -c * sp
-    T[:, 1, 0], T[:, 1, 1], T[:, 1, 2] = s * cp, c, -s * sp
-    T[:, 2, 0], T[:, 2, 2] = sp, cp
+    T[:, 0, 0], T[:, 0, 1], T[:, 0, 2] = c * cp, -s * cr - c * sp * sr, s * sr - c * sp * cr
+    T[:, 1, 0], T[:, 1, 1], T[:, 1, 2] = s * cp, c * cr - s * sp * sr, -c * sr - s * sp * cr
+    T[:, 2, 0], T[:, 2, 1], T[:, 2, 2] = sp, cp * sr, cp * cr
     T[:, :3, 3] = p
     T[:, 3, 3] = 1.0
     return T

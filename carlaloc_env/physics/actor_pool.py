@@ -122,12 +122,24 @@ class ActorPool:
 
 def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], list[float]]:
     x, y, z = frame.position_m[i].tolist()
-    heading, pitch = float(frame.heading_rad[i]), float(frame.pitch_rad[i])
-    up, tilt = 0.5 * height_m * cos(pitch), 0.5 * height_m * sin(pitch)
-    centre = [x - tilt * cos(heading), y - tilt * sin(heading), z + up]
+    heading, pitch, roll = (float(a[i]) for a in (frame.heading_rad, frame.pitch_rad, frame.roll_rad))
+    lift = 0.5 * height_m
+    back, right = lift * sin(pitch) * cos(roll), lift * sin(roll)
+    centre = [
+        x + right * sin(heading) - back * cos(heading),
+        y - right * cos(heading) - back * sin(heading),
+        z + lift * cos(pitch) * cos(roll),
+    ]
     ch, sh = cos(0.5 * heading), sin(0.5 * heading)
     cp, sp = cos(-0.5 * pitch), sin(-0.5 * pitch)
-    return centre, [-sh * sp, ch * sp, sh * cp, ch * cp]
+    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    turn = [
+        ch * cp * sr - sh * sp * cr,
+        ch * sp * cr + sh * cp * sr,
+        sh * cp * cr - ch * sp * sr,
+        ch * cp * cr + sh * sp * sr,
+    ]
+    return centre, turn
 
 
 def _velocity(frame: ActorFrame, i: int, following: ActorFrame | None) -> list[float]:

@@ -148,8 +148,9 @@ class RayScene:
         near, actors = candidates(rays[:, :3], rays[:, 3:], limit, around)
         if len(near) == 0:
             return
-        position, heading, pitch = timeline.actor_poses(actors, stamps_ns[near])
-        pitch[(catalog.tag == Tag.PEDESTRIAN)[actors]] = 0.0  # walkers stay upright
+        position, heading, pitch, roll = timeline.actor_poses(actors, stamps_ns[near])
+        upright = (catalog.tag == Tag.PEDESTRIAN)[actors]  # walkers stay so on slopes
+        pitch[upright] = roll[upright] = 0.0
         kind = models[actors] * _STEER_KINDS + steer[actors] + _STEER_KINDS // 2
         steps = np.flatnonzero(walking[actors])
         if len(steps):
@@ -159,7 +160,7 @@ class RayScene:
             position[steps, 0] -= behind * np.cos(heading[steps])
             position[steps, 1] -= behind * np.sin(heading[steps])
         offset = rays[near, :3].astype(np.float64) - (position - self.middle_m)
-        local = into_actor_frame(offset, rays[near, 3:], heading, pitch)
+        local = into_actor_frame(offset, rays[near, 3:], heading, pitch, roll)
         found = self._trace_kinds(local, kind, range_max_m)
         found.instance[:] = catalog.id[actors]
         nearer = np.flatnonzero(found.range_m < hits.range_m[near])
@@ -190,7 +191,7 @@ class RayScene:
         middle = 0.5 * (bounds[:, 0, 2] + bounds[:, 1, 2])[back]
         half_height = 0.5 * (bounds[:, 1, 2] - bounds[:, 0, 2])[back]
         # Counted from the middle of the town, as rays are.
-        lean = np.abs(np.sin(frame.pitch_rad.astype(np.float64)))
+        lean = sum(np.abs(np.sin(tilt.astype(np.float64))) for tilt in (frame.pitch_rad, frame.roll_rad))
         centre = frame.position_m - self.middle_m
         centre[:, 2] += middle
         # Half as much again and 15 cm leave room for turns, steered wheels and a walker's other postures.
@@ -213,25 +214,29 @@ def _moved(mesh: Mesh, by_m: Array) -> Mesh:
     return dataclasses.replace(mesh, vertices_m=(mesh.vertices_m + by_m).astype(np.float32))
 
 
-def into_actor_frame(offset_m: Array, directions: Floats, heading_rad: Array, pitch_rad: Array) -> F32:
+def into_actor_frame(
+    offset_m: Array, directions: Floats, heading_rad: Array, pitch_rad: Array, roll_rad: Array
+) -> F32:
     """Rays in the axes of actors: origins [m] and directions, shape (M, 6).
 
-    The axes are those of Rz(heading)·Ry(−pitch): x forward, y left, z up, nose up positive.
+    The axes are those of Rz(heading)·Ry(−pitch)·Rx(roll): x forward, y left, z up.
 
     Args:
         offset_m: Starts of the rays minus the actors' positions [m], world axes, shape (M, 3).
         directions: Directions, world axes, shape (M, 3).
         heading_rad: Headings [rad], shape (M,).
         pitch_rad: Pitches, nose up positive [rad], shape (M,).
+        roll_rad: Rolls, left side up positive [rad], shape (M,).
     """
-    ch, sh, cp, sp = (
-        f(angle.astype(np.float32)) for angle in (heading_rad, pitch_rad) for f in (np.cos, np.sin)
+    ch, sh, cp, sp, cr, sr = (
+        f(angle.astype(np.float32)) for angle in (heading_rad, pitch_rad, roll_rad) for f in (np.cos, np.sin)
     )
     local = np.empty((len(offset_m), 6), dtype=np.float32)
     for first, vectors in ((0, offset_m), (3, directions)):
         x, y, z = (vectors[:, k].astype(np.float32) for k in range(3))
         ahead = ch * x + sh * y
         local[:, first] = cp * ahead + sp * z
-        local[:, first + 1] = ch * y - sh * x
-        local[:, first + 2] = cp * z - sp * ahead
+        left, up = ch * y - sh * x, cp * z - sp * ahead
+        local[:, first + 1] = cr * left + sr * up
+        local[:, first + 2] = cr * up - sr * left
     return local

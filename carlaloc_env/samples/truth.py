@@ -48,6 +48,8 @@ class ObjectList(Sample):
     """Direction the object faces, anticlockwise from east [rad], shape (N,)."""
     pitch_rad: NDArray[np.float64]
     """Nose up positive [rad], shape (N,)."""
+    roll_rad: NDArray[np.float64]
+    """Left side up positive [rad], shape (N,)."""
     size_m: NDArray[np.float64]
     """Length, width, height [m], shape (N, 3)."""
     velocity_mps: NDArray[np.float64]
@@ -65,7 +67,7 @@ class ObjectList(Sample):
         check(self, "tag", np.uint8, (count,))
         for name in ("position_m", "size_m", "velocity_mps"):
             check(self, name, np.float64, (count, 3))
-        for name in ("heading_rad", "pitch_rad", "yaw_rate_radps", "visible", "distance_m"):
+        for name in ("heading_rad", "pitch_rad", "roll_rad", "yaw_rate_radps", "visible", "distance_m"):
             check(self, name, np.float64, (count,))
 
     @property
@@ -76,4 +78,4 @@ class ObjectList(Sample):
     @property
     def quat_xyzw(self) -> NDArray[np.float64]:
         """Attitudes, map box to world, shape (N, 4)."""
-        return geometry.rpy_to_quat(np.zeros(len(self.id)), -self.pitch_rad, self.heading_rad)
+        return geometry.rpy_to_quat(self.roll_rad, -self.pitch_rad, self.heading_rad)

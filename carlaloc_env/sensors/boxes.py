@@ -29,6 +29,8 @@ class Boxes:
     """Direction the actor faces, anticlockwise from east [rad], shape (N,)."""
     pitch_rad: Array
     """Nose up positive [rad], shape (N,)."""
+    roll_rad: Array
+    """Left side up positive [rad], shape (N,)."""
     size_m: Array
     """Length, width, height [m], shape (N, 3)."""
     velocity_mps: Array
@@ -44,11 +46,12 @@ class Boxes:
         """Unit vectors ahead, left and up of each box as rows, world, shape (N, 3, 3)."""
         ch, sh = np.cos(self.heading_rad), np.sin(self.heading_rad)
         cp, sp = np.cos(self.pitch_rad), np.sin(self.pitch_rad)
+        cr, sr = np.cos(self.roll_rad)[:, None], np.sin(self.roll_rad)[:, None]
         zero = np.zeros(len(self))
         ahead = np.stack([cp * ch, cp * sh, sp], axis=-1)
         left = np.stack([-sh, ch, zero], axis=-1)
         up = np.stack([-sp * ch, -sp * sh, cp], axis=-1)
-        return np.stack([ahead, left, up], axis=1)
+        return np.stack([ahead, cr * left + sr * up, cr * up - sr * left], axis=1)
 
     def to_world(self, index: NDArray[np.intp], local_m: Array) -> Array:
         """World coordinates [m] of points (M, 3) given from the middles of boxes `index` (M,)."""
@@ -80,12 +83,12 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
     size = catalog.size_m.astype(np.float64)
     if count == 0:
         position = velocity = np.zeros((0, 3))
-        heading = pitch = rate = np.zeros(0)
+        heading = pitch = roll = rate = np.zeros(0)
     elif stamp_ns <= 0:
         frame = timeline.actors_at(0)
-        position, heading, pitch = (
+        position, heading, pitch, roll = (
             np.asarray(values, dtype=np.float64)
-            for values in (frame.position_m, frame.heading_rad, frame.pitch_rad)
+            for values in (frame.position_m, frame.heading_rad, frame.pitch_rad, frame.roll_rad)
         )
         level = frame.speed_mps * np.cos(pitch)
         velocity = np.stack(
@@ -96,25 +99,26 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
         begin = (stamp_ns - 1) // STEP_NS * STEP_NS
         everyone, when = np.arange(count), np.array([stamp_ns, begin], dtype=np.int64)
         poses = timeline.actor_poses(np.concatenate([everyone, everyone]), np.repeat(when, count))
-        (position, heading, pitch), (before, turned, _) = (
+        (position, heading, pitch, roll), (before, turned, _, _) = (
             tuple(values[rows] for values in poses) for rows in (slice(count), slice(count, None))
         )
         lapse = (stamp_ns - begin) * 1e-9
         velocity = (position - before) / lapse
         rate = wrap_angle(heading - turned) / lapse
-    pitch = np.where(upright, 0.0, pitch)
+    pitch, roll = np.where(upright, 0.0, pitch), np.where(upright, 0.0, roll)
     centre = position.copy()
     lift = 0.5 * size[:, 2]
-    back = lift * np.sin(pitch)
-    centre[:, 0] -= back * np.cos(heading)
-    centre[:, 1] -= back * np.sin(heading)
-    centre[:, 2] += lift * np.cos(pitch)
+    back, right = lift * np.sin(pitch) * np.cos(roll), lift * np.sin(roll)
+    centre[:, 0] += right * np.sin(heading) - back * np.cos(heading)
+    centre[:, 1] -= right * np.cos(heading) + back * np.sin(heading)
+    centre[:, 2] += lift * np.cos(pitch) * np.cos(roll)
     return Boxes(
         id=catalog.id,
         tag=catalog.tag,
         centre_m=centre,
         heading_rad=heading,
         pitch_rad=pitch,
+        roll_rad=roll,
         size_m=size,
         velocity_mps=velocity,
         yaw_rate_radps=rate,

@@ -69,7 +69,11 @@ def spray_ranges(
     )
     rays, plume = candidates(origins_m, directions, limit_m, around)
     inside = into_actor_frame(
-        origins_m[rays] - centre[plume], directions[rays], boxes.heading_rad[plume], boxes.pitch_rad[plume]
+        origins_m[rays] - centre[plume],
+        directions[rays],
+        boxes.heading_rad[plume],
+        boxes.pitch_rad[plume],
+        boxes.roll_rad[plume],
     ).astype(np.float64)
     start, along = inside[:, :3], inside[:, 3:]
     along = np.where(np.abs(along) < 1e-9, 1e-9, along)

@@ -56,6 +56,7 @@ def objects_at(
         position_m=boxes.centre_m,
         heading_rad=boxes.heading_rad,
         pitch_rad=boxes.pitch_rad,
+        roll_rad=boxes.roll_rad,
         size_m=boxes.size_m,
         velocity_mps=boxes.velocity_mps,
         yaw_rate_radps=boxes.yaw_rate_radps,

@@ -56,8 +56,9 @@ class Moment:
         """Moment of a timeline."""
         catalog, frame = timeline.catalog, timeline.actors_at(stamp_ns)
         order = np.argsort(catalog.id, kind="stable")
-        pitch = np.where(catalog.tag == Tag.PEDESTRIAN, np.float32(0.0), frame.pitch_rad)
-        poses = ground_poses(frame.position_m, frame.heading_rad, pitch)
+        upright = catalog.tag == Tag.PEDESTRIAN
+        pitch, roll = (np.where(upright, np.float32(0.0), tilt) for tilt in (frame.pitch_rad, frame.roll_rad))
+        poses = ground_poses(frame.position_m, frame.heading_rad, pitch, roll)
         return cls(
             stamp_ns=stamp_ns,
             T_world_camera=T_world_camera,

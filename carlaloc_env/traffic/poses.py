@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.compiled import compiled
-from carlaloc_env.traffic.roads import Roads, put_point, sample
+from carlaloc_env.traffic.roads import Roads, bank_at, put_point, sample
 from carlaloc_env.traffic.state import PAST, PLAN, Drivers, Fleet
 
 Array = NDArray[np.float64]
@@ -40,8 +40,10 @@ def angle_of(y: float, x: float) -> float:
 
 
 @compiled
-def _path_point(roads: Roads, fleet: Fleet, v: int, ahead_m: float, aside_m: float, out: Array) -> float:
-    """Write a point of a vehicle's path to `out`, and return the path's curvature there [1/m].
+def _path_point(
+    roads: Roads, fleet: Fleet, v: int, ahead_m: float, aside_m: float, out: Array
+) -> tuple[float, float]:
+    """Write a point of a vehicle's path to `out`; give its curvature [1/m] and the road's rise to the left.
 
     Args:
         roads: The roads.
@@ -65,7 +67,8 @@ def _path_point(roads: Roads, fleet: Fleet, v: int, ahead_m: float, aside_m: flo
     put_point(roads, lane, station, aside_m, out)
     row, _ = sample(roads, lane, station)
     a, b = roads.row.tangent[row], roads.row.tangent[row + 1]
-    return float((a[0] * b[1] - a[1] * b[0]) / max(roads.lane.row_step_m[lane], 1e-3))
+    bend = (a[0] * b[1] - a[1] * b[0]) / max(roads.lane.row_step_m[lane], 1e-3)
+    return float(bend), bank_at(roads, lane, station)
 
 
 @compiled
@@ -77,24 +80,30 @@ def put_poses(
     position_m: Array,
     heading_rad: Array,
     pitch_rad: Array,
+    roll_rad: Array,
     steer_rad: Array,
     front: Array,
     rear: Array,
 ) -> None:
-    """Write centre on the ground [m] (N, 3), heading, pitch and steering angle [rad] (N,) of vehicles.
+    """Write centre on the ground [m] (N, 3), heading, pitch, roll and steering angle [rad] (N,) of vehicles.
 
-    Steering is that of a bicycle of the same wheelbase on the path's mean curvature. `front` and
-    `rear` are room for six numbers.
+    They lean as the road does below both axles, left side up positive. Steering is that of a bicycle of
+    the same wheelbase on the path's mean curvature. `front` and `rear` are room for six numbers.
     """
     for v in range(count):
         half = 0.5 * drivers.wheelbase_m[v]
         aside, drift = fleet.aside_m[v], fleet.drift[v]
-        bend = _path_point(roads, fleet, v, half, aside + drift * half, front)
-        bend += _path_point(roads, fleet, v, -half, aside - drift * half, rear)
+        bend, bank = _path_point(roads, fleet, v, half, aside + drift * half, front)
+        bend_behind, bank_behind = _path_point(roads, fleet, v, -half, aside - drift * half, rear)
+        bend += bend_behind
         dx, dy, dz = front[0] - rear[0], front[1] - rear[1], front[2] - rear[2]
         for k in range(3):
             position_m[v, k] = 0.5 * (front[k] + rear[k])
         heading_rad[v] = angle_of(dy, dx)
-        pitch_rad[v] = angle_of(dz, np.sqrt(dx * dx + dy * dy))
+        level = np.sqrt(dx * dx + dy * dy)
+        pitch_rad[v] = angle_of(dz, level)
+        # Across a slope along the heading, the same rise to the left is less of a turn.
+        cos_pitch = level / max(np.sqrt(level * level + dz * dz), 1e-9)
+        roll_rad[v] = angle_of(0.5 * (bank + bank_behind) * cos_pitch, 1.0)
         wheel = angle_of(half * bend, 1.0)
         steer_rad[v] = min(max(wheel, -0.7), 0.7)

@@ -70,6 +70,8 @@ class Samples:
     """World [m]."""
     tangent: Annotated[Array, 3]
     """Cosine and sine of the heading, and rise per metre."""
+    bank: Array
+    """Rise of the road per metre to the left of the lane's direction."""
     along_m: Array
     """Distance along the road's reference line from the lane's start [m]."""
     width_m: Array
@@ -139,6 +141,7 @@ def build_roads(network: LaneNetwork) -> Roads:
     samples = columns(Samples, len(tables.width_m))
     samples.position_m[...] = tables.position_m
     samples.tangent[...] = tables.tangent
+    samples.bank[...] = _banks(network)
     samples.along_m[...] = tables.along_m
     samples.width_m[...] = tables.width_m
     samples.allowed_mps[...] = allowed_speeds(network)
@@ -163,6 +166,15 @@ class _Links:
         self.junction = np.where(inside, [number[name] for name in names], -1).astype(np.int64)
         self.left = np.array([-1 if lane.left is None else lane.left for lane in lanes], np.int64)
         self.right = np.array([-1 if lane.right is None else lane.right for lane in lanes], np.int64)
+
+
+def _banks(network: LaneNetwork) -> Array:
+    """Rise per metre to the left at all samples: superelevation, lateral shape and heights of lanes."""
+    tables = network.tables
+    lane = np.repeat(np.arange(len(tables.count)), tables.count)
+    station = (np.arange(len(lane)) - tables.first[lane]) * tables.step_m[lane]
+    s = network.s_m(lane, station)
+    return np.where(network.forward[lane], 1.0, -1.0) * network.surface.lane_bank(lane, s)
 
 
 def _wide_until(network: LaneNetwork) -> Array:
@@ -254,6 +266,13 @@ def station_beside(roads: Roads, lane: int, station_m: float, other: int) -> flo
 
 
 @compiled
+def bank_at(roads: Roads, lane: int, station_m: float) -> float:
+    """Rise of the road per metre to the left of a lane's direction at a station."""
+    row, f = sample(roads, lane, station_m)
+    return float(roads.row.bank[row] * (1.0 - f) + roads.row.bank[row + 1] * f)
+
+
+@compiled
 def put_point(roads: Roads, lane: int, station_m: float, aside_m: float, out: Array) -> None:
     """Write a point of a lane and its direction to `out`: x, y, z [m], cos, sin, rise.
 
@@ -280,3 +299,4 @@ def put_point(roads: Roads, lane: int, station_m: float, aside_m: float, out: Ar
     out[4] /= norm
     out[0] -= aside_m * out[4]
     out[1] += aside_m * out[3]
+    out[2] += aside_m * bank_at(roads, lane, station_m)

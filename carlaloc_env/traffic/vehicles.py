@@ -88,6 +88,7 @@ class Vehicles:
         self._position_m = np.zeros((self.count, 3))
         self._heading_rad = np.zeros(self.count)
         self._pitch_rad = np.zeros(self.count)
+        self._roll_rad = np.zeros(self.count)
         self._steer_rad = np.zeros(self.count)
         self._lights = np.zeros(self.count, np.uint8)
 
@@ -150,8 +151,8 @@ class Vehicles:
         put_lights(self.tables.roads, self.fleet, self.count, self._lights)
         return self._lights.copy()
 
-    def poses(self) -> tuple[Array, Array, Array, Array]:
-        """Box centre on the ground [m] (N, 3), heading, pitch and steering angle [rad] (N,)."""
+    def poses(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Box centre on the ground [m] (N, 3), heading, pitch, roll and steering angle [rad] (N,)."""
         put_poses(
             self.tables.roads,
             self.drivers,
@@ -160,8 +161,9 @@ class Vehicles:
             self._position_m,
             self._heading_rad,
             self._pitch_rad,
+            self._roll_rad,
             self._steer_rad,
             np.empty(6),
             np.empty(6),
         )
-        return self._position_m, self._heading_rad, self._pitch_rad, self._steer_rad
+        return self._position_m, self._heading_rad, self._pitch_rad, self._roll_rad, self._steer_rad

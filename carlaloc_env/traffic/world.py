@@ -98,7 +98,7 @@ class TrafficWorld:
 
     def _frame(self) -> ActorFrame:
         fleet, people = self._vehicles.fleet, self._walkers.state
-        position, heading, pitch, steer = self._poses
+        position, heading, pitch, roll, steer = self._poses
         walker_position, walker_heading, walker_speed = self._walkers.poses()
         lights = self._vehicles.lights()
         none = np.zeros(len(walker_heading))
@@ -114,4 +114,5 @@ class TrafficWorld:
             travelled_m=f32(fleet.travelled_m[:-1], people.travelled_m),
             steer_rad=f32(steer, none),
             lights=np.concatenate([lights, none]).astype(np.uint8),
+            roll_rad=f32(roll, none),
         )

@@ -27,7 +27,7 @@ _RADAR_DTYPE = np.dtype(
 _OBJECT_DTYPE = np.dtype(
     [
         ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("length", "<f4"), ("width", "<f4"), ("height", "<f4"),
-        ("heading", "<f4"), ("pitch", "<f4"), ("vx", "<f4"), ("vy", "<f4"), ("vz", "<f4"),
+        ("heading", "<f4"), ("pitch", "<f4"), ("roll", "<f4"), ("vx", "<f4"), ("vy", "<f4"), ("vz", "<f4"),
         ("yaw_rate", "<f4"), ("visible", "<f4"), ("distance", "<f4"), ("label", "u1"), ("id", "<u4"),
     ]
 )  # fmt: skip
@@ -99,11 +99,8 @@ def object_table(maker: MessageParts, header: Message, sample: ObjectList) -> Me
     ):
         for axis, name in enumerate(names):
             rows[name] = values[:, axis]
-    rows["heading"], rows["pitch"], rows["yaw_rate"] = (
-        sample.heading_rad,
-        sample.pitch_rad,
-        sample.yaw_rate_radps,
-    )
+    rows["heading"], rows["pitch"], rows["roll"] = sample.heading_rad, sample.pitch_rad, sample.roll_rad
+    rows["yaw_rate"] = sample.yaw_rate_radps
     rows["visible"], rows["distance"] = sample.visible, sample.distance_m
     rows["label"], rows["id"] = sample.tag, sample.id
     return maker.table(header, rows)

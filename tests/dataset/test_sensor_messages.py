@@ -187,7 +187,7 @@ def two_objects() -> ObjectList:
     return ObjectList(
         sensor="objects", frame_id="world", stamp_ns=0, id=np.array([2**23 + 1, 2**23 + 2], np.uint32),
         tag=np.array([14, 12], np.uint8), position_m=np.array([[1.0, 2.0, 0.7], [5.0, 6.0, 0.9]]),
-        heading_rad=np.array([np.pi / 2, 0.0]), pitch_rad=np.array([0.0, 0.0]),
+        heading_rad=np.array([np.pi / 2, 0.0]), pitch_rad=np.array([0.0, 0.0]), roll_rad=np.array([0.0, 0.0]),
         size_m=np.array([[4.5, 1.8, 1.4], [0.6, 0.6, 1.8]]),
         velocity_mps=np.array([[0.0, 9.0, 0.0], [1.2, 0.0, 0.0]]), yaw_rate_radps=np.array([0.1, 0.0]),
         visible=np.array([0.5, np.nan]), distance_m=np.array([10.0, 130.0]),

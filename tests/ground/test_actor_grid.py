@@ -19,6 +19,7 @@ def frame(count: int, extent_m: float) -> ActorFrame:
         position_m=draw(-extent_m, extent_m, count, 3),
         heading_rad=draw(-7.0, 7.0, count),
         pitch_rad=draw(-0.3, 0.3, count),
+        roll_rad=draw(-0.3, 0.3, count),
         speed_mps=draw(-5.0, 60.0, count),
         travelled_m=draw(0.0, 20_000.0, count),
         steer_rad=draw(-0.7, 0.7, count),
@@ -35,6 +36,7 @@ def test_rounding_stays_within_half_a_step(extent_m: float) -> None:
     assert np.abs(np.exp(1j * turn) - 1.0).max() <= np.pi / 65536 + 1e-6
     assert np.abs(near.heading_rad).max() <= np.pi + 1e-6
     assert np.abs(near.pitch_rad - exact.pitch_rad).max() <= np.pi / 65536 + 1e-7
+    assert np.abs(near.roll_rad - exact.roll_rad).max() <= np.pi / 65536 + 1e-7
     assert np.abs(near.speed_mps - exact.speed_mps).max() <= 0.5 / 256
     assert np.abs(near.travelled_m - exact.travelled_m).max() <= 0.5 / 256
     assert near.lights.tolist() == exact.lights.tolist()

@@ -34,6 +34,7 @@ def frame(step: int) -> ActorFrame:
         travelled_m=np.array([15 * t, 0, 0], np.float32),
         steer_rad=zero,
         lights=np.full(COUNT, step % 7, np.uint8),
+        roll_rad=np.array([0, 0.1 - 0.2 * t, 0.05], np.float32),
     )
 
 
@@ -59,7 +60,7 @@ def test_headings_turn_the_short_way_round() -> None:
     """Across ±180° a plain mean would spin the car by half a turn."""
     timeline = drive(20)
     stamps = np.arange(0, 20 * STEP_NS, STEP_NS // 8)
-    _, heading, _ = timeline.actor_poses(1, stamps)
+    heading = timeline.actor_poses(1, stamps).heading_rad
     expected = 3.0 + 2 * stamps * 1e-9
     assert np.abs(np.angle(np.exp(1j * (heading - expected)))).max() < 1e-5
     single = [timeline.actors_at(int(s)).heading_rad[1] for s in stamps]

@@ -62,6 +62,7 @@ def frame_of(step: int, count: int) -> ActorFrame:
         position_m=rng.normal(0, 100, (count, 3)).astype(np.float32),
         heading_rad=rng.normal(size=count).astype(np.float32),
         pitch_rad=rng.normal(size=count).astype(np.float32),
+        roll_rad=rng.normal(size=count).astype(np.float32),
         speed_mps=rng.normal(size=count).astype(np.float32),
         travelled_m=rng.normal(size=count).astype(np.float32),
         steer_rad=rng.normal(size=count).astype(np.float32),

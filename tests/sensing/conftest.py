@@ -133,7 +133,11 @@ class Scenery:
 
     @staticmethod
     def frame(
-        position_m: ArrayLike, heading_rad: ArrayLike, speed_mps: ArrayLike = 0.0, pitch_rad: ArrayLike = 0.0
+        position_m: ArrayLike,
+        heading_rad: ArrayLike,
+        speed_mps: ArrayLike = 0.0,
+        pitch_rad: ArrayLike = 0.0,
+        roll_rad: ArrayLike = 0.0,
     ) -> ActorFrame:
         """State of all actors at one instant."""
         position = np.asarray(position_m, np.float32)
@@ -150,6 +154,7 @@ class Scenery:
             travelled_m=row(0.0),
             steer_rad=row(0.0),
             lights=np.zeros(count, np.uint8),
+            roll_rad=row(roll_rad),
         )
 
     @classmethod

@@ -81,8 +81,8 @@ def test_flow_is_the_projection_of_the_points_a_period_later(world: Any, scenery
     world_m = geometry.apply(now, seen)
     place = [drive.actor_poses(0, np.array([t])) for t in (stamp, stamp + STEP_NS)]
     car = [
-        geometry.transform(p[0], geometry.rpy_to_quat(0.0, -pitch[0], heading[0]))
-        for p, heading, pitch in place
+        geometry.transform(p[0], geometry.rpy_to_quat(roll[0], -pitch[0], heading[0]))
+        for p, heading, pitch, roll in place
     ]
     is_car, is_ego = ids == EGO_INSTANCE + 1, ids == EGO_INSTANCE
     world_m[is_car] = geometry.apply(car[1] @ geometry.invert(car[0]), world_m[is_car])

@@ -68,11 +68,12 @@ def test_moving_turning_climbing_cars(
     count = len(start)
     heading, rate = rng.uniform(-np.pi, np.pi, count), rng.uniform(-0.5, 0.5, count)
     speed, pitch = rng.uniform(0, 20, count), rng.uniform(-0.1, 0.1, count)
+    roll = np.random.default_rng(5).uniform(-0.1, 0.1, count)
 
     def frame_at(t: float) -> Any:
         along = np.stack([np.cos(heading), np.sin(heading), 0 * heading], axis=-1)
         turned = geometry.wrap_angle(heading + rate * t)
-        return scenery.frame(start + (speed * t)[:, None] * along, turned, speed, pitch)
+        return scenery.frame(start + (speed * t)[:, None] * along, turned, speed, pitch, roll)
 
     catalog = scenery.catalog(["saloon"] * count)
     drive = scenery.drive(scenery.straight(ego_speed), 0.2, catalog, frame_at)
@@ -88,7 +89,9 @@ def test_moving_turning_climbing_cars(
     for k in range(count):
         position = a.position_m[k] + f[:, None] * (b.position_m[k].astype(float) - a.position_m[k])
         yaw = a.heading_rad[k] + f * geometry.wrap_angle(float(b.heading_rad[k]) - float(a.heading_rad[k]))
-        back = geometry.quat_conjugate(geometry.rpy_to_quat(0.0, -float(a.pitch_rad[k]), yaw))
+        back = geometry.quat_conjugate(
+            geometry.rpy_to_quat(float(a.roll_rad[k]), -float(a.pitch_rad[k]), yaw)
+        )
         r = box_range(
             geometry.quat_rotate(back, origins - position), geometry.quat_rotate(back, d), CAR_LOW, CAR_HIGH
         )
@@ -131,11 +134,11 @@ def test_fast_car_is_hit_up_to_its_bumpers(scenery: Any) -> None:
 
 
 def test_actor_pose_is_the_cameras_pose(scenery: Any) -> None:
-    """LiDAR and camera put the same car at the same place: position, heading, nose up."""
+    """LiDAR and camera put the same car at the same place: position, heading, nose up, left side up."""
     from carlaloc_env.assets.placing import place_actors
 
     library = ModelLibrary({"saloon": scenery.box(CAR_LOW, CAR_HIGH)})
-    frame = scenery.frame([[4, 5, 6], [-7, 8, 1]], [0.7, -2.5], pitch_rad=[0.2, -0.1])
+    frame = scenery.frame([[4, 5, 6], [-7, 8, 1]], [0.7, -2.5], pitch_rad=[0.2, -0.1], roll_rad=[-0.1, 0.3])
     T = place_actors(scenery.catalog(["saloon", "saloon"]), frame, library).T_world_model
     points = np.random.default_rng(0).normal(size=(2, 3))
     seen = raycast.into_actor_frame(
@@ -143,6 +146,7 @@ def test_actor_pose_is_the_cameras_pose(scenery: Any) -> None:
         np.ones((2, 3)),
         frame.heading_rad.astype(float),
         frame.pitch_rad.astype(float),
+        frame.roll_rad.astype(float),
     )
     assert np.allclose(seen[:, :3], points, atol=1e-6)
 

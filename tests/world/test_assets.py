@@ -229,6 +229,7 @@ def actors() -> tuple[ActorCatalog, ActorFrame]:
         position_m=rng.normal(0, 50, (count, 3)).astype(np.float32),
         heading_rad=rng.uniform(-3, 3, count).astype(np.float32),
         pitch_rad=rng.uniform(-0.1, 0.1, count).astype(np.float32),
+        roll_rad=np.linspace(-0.1, 0.1, count).astype(np.float32),
         speed_mps=np.array([9, 1.4, 0, 0, 1.2, 4], np.float32),
         travelled_m=np.array([100, 37.3, 5, 3, 12.9, 8], np.float32),
         steer_rad=np.zeros(count, np.float32),
@@ -244,7 +245,11 @@ def test_placing_equals_a_calculation_by_hand(library: ModelLibrary) -> None:
         walker = name in WALKERS
         yaw, pitch = float(frame.heading_rad[k]), 0.0 if walker else float(frame.pitch_rad[k])
         nose = (math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), math.sin(pitch))
-        left = (-math.sin(yaw), math.cos(yaw), 0.0)
+        roll = 0.0 if walker else float(frame.roll_rad[k])
+        level, up = np.array([-math.sin(yaw), math.cos(yaw), 0.0]), np.array([0.0, 0.0, 1.0])
+        # Left of the nose and as high as the roll says.
+        left = math.cos(roll) * level + math.sin(roll) * np.cross(nose, level)
+        assert walker or left @ up == pytest.approx(math.sin(roll) * math.cos(pitch))
         T = placed.T_world_model[k]
         np.testing.assert_allclose(T[:3, 0], nose, atol=1e-12)
         np.testing.assert_allclose(T[:3, 1], left, atol=1e-12)

@@ -106,6 +106,15 @@ class RoadSurface:
         h, slope = 0.5 * (inner + outer), 0.5 * (inner_slope + outer_slope)
         return self.curve(self.edges.road[lane], s_m, centre, h, slope)
 
+    def lane_bank(self, lane: Index, s_m: Array) -> Array:
+        """Rise per metre to the left, across lanes at their middles: tilt, shape and lane heights, (M,)."""
+        road = self.edges.road[lane]
+        inner, outer, _, _ = self.edges.heights(lane, s_m)
+        width = np.maximum(self.edges.width(lane, s_m), 0.05)
+        own = self.edges.side[lane] * (outer - inner) / width
+        shape = self._shape(road, s_m, self.edges.centre(lane, s_m).t_m)[2]
+        return np.tan(self.tilt_rad(road, s_m) + np.arctan(shape + own))
+
     def tilt_rad(self, road: Index, s_m: Array) -> Array:
         """Superelevation [rad], left side up positive, (M,)."""
         return self._tilt.evaluate(road, s_m)[0]
