@@ -1,4 +1,4 @@
-"""Kernel of the event camera: the signal of a pixel near edges of depth, looked for on its own."""
+"""Kernel of the event camera: the signal of pixels near edges of depth, looked for at every sample."""
 
 from __future__ import annotations
 
@@ -8,25 +8,32 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.compiled import compiled
-from carlaloc_env.sensors.event_crossing import any_crosses, fire_levels
-from carlaloc_env.sensors.event_sampling import sample
-from carlaloc_env.sensors.event_tiles import CHUNK, STEPS_MAX
-from carlaloc_env.sensors.pixel_motion import TILE_PX, bilinear
-from carlaloc_env.sensors.pixel_ways import (
-    BOTH,
-    NOWHERE,
-    SECOND,
-    comes_over,
-    mixed,
-    over_place,
-    range_along,
-    sources,
+from carlaloc_env.sensors.event_crossing import fire_bits
+from carlaloc_env.sensors.event_lanes import LANES
+from carlaloc_env.sensors.event_sampling import LEVEL, U, V, arrive
+from carlaloc_env.sensors.event_search import (
+    AT,
+    FIRST_WAY,
+    HELD,
+    KNOWN,
+    MENDED,
+    OVER_WAY,
+    OWN,
+    SECOND_WAY,
+    STEP,
+    THROUGH,
+    WHEN,
+    cover,
+    decide,
+    fill,
+    go_on,
+    mend,
+    search,
+    see,
 )
+from carlaloc_env.sensors.event_tiles import STEPS_MAX
 
-CHUNK_BEHIND = 4
-"""Samples between two places that are looked for, where something passes in front."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
-_HIDDEN = 4
 
 
 @compiled
@@ -35,170 +42,94 @@ def fire_alone(
     fields: Any,
     noise: Any,
     numbers: Any,
-    on: Any,
-    off: Any,
-    y: int,
-    x: int,
-    levels: Any,
-    memory: Any,
+    row: int,
+    column: int,
+    lanes: Any,
+    marks: Any,
     out_t: Any,
     out_code: Any,
-) -> Any:
-    """Events of one pixel; the memory afterwards, as in `fire_levels`.
-
-    Its way is straight from one place that is looked for to the next, as long as both are of the same
-    kind; where they are not, the moment of the change is looked for by halves.
-    """
-    before, after, ranges_before, ranges_after = pictures
+) -> None:
+    """Events of sixteen pixels of a tile where surfaces hide each other."""
+    before, after, _, _ = pictures
     forward, backward, passing = fields
-    span_us, refractory_us, leaks, step_px = numbers
-    height, width = before.shape
-    flat_before, flat_after = before.reshape(height * width), after.reshape(height * width)
-    drift = leaks * on
-    pixel = y * width + x
-    over = passing[y // TILE_PX, x // TILE_PX]
-    steps, through = _steps(forward[y, x], backward[y, x], over, step_px)
-    sample_us = np.float64(span_us) / np.float64(steps)
-    upper, lower = memory[0] + on, memory[0] - off
-    u, v, per_step = np.float32(x), np.float32(y), _ONE / np.float32(steps)
-    slope = drift * per_step
-    earlier, final = before[y, x], after[y, x]
-    # Slopes of both ways, per sample: first as if all were one surface, then as found.
-    dax, day = backward[y, x, 0] * per_step, backward[y, x, 1] * per_step
-    dbx, dby = -forward[y, x, 0] * per_step, -forward[y, x, 1] * per_step
-    px, py, qx, qy, was = u, v, u + forward[y, x, 0], v + forward[y, x, 1], NOWHERE
-    hx, hy = u, v
+    span_us, refractory_us, _, step_px = numbers
+    height, width = np.int32(before.shape[0]), np.int32(before.shape[1])
+    flat_before, flat_after = before.reshape(before.size), after.reshape(after.size)
+    flat_forward, flat_backward = forward.reshape(forward.size), backward.reshape(backward.size)
+    over = passing[row, column]
+    steps, through = _begin(forward, backward, over, step_px, lanes)
+    per_step, sample_us = _ONE / np.float32(steps), np.float64(span_us) / np.float64(steps)
     if steps > 1:
-        px, py, qx, qy, was = sources(forward, backward, u, v, _ZERO, px, py, qx, qy)
-    narrow = 0
-    k, stop = 0, _next_stop(forward, over, u, v, 0, steps, through)
-    while k < steps:
-        far = np.float32(stop - k)
-        s = np.float32(stop) * per_step
-        ax, ay, bx, by, kind = u, v, u, v, was
-        ox, oy = u, v
-        if steps > 1:
-            ax, ay, bx, by, kind = sources(
-                forward, backward, u, v, s, px + far * dax, py + far * day, qx + far * dbx, qy + far * dby
-            )
-            found = kind
-            if through:
-                behind, ox, oy = over_place(forward, backward, over, u, v, s, ax, ay, bx, by, kind)
-                kind = _HIDDEN if behind else kind
-        else:
-            found = NOWHERE
-        if kind != was and stop - k > 1:
-            narrow = (stop - k) >> 1
-            stop = k + narrow
-            continue
-        share = _ONE / far
-        sx, sy, tx, ty = px, py, qx, qy
-        if kind == _HIDDEN:
-            sx, sy = hx, hy
-        ex, ey = (ox, oy) if kind == _HIDDEN else (ax, ay)
-        begin, count = k, stop - k
-        dax, day, dbx, dby = (ax - px) * share, (ay - py) * share, (bx - qx) * share, (by - qy) * share
-        px, py, qx, qy, hx, hy = ax, ay, bx, by, ox, oy
-        straight = kind == was and kind != NOWHERE
-        was, k = kind, stop
-        # Between a place of this kind and one of another known to come, the change is looked for by halves.
-        narrow = max(narrow >> 1, min(narrow, 1)) if straight else 0
-        stop = k + narrow if narrow > 0 else _next_stop(forward, over, u, v, k, steps, through)
-        start = earlier
-        if not straight:
-            # One sample at a change of kind, or nothing to be seen.
-            if kind == _HIDDEN:
-                earlier = bilinear(before, ox, oy)
-            else:
-                earlier = mixed(before, after, found, s, ax, ay, bx, by, earlier)
-            for f in range(count):
-                levels[f] = earlier + slope * np.float32(begin + f + 1)
-        else:
-            low, high = earlier, earlier
-            if kind != SECOND:
-                low, high = range_along(ranges_before, sx, sy, ex, ey, low, high)
-            if kind in (BOTH, SECOND):
-                low, high = range_along(ranges_after, tx, ty, bx, by, low, high)
-            if k == steps:
-                low, high = min(low, final), max(high, final)
-            more, grows, flat = _ZERO, _ZERO, flat_before
-            ix, iy, jx, jy = sx, sy, ex, ey
-            end = _ZERO
-            if kind == BOTH:
-                first, second = bilinear(before, ex, ey), bilinear(after, bx, by)
-                end = (_ONE - s) * first + s * second
-            if high + drift < upper and low > lower:
-                earlier = (
-                    end
-                    if kind == BOTH
-                    else bilinear(after, bx, by)
-                    if kind == SECOND
-                    else bilinear(before, ex, ey)
-                )
-                continue
-            if kind == SECOND or (kind == BOTH and begin + k > steps):
-                flat, ix, iy, jx, jy = flat_after, tx, ty, bx, by
-            if kind == BOTH:
-                own_begin, own_end = bilinear(before, ix, iy), first
-                if begin + k > steps:
-                    own_begin, own_end = bilinear(after, ix, iy), second
-                more = earlier - own_begin
-                grows = (end - own_end - more) * share
-            sample(
-                flat,
-                np.int32(width),
-                np.int32(height),
-                ix,
-                iy,
-                share * (jx - ix),
-                share * (jy - iy),
-                more + slope * np.float32(begin),
-                grows + slope,
-                levels,
-            )
-            earlier = levels[count - 1] - slope * np.float32(k)
-        if k == steps:
-            levels[count - 1] = final + drift
-        if any_crosses(levels, count, upper, lower):
-            memory = fire_levels(
-                noise,
-                refractory_us,
-                span_us,
-                sample_us,
-                on,
-                off,
-                pixel,
-                begin,
-                count,
-                levels,
-                start + slope * np.float32(begin),
-                memory,
-                out_t,
-                out_code,
-            )
-            upper, lower = memory[0] + on, memory[0] - off
-    return memory
+        fill(np.int32(SECOND_WAY + WHEN), _ONE, lanes)
+        search(flat_backward, width, height, SECOND_WAY, lanes)
+        decide(_ZERO, lanes)
+    for k in range(1, steps):
+        s = np.float32(k) * per_step
+        fill(np.int32(FIRST_WAY + WHEN), s, lanes)
+        fill(np.int32(SECOND_WAY + WHEN), _ONE - s, lanes)
+        # What was lost is sought by turns where it led last, and as the pixel itself moves.
+        for way in (FIRST_WAY, SECOND_WAY):
+            go_on(np.int32(way), np.float32(k & 1), lanes)
+        search(flat_forward, width, height, FIRST_WAY, lanes)
+        search(flat_backward, width, height, SECOND_WAY, lanes)
+        decide(s, lanes)
+        if through:
+            _search_over(flat_forward, width, height, np.float32(1.25) * over[3], s, lanes)
+            cover(lanes)
+        bits = see(flat_before, flat_after, width, height, s, lanes)
+        if bits != 0:
+            fire_bits(bits, noise, span_us, refractory_us, k - 1, sample_us, lanes, marks, out_t, out_code)
+    bits = arrive(lanes)
+    if bits != 0:
+        fire_bits(bits, noise, span_us, refractory_us, steps - 1, sample_us, lanes, marks, out_t, out_code)
 
 
 @compiled
-def _next_stop(forward: Any, over: Any, u: Any, v: Any, k: int, steps: int, through: bool) -> int:
-    """Sample at which a pixel is looked for next: soon where something seems to pass in front."""
-    if not through:
-        return min(k + CHUNK, steps)
-    stop = min(k + CHUNK_BEHIND, steps)
-    for ahead in range(k + CHUNK_BEHIND, min(k + CHUNK, steps) + 1, CHUNK_BEHIND):
-        if comes_over(forward, over, u, v, np.float32(ahead) / np.float32(steps)):
-            break
-        stop = ahead
-    return stop
+def _begin(forward: Any, backward: Any, over: Any, step_px: Any, lanes: Any) -> Any:
+    """Places at the beginning; number of samples, and whether something nearer passes over a pixel.
 
-
-@compiled
-def _steps(ahead: Any, back: Any, over: Any, step_px: Any) -> Any:
-    """Number of samples of a pixel, and whether something nearer passes that neither picture shows there."""
-    length = max(max(abs(ahead[0]), abs(ahead[1])), max(abs(back[0]), abs(back[1])))
-    own = min(min(ahead[3], ahead[3] * ahead[2]), min(back[3], back[3] * back[2]))
-    through = over[3] > 0 and min(over[3], over[3] * over[2]) < np.float32(0.8) * own
+    That is something which neither picture shows there.
+    """
+    height, width = forward.shape[0], forward.shape[1]
+    length, through = _ZERO, False
+    for lane in range(LANES):
+        x = min(int(lanes[U * LANES + lane]), width - 1)
+        y = min(int(lanes[V * LANES + lane]), height - 1)
+        ahead, back = forward[y, x], backward[y, x]
+        length = max(length, max(max(abs(ahead[0]), abs(ahead[1])), max(abs(back[0]), abs(back[1]))))
+        own = min(min(ahead[3], ahead[3] * ahead[2]), min(back[3], back[3] * back[2]))
+        crossed = over[3] > 0 and min(over[3], over[3] * over[2]) < np.float32(0.8) * own
+        through = through or crossed
+        lanes[THROUGH * LANES + lane] = np.float32(crossed)
+        lanes[(OVER_WAY + KNOWN) * LANES + lane] = np.float32(crossed)
+        lanes[HELD * LANES + lane] = lanes[LEVEL * LANES + lane]
+        for part in range(2):
+            at = lanes[(U if part == 0 else V) * LANES + lane]
+            lanes[(FIRST_WAY + AT + part) * LANES + lane] = at
+            lanes[(SECOND_WAY + AT + part) * LANES + lane] = at + ahead[part]
+            lanes[(FIRST_WAY + STEP + part) * LANES + lane] = back[part]
+            lanes[(SECOND_WAY + STEP + part) * LANES + lane] = -ahead[part]
+        for part in range(3):
+            lanes[(FIRST_WAY + OWN + part) * LANES + lane] = ahead[part]
+            lanes[(SECOND_WAY + OWN + part) * LANES + lane] = back[part]
+            lanes[(OVER_WAY + OWN + part) * LANES + lane] = over[part]
+        lanes[(FIRST_WAY + KNOWN) * LANES + lane] = _ONE
+        lanes[(SECOND_WAY + KNOWN) * LANES + lane] = _ONE
     if through:
         length = max(length, max(abs(over[0]), abs(over[1])))
-    return min(max(math.ceil(length / step_px), 1), STEPS_MAX), through
+    steps = min(max(math.ceil(length / step_px), 1), STEPS_MAX)
+    for part in range(STEP, STEP + 2):
+        for lane in range(LANES):
+            lanes[(FIRST_WAY + part) * LANES + lane] /= np.float32(steps)
+            lanes[(SECOND_WAY + part) * LANES + lane] /= np.float32(steps)
+    return steps, through
+
+
+@compiled
+def _search_over(field: Any, width: Any, height: Any, nearest: Any, s: Any, lanes: Any) -> None:
+    """Look for what passes in front, in the first picture, where its own motion says."""
+    fill(np.int32(OVER_WAY + WHEN), s, lanes)
+    go_on(np.int32(OVER_WAY), np.float32(2), lanes)
+    for _ in range(MENDED):
+        if mend(field, width, height, np.int32(OVER_WAY), nearest, lanes) == 0:
+            break

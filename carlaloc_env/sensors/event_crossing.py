@@ -1,4 +1,8 @@
-"""Kernels of the event camera: when a pixel's signal makes it fire."""
+"""Kernels of the event camera: when the signal of sixteen pixels makes them fire.
+
+Beside the numbers of `event_sampling` they keep whole ones, `LANES` in a row: times of the last
+events [µs], the next noise events, and the pixels' indices.
+"""
 
 from __future__ import annotations
 
@@ -8,100 +12,209 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.compiled import compiled
+from carlaloc_env.sensors.event_lanes import LANES
+from carlaloc_env.sensors.event_sampling import (
+    DRIFT,
+    EARLIER,
+    FINAL,
+    LEVEL,
+    LOWER,
+    OFF,
+    ON,
+    REFERENCE,
+    UPPER,
+    gather,
+    lowest,
+    ready,
+    scatter,
+)
+from carlaloc_env.sensors.pixel_motion import TILE_PX
 
 NEVER_US = -(1 << 30)
 """Time of the last event of a pixel that has had none [µs]."""
+LAST, SHOT, COUNT = 0, 1, 2
+"""Rows of whole numbers. The last one: number of events so far, next noise event, whether one is of these
+pixels, index of the first pixel, pixels in a row of the picture."""
+EVENTS, NEXT_SHOT, NOISY, PIXEL, WIDTH = 0, 1, 2, 3, 4
+PIXEL_ROWS = LANES // TILE_PX
+"""Rows of pixels in sixteen of a tile."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
 @compiled
-def any_crosses(levels: Any, count: int, upper: Any, lower: Any) -> bool:
-    """Whether any of the first levels reaches one of two bounds."""
-    hits = np.int32(0)
-    for f in range(count):
-        hits |= np.int32(levels[f] >= upper) | np.int32(levels[f] <= lower)
-    found: bool = hits != 0
-    return found
+def take_up(
+    pictures: Any, device: Any, noise: Any, leaks: Any, corners: Any, row: int, lanes: Any, marks: Any
+) -> None:
+    """Begin with sixteen pixels of a tile, from one of its rows on; those beyond its edge never fire."""
+    before, after, _, _ = pictures
+    ons, offs, references, last_in, _, _ = device
+    y0, x0, y1, x1 = corners
+    width = before.shape[1]
+    first = row * width + x0
+    second = first + width
+    whole = x1 - x0 == TILE_PX - 1 and row < y1
+    if whole:
+        gather(ons.reshape(ons.size), first, second, np.int32(ON), lanes)
+        gather(offs.reshape(offs.size), first, second, np.int32(OFF), lanes)
+        gather(references.reshape(references.size), first, second, np.int32(REFERENCE), lanes)
+        gather(before.reshape(before.size), first, second, np.int32(LEVEL), lanes)
+        gather(after.reshape(after.size), first, second, np.int32(FINAL), lanes)
+        for lane in range(TILE_PX):
+            marks[LAST, lane] = last_in[row, x0 + lane]
+            marks[LAST, TILE_PX + lane] = last_in[row + 1, x0 + lane]
+    else:
+        for lane in range(LANES):
+            y, x = min(row + lane // TILE_PX, y1), min(x0 + lane % TILE_PX, x1)
+            lanes[ON * LANES + lane], lanes[OFF * LANES + lane] = ons[y, x], offs[y, x]
+            lanes[REFERENCE * LANES + lane] = references[y, x]
+            lanes[LEVEL * LANES + lane], lanes[FINAL * LANES + lane] = before[y, x], after[y, x]
+            marks[LAST, lane] = last_in[y, x]
+    along, down = _ONE / np.float32(max(x1 - x0, 1)), _ONE / np.float32(max(y1 - y0, 1))
+    top = np.float32(row - y0) * down
+    ready(np.float32(x0), np.float32(row), along, down, top, leaks, lanes)
+    if not whole:
+        for lane in range(LANES):
+            if row + lane // TILE_PX > y1 or x0 + lane % TILE_PX > x1:
+                lanes[UPPER * LANES + lane] = np.float32(np.inf)
+                lanes[LOWER * LANES + lane] = np.float32(-np.inf)
+    marks[COUNT, PIXEL], marks[COUNT, WIDTH] = first, width
+    _take_noise(noise[0], corners, row, marks)
 
 
 @compiled
-def fire_levels(
+def _take_noise(pixels: Any, corners: Any, row: int, marks: Any) -> None:
+    """Find the noise events of sixteen pixels."""
+    _, x0, y1, x1 = corners
+    width, shot, count = marks[COUNT, WIDTH], marks[COUNT, NEXT_SHOT], len(pixels)
+    marks[COUNT, NOISY] = 0
+    if shot >= count:
+        return
+    y, x = pixels[shot] // width, pixels[shot] % width
+    if y < row or y >= row + PIXEL_ROWS or x < x0 or x > x1:
+        return
+    marks[COUNT, NOISY] = 1
+    for lane in range(LANES):
+        marks[SHOT, lane] = count
+        y, x = row + lane // TILE_PX, x0 + lane % TILE_PX
+        if y <= y1 and x <= x1 and shot < count and pixels[shot] == y * width + x:
+            marks[SHOT, lane] = shot
+            while shot < count and pixels[shot] == y * width + x:
+                shot += 1
+    marks[COUNT, NEXT_SHOT] = shot
+
+
+@compiled
+def put_down(
+    device: Any,
     noise: Any,
-    refractory_us: int,
     span_us: int,
-    sample_us: float,
-    on: Any,
-    off: Any,
-    pixel: int,
-    begin: int,
-    count: int,
-    levels: Any,
-    earlier: Any,
-    memory: Any,
+    refractory_us: int,
+    corners: Any,
+    row: int,
+    lanes: Any,
+    marks: Any,
     out_t: Any,
     out_code: Any,
-) -> Any:
-    """Events of a pixel whose signal passes through levels, at the samples after `begin`.
+) -> None:
+    """Leave sixteen pixels at the end of the span: their last noise, and what they remember."""
+    reference_out, last_out = device[4], device[5]
+    _, x0, y1, x1 = corners
+    if marks[COUNT, NOISY] != 0:
+        for lane in range(LANES):
+            if marks[SHOT, lane] < len(noise[0]):
+                _shots_until(noise, refractory_us, lane, span_us, marks, out_t, out_code)
+    if x1 - x0 == TILE_PX - 1 and row < y1:
+        first = marks[COUNT, PIXEL]
+        scatter(lanes, reference_out.reshape(reference_out.size), first, first + reference_out.shape[1])
+        for lane in range(TILE_PX):
+            last_out[row, x0 + lane] = max(marks[LAST, lane] - span_us, NEVER_US)
+            last_out[row + 1, x0 + lane] = max(marks[LAST, TILE_PX + lane] - span_us, NEVER_US)
+        return
+    for lane in range(LANES):
+        y, x = row + lane // TILE_PX, x0 + lane % TILE_PX
+        if y <= y1 and x <= x1:
+            reference_out[y, x] = lanes[REFERENCE * LANES + lane] - lanes[DRIFT * LANES + lane]
+            last_out[y, x] = max(marks[LAST, lane] - span_us, NEVER_US)
+
+
+@compiled
+def fire_bits(
+    bits: int,
+    noise: Any,
+    span_us: int,
+    refractory_us: int,
+    begin: int,
+    sample_us: float,
+    lanes: Any,
+    marks: Any,
+    out_t: Any,
+    out_code: Any,
+) -> None:
+    """Events of those of sixteen pixels whose signal has just reached a threshold.
 
     Args:
+        bits: The pixels.
         noise: Noise events in the order of pixels: pixel, time [µs], polarity, first of each row of tiles.
-        refractory_us: Shortest time between two events [µs].
         span_us: Length of the span [µs].
+        refractory_us: Shortest time between two events [µs].
+        begin: Number of the sample before this one.
         sample_us: Time between two samples [µs].
-        on: Threshold of positive events.
-        off: Threshold of negative events.
-        pixel: Index of the pixel.
-        begin: Sample before the first level.
-        count: Number of levels.
-        levels: Signal, one number a sample.
-        earlier: Signal at sample `begin`.
-        memory: Level of the last event, its time, next noise event, number of events so far.
+        lanes: Numbers of the pixels, see `event_sampling`.
+        marks: Whole numbers of the pixels.
         out_t: Times of the events [µs].
         out_code: Pixel and polarity of the events.
-
-    Returns:
-        The memory afterwards.
     """
-    reference, last, shot, filled = memory
-    upper, lower = reference + on, reference - off
-    noisy = shot < len(noise[0]) and noise[0][shot] == pixel
-    for f in range(count):
-        level = levels[f]
+    while bits != 0:
+        lane = lowest(np.int32(bits))
+        bits &= bits - 1
+        level, earlier = lanes[LEVEL * LANES + lane], lanes[EARLIER * LANES + lane]
+        on, off = lanes[ON * LANES + lane], lanes[OFF * LANES + lane]
+        upper, lower = lanes[UPPER * LANES + lane], lanes[LOWER * LANES + lane]
+        reference = lanes[REFERENCE * LANES + lane]
+        rise = level - earlier
+        noisy = marks[COUNT, NOISY] != 0 and marks[SHOT, lane] < len(noise[0])
         while level >= upper or level <= lower:
             positive = level >= upper
             reference = upper if positive else lower
             upper, lower = reference + on, reference - off
-            rise = level - earlier
             part = (reference - earlier) / rise if rise != _ZERO else _ONE
             part = min(max(part, _ZERO), _ONE)
-            t: Any = min(max(np.int64(math.ceil((begin + f + np.float64(part)) * sample_us)), 1), span_us)
+            t: Any = min(max(np.int64(math.ceil((begin + np.float64(part)) * sample_us)), 1), span_us)
             if noisy:
-                _, last, shot, filled = shots_until(
-                    noise, refractory_us, pixel, t, (reference, last, shot, filled), out_t, out_code
-                )
-            if t - last >= refractory_us:
-                last = t
-                if filled < len(out_t):
-                    out_t[filled] = t
-                    out_code[filled] = (pixel << 1) | positive
-                filled += 1
-        earlier = level
-    return reference, last, shot, filled
+                _shots_until(noise, refractory_us, lane, t, marks, out_t, out_code)
+            if t - marks[LAST, lane] >= refractory_us:
+                _note(lane, t, positive, marks, out_t, out_code)
+        lanes[REFERENCE * LANES + lane] = reference
+        lanes[UPPER * LANES + lane], lanes[LOWER * LANES + lane] = upper, lower
 
 
 @compiled
-def shots_until(
-    noise: Any, refractory_us: int, pixel: int, t: int, memory: Any, out_t: Any, out_code: Any
-) -> Any:
+def pixel_of(lane: int, marks: Any) -> int:
+    """Index of one of the sixteen pixels in its picture."""
+    pixel: int = marks[COUNT, PIXEL] + lane // TILE_PX * marks[COUNT, WIDTH] + lane % TILE_PX
+    return pixel
+
+
+@compiled
+def _note(lane: int, t: int, positive: bool, marks: Any, out_t: Any, out_code: Any) -> None:
+    """Keep an event, if there is room for it; count it in any case."""
+    count = marks[COUNT, EVENTS]
+    marks[LAST, lane] = t
+    if count < len(out_t):
+        out_t[count] = t
+        out_code[count] = (pixel_of(lane, marks) << 1) | positive
+    marks[COUNT, EVENTS] = count + 1
+
+
+@compiled
+def _shots_until(
+    noise: Any, refractory_us: int, lane: int, t: int, marks: Any, out_t: Any, out_code: Any
+) -> None:
     """Noise events of a pixel up to a time [µs]."""
     shot_pixel, shot_t, shot_positive, _ = noise
-    reference, last, shot, count = memory
-    while shot < len(shot_pixel) and shot_pixel[shot] == pixel and shot_t[shot] <= t:
-        if shot_t[shot] - last >= refractory_us:
-            last = np.int64(shot_t[shot])
-            if count < len(out_t):
-                out_t[count] = last
-                out_code[count] = (pixel << 1) | shot_positive[shot]
-            count += 1
+    shot = marks[SHOT, lane]
+    while shot < len(shot_pixel) and shot_pixel[shot] == pixel_of(lane, marks) and shot_t[shot] <= t:
+        if shot_t[shot] - marks[LAST, lane] >= refractory_us:
+            _note(lane, shot_t[shot], shot_positive[shot], marks, out_t, out_code)
         shot += 1
-    return reference, last, shot, count
+    marks[SHOT, lane] = shot

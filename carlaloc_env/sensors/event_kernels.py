@@ -1,21 +1,19 @@
 """Kernel of the event camera: all pixels of a band of rows between two pictures.
 
-A pixel's signal is sampled at every `step_px` of motion. Where it comes from in both pictures is
-looked for at the ends of chunks of samples; in between it moves straight on. In smooth tiles that
-is done for the four corners only. Chunks whose surroundings hold no intensity beyond the pixel's
-thresholds are passed over.
+A pixel's signal is sampled at every `step_px` of motion, sixteen pixels of a tile at once. Where it
+comes from in both pictures is looked for at every sample near edges of depth; in smooth tiles that
+is done for the four corners only, at the ends of chunks of samples.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from carlaloc_env.compiled import compiled
 from carlaloc_env.sensors.event_alone import fire_alone
-from carlaloc_env.sensors.event_crossing import NEVER_US, shots_until
-from carlaloc_env.sensors.event_signal import fire_tile
+from carlaloc_env.sensors.event_crossing import COUNT, EVENTS, NEXT_SHOT, PIXEL_ROWS, put_down, take_up
+from carlaloc_env.sensors.event_sampling import reaches
+from carlaloc_env.sensors.event_signal import fire_smooth
 from carlaloc_env.sensors.event_tiles import tile_bounds, tile_knots, tile_steps
 from carlaloc_env.sensors.pixel_motion import TILE_PX
 
@@ -40,48 +38,27 @@ def fire_rows(
     """
     before, _, ranges_before, ranges_after = pictures
     passing = fields[2]
-    reference_in, last_in, reference_out, last_out = device[2:]
     span_us, refractory_us, leaks, step_px = numbers
-    knots, bounds, levels = scratch
+    knots, bounds, lanes, marks = scratch
     height, width = before.shape
-    count = 0
     for row in range(first // TILE_PX, (end + TILE_PX - 1) // TILE_PX):
-        shot = noise[3][row]
+        marks[COUNT, NEXT_SHOT] = noise[3][row]
         for column in range(passing.shape[1]):
             y0, x0 = row * TILE_PX, column * TILE_PX
             y1, x1 = min(y0 + TILE_PX, height) - 1, min(x0 + TILE_PX, width) - 1
+            corners = (y0, x0, y1, x1)
             steps = tile_steps(fields, row, column, y0, x0, y1, x1, step_px)
-            if steps > 1 and not tile_knots(fields, y0, x0, y1, x1, steps, knots, bounds):
+            if steps > 1 and not tile_knots(fields, corners, steps, knots, bounds, lanes):
                 steps = 0
+            low, high = before[y0, x0], before[y0, x0]
             if steps > 0:
                 low, high = tile_bounds(ranges_before, ranges_after, row, column, knots, steps, bounds)
-                corners = (y0, x0, y1, x1, low, high)
-                shot, count = fire_tile(
-                    pictures,
-                    device,
-                    noise,
-                    numbers,
-                    knots,
-                    bounds,
-                    levels,
-                    corners,
-                    steps,
-                    shot,
-                    count,
-                    out_t,
-                    out_code,
-                )
-                continue
-            for y in range(y0, y1 + 1):
-                for x in range(x0, x1 + 1):
-                    on, off = device[0][y, x], device[1][y, x]
-                    memory = (reference_in[y, x], np.int64(last_in[y, x]), shot, count)
-                    memory = fire_alone(
-                        pictures, fields, noise, numbers, on, off, y, x, levels, memory, out_t, out_code
-                    )
-                    reference, last, shot, count = shots_until(
-                        noise, refractory_us, y * width + x, span_us, memory, out_t, out_code
-                    )
-                    reference_out[y, x] = reference - leaks * on
-                    last_out[y, x] = max(last - span_us, NEVER_US)
+            for y in range(y0, y1 + 1, PIXEL_ROWS):
+                take_up(pictures, device, noise, leaks, corners, y, lanes, marks)
+                if steps == 0:
+                    fire_alone(pictures, fields, noise, numbers, row, column, lanes, marks, out_t, out_code)
+                elif reaches(low, high, lanes) != 0:
+                    fire_smooth(pictures, noise, numbers, knots, bounds, steps, lanes, marks, out_t, out_code)
+                put_down(device, noise, span_us, refractory_us, corners, y, lanes, marks, out_t, out_code)
+    count: int = marks[COUNT, EVENTS]
     return count

@@ -1,7 +1,7 @@
-"""Values of a picture along a straight way, sixteen at once.
+"""The signal of sixteen pixels along straight ways that their tile's corners know.
 
-Written in the compiler's own vector operations: + − × and conversions alone, none contracted, so the
-bits are those of the same sums one by one.
+Kernels share one array of numbers, `LANES` in a row: where the pixels come from at both ends of a
+chunk of samples, what both pictures say there, thresholds, and the signal itself.
 """
 
 from __future__ import annotations
@@ -10,91 +10,251 @@ from typing import Any
 
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
-LANES = 16
-"""Samples taken at once."""
+from carlaloc_env.sensors.event_lanes import (
+    F32,
+    FLOATS,
+    I32,
+    I64,
+    LANES,
+    WORDS,
+    Room,
+    Wide,
+    between,
+    data_of,
+    spread,
+)
+
+U, V, ALONG, DOWN = 0, 1, 2, 3
+"""Rows: the pixels [px], and their share of the way across their tile."""
+ON, OFF, REFERENCE, UPPER, LOWER, DRIFT = 4, 5, 6, 7, 8, 9
+"""Rows: thresholds, level of the last event, levels that make the next, what leaks until the end."""
+EARLIER, LEVEL, FINAL = 10, 11, 12
+"""Rows: the signal one sample before, now, and at the end."""
+BEGIN, END = 13, 20
+"""First of seven rows for the ends of a chunk: places in the first picture (x, y) and in the second,
+what both say there, and the signal."""
+X, Y, DX, DY, MORE, GROWS = 27, 28, 29, 30, 31, 32
+"""Rows: the way of a chunk in one picture, and what the signal is above that picture."""
+FREE_ROW = 33
+"""First row of other kernels."""
+_FIRST, _SECOND, _MIX = 4, 5, 6
+HALF = ir.VectorType(F32, LANES // 2)
 
 
 @intrinsic
-def _sample(
-    typing: Any,
-    flat: Any,
-    width: Any,
-    height: Any,
-    x: Any,
-    y: Any,
-    dx: Any,
-    dy: Any,
-    more: Any,
-    grows: Any,
-    levels: Any,
-) -> Any:
-    """Fill `levels` (16,) with values of a picture (H·W,) between pixels, plus what grows at each step.
-
-    Sample f of 0 to 15 is taken at (x, y) + (f + 1)·(dx, dy) and gets `more` + (f + 1)·`grows` added.
-    Places outside the picture, as those beyond the end of a way, get a number without meaning.
-    """
-    real, whole = types.float32, types.int32
-    signature = types.void(flat, whole, whole, real, real, real, real, real, real, levels)
+def _gather(typing: Any, flat: Any, first: Any, second: Any, row: Any, lanes: Any) -> Any:
+    """Fill a row with eight numbers of an array (N,) from `first` on and eight from `second` on."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        f32, i32, i64 = ir.FloatType(), ir.IntType(32), ir.IntType(64)
-        floats, words = ir.VectorType(f32, LANES), ir.VectorType(i32, LANES)
-        proxy: Any = cgutils.create_struct_proxy
-        picture = proxy(signature.args[0])(context, builder, arguments[0]).data
-        result = proxy(signature.args[-1])(context, builder, arguments[-1]).data
-
-        def spread(value: Any, kind: Any) -> Any:
-            one = builder.insert_element(ir.Constant(kind, ir.Undefined), value, ir.Constant(i32, 0))
-            return builder.shuffle_vector(
-                one, ir.Constant(kind, ir.Undefined), ir.Constant(words, [0] * LANES)
-            )
-
-        def clamped(value: Any, most: Any) -> Any:
-            least = ir.Constant(floats, [0.0] * LANES)
-            value = builder.select(builder.fcmp_ordered("<", value, most), value, most)
-            return builder.select(builder.fcmp_ordered(">", value, least), value, least)
-
-        def pairs(at: Any) -> tuple[Any, Any]:
-            """Values at places and to the right of them: one load of 64 bits each, the left one low."""
-            long = ir.VectorType(i64, LANES)
-            found: Any = ir.Constant(long, ir.Undefined)
-            for lane in range(LANES):
-                index = builder.extract_element(at, ir.Constant(i32, lane))
-                place = builder.gep(picture, [builder.sext(index, i64)])
-                two = builder.load(builder.bitcast(place, i64.as_pointer()))
-                two.align = 4
-                found = builder.insert_element(found, two, ir.Constant(i32, lane))
-            left = builder.bitcast(builder.trunc(found, words), floats)
-            shift = ir.Constant(long, [32] * LANES)
-            right = builder.bitcast(builder.trunc(builder.lshr(found, shift), words), floats)
-            return left, right
-
-        _, width, height, x, y, dx, dy, more, grows, _ = arguments
-        h = ir.Constant(floats, [float(f + 1) for f in range(LANES)])
-        two = ir.Constant(i32, 2)
-        along = []
-        for start, step, size in ((x, dx, width), (y, dy, height)):
-            place = builder.fadd(spread(start, floats), builder.fmul(h, spread(step, floats)))
-            edge = spread(builder.sitofp(builder.sub(size, two), f32), floats)
-            low = builder.fptosi(clamped(place, edge), words)
-            along.append((low, builder.fsub(place, builder.sitofp(low, floats))))
-        (i, a), (j, b) = along
-        at = builder.add(builder.mul(j, spread(width, words)), i)
-        v00, v01 = pairs(at)
-        v10, v11 = pairs(builder.add(at, spread(width, words)))
-        up = builder.fadd(v00, builder.fmul(a, builder.fsub(v01, v00)))
-        low = builder.fadd(v10, builder.fmul(a, builder.fsub(v11, v10)))
-        value = builder.fadd(up, builder.fmul(b, builder.fsub(low, up)))
-        extra = builder.fadd(spread(more, floats), builder.fmul(h, spread(grows, floats)))
-        stored = builder.store(builder.fadd(value, extra), builder.bitcast(result, floats.as_pointer()))
-        stored.align = 4
+        data = data_of(context, builder, signature.args[0], arguments[0])
+        room = Room(context, builder, signature.args[4], arguments[4])
+        halves = []
+        for at in arguments[1:3]:
+            value = builder.load(builder.bitcast(builder.gep(data, [at]), HALF.as_pointer()))
+            value.align = 4
+            halves.append(value)
+        order = ir.Constant(WORDS, list(range(LANES)))
+        room[arguments[3]] = Wide(builder, builder.shuffle_vector(*halves, order))
         return context.get_dummy_value()
 
-    return signature, generate
+    return types.void(flat, types.int64, types.int64, types.int32, lanes), generate
 
 
+@intrinsic
+def _scatter(typing: Any, lanes: Any, flat: Any, first: Any, second: Any) -> Any:
+    """Put down what the pixels remember: the level of the last event, less what has leaked."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        room = Room(context, builder, signature.args[0], arguments[0])
+        data = data_of(context, builder, signature.args[1], arguments[1])
+        kept = (room[REFERENCE] - room[DRIFT]).value
+        for part, at in enumerate(arguments[2:4]):
+            order = ir.Constant(ir.VectorType(I32, 8), list(range(8 * part, 8 * part + 8)))
+            half = builder.shuffle_vector(kept, kept, order)
+            place = builder.bitcast(builder.gep(data, [at]), HALF.as_pointer())
+            builder.store(half, place).align = 4
+        return context.get_dummy_value()
+
+    return types.void(lanes, flat, types.int64, types.int64), generate
+
+
+@intrinsic
+def _ready(typing: Any, x: Any, y: Any, along: Any, down: Any, top: Any, leaks: Any, lanes: Any) -> Any:
+    """Begin with pixels whose thresholds, reference and pictures are in their rows.
+
+    Args: the first pixel [px], the share of a tile from one to the next along and down, the share of the
+    first row, what leaks of a threshold.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        room = Room(context, builder, signature.args[6], arguments[6])
+        x, y, along, down, top, leaks = (spread(builder, a) for a in arguments[:6])
+        right = Wide(builder, ir.Constant(FLOATS, [float(lane % 8) for lane in range(LANES)]))
+        below = Wide(builder, ir.Constant(FLOATS, [float(lane // 8) for lane in range(LANES)]))
+        room[U], room[V] = x + right, y + below
+        room[ALONG], room[DOWN] = right * along, top + below * down
+        room[UPPER], room[LOWER] = room[REFERENCE] + room[ON], room[REFERENCE] - room[OFF]
+        room[DRIFT] = leaks * room[ON]
+        return context.get_dummy_value()
+
+    real = types.float32
+    return types.void(real, real, real, real, real, real, lanes), generate
+
+
+@intrinsic
+def _place(typing: Any, knots: Any, k: Any, lanes: Any) -> Any:
+    """Begin a chunk at the end of the last one; places at its end, between those of the tile's corners."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = data_of(context, builder, signature.args[0], arguments[0])
+        room = Room(context, builder, signature.args[2], arguments[2])
+        for row in range(7):
+            room[BEGIN + row] = room[END + row]
+        along, down = room[ALONG], room[DOWN]
+        first = builder.mul(arguments[1], ir.Constant(I64, 16))
+        for part in range(4):
+            corner = [
+                spread(
+                    builder,
+                    builder.load(builder.gep(data, [builder.add(first, ir.Constant(I64, 4 * c + part))])),
+                )
+                for c in range(4)
+            ]
+            up = corner[0] + along * (corner[1] - corner[0])
+            low = corner[2] + along * (corner[3] - corner[2])
+            room[END + part] = up + down * (low - up)
+        return context.get_dummy_value()
+
+    return types.void(knots, types.int64, lanes), generate
+
+
+@intrinsic
+def _look(typing: Any, flat: Any, width: Any, height: Any, second: Any, lanes: Any) -> Any:
+    """What a picture (H·W,) says at the end of a chunk; `second`: 0 or 1, which of both it is."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        picture = data_of(context, builder, signature.args[0], arguments[0])
+        room = Room(context, builder, signature.args[4], arguments[4])
+        _, width, height, second, _ = arguments
+        x = builder.add(ir.Constant(I32, END), builder.add(second, second))
+        seen = between(builder, picture, width, height, room[x], room[builder.add(x, ir.Constant(I32, 1))])
+        room[builder.add(ir.Constant(I32, END + _FIRST), second)] = seen
+        return context.get_dummy_value()
+
+    return types.void(flat, types.int32, types.int32, types.int32, lanes), generate
+
+
+@intrinsic
+def _mix(typing: Any, weight: Any, lanes: Any) -> Any:
+    """Signal at the end of a chunk: `weight` of the second picture."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        room = Room(context, builder, signature.args[1], arguments[1])
+        first, second = room[END + _FIRST], room[END + _SECOND]
+        room[END + _MIX] = first + spread(builder, arguments[0]) * (second - first)
+        return context.get_dummy_value()
+
+    return types.void(types.float32, lanes), generate
+
+
+@intrinsic
+def _follow(typing: Any, second: Any, share: Any, begun: Any, per_step: Any, lanes: Any) -> Any:
+    """Follow the first or the second picture through a chunk; what the other says more goes linearly.
+
+    Args: 0 or 1, which picture; 1 / samples of the chunk; share of the time before it; share of one sample.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        room = Room(context, builder, signature.args[4], arguments[4])
+        second = arguments[0]
+        share, begun, per_step = (spread(builder, a) for a in arguments[1:4])
+
+        def row(end: int, part: Any, more: int = 0) -> Wide:
+            return room[builder.add(ir.Constant(I32, end + more), part)]
+
+        twice = builder.add(second, second)
+        for part, (at, step) in enumerate(((X, DX), (Y, DY))):
+            start = row(BEGIN, twice, part)
+            room[at], room[step] = start, share * (row(END, twice, part) - start)
+        above = room[BEGIN + _MIX] - row(BEGIN, second, _FIRST)
+        later = room[END + _MIX] - row(END, second, _FIRST)
+        leaked = room[DRIFT] * begun
+        room[MORE] = above + leaked
+        room[GROWS] = (later - above) * share + room[DRIFT] * per_step
+        room[LEVEL] = room[BEGIN + _MIX] + leaked
+        return context.get_dummy_value()
+
+    return types.void(types.int32, types.float32, types.float32, types.float32, lanes), generate
+
+
+@intrinsic
+def _sample(typing: Any, flat: Any, width: Any, height: Any, steps: Any, lanes: Any) -> Any:
+    """Signal some steps after the beginning of a chunk; the pixels that it makes fire, as bits."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        picture = data_of(context, builder, signature.args[0], arguments[0])
+        room = Room(context, builder, signature.args[4], arguments[4])
+        _, width, height, steps, _ = arguments
+        h = spread(builder, steps)
+        x, y = room[X] + h * room[DX], room[Y] + h * room[DY]
+        seen = between(builder, picture, width, height, x, y)
+        return reached(room, seen + (room[MORE] + h * room[GROWS]))
+
+    return types.int32(flat, types.int32, types.int32, types.float32, lanes), generate
+
+
+@intrinsic
+def _arrive(typing: Any, lanes: Any) -> Any:
+    """Signal at the end of the span; the pixels that it makes fire, as bits."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        room = Room(context, builder, signature.args[0], arguments[0])
+        return reached(room, room[FINAL] + room[DRIFT])
+
+    return types.int32(lanes), generate
+
+
+@intrinsic
+def _reaches(typing: Any, low: Any, high: Any, lanes: Any) -> Any:
+    """Pixels, as bits, that a signal between two levels could make fire."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        room = Room(context, builder, signature.args[2], arguments[2])
+        low, high = (spread(builder, a) for a in arguments[:2])
+        return ((high + room[DRIFT] >= room[UPPER]) | (low <= room[LOWER])).bits()
+
+    return types.int32(types.float32, types.float32, lanes), generate
+
+
+@intrinsic
+def _lowest(typing: Any, bits: Any) -> Any:
+    """Place of the lowest bit that is set."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        found = builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
+        return builder.zext(found, I64)
+
+    return types.int64(types.int32), generate
+
+
+def reached(room: Room, level: Wide) -> Any:
+    """Take the next level of the signal; the pixels that it makes fire, as bits."""
+    room[EARLIER] = room[LEVEL]
+    room[LEVEL] = level
+    return ((level >= room[UPPER]) | (level <= room[LOWER])).bits()
+
+
+# Under a type that callers may call as functions.
+gather: Any = _gather
+scatter: Any = _scatter
+ready: Any = _ready
+place: Any = _place
+look: Any = _look
+mix: Any = _mix
+follow: Any = _follow
 sample: Any = _sample
-"""The same under a type that callers may call as a function."""
+arrive: Any = _arrive
+reaches: Any = _reaches
+lowest: Any = _lowest

@@ -13,31 +13,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.compiled import compiled
-from carlaloc_env.sensors.event_sampling import LANES
-from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, range_along, sources
+from carlaloc_env.sensors.event_lanes import LANES
+from carlaloc_env.sensors.event_sampling import U, V
+from carlaloc_env.sensors.event_search import (
+    AT,
+    DEPTH,
+    FIRST_WAY,
+    KNOWN,
+    MISS,
+    OWN,
+    ROWS,
+    SECOND_WAY,
+    WHEN,
+    go_on,
+    search,
+)
+from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, MISS_PX, NOWHERE, SAME_DEPTH, SECOND, range_along
 
 F32 = NDArray[np.float32]
 
 STEPS_MAX = 512
 """Most samples of a pixel between two pictures."""
-CHUNK = LANES
+CHUNK = 16
 """Samples between two places that are looked for in both pictures."""
 SMOOTH_PX = np.float32(0.3)
 """Motion in a smooth tile differs by less from what its corners say [px]."""
+_KNOTS = LANES // 4
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-def new_scratch() -> tuple[F32, F32, F32]:
+def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int64]]:
     """Room for the notes that `fire_rows` takes of one tile.
 
     Where its corners come from at the ends of all chunks, x and y in both pictures; and for each
-    chunk the lowest and highest intensity, and the kind at its beginning. And the levels of one chunk.
+    chunk the lowest and highest intensity, and the kind at its beginning. And the numbers of sixteen
+    pixels, and their whole numbers.
     """
     chunks = STEPS_MAX // CHUNK + 2
     return (
-        np.empty((chunks, 4, 4), np.float32),
-        np.empty((chunks, 3), np.float32),
-        np.empty(CHUNK, np.float32),
+        np.zeros((chunks, 4, 4), np.float32),
+        np.zeros((chunks, 3), np.float32),
+        np.zeros(ROWS * LANES, np.float32),
+        np.zeros((3, LANES), np.int64),
     )
 
 
@@ -77,35 +94,66 @@ def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
 
 
 @compiled
-def tile_knots(fields: Any, y0: int, x0: int, y1: int, x1: int, steps: int, knots: Any, bounds: Any) -> bool:
+def tile_knots(fields: Any, corners: Any, steps: int, knots: Any, bounds: Any, lanes: Any) -> bool:
     """Fill in where the corners of a tile come from at the ends of all chunks; False if one is hidden."""
     forward, backward, _ = fields
-    chunks = (steps + CHUNK - 1) // CHUNK
-    for corner in range(4):
-        y, x = y1 if corner >= 2 else y0, x1 if corner % 2 else x0
-        u, v = np.float32(x), np.float32(y)
-        ax, ay, bx, by = u, v, u + forward[y, x, 0], v + forward[y, x, 1]
-        dax, day = backward[y, x, 0], backward[y, x, 1]
-        dbx, dby = -forward[y, x, 0], -forward[y, x, 1]
-        s0 = _ZERO
-        for k in range(chunks + 1):
-            s = np.float32(min(k * CHUNK, steps)) / np.float32(steps)
-            f = s - s0
-            px, py, qx, qy = ax, ay, bx, by
-            ax, ay, bx, by, kind = sources(
-                forward, backward, u, v, s, ax + f * dax, ay + f * day, bx + f * dbx, by + f * dby
-            )
+    height, width = np.int32(forward.shape[0]), np.int32(forward.shape[1])
+    count = (steps + CHUNK - 1) // CHUNK + 1
+    _take_corners(forward, backward, corners, lanes)
+    for first in range(0, count, _KNOTS):
+        for lane in range(LANES):
+            s = np.float32(min((first + lane // 4) * CHUNK, steps)) / np.float32(steps)
+            lanes[(FIRST_WAY + WHEN) * LANES + lane] = s
+            lanes[(SECOND_WAY + WHEN) * LANES + lane] = _ONE - s
+        for way in (FIRST_WAY, SECOND_WAY):
+            go_on(np.int32(way), np.float32(2), lanes)
+        search(forward.reshape(forward.size), width, height, FIRST_WAY, lanes)
+        search(backward.reshape(backward.size), width, height, SECOND_WAY, lanes)
+        for lane in range(4 * min(_KNOTS, count - first)):
+            k, corner = first + lane // 4, lane % 4
+            kind = _kind_of(lane, lanes)
             # What leaves the second picture, or goes behind something there, is followed in the first.
             if kind != BOTH and kind != FIRST:
                 return False
             if corner == 0 or kind == FIRST:
                 bounds[k, 2] = kind
-            if k > 0:
-                dax, day, dbx, dby = (ax - px) / f, (ay - py) / f, (bx - qx) / f, (by - qy) / f
-            s0 = s
-            knots[k, corner, 0], knots[k, corner, 1] = ax, ay
-            knots[k, corner, 2], knots[k, corner, 3] = bx, by
+            for part in range(2):
+                knots[k, corner, part] = lanes[(FIRST_WAY + AT + part) * LANES + lane]
+                knots[k, corner, 2 + part] = lanes[(SECOND_WAY + AT + part) * LANES + lane]
     return True
+
+
+@compiled
+def _take_corners(forward: Any, backward: Any, corners: Any, lanes: Any) -> None:
+    """Take the corners of a tile as pixels, as often as there is room.
+
+    Where they come from in one picture is what the other one knows to move there, just so at its own time.
+    """
+    y0, x0, y1, x1 = corners
+    for lane in range(LANES):
+        y, x = y1 if lane & 2 else y0, x1 if lane & 1 else x0
+        lanes[U * LANES + lane], lanes[V * LANES + lane] = np.float32(x), np.float32(y)
+        for part in range(2):
+            lanes[(FIRST_WAY + OWN + part) * LANES + lane] = -backward[y, x, part]
+            lanes[(SECOND_WAY + OWN + part) * LANES + lane] = -forward[y, x, part]
+        lanes[(FIRST_WAY + OWN + 2) * LANES + lane] = backward[y, x, 2]
+        lanes[(SECOND_WAY + OWN + 2) * LANES + lane] = forward[y, x, 2]
+        lanes[(FIRST_WAY + KNOWN) * LANES + lane] = _ONE
+        lanes[(SECOND_WAY + KNOWN) * LANES + lane] = _ONE
+
+
+@compiled
+def _kind_of(lane: int, lanes: Any) -> int:
+    """Which of two pictures show what a pixel sees; where they show different surfaces, the nearer one."""
+    a = lanes[(FIRST_WAY + MISS) * LANES + lane] < MISS_PX
+    b = lanes[(SECOND_WAY + MISS) * LANES + lane] < MISS_PX
+    if not a or not b:
+        return FIRST if a else SECOND if b else NOWHERE
+    a_depth = lanes[(FIRST_WAY + DEPTH) * LANES + lane]
+    b_depth = lanes[(SECOND_WAY + DEPTH) * LANES + lane]
+    if abs(a_depth - b_depth) <= SAME_DEPTH * min(a_depth, b_depth):
+        return BOTH
+    return FIRST if a_depth < b_depth else SECOND
 
 
 @compiled

@@ -12,7 +12,20 @@ from numpy.typing import NDArray
 from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.samples import EVENT, Events
-from carlaloc_env.sensors.event_sampling import LANES, sample
+from carlaloc_env.sensors.event_lanes import LANES
+from carlaloc_env.sensors.event_sampling import (
+    DX,
+    DY,
+    GROWS,
+    LEVEL,
+    LOWER,
+    MORE,
+    UPPER,
+    X,
+    Y,
+    sample,
+)
+from carlaloc_env.sensors.event_search import ROWS
 from carlaloc_env.sensors.events import (
     NEVER_US,
     Motion,
@@ -279,12 +292,15 @@ def test_sixteen_samples_at_once_are_those_taken_one_by_one() -> None:
     """Bit for bit the bilinear value at each place within the picture, up to its last row and column."""
     generator = np.random.default_rng(12)
     image = generator.normal(0, 2, (40, 70)).astype(np.float32)
-    levels, count = np.empty(LANES, np.float32), 0
+    lanes, count = np.zeros(ROWS * LANES, np.float32), 0
+    rows = lanes.reshape(ROWS, LANES)
+    rows[UPPER], rows[LOWER] = 1.5, -1.5
     for _ in range(200):
-        x, y = (np.float32(v) for v in (generator.uniform(0, 69), generator.uniform(0, 39)))
-        dx, dy, more, grows = generator.uniform(-1.5, 1.5, 4).astype(np.float32)
-        _sixteen(image.reshape(-1), np.int32(70), np.int32(40), x, y, dx, dy, more, grows, levels)
-        h = np.arange(1, LANES + 1, dtype=np.float32)
+        x, y = (generator.uniform(0, n, LANES).astype(np.float32) for n in (69, 39))
+        dx, dy, more, grows = generator.uniform(-1.5, 1.5, (4, LANES)).astype(np.float32)
+        rows[[X, Y, DX, DY, MORE, GROWS]] = x, y, dx, dy, more, grows
+        h = np.float32(generator.integers(1, 17))
+        bits = _sixteen(image.reshape(-1), np.int32(70), np.int32(40), h, lanes)
         u, v = x + h * dx, y + h * dy
         inside = (u >= 0) & (u <= 69) & (v >= 0) & (v <= 39)
         count += int(inside.sum())
@@ -293,15 +309,15 @@ def test_sixteen_samples_at_once_are_those_taken_one_by_one() -> None:
         upper = image[j, i] + a * (image[j, i + 1] - image[j, i])
         lower = image[j + 1, i] + a * (image[j + 1, i + 1] - image[j + 1, i])
         expected = upper + b * (lower - upper) + (more + h * grows)
-        np.testing.assert_array_equal(levels[inside], expected[inside])
+        np.testing.assert_array_equal(rows[LEVEL][inside], expected[inside])
+        beyond = np.abs(rows[LEVEL]) >= 1.5
+        np.testing.assert_array_equal(beyond, bits >> np.arange(LANES) & 1)
     assert count > 1000
 
 
 @numba.njit
-def _sixteen(
-    flat: Any, width: Any, height: Any, x: Any, y: Any, dx: Any, dy: Any, more: Any, grows: Any, levels: Any
-) -> None:
-    sample(flat, width, height, x, y, dx, dy, more, grows, levels)
+def _sixteen(flat: Any, width: Any, height: Any, steps: Any, lanes: Any) -> Any:
+    return sample(flat, width, height, steps, lanes)
 
 
 def test_counts_of_an_observation() -> None:

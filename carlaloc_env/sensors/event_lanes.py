@@ -1,0 +1,206 @@
+"""Sixteen pixels side by side: arithmetic in the compiler's own vector operations.
+
+Only + − × ÷, comparisons and conversions, none contracted, so the bits are those of the same sums
+one by one, on every machine.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba.core import cgutils
+
+LANES = 16
+"""Pixels worked on at once."""
+F32, I32, I64 = ir.FloatType(), ir.IntType(32), ir.IntType(64)
+FLOATS, WORDS = ir.VectorType(F32, LANES), ir.VectorType(I32, LANES)
+
+
+class Wide:
+    """Sixteen numbers of 32 bits, or sixteen truths."""
+
+    __slots__ = ("builder", "value")
+
+    def __init__(self, builder: Any, value: Any) -> None:
+        self.builder, self.value = builder, value
+
+    def _like(self, other: Any) -> Any:
+        if isinstance(other, Wide):
+            return other.value
+        return ir.Constant(self.value.type, [other] * LANES)
+
+    def __add__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fadd(self.value, self._like(other)))
+
+    def __sub__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fsub(self.value, self._like(other)))
+
+    def __mul__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fmul(self.value, self._like(other)))
+
+    def __truediv__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fdiv(self.value, self._like(other)))
+
+    def __lt__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fcmp_ordered("<", self.value, self._like(other)))
+
+    def __le__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fcmp_ordered("<=", self.value, self._like(other)))
+
+    def __gt__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fcmp_ordered(">", self.value, self._like(other)))
+
+    def __ge__(self, other: Any) -> Wide:
+        return Wide(self.builder, self.builder.fcmp_ordered(">=", self.value, self._like(other)))
+
+    def __and__(self, other: Wide) -> Wide:
+        return Wide(self.builder, self.builder.and_(self.value, other.value))
+
+    def __or__(self, other: Wide) -> Wide:
+        return Wide(self.builder, self.builder.or_(self.value, other.value))
+
+    def __invert__(self) -> Wide:
+        return Wide(self.builder, self.builder.not_(self.value))
+
+    def pick(self, yes: Any, no: Any) -> Wide:
+        """One of two numbers, by truth; one of them must be `Wide`."""
+        first = yes if isinstance(yes, Wide) else Wide(self.builder, no._like(yes))
+        return Wide(self.builder, self.builder.select(self.value, first.value, first._like(no)))
+
+    def least(self, other: Any) -> Wide:
+        """The smaller of two."""
+        return self.__lt__(other).pick(self, other)
+
+    def most(self, other: Any) -> Wide:
+        """The greater of two."""
+        return self.__gt__(other).pick(self, other)
+
+    def size(self) -> Wide:
+        """Without its sign."""
+        return (self < 0.0).pick(self * -1.0, self)
+
+    def whole(self) -> Wide:
+        """Rounded towards zero, as a float."""
+        return Wide(self.builder, self.builder.sitofp(self.words(), FLOATS))
+
+    def words(self) -> Any:
+        """Rounded towards zero, as integers."""
+        return self.builder.fptosi(self.value, WORDS)
+
+    def bits(self) -> Any:
+        """Truths as bits of one integer."""
+        short = self.builder.bitcast(self.value, ir.IntType(LANES))
+        return self.builder.zext(short, I32)
+
+
+class Room:
+    """The numbers that kernels keep of sixteen pixels: rows of sixteen in one array."""
+
+    def __init__(self, context: Any, builder: Any, kind: Any, array: Any) -> None:
+        self.builder = builder
+        self.data = data_of(context, builder, kind, array)
+
+    def _place(self, row: Any) -> Any:
+        row = ir.Constant(I64, row) if isinstance(row, int) else self.builder.sext(row, I64)
+        at = self.builder.mul(row, ir.Constant(I64, LANES))
+        return self.builder.bitcast(self.builder.gep(self.data, [at]), FLOATS.as_pointer())
+
+    def __getitem__(self, row: Any) -> Wide:
+        value = self.builder.load(self._place(row))
+        value.align = 4
+        return Wide(self.builder, value)
+
+    def __setitem__(self, row: Any, value: Wide) -> None:
+        self.builder.store(value.value, self._place(row)).align = 4
+
+
+def data_of(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """Pointer to the numbers of an array."""
+    proxy: Any = cgutils.create_struct_proxy
+    return proxy(kind)(context, builder, array).data
+
+
+def spread(builder: Any, value: Any) -> Wide:
+    """One number in all lanes."""
+    kind = FLOATS if value.type == F32 else WORDS
+    none = ir.Constant(kind, ir.Undefined)
+    one = builder.insert_element(none, value, ir.Constant(I32, 0))
+    return Wide(builder, builder.shuffle_vector(one, none, ir.Constant(WORDS, [0] * LANES)))
+
+
+def within(place: Wide, size: Any) -> Wide:
+    """Whole part of a place between pixels, so that it and the next are in a row of `size` pixels."""
+    builder = place.builder
+    edge = spread(builder, builder.sitofp(builder.sub(size, ir.Constant(I32, 2)), F32))
+    return place.least(edge).most(0.0)
+
+
+def between(builder: Any, picture: Any, width: Any, height: Any, x: Wide, y: Wide) -> Wide:
+    """Bilinear values of a picture at places; of those outside, numbers without meaning.
+
+    Args:
+        builder: Of the code around.
+        picture: Pointer to the picture's pixels, row by row.
+        width: Its pixels in a row, i32.
+        height: Its rows, i32.
+        x: Places along a row [px].
+        y: Places across the rows [px].
+    """
+    i, j = within(x, width).words(), within(y, height).words()
+    a = x - Wide(builder, builder.sitofp(i, FLOATS))
+    b = y - Wide(builder, builder.sitofp(j, FLOATS))
+    rows = spread(builder, width).value
+    at = builder.add(builder.mul(j, rows), i)
+    v00, v01 = _pairs(builder, picture, at)
+    v10, v11 = _pairs(builder, picture, builder.add(at, rows))
+    up = v00 + a * (v01 - v00)
+    low = v10 + a * (v11 - v10)
+    return up + b * (low - up)
+
+
+def _pairs(builder: Any, picture: Any, at: Any) -> tuple[Wide, Wide]:
+    """Values at places and to the right of them: one load of 64 bits each, the left one low."""
+    long = ir.VectorType(I64, LANES)
+    found: Any = ir.Constant(long, ir.Undefined)
+    for lane in range(LANES):
+        index = builder.extract_element(at, ir.Constant(I32, lane))
+        place = builder.gep(picture, [builder.sext(index, I64)])
+        two = builder.load(builder.bitcast(place, I64.as_pointer()))
+        two.align = 4
+        found = builder.insert_element(found, two, ir.Constant(I32, lane))
+    left = builder.bitcast(builder.trunc(found, WORDS), FLOATS)
+    shift = ir.Constant(long, [32] * LANES)
+    right = builder.bitcast(builder.trunc(builder.lshr(found, shift), WORDS), FLOATS)
+    return Wide(builder, left), Wide(builder, right)
+
+
+def quadruples(builder: Any, field: Any, at: Any) -> tuple[Wide, Wide, Wide, Wide]:
+    """Four numbers each of a field (H·W·4,) at pixels: one load of 128 bits each, then turned round."""
+    four = ir.VectorType(F32, 4)
+
+    def loaded(lane: int) -> Any:
+        index = builder.sext(builder.extract_element(at, ir.Constant(I32, lane)), I64)
+        place = builder.gep(field, [builder.shl(index, ir.Constant(I64, 2))])
+        value = builder.load(builder.bitcast(place, four.as_pointer()))
+        value.align = 4
+        return value
+
+    def joined(low: Any, high: Any) -> Any:
+        count = 2 * low.type.count
+        kind = ir.VectorType(I32, count)
+        return builder.shuffle_vector(low, high, ir.Constant(kind, list(range(count))))
+
+    def woven(one: Any, other: Any, pattern: tuple[int, int, int, int]) -> Any:
+        # In every four numbers: those below 4 come from `one`, the others from `other`.
+        mask = [4 * block + p if p < 4 else LANES + 4 * block + p - 4 for block in range(4) for p in pattern]
+        return builder.shuffle_vector(one, other, ir.Constant(WORDS, mask))
+
+    # Pixel q of every four together, so that the turned rows come out in the pixels' order.
+    q = [joined(joined(loaded(n), loaded(n + 4)), joined(loaded(n + 8), loaded(n + 12))) for n in range(4)]
+    low, high = (0, 4, 1, 5), (2, 6, 3, 7)
+    t0, t1 = woven(q[0], q[1], low), woven(q[2], q[3], low)
+    t2, t3 = woven(q[0], q[1], high), woven(q[2], q[3], high)
+    first, second = (0, 1, 4, 5), (2, 3, 6, 7)
+    turned = (woven(t0, t1, first), woven(t0, t1, second), woven(t2, t3, first), woven(t2, t3, second))
+    return tuple(Wide(builder, value) for value in turned)  # type: ignore[return-value]
