@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.materials import Material
 from carlaloc_env.render.context import Programs, is_software, set_uniforms
+from carlaloc_env.render.detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
 from carlaloc_env.render.distant import Distant
 from carlaloc_env.render.gbuffer import SKY_ID, Targets
-from carlaloc_env.render.geometry import FAR, FAR_LOW, Geometry, InstanceBuffer
+from carlaloc_env.render.geometry import Geometry, InstanceBuffer
 from carlaloc_env.render.occlusion import Depths, box_corners
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
 from carlaloc_env.render.scenery import Layer, Scenery
@@ -57,6 +58,7 @@ class Filler:
         self._context, self._programs = context, programs
         self.scenery = Scenery(context, chunks, FAR_LOW if live else FAR)
         self._library = Geometry(context, library.meshes)
+        self._live = live
         self._distant = Distant(library) if live else None
         self._least_px = LEAST_PX if live else 0.0
         self._poses = InstanceBuffer(context, len(library))
@@ -69,6 +71,7 @@ class Filler:
         self._low_m, self._high_m = np.moveaxis(np.array(bounds, np.float64).reshape(-1, 2, 3), 1, 0)
         self._textures = upload_textures(context, albedo, trilinear=not is_software(context))
         self._surface = surface_table()
+        self._aside = context.simple_framebuffer((1, 1))
 
     def simplified(self, instances: Instances, view: View) -> Instances:
         """The instances as they are drawn from here: in live pictures simple ones where they are far."""
@@ -108,7 +111,8 @@ class Filler:
         self, view: View, targets: Targets, instances: Instances, sway: Sway, known: Depths | None
     ) -> None:
         """Draw from near to far in rounds, each without what hides behind the rounds before."""
-        found = self.scenery.in_view(view)
+        farther = FAR_LOW_FOCAL_PX / view.camera.fx_px if self._live else 1.0
+        found = self.scenery.in_view(view, farther=farther)
         if known is not None:
             found = [
                 _chosen(which, away, self._shown(known, layer, which))
@@ -122,6 +126,8 @@ class Filler:
             layer.features: self._program(view, sway, *layer.features) for layer in self.scenery.layers
         }
         self._draw_layers(programs, [which[turn == 0] for which, turn in left])
+        if known is not None:
+            self._begin_drawing(targets)
         drawn = self._visible_instances(view, instances)
         for now in range(1, len(ROUNDS_M) + 2):
             hidden = known or Depths(view, _read_depth(targets))
@@ -136,6 +142,15 @@ class Filler:
                 some = which[turn == now]
                 shown.append(some if known is not None else some[self._shown(hidden, layer, some)])
             self._draw_layers(programs, shown)
+
+    def _begin_drawing(self, targets: Targets) -> None:
+        """Let a software driver colour what it has been told so far while it is told the rest.
+
+        llvmpipe gathers triangles until the framebuffer changes, and only then wakes its threads.
+        """
+        self._aside.use()
+        self._aside.clear()
+        targets.framebuffer.use()
 
     def _shown(self, hidden: Depths, layer: Layer, which: Index) -> NDArray[np.bool_]:
         boxes = box_corners(layer.low_m[which], layer.high_m[which])
@@ -199,6 +214,7 @@ class Filler:
         self._library.release()
         self._poses.buffer.release()
         self._textures.release()
+        self._aside.release()
 
 
 def distance_m(instances: Instances, view: View) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -45,35 +44,6 @@ _SOLID[
     ]
 ] = True  # fmt: skip
 """Materials of closed bodies and of roads: their backs are never seen and need not be drawn."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Coarseness:
-    """How much a chunk loses from some distance on."""
-
-    from_m: float
-    """Distance of the chunk [m]."""
-    crumb_m2: float
-    """Loose triangles of less area are left out [m²]."""
-    any_m2: float = 0.0
-    """Any triangles of less area are left out [m²]; in a wall this leaves holes of that size."""
-    leaf_share: int
-    """One leaf of so many is kept, enlarged to the same total area."""
-
-
-FAR = (Coarseness(from_m=150.0, crumb_m2=0.012, leaf_share=4),)
-"""Crumbs of a quarter of a pixel; LiDARs reach less far."""
-FAR_LOW = (
-    Coarseness(from_m=10.0, crumb_m2=0.025, leaf_share=8),
-    Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_share=24),
-    Coarseness(from_m=80.0, crumb_m2=0.4, any_m2=0.1, leaf_share=40),
-    Coarseness(from_m=130.0, crumb_m2=1.2, any_m2=0.4, leaf_share=100),
-    Coarseness(from_m=200.0, crumb_m2=3.0, any_m2=1.0, leaf_share=250),
-    Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_share=600),
-)
-"""For small live pictures, in which vertices cost the most."""
-_LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Material.PLASTIC, Material.BARK)
-"""Materials of railings, furniture and twigs, which leave no hole in a wall."""
 
 
 def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
@@ -220,45 +190,3 @@ class InstanceBuffer:
 def seen_from_front() -> NDArray[np.bool_]:
     """Whether the backs of a material's triangles need no drawing, shape (M,)."""
     return _SOLID[: len(Material)].copy()
-
-
-def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
-    """The same from afar: fewer and larger leaves, and no crumbs."""
-    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]] for i in range(3))
-    area_m2 = 0.5 * np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=1))
-    material = mesh.material[mesh.triangles[:, 2]]
-    leaf = material == Material.LEAF
-    crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
-    chosen = np.cumsum(leaf) % how.leaf_share == 0
-    leaves = part(mesh, leaf & chosen)
-    own = leaves.vertices_m[leaves.triangles]
-    centre = own.mean(axis=1, keepdims=True)
-    flat = leaves.triangles.reshape(-1)
-    grown = replace(
-        leaves,
-        **{
-            name: getattr(leaves, name)[flat]
-            for name in ("normals", "uv_m", "colour", "material", "tag", "instance")
-        },
-        vertices_m=(centre + np.sqrt(how.leaf_share) * (own - centre)).reshape(-1, 3).astype(np.float32),
-        triangles=np.arange(len(flat), dtype=np.uint32).reshape(-1, 3),
-    )
-    return merge([part(mesh, ~leaf & ~crumb), grown])
-
-
-def part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
-    """Some of a mesh's triangles (T,), with the vertices that these use."""
-    triangles = mesh.triangles[keep]
-    used = np.zeros(len(mesh.vertices_m), dtype=bool)
-    used[triangles] = True
-    renumber = (np.cumsum(used) - 1).astype(np.uint32)
-    return Mesh(
-        vertices_m=mesh.vertices_m[used],
-        triangles=renumber[triangles] if len(triangles) else triangles,
-        normals=mesh.normals[used],
-        uv_m=mesh.uv_m[used],
-        colour=mesh.colour[used],
-        material=mesh.material[used],
-        tag=mesh.tag[used],
-        instance=mesh.instance[used],
-    )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.compiled import compiled
 from carlaloc_env.pinhole import Pinhole
 
 Array = NDArray[np.float64]
@@ -84,10 +85,29 @@ class View:
         forward = self.R_camera_world[2]
         normals = np.concatenate([planes[:, :3], forward[None]])
         offsets = np.append(planes[:, 3], -float(np.sum(forward * self.position_m)) - NEAR_M)
-        far_corner = np.where(normals[:, None] > 0, high_m[None], low_m[None])
-        inside = np.sum(normals[:, None] * far_corner, axis=2) + offsets[:, None] >= 0
-        gap = np.maximum(np.maximum(low_m - self.position_m, self.position_m - high_m), 0.0)
-        distance = np.sqrt(np.sum(gap**2, axis=1))
-        seen = np.flatnonzero(inside.all(axis=0) & (distance < FAR_M))
+        distance = np.empty(len(low_m))
+        low_m, high_m = np.ascontiguousarray(low_m), np.ascontiguousarray(high_m)
+        _distances(distance, low_m, high_m, normals, offsets, self.position_m)
+        seen = np.flatnonzero(distance < FAR_M)
         seen = seen[np.lexsort((seen, distance[seen]))]
         return seen, distance[seen]
+
+
+@compiled
+def _distances(out: Array, low_m: Array, high_m: Array, normals: Array, offsets: Array, eye_m: Array) -> None:
+    """Distances of boxes from the eye, infinite for those that lie outside of a plane."""
+    for n in range(len(out)):
+        inside = True
+        for k in range(len(offsets)):
+            total = 0.0
+            for axis in range(3):
+                corner = high_m[n, axis] if normals[k, axis] > 0.0 else low_m[n, axis]
+                total += normals[k, axis] * corner
+            if total + offsets[k] < 0.0:
+                inside = False
+                break
+        far2 = 0.0
+        for axis in range(3):
+            gap = max(max(low_m[n, axis] - eye_m[axis], eye_m[axis] - high_m[n, axis]), 0.0)
+            far2 += gap * gap
+        out[n] = np.sqrt(far2) if inside else np.inf

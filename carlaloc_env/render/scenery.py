@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env import materials
 from carlaloc_env.render.clusters import cut
-from carlaloc_env.render.geometry import Coarseness, Geometry, coarse, part, seen_from_front
+from carlaloc_env.render.detail import Coarseness, coarse, part
+from carlaloc_env.render.geometry import Geometry, seen_from_front
 from carlaloc_env.render.projection import View
 from carlaloc_env.scene import Mesh
 
@@ -80,14 +81,18 @@ class Scenery:
     def __len__(self) -> int:
         return len(self._low_m)
 
-    def in_view(self, view: View) -> list[tuple[Index, Array]]:
+    def in_view(self, view: View, *, farther: float = 1.0) -> list[tuple[Index, Array]]:
         """Of every layer: clusters that may be seen, nearest first, and their distances [m].
 
         The level of detail goes by the distance of the chunk, so that it has no seams inside.
+
+        Args:
+            view: Camera.
+            farther: Chunks have the level of so many times their distance, e.g. since pixels are large.
         """
         seen, distance = view.visible(self._low_m, self._high_m)
         wanted = np.full(len(self._low_m), -1)
-        wanted[seen] = np.searchsorted(self._from_m, distance, side="right")
+        wanted[seen] = np.searchsorted(self._from_m, farther * distance, side="right")
         found = []
         for layer in self.layers:
             candidates = np.flatnonzero(wanted[layer.chunk] == layer.level)

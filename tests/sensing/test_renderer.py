@@ -13,7 +13,8 @@ from carlaloc_env.errors import ConfigError, RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
-from carlaloc_env.render.geometry import coarse, lit_windows
+from carlaloc_env.render.detail import coarse
+from carlaloc_env.render.geometry import lit_windows
 from carlaloc_env.render.lights import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer

@@ -1,0 +1,146 @@
+"""Levels of detail: what a part of the scenery loses from some distance on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.materials import Material
+from carlaloc_env.scene import Mesh, merge
+from carlaloc_env.semantics import Tag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coarseness:
+    """How much a chunk loses from some distance on."""
+
+    from_m: float
+    """Distance of the chunk [m]."""
+    crumb_m2: float
+    """Loose triangles of less area are left out [m²]."""
+    any_m2: float = 0.0
+    """Any triangles of less area are left out [m²]; in a wall this leaves holes of that size."""
+    leaf_share: int
+    """One leaf of so many is kept, enlarged to the same total area."""
+    edge_m: float = 0.0
+    """Corners that lie in one cell of this size become one [m]; 0 = none do."""
+    ground_m: float = 0.0
+    """The same for corners of the ground, which is seen at a grazing angle [m]."""
+
+
+FAR = (Coarseness(from_m=150.0, crumb_m2=0.012, leaf_share=4),)
+"""Crumbs of a quarter of a pixel; LiDARs reach less far."""
+FAR_LOW = (
+    Coarseness(from_m=10.0, crumb_m2=0.025, leaf_share=8),
+    Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_share=24, edge_m=0.15, ground_m=1.0),
+    Coarseness(from_m=80.0, crumb_m2=0.4, any_m2=0.1, leaf_share=40, edge_m=0.3, ground_m=2.0),
+    Coarseness(from_m=130.0, crumb_m2=1.2, any_m2=0.4, leaf_share=100, edge_m=0.5, ground_m=4.0),
+    Coarseness(from_m=200.0, crumb_m2=3.0, any_m2=1.0, leaf_share=250, edge_m=0.8, ground_m=7.0),
+    Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_share=600, edge_m=1.2, ground_m=12.0),
+)
+"""For small live pictures, in which vertices cost the most; a pixel covers about one `edge_m`."""
+FAR_LOW_FOCAL_PX = 286.0
+"""Focal length for which these are meant: 480 pixels over 80°; larger ones take them nearer [px]."""
+_GROUND = (Tag.ROAD, Tag.SIDEWALK, Tag.GROUND, Tag.TERRAIN)
+_LEVEL_M = 0.5
+"""Height of the cells of the ground [m]: what crosses above is not drawn down."""
+_CELL_BITS = 20
+_LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Material.PLASTIC, Material.BARK)
+"""Materials of railings, furniture and twigs, which leave no hole in a wall."""
+
+
+def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
+    """The same from afar: fewer and larger leaves, and no crumbs."""
+    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]] for i in range(3))
+    area_m2 = 0.5 * np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=1))
+    material = mesh.material[mesh.triangles[:, 2]]
+    leaf = material == Material.LEAF
+    crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
+    chosen = np.cumsum(leaf) % how.leaf_share == 0
+    leaves = part(mesh, leaf & chosen)
+    own = leaves.vertices_m[leaves.triangles]
+    centre = own.mean(axis=1, keepdims=True)
+    flat = leaves.triangles.reshape(-1)
+    grown = replace(
+        leaves,
+        **{
+            name: getattr(leaves, name)[flat]
+            for name in ("normals", "uv_m", "colour", "material", "tag", "instance")
+        },
+        vertices_m=(centre + np.sqrt(how.leaf_share) * (own - centre)).reshape(-1, 3).astype(np.float32),
+        triangles=np.arange(len(flat), dtype=np.uint32).reshape(-1, 3),
+    )
+    rest = part(mesh, ~leaf & ~crumb)
+    return merge([rest if how.edge_m == 0.0 else gathered(rest, how), grown])
+
+
+def gathered(mesh: Mesh, how: Coarseness) -> Mesh:
+    """The same with all corners in one cell of a grid moved to one of them (Rossignac and Borrel 1993).
+
+    What is thinner than a cell vanishes. Corners where materials meet are moved to before others, so
+    that borders stay where they are. Loose parts and paint, which would vanish entirely, stay as they are.
+    """
+    own = mesh.triangles[:, 2]
+    still = np.isin(mesh.material[own], _LOOSE) | (mesh.tag[own] == Tag.ROAD_LINE)
+    moving = part(mesh, ~still)
+    if not len(moving.triangles):
+        return mesh
+    place = moving.vertices_m.astype(np.float64)
+    ground = np.isin(moving.tag, _GROUND)
+    size = np.where(ground, how.ground_m, how.edge_m)[:, None] * np.ones(3)
+    size[ground, 2] = _LEVEL_M
+    cell = np.floor(place / size)
+    seam = _where_materials_meet(moving)
+    off = np.sum((place / size - cell - 0.5) ** 2, axis=1)
+    key = 2 * _packed(cell) + ground
+    order = np.lexsort((off, ~seam, key))
+    new = np.concatenate([[True], np.diff(key[order]) != 0])
+    number = np.empty(len(key), np.int64)
+    number[order] = np.cumsum(new) - 1
+    moved = place[order[new]][number]
+    corners = number[moving.triangles]
+    a, b, c = corners.T
+    left = (a != b) & (b != c) & (c != a)
+    # A triangle that was turned over would show its back.
+    left &= np.sum(_across(place, moving.triangles) * _across(moved, moving.triangles), axis=1) > 0.0
+    return merge([part(replace(moving, vertices_m=moved.astype(np.float32)), left), part(mesh, still)])
+
+
+def _packed(cell: NDArray[np.float64]) -> NDArray[np.int64]:
+    """One number for each cell (N, 3)."""
+    whole = cell.astype(np.int64) + (1 << (_CELL_BITS - 1))
+    return (whole[:, 0] << (2 * _CELL_BITS)) | (whole[:, 1] << _CELL_BITS) | whole[:, 2]
+
+
+def _where_materials_meet(mesh: Mesh) -> NDArray[np.bool_]:
+    """Whether vertices of several materials lie at a vertex's place, within 2 cm, shape (V,)."""
+    _, at = np.unique(_packed(np.floor(mesh.vertices_m.astype(np.float64) / 0.02)), return_inverse=True)
+    at = at.reshape(-1)
+    pairs = np.unique(at * 256 + mesh.material)
+    return np.bincount(pairs // 256, minlength=at.max() + 1)[at] > 1
+
+
+def _across(place_m: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Vectors across triangles of twice their area, shape (T, 3)."""
+    a, b, c = (place_m[triangles[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a))
+
+
+def part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
+    """Some of a mesh's triangles (T,), with the vertices that these use."""
+    triangles = mesh.triangles[keep]
+    used = np.zeros(len(mesh.vertices_m), dtype=bool)
+    used[triangles] = True
+    renumber = (np.cumsum(used) - 1).astype(np.uint32)
+    return Mesh(
+        vertices_m=mesh.vertices_m[used],
+        triangles=renumber[triangles] if len(triangles) else triangles,
+        normals=mesh.normals[used],
+        uv_m=mesh.uv_m[used],
+        colour=mesh.colour[used],
+        material=mesh.material[used],
+        tag=mesh.tag[used],
+        instance=mesh.instance[used],
+    )
