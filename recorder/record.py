@@ -128,6 +128,7 @@ def record(
             end_tick=round((config.duration_s or 86400.0) * TICK_HZ),
             progress=progress,
         )
+        session.status.headlamps = weather.at(0).is_night
         if config.wants_window:
             panel = driver if isinstance(driver, HumanDevice) else KeyPanel(Inputs(window=True))
             stack.callback(panel.close)

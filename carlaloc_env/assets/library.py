@@ -43,7 +43,8 @@ def build_library() -> ModelLibrary:
     ``name/low``: ``name/01``, ``name/body/01`` and so on.
     ``plate/CAR/00`` … number plates of each vehicle tag, facing +x at the origin. For every key of
     `WALKERS`: ``name/00`` …, ``name/stand``, ``name/low/00`` …, ``name/low/stand``. Besides: ``ego``,
-    ``ego/brake``, ``ego/reverse``, ``signal_red``, ``signal_yellow``, ``signal_green``.
+    its lit lamps ``ego/brake``, ``ego/left``, ``ego/right`` and ``ego/reverse``, ``signal_red``,
+    ``signal_yellow``, ``signal_green``.
     """
     models: dict[str, Mesh] = {}
     for name in VEHICLES:
@@ -60,7 +61,7 @@ def build_library() -> ModelLibrary:
     models.update(walker_models())
     models["ego"] = ego_body()
     lit = lit_lamps("ego", models["ego"])
-    models |= {name: lit[name] for name in ("ego/brake", "ego/reverse")}
+    models |= {name: mesh for name, mesh in lit.items() if "/low/" not in name}
     for name, material in _LENSES.items():
         models[name] = disc(Look(material, Tag.TRAFFIC_LIGHT), LENS_RADIUS_M, 16, LENS_LIFT_M)
     return ModelLibrary(models)

@@ -35,6 +35,7 @@ BRAKE_SHARE = 0.02
 """The pedal's way from which the ego's brake lamps are lit."""
 _BLINK_NS = 666_666_666
 """Period of the indicators [ns]."""
+_EGO_LAMPS = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT, "right": LIGHT_RIGHT, "reverse": LIGHT_REVERSE}
 _LIT = ("signal_red", "signal_yellow", "signal_green")
 """Model of a lit lens for the signal states 1, 2, 3."""
 
@@ -131,7 +132,7 @@ def place_lights(
         stamp_ns: Time [ns]; indicators blink with it.
         eye_m: As for `place_actors`.
     """
-    blink = (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS
+    blink = is_blink(stamp_ns)
     bits = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT if blink else 0, "right": LIGHT_RIGHT if blink else 0,
             "reverse": LIGHT_REVERSE}  # fmt: skip
     shown = frame.lights | np.where(frame.speed_mps < -STANDING_MPS, LIGHT_REVERSE, 0).astype(np.uint8)
@@ -205,15 +206,14 @@ def place_signals(lenses: SignalLenses, states: NDArray[np.uint8], library: Mode
 
 
 def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -> Instances:
-    """The ego's own body at its `base_link` pose (4, 4), with its lit brake and reversing lamps.
+    """The ego's own body at its `base_link` pose (4, 4), with its lit lamps.
 
     Args:
         T_world_base: Pose of the ego.
         library: Models of `assets.library.build_library`.
-        lights: Bits of lit lights (`LIGHT_BRAKE`, `LIGHT_REVERSE`), as `ego_lights` gives them.
+        lights: Bits of lit lights (`LIGHT_BRAKE` …), as `ego_lights` gives them.
     """
-    names = ["ego"]
-    names += ["ego/brake"] * bool(lights & LIGHT_BRAKE) + ["ego/reverse"] * bool(lights & LIGHT_REVERSE)
+    names = ["ego", *(f"ego/{lamp}" for lamp, bit in _EGO_LAMPS.items() if lights & bit)]
     T = np.asarray(T_world_base, dtype=np.float64).reshape(1, 4, 4)
     return Instances(
         model=np.array([library.index(name) for name in names], dtype=np.int32),
@@ -221,6 +221,11 @@ def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -
         instance=np.full(len(names), EGO_INSTANCE, dtype=np.uint32),
         tint=np.array([EGO_TINT] * len(names), dtype=np.uint8),
     )
+
+
+def is_blink(stamp_ns: int) -> bool:
+    """Whether indicators that are switched on shine at a time [ns]."""
+    return (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS
 
 
 def ego_lights(car: CarTrack, stamp_ns: int) -> int:

@@ -67,7 +67,7 @@ class WindowCockpit:
             self._last = picture.copy()
             self.pictures += 1
         if self._painter.idle:
-            self._painter.ask(Moment.of(world), view)
+            self._painter.ask(Moment.of(world, status), view)
         if not self._painter.alive:
             status.message = GONE
             time.sleep(_GONE_S)

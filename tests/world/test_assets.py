@@ -128,7 +128,8 @@ def test_props_stand_at_the_origin_and_show_their_outside(name: str) -> None:
 
 
 def test_library_holds_every_name(library: ModelLibrary) -> None:
-    expected = {*VEHICLES, "ego", "ego/brake", "ego/reverse", "signal_red", "signal_yellow", "signal_green"}
+    expected = {*VEHICLES, "ego", *(f"ego/{lamp}" for lamp in LAMPS)}
+    expected |= {"signal_red", "signal_yellow", "signal_green"}
     for name in WALKERS:
         expected |= {f"{name}/{k:02d}" for k in range(GAIT_PHASES)} | {f"{name}/stand", f"{name}/low/stand"}
         expected |= {f"{name}/low/{k:02d}" for k in range(LOW_GAIT_PHASES)}
