@@ -166,7 +166,25 @@ def _references(network: LaneNetwork) -> defaultdict[str, list[_Effect]]:
 
 
 def _effects_of(network: LaneNetwork, road: Road, signal: Signal) -> list[_Effect]:
-    return _effects(network, road, signal.s_m, signal.orientation, signal.validity)
+    here = (0, *(lane_id for lane_id, _ in network.lanes_at(road.id, signal.s_m)))
+    if not signal.validity or any(v.holds(lane_id) for v in signal.validity for lane_id in here):
+        return _effects(network, road, signal.s_m, signal.orientation, signal.validity)
+    # SUMO counts lanes from the right edge and leaves out the sign.
+    return _below(network, road, signal)
+
+
+def _below(network: LaneNetwork, road: Road, signal: Signal) -> list[_Effect]:
+    """The lane of a signal's orientation over which it hangs, if there is one."""
+    s = np.array([signal.s_m])
+    for _, number in network.lanes_at(road.id, signal.s_m):
+        lane = network.lanes[number]
+        facing = signal.orientation == "none" or (signal.orientation == "+") == lane.forward
+        if lane.type == "driving" and facing:
+            table, own = network.surface.edges, np.array([number])
+            edges = [float(table.inner(own, s).t_m[0]), float(table.outer(own, s).t_m[0])]
+            if min(edges) <= signal.t_m <= max(edges):
+                return [_Effect(number, network.station_at(number, signal.s_m))]
+    return []
 
 
 def _effects(

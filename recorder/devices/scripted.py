@@ -23,6 +23,7 @@ _ROUTE_END_M = 1.0
 _YELLOW_BRAKE_MPS2 = 2.3
 _RED_BRAKE_MPS2 = 4.5
 _STANDING_MPS = 0.06
+_PAST_RATE = 0.5
 _RESYNC_M = 4.0
 _HILL_GRADE = 0.015
 _HILL_HOLD_S = 0.45
@@ -93,7 +94,9 @@ class ScriptedDriver:
             felt_mps2=view.acceleration_mps2,
             grade=road.grade(self._s_m + 1.4),
         )
-        if v < _STANDING_MPS and not self._is_launching and self._speed.wanted_mps2 <= 0.0:
+        # Whoever rolls on past the place, down a slope, brakes all the sooner.
+        slow = _STANDING_MPS if stop is None else max(_STANDING_MPS, min(0.3, -_PAST_RATE * stop))
+        if v < slow and not self._is_launching and self._speed.wanted_mps2 <= 0.0:
             self._standing, self._free_since = True, None
         self._steer = self._steering.update(
             road,

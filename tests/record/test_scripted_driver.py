@@ -420,6 +420,17 @@ def test_stops_and_starts_on_a_hill(slope: float) -> None:
     assert log["speed"][-1] > 5.0
 
 
+@pytest.mark.parametrize("slope", [-0.03, -0.06])
+def test_does_not_creep_down_a_hill(slope: float) -> None:
+    """At the end of a route the car comes to rest, also where the road falls more than it looks."""
+    route = route_of([(100.0, 0.0)], 8.0)
+    position = route.position_m.copy()
+    position[:, 2] = slope * position[:, 0]
+    log = drive(replace(route, position_m=position), 40.0, slope=slope)
+    assert np.abs(log["speed"][-5 * TICK_HZ :]).max() < 0.01
+    assert route.length_m - 3.0 < log["s"][-1]
+
+
 def test_same_seed_same_controls() -> None:
     """Two drivers of a seed, and one driver used twice, do exactly the same; another seed does not."""
     route = route_of([(60.0, 0.0), (RIGHT_ANGLE * 12, 1 / 12), (60.0, 0.0)], 11.0)
