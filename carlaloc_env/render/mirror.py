@@ -1,4 +1,7 @@
-"""Reflections of the scene in wet level ground, at half the picture's resolution."""
+"""Reflections of the scene in wet level ground, at half the picture's columns and a third of its rows.
+
+Grains of the ground smear them upwards and downwards, so that rows need not be as fine as columns.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,8 @@ from carlaloc_env.render.context import Programs
 from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.projection import View
 
+COLUMN_PX, ROW_PX = 2, 3
+"""Pixels of the picture for one of the mirror's."""
 _MARGIN = 0.03
 """How far above the horizon ground is still looked for, as a share of the picture's height."""
 
@@ -39,10 +44,14 @@ class Mirror:
             triangle: Draws a triangle over everything.
         """
         camera = gbuffer.camera
-        texture, framebuffer = self._target(((camera.width_px + 1) // 2, (camera.height_px + 1) // 2))
+        texture, framebuffer = self._target(
+            (-(-camera.width_px // COLUMN_PX), -(-camera.height_px // ROW_PX))
+        )
         framebuffer.use()
         framebuffer.clear()
-        program = self._programs.get("screen.vert", "mirror.frag", *features)
+        program = self._programs.get(
+            "screen.vert", "mirror.frag", f"COLUMN_PX {COLUMN_PX}", f"ROW_PX {ROW_PX}", *features
+        )
         prepare(program)
         top = round(texture.height * max(horizon(gbuffer.view) - _MARGIN, 0.0))
         self._context.enable_only(moderngl.NOTHING)

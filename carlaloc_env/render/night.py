@@ -13,11 +13,13 @@ from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.lights import (
     MOST_LIGHTS,
     Emitters,
+    Lights,
     concatenate_lights,
     nearest,
     street_lamps,
 )
 from carlaloc_env.render.tiles import LIST_SIZE, TILE, TILE_PX, DepthRange, LightGrid, light_grid
+from carlaloc_env.render.uniforms import Scene
 from carlaloc_env.scene import ModelLibrary
 
 FEATURES = (f"MOST_LIGHTS {MOST_LIGHTS}", f"LIST_SIZE {LIST_SIZE}", "TILES")
@@ -39,35 +41,33 @@ class Night:
         self._command = context.buffer(reserve=20, dynamic=True)
         self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
 
-    def prepare(self, gbuffer: GBuffer, extinction_per_m: float, exposure: float) -> LightGrid:
-        """Find the lights of a picture and hold them for the next drawing.
-
-        Args:
-            gbuffer: What is lit.
-            extinction_per_m: Of the air, which glows.
-            exposure: Picture value per luminance [m²/cd].
-        """
-        eye_m = gbuffer.view.position_m
+    def lights(self, gbuffer: GBuffer) -> Lights:
+        """The lights round a camera that matter most."""
         lights = concatenate_lights([self._street, self._emitters.lights(gbuffer.actors)])
-        lights = nearest(lights, eye_m)
-        depth_m = _depth_m(gbuffer)
+        return nearest(lights, gbuffer.view.position_m)
+
+    def prepare(self, scene: Scene) -> LightGrid:
+        """Find the lights of a picture and hold them for the next drawing."""
+        eye_m, exposure = scene.view.position_m, scene.sky.light.exposure
+        lights, depth_m = self.lights(scene.gbuffer), scene.depth_m()
         grid = light_grid(
-            gbuffer.view,
+            scene.view,
             lights,
             DepthRange.of(depth_m),
-            extinction_per_m * exposure / 4.0,
+            scene.weather.extinction_per_m * exposure / 4.0,
             depth_m=depth_m,
             exposure=exposure,
+            normal_codes=scene.normal_codes(),
         )
         rows = np.zeros((MOST_LIGHTS, 5, 4), dtype="<f4")
         n = len(lights)
-        rows[:n, 0, :3], rows[:n, 0, 3] = lights.position_m - eye_m, lights.range_m
+        rows[:n, 0, :3], rows[:n, 0, 3] = lights.position_m - eye_m, 1.0 / lights.range_m**2
         rows[:n, 1, :3], rows[:n, 1, 3] = lights.colour_cd * (exposure / math.pi), lights.cap
         rows[:n, 2, :3], rows[:n, 2, 3] = lights.axis, lights.edge[:, 0]
-        rows[:n, 3, :3], rows[:n, 3, 3] = lights.left, lights.edge[:, 1]
+        rows[:n, 3, :3], rows[:n, 3, 3] = lights.left, 1.0 / np.diff(lights.edge, axis=1)[:, 0]
         hue = lights.colour_cd / np.maximum(lights.colour_cd.max(axis=1, initial=0.0)[:, None], 1e-9)
         rows[:n, 4, :3] = hue * (lights.glow_cd * exposure / math.pi)[:, None]
-        rows[:n, 4, 3] = np.maximum(grid.glow_range_m, 1e-3)
+        rows[:n, 4, 3] = 1.0 / np.maximum(grid.glow_range_m, 1e-3) ** 2
         self._write(self._lamps, rows.tobytes())
         self._write(self._lists, grid.entries.tobytes())
         if grid.tiles.nbytes > self._tiles.size:
@@ -109,8 +109,3 @@ class Night:
             array.release()
         for buffer in (self._lamps, self._lists, self._tiles, self._command):
             buffer.release()
-
-
-def _depth_m(gbuffer: GBuffer) -> NDArray[np.float32]:
-    depth = np.frombuffer(gbuffer.shaded.depth.read(), dtype=np.float32)
-    return depth.reshape(gbuffer.camera.height_px, gbuffer.camera.width_px)

@@ -1,86 +1,168 @@
-"""The layer of rain streaks that lies before a picture, drawn once per weather and instant."""
+"""The rain that lies before a picture: streaks drawn by the processor, on the few pixels that they touch.
+
+A full picture of streaks costs a software driver more than the scene's own shading of those pixels, so
+the finished picture is taken back to light where a streak crosses it, mixed, and developed again.
+"""
 
 from __future__ import annotations
 
-import moderngl
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import Programs, set_uniforms
-from carlaloc_env.render.gbuffer import GBuffer
+from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain import Streaks
+from carlaloc_env.render.rain_kernels import noticeable, over_codes, over_light, streak_pixels
 
 Array = NDArray[np.float64]
 
-_STREAK = np.dtype([("end", "<f4", 3), ("begin", "<f4", 3), ("light", "<f4", 4), ("diameter", "<f4")])
+SHOULDER, ROOM = 0.6, 0.4
+"""Value up to which the tone curve is straight, and what lies above it, as in ``air.glsl``."""
+_STEPS = 4096
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Canvas:
+    """Room for the layer of one size of pictures, all zeros between two pictures."""
+
+    light: NDArray[np.float32]
+    """Light of the streaks and, in the fourth channel, how much they hide, shape (H·W, 4)."""
+    touched: NDArray[np.int32]
+    """Indices of pixels, shape (H·W,)."""
+
+
+@dataclass(slots=True, kw_only=True)
 class RainLayer:
-    """Draws streaks into a texture: their exposed light and, in alpha, how much they hide."""
+    """Draws streaks before pictures."""
 
-    def __init__(self, context: moderngl.Context, programs: Programs) -> None:
-        self._context = context
-        self._program = programs.get("rain.vert", "rain.frag")
-        self._buffer = context.buffer(reserve=4096 * _STREAK.itemsize, dynamic=True)
-        self._array = self._bound()
-        self._targets: dict[tuple[int, int], tuple[moderngl.Texture, moderngl.Framebuffer]] = {}
+    _canvases: dict[tuple[int, int], _Canvas] = field(default_factory=dict)
 
-    def _bound(self) -> moderngl.VertexArray:
-        content = (self._buffer, "3f4 3f4 4f4 1f4/i", "in_end", "in_begin", "in_light", "in_diameter")
-        return self._context.vertex_array(self._program, [content])
-
-    def draw(self, gbuffer: GBuffer, streaks: Streaks, light: Array) -> moderngl.Texture:
-        """Texture of the streaks that are not hidden by surfaces.
+    def layer(
+        self, view: View, depth_m: NDArray[np.float32], streaks: Streaks, light: Array
+    ) -> NDArray[np.float32]:
+        """The layer alone, shape (H, W, 4): what streaks add, and the share that they hide.
 
         Args:
-            gbuffer: The picture.
+            view: Camera.
+            depth_m: Planar depth, 0 = sky, shape (H, W).
             streaks: Drops.
-            light: Their exposed radiance, shape (N, 3).
+            light: Their light, shape (N, 3).
         """
-        camera, view = gbuffer.camera, gbuffer.view
-        texture, framebuffer = self._target((camera.width_px, camera.height_px))
-        rows = np.zeros(len(streaks), dtype=_STREAK)
-        rows["end"], rows["begin"], rows["diameter"] = streaks.end_m, streaks.begin_m, streaks.diameter_m
-        rows["light"][:, :3], rows["light"][:, 3] = light, streaks.opacity
-        if rows.nbytes > self._buffer.size:
-            self._array.release()
-            self._buffer.release()
-            self._buffer = self._context.buffer(reserve=2 * rows.nbytes, dynamic=True)
-            self._array = self._bound()
-        self._buffer.orphan()
-        if len(rows):
-            self._buffer.write(rows.tobytes())
-        framebuffer.use()
-        framebuffer.clear()
-        gbuffer.shaded.depth.use(0)
-        sx, sy, ox, oy = view.clip_scale
-        set_uniforms(
-            self._program,
-            u_depth=0,
-            u_rotation=view.R_camera_world.T.astype("<f4").tobytes(),
-            u_clip=(sx, sy, ox, oy),
-            u_size=(float(camera.width_px), float(camera.height_px)),
-            u_focal=(camera.fx_px, camera.fy_px),
+        canvas, count = self._drawn(depth_m, _seen_by(view, streaks, light))
+        out = canvas.light.copy().reshape(*depth_m.shape, 4)
+        canvas.light[canvas.touched[:count]] = 0.0
+        return out
+
+    def over_picture(
+        self,
+        picture: NDArray[np.uint8],
+        view: View,
+        depth_m: NDArray[np.float32],
+        streaks: Streaks,
+        light: Array,
+        *,
+        key: int,
+        electrons: tuple[float, float],
+    ) -> None:
+        """Draw exposed streaks over a developed picture (H, W, 4), in place.
+
+        Args:
+            picture: sRGB.
+            view: Camera.
+            depth_m: Planar depth, 0 = sky, shape (H, W).
+            streaks: Drops.
+            light: Their exposed light, shape (N, 3).
+            key: Of the dither and the noise.
+            electrons: Of a pixel at value 1, and noise of reading it; zeros where no noise shows.
+        """
+        seen = _seen_by(view, streaks, light)
+        shown = np.empty(len(streaks), bool)
+        noticeable(shown, picture, *seen, _LIGHT_OF_CODE, *electrons)
+        canvas, count = self._drawn(depth_m, seen.take(shown))
+        over_codes(
+            picture.reshape(-1, 4),
+            canvas.light,
+            canvas.touched,
+            count,
+            _LIGHT_OF_CODE,
+            _CODE_OF_ROOT,
+            np.uint32(key),
+            *electrons,
         )
-        self._context.enable_only(moderngl.BLEND)
-        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
-        if len(rows):
-            self._array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(rows))
-        self._context.enable_only(moderngl.NOTHING)
-        return texture
 
-    def _target(self, size_px: tuple[int, int]) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
-        if size_px not in self._targets:
-            texture = self._context.texture(size_px, 4, dtype="f2")
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            texture.repeat_x = texture.repeat_y = False
-            self._targets[size_px] = (texture, self._context.framebuffer([texture]))
-        return self._targets[size_px]
+    def over_radiance(
+        self,
+        picture: NDArray[np.float32],
+        view: View,
+        depth_m: NDArray[np.float32],
+        streaks: Streaks,
+        light: Array,
+    ) -> None:
+        """Draw exposed streaks over exposed light (H, W, 4), in place."""
+        canvas, count = self._drawn(depth_m, _seen_by(view, streaks, light))
+        over_light(picture.reshape(-1, 4), canvas.light, canvas.touched, count)
 
-    def release(self) -> None:
-        """Free the textures."""
-        self._array.release()
-        self._buffer.release()
-        for texture, framebuffer in self._targets.values():
-            framebuffer.release()
-            texture.release()
+    def _drawn(self, depth_m: NDArray[np.float32], seen: _Seen) -> tuple[_Canvas, int]:
+        size = (depth_m.shape[0], depth_m.shape[1])
+        if size not in self._canvases:
+            pixels = size[0] * size[1]
+            self._canvases[size] = _Canvas(
+                light=np.zeros((pixels, 4), np.float32), touched=np.zeros(pixels, np.int32)
+            )
+        canvas = self._canvases[size]
+        return canvas, streak_pixels(canvas.light, canvas.touched, depth_m, *seen)
+
+
+class _Seen(NamedTuple):
+    """Streaks in the optical frame, as the kernels take them."""
+
+    begin_m: Array
+    end_m: Array
+    diameter_m: Array
+    light: Array
+    """Light and opacity, shape (N, 4)."""
+    intrinsics: Array
+    """Focal lengths and principal point [px], shape (4,)."""
+
+    def take(self, which: NDArray[np.bool_]) -> _Seen:
+        """Some of them."""
+        return _Seen(
+            self.begin_m[which], self.end_m[which], self.diameter_m[which], self.light[which], self.intrinsics
+        )
+
+
+def _seen_by(view: View, streaks: Streaks, light: Array) -> _Seen:
+    begin, end = (
+        np.sum(place[:, None, :] * view.R_camera_world, axis=2) for place in (streaks.begin_m, streaks.end_m)
+    )
+    c = view.camera
+    return _Seen(
+        begin_m=begin,
+        end_m=end,
+        diameter_m=streaks.diameter_m,
+        light=np.column_stack([light, streaks.opacity]),
+        intrinsics=np.array([c.fx_px, c.fy_px, c.cx_px, c.cy_px]),
+    )
+
+
+def developed(light: Array) -> Array:
+    """sRGB value 0–1 of exposed light, with the soft shoulder of ``air.glsl``."""
+    over = np.maximum(light - SHOULDER, 0.0)
+    toned = np.minimum(light, SHOULDER) + ROOM * (1.0 - np.exp(-over / ROOM))
+    bright = 1.055 * np.maximum(toned, 1e-9) ** (1.0 / 2.4) - 0.055
+    return np.asarray(np.where(toned < 0.0031308, 12.92 * toned, bright), dtype=np.float64)
+
+
+def undeveloped(code: Array) -> Array:
+    """Exposed light of an sRGB value 0–1, the inverse of `developed`."""
+    toned = np.where(code < 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    # White is any light that is bright enough; three quarters of a step below it stands for all.
+    over = np.minimum((toned - SHOULDER) / ROOM, 1.0 - 0.25 / 255.0)
+    return np.asarray(np.where(toned > SHOULDER, SHOULDER - ROOM * np.log1p(-np.maximum(over, 0.0)), toned))
+
+
+_LIGHT_OF_CODE = undeveloped(np.arange(256) / 255.0)
+_CODE_OF_ROOT = developed((np.arange(_STEPS + 2) / _STEPS * 2.0) ** 2)
+"""Values at the squares of 0 … 2 in `_STEPS` even steps."""

@@ -32,6 +32,16 @@ TILE = np.dtype([("place", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), 
 """One tile: column and row, then the first entry and the end of its lists."""
 
 
+LOOPS: tuple[tuple[str, ...], ...] = (
+    (),
+    ("GLOWS",),
+    ("GLOWS", "LAMPS"),
+    ("LAMPS", "BEAMS"),
+    ("GLOWS", "LAMPS", "BEAMS"),
+)
+"""Kinds of tiles by the loops that their shaders run: a loop without entries costs as one with one."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DepthRange:
     """Nearest and farthest surface in every tile, planar [m]; nearest = inf where there is sky only."""
@@ -60,9 +70,9 @@ class LightGrid:
     glow_range_m: Array
     """How far from each light the air round it is seen to glow [m], shape (N,)."""
     tiles: NDArray[np.void]
-    """`TILE` rows; those without low beams first."""
-    plain: int
-    """Number of tiles without low beams."""
+    """`TILE` rows, sorted by the loops that they need."""
+    groups: dict[tuple[str, ...], tuple[int, int]]
+    """By the loops: first tile and how many."""
     entries: NDArray[np.uint32]
     """Indices of lights, all lists in one, at most `LIST_SIZE`."""
 
@@ -75,6 +85,7 @@ def light_grid(
     *,
     depth_m: NDArray[np.float32] | None = None,
     exposure: float = 0.0,
+    normal_codes: NDArray[np.uint16] | None = None,
 ) -> LightGrid:
     """Lists of the lights that reach the surfaces and the air in every tile.
 
@@ -86,6 +97,8 @@ def light_grid(
         depth_m: Planar depth, 0 = sky, shape (H, W); with it, lamps that light nothing in a tile are
             left out of its lists.
         exposure: Picture value per luminance [m²/cd].
+        normal_codes: Octahedral world normals, shape (H, W, 2); with them, lamps that surfaces turn away
+            from are left out, too.
     """
     centre = (
         lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
@@ -97,7 +110,7 @@ def light_grid(
     z = _along(view, centre)
     surface = _touched(view, centre, radius, near.shape) & (z + radius > near) & (z - radius < far)
     if depth_m is not None:
-        _keep_lit(surface, view, lights, depth_m, exposure)
+        _keep_lit(surface, view, lights, depth_m, exposure, normal_codes)
     # The air of a tile reaches from the eye to its farthest surface, or on where there is sky.
     sky = ~np.isfinite(near) | (far > 200.0)
     air = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
@@ -106,15 +119,21 @@ def light_grid(
 
 
 def _keep_lit(
-    surface: NDArray[np.bool_], view: View, lights: Lights, depth_m: NDArray[np.float32], exposure: float
+    surface: NDArray[np.bool_],
+    view: View,
+    lights: Lights,
+    depth_m: NDArray[np.float32],
+    exposure: float,
+    normal_codes: NDArray[np.uint16] | None,
 ) -> None:
     """Leave only lamps in the lists of tiles (R, C, N) that light what these show."""
     camera = view.camera
     keep_lit(
         surface,
-        np.empty((TILE_PX * TILE_PX, 3)),
+        np.empty((TILE_PX * TILE_PX, 6)),
         TILE_PX,
         depth_m,
+        np.zeros((0, 0, 2), np.uint16) if normal_codes is None else normal_codes,
         np.array(
             [1 / camera.fx_px, 1 / camera.fy_px, -camera.cx_px / camera.fx_px, -camera.cy_px / camera.fy_px]
         ),
@@ -178,11 +197,16 @@ def _packed(
         tiles[name][:, 0] = np.minimum(end - count, LIST_SIZE).clip(begin)
         entries.append(np.nonzero(flat)[1])
         begin = int(end[-1])
-    lit = tiles["beams"][:, 1] > tiles["beams"][:, 0]
+    lit, beamed, glowing = (tiles[name][:, 1] > tiles[name][:, 0] for name in ("lamps", "beams", "glows"))
+    kind = np.where(beamed, np.where(glowing, 4, 3), np.where(lit, 2, np.where(glowing, 1, 0)))
+    ends = np.cumsum(np.bincount(kind, minlength=len(LOOPS)))
     return LightGrid(
         lights=lights,
         glow_range_m=glow,
-        tiles=tiles[np.argsort(lit, kind="stable")],
-        plain=int(np.count_nonzero(~lit)),
+        tiles=tiles[np.argsort(kind, kind="stable")],
+        groups={
+            loops: (int(end - many), int(many))
+            for loops, end, many in zip(LOOPS, ends, np.diff(ends, prepend=0), strict=True)
+        },
         entries=np.concatenate(entries)[:LIST_SIZE].astype(np.uint32),
     )

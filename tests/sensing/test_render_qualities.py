@@ -10,8 +10,10 @@ from carlaloc_env import geometry
 from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render import tiles
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import QUALITIES, SceneRenderer
+from carlaloc_env.render.sky import READ_NOISE_E, electrons, sky_light
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.semantics import Tag
@@ -96,3 +98,35 @@ def test_qualities_agree_in_the_glow_round_a_lamp_by_night(
         for quality in QUALITIES
     ]
     assert boxes == pytest.approx([boxes[1]] * 3, rel=0.02)
+
+
+def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A night among lamps and cars, with and without the search for what they light."""
+    library, one = ego()
+    random = np.random.default_rng(6)
+    lamps_m = random.uniform([5, -25, 3], [70, 25, 9], (30, 3))
+    night = PRESETS["RainyNight"]
+    exposure = sky_light(night).exposure
+    with SceneRenderer(
+        street(), library, quality="medium", lamps_m=lamps_m, albedo=plain_albedo()
+    ) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, one)
+        sparse = renderer.radiance_cd_m2(gbuffer, night) * exposure
+        kept: list[int] = []
+        search = tiles.keep_lit
+
+        def counting(mask: NDArray[np.bool_], *rest: object) -> None:
+            before = np.count_nonzero(mask)
+            whole = mask.copy()
+            search(mask, *rest)  # type: ignore[arg-type]
+            kept.extend([before, np.count_nonzero(mask)])
+            mask[:] = whole
+
+        monkeypatch.setattr(tiles, "keep_lit", counting)
+        whole = renderer.radiance_cd_m2(gbuffer, night) * exposure
+    assert kept[1] < 0.8 * kept[0]
+    assert np.abs(sparse - whole).mean() < 0.2 * tiles.LIGHT_CUTOFF
+    # The noise of reading the darkest pixel hides the rest, but for some pixels of thin posts.
+    noise = READ_NOISE_E / electrons(exposure)
+    assert np.quantile(np.abs(sparse - whole), 0.9995) < noise
+    assert np.quantile(np.abs(sparse - whole), 0.99) < 0.05 * noise

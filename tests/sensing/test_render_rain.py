@@ -17,7 +17,9 @@ from carlaloc_env.render.lens_drops import with_lens_drops
 from carlaloc_env.render.lights import NO_LIGHTS, street_lamps
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
+from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.sky import sky_light
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.semantics import Tag
@@ -120,6 +122,45 @@ def test_drops_shine_near_lamps_most_when_they_lie_before_them() -> None:
     np.testing.assert_allclose(dark, 0.188)
     bright = lit(drops, np.zeros(3), np.full(3, 0.2), lamps) - dark
     assert bright[0, 1] > bright[1, 1] > 0.0
+
+
+def test_a_streak_hides_what_its_drop_hides_on_its_way() -> None:
+    """Sum of the layer over the picture: the streak's area times the share of time it is covered."""
+    camera = Pinhole(width_px=640, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=320.0, cy_px=180.0)
+    view = View.of(camera, geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 0.0)))
+    no_depth = np.zeros((360, 640), np.float32)
+    layers = RainLayer()
+    hidden = []
+    for k in range(40):
+        # Drops of 3.5 mm at 2 m that fall 0.2 m: 1.1 px wide and 64 px long, here and there.
+        end = np.array([[2.0, 0.0137 * k - 0.2, 0.011 * k - 0.3]])
+        begin = end + np.array([[0.0, 0.003 * k, 0.2]])
+        streak = Streaks(end_m=end, begin_m=begin, diameter_m=np.array([3.5e-3]))
+        layer = layers.layer(view, no_depth, streak, np.array([[5.0, 6.0, 7.0]]))
+        length_px = 320.0 * math.sqrt(0.2**2 + (0.003 * k) ** 2)
+        hidden.append(layer[..., 3].sum() / (length_px * 640.0 * 3.5e-3 / 2.0 * streak.opacity[0]))
+        np.testing.assert_allclose(layer[..., :3], layer[..., 3:] * [5.0, 6.0, 7.0], rtol=1e-5)
+    assert np.mean(hidden) == pytest.approx(1.0, rel=0.03)
+    wall = np.full((360, 640), 1.5, np.float32)
+    assert not layers.layer(view, wall, streak, np.ones((1, 3))).any()
+
+
+def test_pictures_and_light_show_the_same_rain() -> None:
+    """The developed picture against the light of the same call, developed by the published sRGB curve."""
+    weather = PRESETS["HardRainNoon"]
+    with SceneRenderer([ground()], ModelLibrary({}), quality="low", albedo=plain_albedo()) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
+        picture = renderer.shade(gbuffer, weather, stamp_ns=10**9, seed=3).astype(float)
+        dry, wet = (
+            renderer.radiance_cd_m2(gbuffer, weather, stamp_ns=stamp, seed=3) * sky_light(weather).exposure
+            for stamp in (None, 10**9)
+        )
+    assert np.mean(np.abs(wet - dry) > 0.01 * dry) > 0.02
+    assert wet.max() < 0.6
+    code = 255.0 * np.where(wet < 0.0031308, 12.92 * wet, 1.055 * wet ** (1 / 2.4) - 0.055)
+    falling = np.abs(wet - dry) > 0.03 * dry
+    assert np.abs(picture - code)[falling].max() < 2.0
+    assert abs(np.mean((picture - code)[falling])) < 0.1
 
 
 def ground() -> Mesh:

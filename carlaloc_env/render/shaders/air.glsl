@@ -30,12 +30,8 @@ vec3 through_air(vec3 light, vec3 direction, float length_m) {
     return light * t + u_fog_light * (1.0 - t);
 }
 
-#ifdef NIGHT
+#ifdef TILES
 #include "lamps.glsl"
-#endif
-
-#ifdef RAIN
-uniform sampler2D u_rain;   // light of the streaks before the picture, and how much they hide
 #endif
 
 #ifdef NIGHT
@@ -53,17 +49,13 @@ vec3 grainy(vec3 exposed) {
 #endif
 
 vec4 develop(vec3 exposed) {
-#ifdef RAIN
-    vec4 rain = texelFetch(u_rain, ivec2(gl_FragCoord.xy), 0);
-    exposed = exposed * (1.0 - rain.a) + rain.rgb;
-#endif
 #ifdef LINEAR
     return vec4(exposed, 1.0);
 #else
 #ifdef NIGHT
     exposed = grainy(exposed);
 #endif
-    // Linear up to 0.6, a soft shoulder above; then exact sRGB and half a step of dither.
+    // As in rain_layer.py: linear up to 0.6, a soft shoulder above; then exact sRGB and half a step of dither.
     vec3 x = max(exposed, 0.0);
     vec3 toned = min(x, 0.6) + 0.4 * (1.0 - exp(-max(x - 0.6, 0.0) * 2.5));
     vec3 code = mix(1.055 * pow(toned, vec3(1.0 / 2.4)) - 0.055, 12.92 * toned, lessThan(toned, vec3(0.0031308)));

@@ -20,7 +20,7 @@ float glare(float code) {
 }
 
 void main() {
-    vec2 pixel = floor(gl_FragCoord.xy) * 2.0;
+    vec2 pixel = floor(gl_FragCoord.xy) * vec2(COLUMN_PX, ROW_PX) + vec2((COLUMN_PX - 1) / 2, (ROW_PX - 1) / 2);
     vec2 uv = (pixel + 0.5) / u_size;
     float depth = texture(u_depth, uv).x;
     float up = decode_normal(texture(u_normal, uv).xy).z;

@@ -4,23 +4,34 @@ uniform vec2 u_size;
 uniform mat3 u_rotation;    // camera to world
 #ifdef TILES
 in uvec2 in_place;          // column and row
-in uvec2 in_lamps;          // lists of lights, see lamps.glsl
-in uvec2 in_beams;
-in uvec2 in_glows;
 uniform float u_tile;       // edge [px]
-
+#ifdef LAMPS
+in uvec2 in_lamps;          // lists of lights, see lamps.glsl
 flat out uvec2 v_lamps;
-flat out uvec2 v_beams;
+#endif
+#ifdef GLOWS
+in uvec2 in_glows;
 flat out uvec2 v_glows;
+#endif
+#ifdef BEAMS
+in uvec2 in_beams;
+flat out uvec2 v_beams;
+#endif
 #endif
 
 out vec3 v_ray;             // through the pixel, world axes, planar depth 1
 
 void main() {
 #ifdef TILES
+#ifdef LAMPS
     v_lamps = in_lamps;
-    v_beams = in_beams;
+#endif
+#ifdef GLOWS
     v_glows = in_glows;
+#endif
+#ifdef BEAMS
+    v_beams = in_beams;
+#endif
     vec2 side = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));
     vec2 corner = min((vec2(in_place) + side) * u_tile, u_size) / u_size * 2.0 - 1.0;
 #else

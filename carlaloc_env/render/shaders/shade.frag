@@ -32,22 +32,22 @@ uniform float u_ripples;       // time of the ripples, 0 without rain
 uniform sampler2D u_mirror;    // what level ground mirrors of the scene, see mirror.frag
 #endif
 #ifdef BEAMS
-float bell(float h, float v, vec2 centre, vec2 width) {
-    vec2 x = (vec2(h, v) - centre) / width;
-    return exp(-0.5 * dot(x, x));
+float bell(float h, float v, vec2 centre, vec2 per_width) {
+    vec2 x = (vec2(h, v) - centre) * per_width;
+    return exp2(-0.7213475 * dot(x, x));
 }
 
 // Intensity [cd] of a low beam for right-hand traffic; degrees right and up.
 float low_beam(vec3 way) {
-    float ahead = max(way.x, 0.05);
-    float h = -57.29578 * way.y / ahead;
-    float v = 57.29578 * way.z / ahead;
+    float per_ahead = 57.29578 / max(way.x, 0.05);
+    float h = -way.y * per_ahead;
+    float v = way.z * per_ahead;
     float cut = min(-0.57 + max(h, 0.0) * 0.268, 1.0);
-    float below = 1.0 / (1.0 + exp(min(9.0 * (v - cut), 60.0)));
-    float beam = 26000.0 * bell(h, v, vec2(1.5, -1.0), vec2(2.3, 0.9))
-        + 8000.0 * bell(h, v, vec2(0.0, -1.8), vec2(9.0, 1.8))
-        + 4200.0 * bell(h, v, vec2(0.0, -4.5), vec2(20.0, 3.5));
-    return way.x > 0.05 ? (below * beam + 180.0 * bell(h, v, vec2(0.0), vec2(25.0, 12.0))) : 0.0;
+    float below = 1.0 / (1.0 + exp2(min(12.984255 * (v - cut), 86.0)));
+    float beam = 26000.0 * bell(h, v, vec2(1.5, -1.0), vec2(0.4347826, 1.1111111))
+        + 8000.0 * bell(h, v, vec2(0.0, -1.8), vec2(0.1111111, 0.5555556))
+        + 4200.0 * bell(h, v, vec2(0.0, -4.5), vec2(0.05, 0.2857143));
+    return way.x > 0.05 ? (below * beam + 180.0 * bell(h, v, vec2(0.0), vec2(0.04, 0.0833333))) : 0.0;
 }
 #endif
 
@@ -72,22 +72,17 @@ float fifth(float x) {
     return max(square * square * x, 0.0);
 }
 
-// Microfacet reflection of one light, without the light: GGX with Karis' cheap visibility, times pi.
-// Cosines between normal and light, normal and view, light and view; the half vector is not needed.
-float gloss(float nl, float nv, float lv, float alpha, float f0) {
-    float s = max(2.0 + 2.0 * lv, 0.01);
-    float nh2 = min((nl + nv) * (nl + nv) / s, 1.0);
-    float lh2 = 0.25 * s;
+// Microfacet reflection of one light, without the light: GGX with Karis' cheap visibility, times pi, bent
+// towards a limit that it never passes. Cosines between normal and light, normal and view, light and view.
+// Fractions are multiplied out to a single one: divisions are what it costs.
+float gloss(float nl, float nv, float lv, float alpha, float f0, float limit) {
+    float s = max(2.0 + 2.0 * lv, 0.01);    // squared length of the half vector
     float a2 = alpha * alpha;
-    float d = nh2 * (a2 - 1.0) + 1.0;
+    float d = max((nl + nv) * (nl + nv) * (a2 - 1.0) + s, a2 * s);
     // Rough surfaces shade themselves where they would mirror most (Lagarde 2011).
-    float fresnel = f0 + max(1.0 - f0 - sqrt(alpha), 0.0) * fifth(1.0 - sqrt(lh2));
-    return a2 / (d * d) * fresnel / (4.0 * lh2 * (0.5 + alpha));
-}
-
-// Bends a value towards a limit that it never passes.
-float softened(float x, float limit) {
-    return x / (1.0 + x / limit);
+    float fresnel = f0 + max(1.0 - f0 - sqrt(alpha), 0.0) * fifth(1.0 - 0.5 * sqrt(s));
+    float top = a2 * s * fresnel;
+    return top * limit / (d * d * (0.5 + alpha) * limit + top);
 }
 
 #ifdef OVERCAST
@@ -197,24 +192,25 @@ void main() {
     float facing = max(dot(n, u_sun), 0.0);
     vec3 sun = u_sun_light * facing * sunlit(offset, n);
     light += sun;
-    shine += sun * softened(gloss(facing, nv, dot(u_sun, v), max(alpha, 0.02), f0), 40.0);
+    shine += sun * gloss(facing, nv, dot(u_sun, v), max(alpha, 0.02), f0, 40.0);
 #endif
-#ifdef NIGHT
+#ifdef LAMPS
     for (uint i = v_lamps.x; i < v_lamps.y; ++i) {
         uint k = entry(i);
         vec3 to = lamps[k].place.xyz - offset;
         float near2 = max(dot(to, to), 0.25);
-        vec3 l = to * inversesqrt(near2);
+        float per_r = inversesqrt(near2);
+        vec3 l = to * per_r;
         float nl = max(dot(n, l), 0.0);
         float cosine = -dot(l, lamps[k].axis.xyz);
+        float edge = clamp((cosine - lamps[k].axis.w) * lamps[k].left.w, 0.0, 1.0);
         // Batwing of a full cut-off luminaire; plain lamps have no gain.
-        float beam = min(1.0 / (cosine * cosine * cosine + 1e-3), lamps[k].light.w)
-            * smoothstep(lamps[k].axis.w, lamps[k].left.w, cosine);
-        vec3 e = lamps[k].light.rgb
-            * (window(near2, lamps[k].place.w) * beam * nl / near2);
+        float beam = min(1.0 / (cosine * cosine * cosine + 1e-3), lamps[k].light.w) * edge * edge * (3.0 - 2.0 * edge);
+        vec3 e = lamps[k].light.rgb * (window(near2 * lamps[k].place.w) * beam * nl * per_r * per_r);
         light += e;
-        shine += e * softened(gloss(nl, nv, dot(l, v), max(alpha, 0.01), f0), 40.0);
+        shine += e * gloss(nl, nv, dot(l, v), max(alpha, 0.01), f0, 40.0);
     }
+#endif
 #ifdef BEAMS
     // Rough surfaces throw light back to where it came from, most when it grazes them (Oren and Nayar
     // 1994): dry asphalt 0.008 cd/m2 per lx across the beam, which EN 1436 puts at about 0.01.
@@ -223,18 +219,17 @@ void main() {
         uint k = entry(i);
         vec3 way = offset - lamps[k].place.xyz;
         float near2 = max(dot(way, way), 1.0);
-        vec3 l = -way * inversesqrt(near2);
+        float per_r = inversesqrt(near2);
+        vec3 l = -way * per_r;
         float nl = max(dot(n, l), 0.0);
         vec3 axis = lamps[k].axis.xyz;
         vec3 left = lamps[k].left.xyz;
         vec3 turned = vec3(dot(axis, way), dot(left, way), dot(cross(axis, left), way));
-        vec3 e = lamps[k].light.rgb
-            * (low_beam(turned) * window(near2, lamps[k].place.w) * nl / near2);
+        vec3 e = lamps[k].light.rgb * (low_beam(turned) * window(near2 * lamps[k].place.w) * nl * per_r * per_r);
         float lv = dot(l, v);
         light += e * (1.0 + thrown_back * max(lv - nl * nv, 0.0) / max(max(nl, nv), 0.01));
-        shine += e * softened(gloss(nl, nv, lv, max(alpha, 0.02), f0), 5.0);
+        shine += e * gloss(nl, nv, lv, max(alpha, 0.02), f0, 5.0);
     }
-#endif
 #endif
 
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
@@ -250,14 +245,14 @@ void main() {
 
     vec3 exposed = albedo * light + shine + reflection * fresnel + emitted;
     exposed = through_air(exposed, direction, length_m);
-#ifdef NIGHT
+#ifdef GLOWS
     vec3 glow = lamp_glow(direction, cover < 0.5 ? SKY_M : length_m);
 #endif
 #ifdef RESOLVED
     vec3 sky = sky_through_air(textureLod(u_sky, sky_uv(direction), 0.0).rgb, direction);
     exposed = mix(sky, exposed, cover);
 #endif
-#ifdef NIGHT
+#ifdef GLOWS
     // The air before the sky glows as that before surfaces does.
     exposed += glow;
 #endif

@@ -1,0 +1,84 @@
+"""The light of weathers on the graphics side: one sky map each, and what it gives to surfaces."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.render.sky import SkyLight, sky_light
+from carlaloc_env.weather import WeatherParameters
+
+Array = NDArray[np.float64]
+
+CACHED_WEATHERS = 8
+
+# Ramamoorthi and Hanrahan 2001, equation 13.
+_C1, _C2, _C3, _C4, _C5 = 0.429043, 0.511664, 0.743125, 0.886227, 0.247708
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sky:
+    """A weather's light, ready for the shaders."""
+
+    light: SkyLight
+    polynomial: Array
+    """Irradiance [lx] by the normal: 1 y z x xy yz z² xz x²−y², shape (9, 3)."""
+    texture: moderngl.Texture
+    """Exposed luminance of the upper half-sphere in hemi-octahedral layout."""
+
+    @property
+    def above_cd_m2(self) -> Array:
+        """Mean luminance over the upper half-sphere, weighted by height, shape (3,)."""
+        return np.asarray(np.maximum(np.sum(self.polynomial[[0, 2, 6]], axis=0), 0.0) / np.pi)
+
+
+class Skies:
+    """Makes and keeps the skies of the weathers used last."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._kept: OrderedDict[WeatherParameters, Sky] = OrderedDict()
+
+    def of(self, weather: WeatherParameters) -> Sky:
+        """The sky of a weather."""
+        if weather in self._kept:
+            self._kept.move_to_end(weather)
+            return self._kept[weather]
+        light = sky_light(weather)
+        exposed = np.ones((*light.sky_cd_m2.shape[:2], 4), dtype=np.float16)
+        exposed[..., :3] = light.sky_cd_m2 * light.exposure
+        texture = self._context.texture(exposed.shape[1::-1], 4, exposed.tobytes(), dtype="f2")
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+        texture.repeat_x = texture.repeat_y = False
+        self._kept[weather] = Sky(light=light, polynomial=_polynomial(light.irradiance), texture=texture)
+        if len(self._kept) > CACHED_WEATHERS:
+            self._kept.popitem(last=False)[1].texture.release()
+        return self._kept[weather]
+
+    def release(self) -> None:
+        """Free all textures."""
+        for sky in self._kept.values():
+            sky.texture.release()
+
+
+def _polynomial(harmonics: Array) -> Array:
+    """Irradiance as a polynomial in the normal: 1 y z x xy yz z² xz x²−y², shape (9, 3)."""
+    l00, l1m1, l10, l11, l2m2, l2m1, l20, l21, l22 = harmonics
+    return np.stack(
+        [
+            _C4 * l00 - _C5 * l20,
+            2 * _C2 * l1m1,
+            2 * _C2 * l10,
+            2 * _C2 * l11,
+            2 * _C1 * l2m2,
+            2 * _C1 * l2m1,
+            _C3 * l20,
+            2 * _C1 * l21,
+            _C1 * l22,
+        ]
+    )

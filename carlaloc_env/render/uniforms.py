@@ -1,0 +1,129 @@
+"""What shading programs are told: the view, the samples, the light and the air of one picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.render.context import set_uniforms
+from carlaloc_env.render.gbuffer import GBuffer, Targets
+from carlaloc_env.render.projection import View
+from carlaloc_env.render.roofs import Roofs
+from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, ShadowMap
+from carlaloc_env.render.skies import Sky
+from carlaloc_env.render.sky import READ_NOISE_E, electrons
+from carlaloc_env.weather import WeatherParameters
+
+RIPPLES_NS = 1_000_000_000_000
+"""Period of the rings on puddles [ns]; shaders count time in single precision."""
+ALBEDO, NORMAL, SURFACE, DEPTH, SKY, STATIC, ACTORS, ROOFS, MIRROR = range(9)
+"""Slots of the textures."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scene:
+    """One picture under one weather."""
+
+    gbuffer: GBuffer
+    weather: WeatherParameters
+    sky: Sky
+    key: int
+    """Of its dither and its noise."""
+    stamp_ns: int
+
+    @property
+    def view(self) -> View:
+        """Where it is seen from."""
+        return self.gbuffer.view
+
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth of what is shaded [m], 0 = sky, shape (H, W)."""
+        depth = np.frombuffer(self.gbuffer.shaded.depth.read(), dtype=np.float32)
+        return depth.reshape(self.view.camera.height_px, self.view.camera.width_px)
+
+    def normal_codes(self) -> NDArray[np.uint16]:
+        """Octahedral world normals of what is shaded, shape (H, W, 2)."""
+        codes = np.frombuffer(self.gbuffer.shaded.normal.read(), dtype=np.uint16)
+        return codes.reshape(self.view.camera.height_px, self.view.camera.width_px, 2)
+
+
+def tell_samples(program: moderngl.Program, targets: Targets) -> None:
+    """Bind the textures of a G-buffer."""
+    for slot, texture in enumerate((targets.albedo, targets.normal, targets.surface, targets.depth)):
+        texture.use(slot)
+    set_uniforms(program, u_albedo=ALBEDO, u_normal=NORMAL, u_surface=SURFACE, u_depth=DEPTH)
+
+
+def tell_view(program: moderngl.Program, view: View) -> None:
+    """Where the rays of the pixels go."""
+    c = view.camera
+    set_uniforms(
+        program,
+        u_unproject=(1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px),
+        u_size=(float(c.width_px), float(c.height_px)),
+        u_rotation=view.R_camera_world.astype("<f4").tobytes(),
+        u_eye=tuple(view.position_m),
+    )
+
+
+def tell_light(program: moderngl.Program, scene: Scene, roofs: Roofs) -> None:
+    """Sky, air, wetness and exposure of a weather."""
+    weather, light = scene.weather, scene.sky.light
+    e = light.exposure
+    ambient = scene.sky.polynomial * (e / np.pi)
+    ripples = 1.0 + scene.stamp_ns % RIPPLES_NS * 1e-9 if weather.precipitation > 0.0 else 0.0
+    scene.sky.texture.use(SKY)
+    roofs.texture.use(ROOFS)
+    set_uniforms(
+        program,
+        u_sky=SKY,
+        u_roofs=ROOFS,
+        u_mirror=MIRROR,
+        u_fog_light=tuple(light.fog_cd_m2 * e),
+        u_air=(
+            weather.fog_extinction_per_m,
+            1.0 / weather.fog_scale_height_m,
+            weather.fog_distance,
+            weather.uniform_extinction_per_m,
+        ),
+        u_dither=scene.key,
+        u_electrons=(electrons(e), READ_NOISE_E),
+        u_ambient=ambient.astype("<f4").tobytes(),
+        u_wall_light=tuple(ambient[0]),
+        u_ground=tuple(light.ground_cd_m2 * e),
+        u_exposure=e,
+        u_sun=tuple(light.sun_direction),
+        u_sun_light=tuple(light.sun_lx * (e / np.pi)),
+        u_texel=STATIC_EXTENT_M / STATIC_SIZE_PX,
+        u_shadow_step=1.0 / STATIC_SIZE_PX,
+        u_ripples=ripples,
+        u_roofs_frame=roofs.frame(scene.view.position_m),
+        u_wet=(weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
+    )
+
+
+def tell_shadows(
+    program: moderngl.Program, view: View, *, static: ShadowMap | None, actors: ShadowMap | None
+) -> None:
+    """Bind shadow maps and say how to look them up."""
+    if static is not None:
+        static.texture.use(STATIC)
+        matrix, offset = static.lookup(view.position_m)
+        set_uniforms(program, u_shadow=STATIC, u_light=_bytes(matrix), u_light_eye=tuple(offset))
+    if actors is not None:
+        actors.texture.use(ACTORS)
+        matrix, offset = actors.lookup(view.position_m)
+        set_uniforms(
+            program,
+            u_shadow_actors=ACTORS,
+            u_light_actors=_bytes(matrix),
+            u_light_actors_eye=tuple(offset),
+        )
+
+
+def _bytes(matrix: NDArray[np.float64]) -> bytes:
+    """Columns first, as the shaders want them."""
+    return matrix.T.astype("<f4").tobytes()
