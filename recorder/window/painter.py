@@ -22,7 +22,7 @@ from recorder.window.views import LiveView
 GONE = "no pictures: the drawing process has ended; P pauses, Escape keeps the drive and ends it"
 """What the driver reads when there will be no more pictures."""
 _MOST_BYTES = 3 * max(width * height for width, height in SIZES_PX)
-_NICE = 5
+_NICE = 3
 """A picture may come late, a tick may not."""
 _PATIENCE_S = 3.0
 

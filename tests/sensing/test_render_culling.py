@@ -14,13 +14,15 @@ from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.clusters import CLUSTER_TRIANGLES, cut
 from carlaloc_env.render.context import create_context
+from carlaloc_env.render.detail import FAR_LOW, gathered
+from carlaloc_env.render.geometry import Geometry
 from carlaloc_env.render.lights import nearest, street_lamps
 from carlaloc_env.render.occlusion import Depths, box_corners
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.render.tiles import LIGHT_CUTOFF, TILE_PX, DepthRange, light_grid
-from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh, merge
+from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.semantics import Tag
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
@@ -124,6 +126,87 @@ def test_culling_leaves_the_picture_as_it_is(quality: str, monkeypatch: pytest.M
     np.testing.assert_array_equal(depth, whole_depth)
     np.testing.assert_array_equal(instance, whole_instance)
     assert hidden > 2
+
+
+def box(low_m: tuple[float, ...], high_m: tuple[float, ...], instance: int = 0) -> Mesh:
+    """A closed box."""
+    corners = box_corners(np.array([low_m], float), np.array([high_m], float))[0]
+    sides = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    triangles = [[a, b, c] for a, b, c, _ in sides] + [[a, c, d] for a, _, c, d in sides]
+    return make_mesh(corners, triangles, material=Material.BARK, tag=Tag.WALL, instance=instance)
+
+
+def test_the_last_picture_hides_what_the_next_would_hide() -> None:
+    """A drive through a street: left out by the last picture, nearly every pixel is as without it.
+
+    A lorry that stands in the way drives off; what it hid must come out at once.
+    """
+    try:
+        create_context().release()
+    except RenderError as no_opengl:
+        pytest.skip(str(no_opengl))
+    houses = [box((x, y, 0.0), (x + 9.0, y + 8.0, 12.0)) for x in range(0, 120, 14) for y in (-14, 7)]
+    crumbs = [soup(900, k + 1, (8.0 * k, -40.0, 0.0), (8.0 * k + 8.0, 40.0, 5.0), 0.3) for k in range(15)]
+    library = ModelLibrary({"lorry": box((0.0, -3.5, 0.0), (6.0, 3.5, 5.0))})
+    drawn, seen_again = [], []
+    plain = Geometry.draw
+
+    def counting(self: Geometry, program: object, which: NDArray[np.intp], **more: object) -> None:
+        drawn.append(int(self.count[which].sum()))
+        plain(self, program, which, **more)  # type: ignore[arg-type]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Geometry, "draw", counting)
+        with SceneRenderer([*houses, *crumbs], library, quality="low", albedo=plain_albedo()) as renderer:
+            earlier, carried, by_rounds, different = None, [], [], []
+            for k in range(12):
+                turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.0, 0.0, 0.03 * k))
+                pose = geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (0.8 * k, 0.2 * k, 1.6))
+                lorry = geometry.from_rotation(np.eye(3), (12.0 + 0.8 * k, 0.0 if k < 6 else 9.0, 0.0))
+                instances = Instances(
+                    model=np.zeros(1, np.int32),
+                    T_world_model=lorry[None],
+                    instance=np.array([EGO_INSTANCE + 1], np.uint32),
+                    tint=np.full((1, 3), 255, np.uint8),
+                )
+                drawn.clear()
+                with_last = renderer.draw(CAMERA, pose, instances, earlier=earlier)
+                carried.append(sum(drawn))
+                drawn.clear()
+                alone = renderer.draw(CAMERA, pose, instances)
+                by_rounds.append(sum(drawn))
+                a, b = with_last.depth_m(), alone.depth_m()
+                different.append(float(np.mean(np.abs(a - b) > 0.01 * np.maximum(a, b))))
+                seen_again.append(bool(np.any(b[80:90, 150:170] > 30.0)))
+                earlier = with_last
+    assert seen_again[6], "the lorry has left the view along the street"
+    assert max(different) < 2e-3
+    assert sum(carried[1:6]) < 1.05 * sum(by_rounds[1:6]), "it knows as much as half a picture read back"
+
+
+def test_gathered_corners_keep_the_ground_whole() -> None:
+    """A street in strips of a metre between kerbs: far fewer triangles, the same area, the same borders."""
+    x, y = np.meshgrid(np.arange(0.0, 61.0), np.array([-4.0, -1.3, 1.3, 4.0]), indexing="ij")
+    vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
+    i, j = (k.reshape(-1) for k in np.meshgrid(np.arange(60), np.arange(3), indexing="ij"))
+    corner = 4 * i + j
+    quads = np.stack([corner, corner + 4, corner + 5, corner + 1], axis=1)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    street = make_mesh(vertices, triangles, material=Material.ASPHALT, tag=Tag.ROAD)
+    beside = vertices.copy()
+    beside[:, 1] = 5.0 + 0.25 * (vertices[:, 1] + 4.0)
+    beside[np.isclose(vertices[:, 1], -4.0), 1] = 4.0
+    walk = make_mesh(beside, triangles, material=Material.PAVEMENT, tag=Tag.SIDEWALK)
+    whole = merge([street, walk])
+    far = gathered(whole, FAR_LOW[2])
+    assert len(far.triangles) < 0.5 * len(whole.triangles)
+    of_street = far.material[far.triangles[:, 2]] == Material.ASPHALT
+    corners = far.vertices_m[far.triangles[of_street]]
+    assert corners[..., 1].max() == pytest.approx(4.0), "the border to the pavement stays"
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    assert 0.5 * across.sum() == pytest.approx(60.0 * 8.0, rel=0.12)
+    known = {tuple(place) for place in whole.vertices_m.tolist()}
+    assert {tuple(place) for place in far.vertices_m.tolist()} <= known, "corners move to corners only"
 
 
 def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:

@@ -1,0 +1,136 @@
+"""The process that draws the window: the same pictures, and no process left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.placing import is_blink
+from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.errors import RenderError
+from carlaloc_env.render.lights import Emitters
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.traffic.world import traffic_of_town
+from carlaloc_env.weather import weather_by_name
+from recorder.drive_status import DriveStatus
+from recorder.window.moment import Moment
+from recorder.window.painter import Painter
+from recorder.window.views import LiveView
+
+pytest.importorskip("moderngl")
+ALONE = """
+import os, signal, sys
+from carlaloc_env.stage import SensorStage
+from carlaloc_env.town.build import load_town
+from carlaloc_env.weather import weather_by_name
+from recorder.window.painter import Painter
+
+if __name__ == "__main__":
+    stage = SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNoon"), quality="low")
+    painter = Painter(stage)
+    painter.wait_until_ready()
+    print(painter._process.pid, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def night() -> SensorStage:
+    return SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNight"), quality="low")
+
+
+@pytest.fixture(scope="module")
+def world() -> Iterator[DrivingWorld]:
+    town = load_town("Town03")
+    world = DrivingWorld(town, traffic_of_town(town, "0.2", 0))
+    world.reset(0)
+    yield world
+    world.close()
+
+
+def picture_of(painter: Painter, moment: Moment) -> NDArray[np.uint8]:
+    painter.ask(moment, "seat")
+    end = time.monotonic() + 60.0
+    while time.monotonic() < end:
+        found = painter.picture(0.1)
+        if found is not None:
+            return found.copy()
+    raise AssertionError("no picture came")
+
+
+def wait_for(done: Callable[[], bool], seconds: float) -> bool:
+    end = time.monotonic() + seconds
+    while not done() and time.monotonic() < end:
+        time.sleep(0.05)
+    return done()
+
+
+@pytest.mark.timeout(300)
+def test_pictures_of_the_other_process_and_its_end(world: DrivingWorld) -> None:
+    """It draws the very bytes of a view in this process; headlamps light the road; a kill is noticed."""
+    stage = night()
+    try:
+        painter = Painter(stage)
+        painter.wait_until_ready()
+    except RenderError as no_opengl:
+        pytest.skip(str(no_opengl))
+    with painter:
+        moments = [Moment.of(world, DriveStatus(headlamps=on)) for on in (True, False)]
+        lit, dark = (picture_of(painter, moment) for moment in moments)
+        here = LiveView(stage)
+        np.testing.assert_array_equal(lit, here.picture(moments[0], "seat"))
+        road = np.s_[150:220, 160:320]
+        assert lit[road].mean() > 1.25 * dark[road].mean(), "the low beams are seen on the road"
+        assert painter.idle
+        os.kill(painter._process.pid or 0, signal.SIGKILL)
+        painter.ask(moments[0], "seat")
+        assert wait_for(lambda: painter.picture(0.01) is None and not painter.alive, 10.0)
+        assert not painter.idle
+    stage.close()
+
+
+@pytest.mark.timeout(300)
+def test_it_ends_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "alone.py"
+    script.write_text(ALONE)
+    parent = subprocess.run([sys.executable, str(script)], stdout=subprocess.PIPE, check=False)
+    if not parent.stdout:
+        pytest.skip("no OpenGL")
+    child = int(parent.stdout)
+    assert parent.returncode == -signal.SIGKILL
+    assert wait_for(lambda: not _runs(child), 20.0)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def test_indicators_blink_on_the_ego_and_lamps_go_out(world: DrivingWorld) -> None:
+    stage = night()
+    names = stage.library.names
+    status = DriveStatus(indicator="left", headlamps=True)
+    shown = set()
+    for _ in range(200):
+        world.tick(status.controls)
+        moment = Moment.of(world, status)
+        shown.add(("ego/left" in {names[m] for m in moment.instances(stage).model}, is_blink(world.now_ns)))
+    assert shown == {(True, True), (False, False)}
+    emitters = Emitters(stage.library)
+    beams = [
+        np.count_nonzero(emitters.lights(Moment.of(world, DriveStatus(headlamps=on)).instances(stage)).beam)
+        for on in (True, False)
+    ]
+    assert beams[0] == beams[1] + 1
