@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain import Streaks
-from carlaloc_env.render.rain_kernels import noticeable, over_codes, over_light, streak_pixels
+from carlaloc_env.render.streak_kernels import noticeable, over_codes, over_light, streak_pixels
 
 Array = NDArray[np.float64]
 
