@@ -27,6 +27,8 @@ from recorder.slam.kiss_icp import kiss_icp_odometry
 
 WEATHERS = ("ClearNoon", "FoggyNoon")
 TRAFFIC = ("static", "dynamic")
+CALM = "dynamic,vehicles=50,walkers=10"
+"""A fifth of the town's traffic, so that the demo is quick."""
 SWEEP_S = 0.05
 SYSTEMS = {"KISS-ICP": kiss_icp_odometry, "GICP": gicp_odometry}
 
@@ -60,7 +62,9 @@ def _record(path: Path, duration_s: float) -> Path:
             bar.set_postfix_str(f"{route_m:.0f} m")
             bar.update(round(driven_s - bar.n, 1))
 
-        config = RecordConfig(map="Town03", out=path, device="scripted", duration_s=duration_s, seed=9)
+        config = RecordConfig(
+            map="Town03", out=path, device="scripted", duration_s=duration_s, seed=9, traffic=CALM
+        )
         return record(config, progress=progress).path
 
 

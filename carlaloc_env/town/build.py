@@ -129,7 +129,8 @@ def _scenery(
             _log.warning("cached town %s cannot be used (%s) and will be built again", stored, error)
     begin = time.perf_counter()
     route_m = None if route is None else route.position_m[:, :2]
-    scenery = build_scenery(network, config, int(key[:12], 16), route_m)
+    seed = int(key[:12], 16) if config.scenery_seed is None else config.scenery_seed
+    scenery = build_scenery(network, config, seed, route_m)
     arrays = _to_arrays(scenery)
     _log.info("built %s in %.1f s", stored.name, time.perf_counter() - begin)
     try:

@@ -135,6 +135,8 @@ class TownConfig:
     """One line for lists of towns."""
     default_zone: str = "small_town"
     """Scenery outside all zones, one of `ZONE_KINDS`."""
+    scenery_seed: int | None = None
+    """Number from which houses, trees and all else are drawn; None: the hash of the map and its town.toml."""
     geo: GeoReference | None = None
     """Geodetic position of the world origin; None: the map's own."""
     route: RouteConfig = field(default_factory=RouteConfig)
@@ -175,7 +177,9 @@ class TownConfig:
         for key in content:
             if key not in sections:
                 raise ConfigError(unknown_name("section", key, sections))
-        town = _checked("town", content.get("town", {}), ("name", "description", "default_zone"))
+        town = _checked(
+            "town", content.get("town", {}), ("name", "description", "default_zone", "scenery_seed")
+        )
         return TownConfig(
             **town,
             geo=_section(GeoReference, "geo", content["geo"]) if "geo" in content else None,

@@ -34,12 +34,12 @@ def test_record_and_info_agree(episode: Path, capfd: Capture) -> None:
     """`info` tells the length, the actors and the health of what `record` wrote."""
     info = run_json(capfd, "info", str(episode))
     assert info["duration_s"] == pytest.approx(6.0, abs=0.02)
-    assert (info["vehicles"], info["walkers"], info["device"]) == (50, 10, "scripted")
+    assert (info["vehicles"], info["walkers"], info["device"]) == (237, 34, "scripted")
     assert info["complete"] is True
     assert info["length_m"] > 1.0
     assert main(["info", str(episode)]) == 0
     text = capfd.readouterr().out
-    assert "50 vehicles, 10 walkers" in text
+    assert "237 vehicles, 34 walkers" in text
     assert "complete" in text
 
 

@@ -149,7 +149,9 @@ def test_maps_page_lists_the_schema() -> None:
     page = text_of("maps.md")
     rows = set(re.findall(r"^\| `(\[+\w+\]+)` \| `(\w+)` \|", page, re.MULTILINE))
     expected = {(section, f.name) for section, cls in SECTIONS.items() for f in dataclasses.fields(cls)}
-    assert rows == expected | {("[town]", key) for key in ("name", "description", "default_zone")}
+    assert rows == expected | {
+        ("[town]", key) for key in ("name", "description", "default_zone", "scenery_seed")
+    }
     for label, kinds in (("Zones", ZONE_KINDS), ("Features", FEATURE_KINDS)):
         line = re.findall(rf"^{label}: (.*)\.$", page, re.MULTILINE)[0]
         assert tuple(re.findall(r"`(\w+)`", line)) == tuple(kinds)

@@ -35,6 +35,8 @@ from recorder.replay import ReplayConfig, ReplayResult, replay
 from recorder.slam.gicp import gicp_odometry
 from recorder.slam.kiss_icp import kiss_icp_odometry
 
+CALM = "dynamic,vehicles=50,walkers=10"
+
 
 def _small_cameras(rig: SensorRig) -> SensorRig:
     """The rig with pictures of 160×90 pixels."""
@@ -59,7 +61,7 @@ def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Twelve seconds of the scripted driver among traffic."""
     path = tmp_path_factory.mktemp("drive") / "drive.mcap"
-    record(RecordConfig(out=path, duration_s=12.0, seed=3))
+    record(RecordConfig(out=path, duration_s=12.0, seed=3, traffic=CALM))
     return path
 
 
@@ -167,7 +169,7 @@ def test_live_samples_equal_replayed_samples(tmp_path: Path) -> None:
     rig = _small_cameras(flu_rig())
     stage = SensorStage(town, seed=7, weather=weather_by_name("ClearNoon"))
     built = rig.build(stage)
-    world = DrivingWorld(town, traffic_of_town(town, "dynamic", 7))
+    world = DrivingWorld(town, traffic_of_town(town, CALM, 7))
     world.reset(7)
     live: list[Sample] = []
     try:
@@ -190,7 +192,7 @@ def test_live_samples_equal_replayed_samples(tmp_path: Path) -> None:
         def close(self) -> None:
             pass
 
-    record(RecordConfig(out=path, duration_s=0.6, seed=7), device=Driver())
+    record(RecordConfig(out=path, duration_s=0.6, seed=7, traffic=CALM), device=Driver())
     replayed = built.measure(Episode.load(path).timeline(), -1, world.now_ns)
 
     def by_stamp(samples: list[Sample]) -> dict[tuple[int, str], Sample]:
