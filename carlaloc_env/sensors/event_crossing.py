@@ -1,7 +1,7 @@
 """Kernels of the event camera: when the signal of sixteen pixels makes them fire.
 
 Beside the numbers of `event_sampling` they keep whole ones, `LANES` in a row: times of the last
-events [µs], the next noise events, and the pixels' indices.
+events [µs], and the next noise events.
 """
 
 from __future__ import annotations
@@ -33,9 +33,10 @@ from carlaloc_env.sensors.pixel_motion import TILE_PX
 NEVER_US = -(1 << 30)
 """Time of the last event of a pixel that has had none [µs]."""
 LAST, SHOT, COUNT = 0, 1, 2
-"""Rows of whole numbers. The last one: number of events so far, next noise event, whether one is of these
-pixels, index of the first pixel, pixels in a row of the picture."""
-EVENTS, NEXT_SHOT, NOISY, PIXEL, WIDTH = 0, 1, 2, 3, 4
+"""Rows of whole numbers; in the last one those below."""
+EVENTS, NEXT_SHOT, NOISY, PLACE = 0, 1, 2, 3
+"""Number of events so far, next noise event, whether one is of these pixels, and the place of the first
+pixel: its row in the upper 16 bits, its column in the lower."""
 PIXEL_ROWS = LANES // TILE_PX
 """Rows of pixels in sixteen of a tile."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
@@ -77,28 +78,28 @@ def take_up(
             if row + lane // TILE_PX > y1 or x0 + lane % TILE_PX > x1:
                 lanes[UPPER * LANES + lane] = np.float32(np.inf)
                 lanes[LOWER * LANES + lane] = np.float32(-np.inf)
-    marks[COUNT, PIXEL], marks[COUNT, WIDTH] = first, width
+    marks[COUNT, PLACE] = row << 16 | x0
     _take_noise(noise[0], corners, row, marks)
 
 
 @compiled
-def _take_noise(pixels: Any, corners: Any, row: int, marks: Any) -> None:
+def _take_noise(places: Any, corners: Any, row: int, marks: Any) -> None:
     """Find the noise events of sixteen pixels."""
     _, x0, y1, x1 = corners
-    width, shot, count = marks[COUNT, WIDTH], marks[COUNT, NEXT_SHOT], len(pixels)
+    shot, count = marks[COUNT, NEXT_SHOT], len(places)
     marks[COUNT, NOISY] = 0
     if shot >= count:
         return
-    y, x = pixels[shot] // width, pixels[shot] % width
+    y, x = places[shot] >> 16, places[shot] & 0xFFFF
     if y < row or y >= row + PIXEL_ROWS or x < x0 or x > x1:
         return
     marks[COUNT, NOISY] = 1
     for lane in range(LANES):
         marks[SHOT, lane] = count
         y, x = row + lane // TILE_PX, x0 + lane % TILE_PX
-        if y <= y1 and x <= x1 and shot < count and pixels[shot] == y * width + x:
+        if y <= y1 and x <= x1 and shot < count and places[shot] == place_of(lane, marks):
             marks[SHOT, lane] = shot
-            while shot < count and pixels[shot] == y * width + x:
+            while shot < count and places[shot] == place_of(lane, marks):
                 shot += 1
     marks[COUNT, NEXT_SHOT] = shot
 
@@ -124,8 +125,9 @@ def put_down(
             if marks[SHOT, lane] < len(noise[0]):
                 _shots_until(noise, refractory_us, lane, span_us, marks, out_t, out_code)
     if x1 - x0 == TILE_PX - 1 and row < y1:
-        first = marks[COUNT, PIXEL]
-        scatter(lanes, reference_out.reshape(reference_out.size), first, first + reference_out.shape[1])
+        width = reference_out.shape[1]
+        first = row * width + x0
+        scatter(lanes, reference_out.reshape(reference_out.size), first, first + width)
         for lane in range(TILE_PX):
             last_out[row, x0 + lane] = max(marks[LAST, lane] - span_us, NEVER_US)
             last_out[row + 1, x0 + lane] = max(marks[LAST, TILE_PX + lane] - span_us, NEVER_US)
@@ -154,7 +156,7 @@ def fire_bits(
 
     Args:
         bits: The pixels.
-        noise: Noise events in the order of pixels: pixel, time [µs], polarity, first of each row of tiles.
+        noise: Noise events in the order of tiles: place, time [µs], polarity, first of each row of tiles.
         span_us: Length of the span [µs].
         refractory_us: Shortest time between two events [µs].
         begin: Number of the sample before this one.
@@ -162,7 +164,7 @@ def fire_bits(
         lanes: Numbers of the pixels, see `event_sampling`.
         marks: Whole numbers of the pixels.
         out_t: Times of the events [µs].
-        out_code: Pixel and polarity of the events.
+        out_code: Place of the events' pixels, and in the lowest bit their polarity.
     """
     while bits != 0:
         lane = lowest(np.int32(bits))
@@ -189,10 +191,10 @@ def fire_bits(
 
 
 @compiled
-def pixel_of(lane: int, marks: Any) -> int:
-    """Index of one of the sixteen pixels in its picture."""
-    pixel: int = marks[COUNT, PIXEL] + lane // TILE_PX * marks[COUNT, WIDTH] + lane % TILE_PX
-    return pixel
+def place_of(lane: int, marks: Any) -> int:
+    """Row of one of the sixteen pixels in the upper 16 bits, column in the lower."""
+    place: int = marks[COUNT, PLACE] + (lane // TILE_PX << 16) + lane % TILE_PX
+    return place
 
 
 @compiled
@@ -202,7 +204,7 @@ def _note(lane: int, t: int, positive: bool, marks: Any, out_t: Any, out_code: A
     marks[LAST, lane] = t
     if count < len(out_t):
         out_t[count] = t
-        out_code[count] = (pixel_of(lane, marks) << 1) | positive
+        out_code[count] = (place_of(lane, marks) << 1) | positive
     marks[COUNT, EVENTS] = count + 1
 
 
@@ -211,9 +213,9 @@ def _shots_until(
     noise: Any, refractory_us: int, lane: int, t: int, marks: Any, out_t: Any, out_code: Any
 ) -> None:
     """Noise events of a pixel up to a time [µs]."""
-    shot_pixel, shot_t, shot_positive, _ = noise
+    shot_place, shot_t, shot_positive, _ = noise
     shot = marks[SHOT, lane]
-    while shot < len(shot_pixel) and shot_pixel[shot] == pixel_of(lane, marks) and shot_t[shot] <= t:
+    while shot < len(shot_place) and shot_place[shot] == place_of(lane, marks) and shot_t[shot] <= t:
         if shot_t[shot] - marks[LAST, lane] >= refractory_us:
             _note(lane, shot_t[shot], shot_positive[shot], marks, out_t, out_code)
         shot += 1

@@ -36,24 +36,23 @@ def fire_rows(
     Returns:
         Number of events, more than `out_t` is long if there was too little room.
     """
-    before, _, ranges_before, ranges_after = pictures
     passing = fields[2]
     span_us, refractory_us, leaks, step_px = numbers
     knots, bounds, lanes, marks = scratch
-    height, width = before.shape
+    height, width = pictures[0].shape
     for row in range(first // TILE_PX, (end + TILE_PX - 1) // TILE_PX):
         marks[COUNT, NEXT_SHOT] = noise[3][row]
         for column in range(passing.shape[1]):
             y0, x0 = row * TILE_PX, column * TILE_PX
             y1, x1 = min(y0 + TILE_PX, height) - 1, min(x0 + TILE_PX, width) - 1
             corners = (y0, x0, y1, x1)
-            steps = tile_steps(fields, row, column, y0, x0, y1, x1, step_px)
-            if steps > 1 and not tile_knots(fields, corners, steps, knots, bounds, lanes):
-                steps = 0
-            low, high = before[y0, x0], before[y0, x0]
-            if steps > 0:
-                low, high = tile_bounds(ranges_before, ranges_after, row, column, knots, steps, bounds)
+            steps, low, high = _prepared(pictures, fields, step_px, row, column, corners, scratch)
+            smooth = steps > 0
             for y in range(y0, y1 + 1, PIXEL_ROWS):
+                if not smooth:
+                    # Beside an edge sixteen pixels may still move smoothly.
+                    corners = (y, x0, min(y + PIXEL_ROWS - 1, y1), x1)
+                    steps, low, high = _prepared(pictures, fields, step_px, row, column, corners, scratch)
                 take_up(pictures, device, noise, leaks, corners, y, lanes, marks)
                 if steps == 0:
                     fire_alone(pictures, fields, noise, numbers, row, column, lanes, marks, out_t, out_code)
@@ -62,3 +61,20 @@ def fire_rows(
                 put_down(device, noise, span_us, refractory_us, corners, y, lanes, marks, out_t, out_code)
     count: int = marks[COUNT, EVENTS]
     return count
+
+
+@compiled
+def _prepared(
+    pictures: Any, fields: Any, step_px: Any, row: int, column: int, corners: Any, scratch: Any
+) -> Any:
+    """Number of samples of pixels that move smoothly, 0 where they do not; the intensities they can meet."""
+    before, _, ranges_before, ranges_after = pictures
+    knots, bounds, lanes, _ = scratch
+    y0, x0, y1, x1 = corners
+    low, high = before[y0, x0], before[y0, x0]
+    steps = tile_steps(fields, row, column, y0, x0, y1, x1, step_px)
+    if steps > 1 and not tile_knots(fields, corners, steps, knots, bounds, lanes):
+        steps = 0
+    if steps > 0:
+        low, high = tile_bounds(ranges_before, ranges_after, row, column, knots, steps, bounds)
+    return steps, low, high

@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
 from numba.core import cgutils
+from numba.extending import intrinsic
 
 LANES = 16
 """Pixels worked on at once."""
@@ -123,10 +125,13 @@ def data_of(context: Any, builder: Any, kind: Any, array: Any) -> Any:
 
 def spread(builder: Any, value: Any) -> Wide:
     """One number in all lanes."""
-    kind = FLOATS if value.type == F32 else WORDS
+    return Wide(builder, _all_of(builder, value, FLOATS if value.type == F32 else WORDS))
+
+
+def _all_of(builder: Any, value: Any, kind: Any) -> Any:
     none = ir.Constant(kind, ir.Undefined)
     one = builder.insert_element(none, value, ir.Constant(I32, 0))
-    return Wide(builder, builder.shuffle_vector(one, none, ir.Constant(WORDS, [0] * LANES)))
+    return builder.shuffle_vector(one, none, ir.Constant(WORDS, [0] * LANES))
 
 
 def within(place: Wide, size: Any) -> Wide:
@@ -161,14 +166,17 @@ def between(builder: Any, picture: Any, width: Any, height: Any, x: Wide, y: Wid
 
 def _pairs(builder: Any, picture: Any, at: Any) -> tuple[Wide, Wide]:
     """Values at places and to the right of them: one load of 64 bits each, the left one low."""
-    long = ir.VectorType(I64, LANES)
-    found: Any = ir.Constant(long, ir.Undefined)
-    for lane in range(LANES):
-        index = builder.extract_element(at, ir.Constant(I32, lane))
-        place = builder.gep(picture, [builder.sext(index, I64)])
-        two = builder.load(builder.bitcast(place, I64.as_pointer()))
-        two.align = 4
-        found = builder.insert_element(found, two, ir.Constant(I32, lane))
+    long, truths = ir.VectorType(I64, LANES), ir.VectorType(ir.IntType(1), LANES)
+    start = _all_of(builder, builder.ptrtoint(picture, I64), long)
+    bytes_on = builder.shl(builder.sext(at, long), ir.Constant(long, [2] * LANES))
+    places = builder.add(start, bytes_on)
+    pointers = ir.VectorType(I64.as_pointer(), LANES)
+    kind = ir.FunctionType(long, [pointers, I32, truths, long])
+    declared: Any = cgutils.get_or_insert_function
+    load = declared(builder.module, kind, f"llvm.masked.gather.v{LANES}i64.v{LANES}p0")
+    alignment, every = ir.Constant(I32, 4), ir.Constant(truths, [1] * LANES)
+    places = builder.inttoptr(places, pointers)
+    found = builder.call(load, [places, alignment, every, ir.Constant(long, ir.Undefined)])
     left = builder.bitcast(builder.trunc(found, WORDS), FLOATS)
     shift = ir.Constant(long, [32] * LANES)
     right = builder.bitcast(builder.trunc(builder.lshr(found, shift), WORDS), FLOATS)
@@ -204,3 +212,28 @@ def quadruples(builder: Any, field: Any, at: Any) -> tuple[Wide, Wide, Wide, Wid
     first, second = (0, 1, 4, 5), (2, 3, 6, 7)
     turned = (woven(t0, t1, first), woven(t0, t1, second), woven(t2, t3, first), woven(t2, t3, second))
     return tuple(Wide(builder, value) for value in turned)  # type: ignore[return-value]
+
+
+@intrinsic
+def _word_of(typing: Any, value: Any) -> Any:
+    """The bits of a float as an integer."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], I32)
+
+    return types.int32(types.float32), generate
+
+
+@intrinsic
+def _float_of(typing: Any, word: Any) -> Any:
+    """The float of some bits."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], F32)
+
+    return types.float32(types.int32), generate
+
+
+# Under a type that callers may call as functions.
+word_of: Any = _word_of
+float_of: Any = _float_of

@@ -7,7 +7,6 @@ sees, so often that nothing moves by more than a pixel from one sample to the ne
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +18,7 @@ from carlaloc_env.compiled import compiled, over_bands
 from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.event_crossing import NEVER_US
 from carlaloc_env.sensors.event_kernels import fire_rows
+from carlaloc_env.sensors.event_lanes import float_of, word_of
 from carlaloc_env.sensors.event_tiles import new_scratch
 from carlaloc_env.sensors.pixel_motion import TILE_PX, passing_surfaces
 from carlaloc_env.sensors.pixel_ways import tile_ranges
@@ -141,10 +141,15 @@ def _luminance(rgb: Any, out: Any, first: int, end: int) -> None:
 @compiled
 def _log_blurred(image: Any, dark: Any, side: Any, out: Any, first: int, end: int) -> None:
     height, width = image.shape
-    middle = np.float32(1) - 2 * side
+    middle = np.float32(1) - np.float32(2) * side
     for y in range(first, end):
         up, down = max(y - 1, 0), min(y + 1, height - 1)
-        for x in range(width):
+        for x in range(1, width - 1):
+            a = side * (image[up, x - 1] + image[up, x + 1]) + middle * image[up, x]
+            b = side * (image[y, x - 1] + image[y, x + 1]) + middle * image[y, x]
+            c = side * (image[down, x - 1] + image[down, x + 1]) + middle * image[down, x]
+            out[y, x] = log_of(side * (a + c) + middle * b + dark)
+        for x in (0, width - 1):
             left, right = max(x - 1, 0), min(x + 1, width - 1)
             a = side * (image[up, left] + image[up, right]) + middle * image[up, x]
             b = side * (image[y, left] + image[y, right]) + middle * image[y, x]
@@ -156,11 +161,13 @@ def _log_blurred(image: Any, dark: Any, side: Any, out: Any, first: int, end: in
 def log_of(value: Any) -> Any:
     """Natural logarithm by + − × ÷ alone, the same bits on every CPU; error below 1e-7.
 
-    ln(m·2^e) = e·ln 2 + 2·atanh((m − 1)/(m + 1)) for m from √½ to √2.
+    ln(m·2^e) = e·ln 2 + 2·atanh((m − 1)/(m + 1)) for m from √½ to √2. For a normal, positive float.
     """
-    m, e = math.frexp(np.float64(value))
-    if m < 0.7071067811865476:
-        m, e = 2 * m, e - 1
+    word = word_of(np.float32(value))
+    m = np.float64(float_of(np.int32((word & np.int32(0x7FFFFF)) | np.int32(0x3F800000))))
+    e = np.float64(np.int32(word >> np.int32(23)) - np.int32(127))
+    high = m > 1.4142135623730951
+    m, e = 0.5 * m if high else m, e + 1.0 if high else e
     q = (m - 1) / (m + 1)
     w = q * q
     series = 1 + w * (1 / 3 + w * (1 / 5 + w * (1 / 7 + w * (1 / 9 + w / 11))))
@@ -206,7 +213,8 @@ def fire(
     reference, last_us = np.empty_like(state.reference), np.empty_like(state.last_us)
     device = (pixels.on, pixels.off, state.reference, state.last_us, reference, last_us)
     order, first_shot = _by_tiles(shots.pixel, height, width)
-    noise = (shots.pixel[order], shots.t_us[order], shots.positive[order], first_shot)
+    place = (shots.pixel // width << 16 | shots.pixel % width)[order]
+    noise = (place, shots.t_us[order], shots.positive[order], first_shot)
     pictures = (before, after, tile_ranges(before), tile_ranges(after))
     fields = (motion.forward, motion.backward, motion.passing)
     numbers = (span_us, refractory_us, np.float32(leak_hz * 1e-6 * span_us), np.float32(step_px))
@@ -224,7 +232,7 @@ def fire(
     t_us = np.concatenate([part[0] for part in parts])
     code = np.concatenate([part[1] for part in parts])
     events = np.empty(len(t_us), EVENT)
-    _sort_by_time(t_us, code, width, start_ns, np.zeros(span_us + 2, np.int64), events)
+    _sort_by_time(t_us, code, start_ns, np.zeros(span_us + 2, np.int64), events)
     return events, PixelState(reference=reference, last_us=last_us)
 
 
@@ -241,7 +249,7 @@ def _by_tiles(
 
 
 @compiled
-def _sort_by_time(t_us: Any, code: Any, width: int, start_ns: int, place: Any, events: Any) -> None:
+def _sort_by_time(t_us: Any, code: Any, start_ns: int, place: Any, events: Any) -> None:
     """Counting sort that keeps the order of events of the same time; `place` holds zeros."""
     for k in range(len(t_us)):
         place[t_us[k] + 1] += 1
@@ -250,10 +258,9 @@ def _sort_by_time(t_us: Any, code: Any, width: int, start_ns: int, place: Any, e
     for k in range(len(t_us)):
         row = place[t_us[k]]
         place[t_us[k]] += 1
-        pixel = code[k] >> 1
         events[row].t = start_ns + 1000 * t_us[k]
-        events[row].x = pixel % width
-        events[row].y = pixel // width
+        events[row].x = code[k] >> 1 & 0xFFFF
+        events[row].y = code[k] >> 17
         events[row].p = code[k] & 1
 
 
