@@ -134,40 +134,69 @@ def _fill_field(
     end: int,
 ) -> None:
     model, lens = optics
-    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
-    last_id = np.uint32(0)
-    row = 0
     for y in range(first, end):
-        for x in range(depth.shape[1]):
-            identity = instance[y, x]
-            if identity != last_id:
-                last_id = identity
-                row = 0
-                if identity == EGO_INSTANCE:
-                    row = 1
-                elif identity > EGO_INSTANCE:
-                    k = np.searchsorted(actor_id, identity)
-                    if k < len(actor_id) and actor_id[k] == identity:
-                        row = 2 + k
-            M = maps[row]
-            z = np.float64(depth[y, x])
-            a, b = (x - cx) / fx, (y - cy) / fy
+        x = 0
+        while x < depth.shape[1]:
+            # As far as one thing goes its row of the maps holds.
+            identity, until, row = instance[y, x], x + 1, 0
+            while until < depth.shape[1] and instance[y, until] == identity:
+                until += 1
+            if identity == EGO_INSTANCE:
+                row = 1
+            elif identity > EGO_INSTANCE:
+                k = np.searchsorted(actor_id, identity)
+                if k < len(actor_id) and actor_id[k] == identity:
+                    row = 2 + k
             if model > 0:
-                a, b = rays[y, x, 0], rays[y, x, 1]
-            inverse = 1.0 / z if z > 0.0 else 0.0
-            px = M[0, 0] * a + M[0, 1] * b + M[0, 2] + M[0, 3] * inverse
-            py = M[1, 0] * a + M[1, 1] * b + M[1, 2] + M[1, 3] * inverse
-            pz = M[2, 0] * a + M[2, 1] * b + M[2, 2] + M[2, 3] * inverse
-            ratio = max(pz, NEAREST_M * inverse)
-            if ratio < 1e-3:
-                ratio = 1e-3
-            right, down = px / ratio, py / ratio
-            if model > 0:
-                right, down = _distorted(model, lens, right, down)
-            field[y, x, 0] = fx * right + cx - x
-            field[y, x, 1] = fy * down + cy - y
-            field[y, x, 2] = ratio
-            field[y, x, 3] = z if z > 0.0 else SKY_M
+                _fill_bent(depth[y], model, lens, rays[y], maps[row], field[y], y, x, until)
+            else:
+                _fill_straight(depth[y], lens, maps[row], field[y].reshape(4 * depth.shape[1]), y, x, until)
+            x = until
+
+
+@compiled
+def _fill_straight(depth: Any, lens: Any, M: Any, field: Any, y: int, begin: int, end: int) -> None:
+    """Motion of one thing's pixels in a row, without distortion."""
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    m00, m01, m02, m03 = M[0, 0], M[0, 1], M[0, 2], M[0, 3]
+    m10, m11, m12, m13 = M[1, 0], M[1, 1], M[1, 2], M[1, 3]
+    m20, m21, m22, m23 = M[2, 0], M[2, 1], M[2, 2], M[2, 3]
+    b = (y - cy) / fy
+    # Unsigned numbers spare the check for an index counted from the end, so that this goes side by side.
+    for x in range(np.uint32(begin), np.uint32(end)):
+        z = np.float64(depth[x])
+        u = np.float64(x)
+        a = (u - cx) / fx
+        inverse = 1.0 / z if z > 0.0 else 0.0
+        px = m00 * a + m01 * b + m02 + m03 * inverse
+        py = m10 * a + m11 * b + m12 + m13 * inverse
+        pz = m20 * a + m21 * b + m22 + m23 * inverse
+        ratio = max(max(pz, NEAREST_M * inverse), 1e-3)
+        field[np.uint32(4) * x + np.uint32(0)] = fx * (px / ratio) + cx - u
+        field[np.uint32(4) * x + np.uint32(1)] = fy * (py / ratio) + cy - y
+        field[np.uint32(4) * x + np.uint32(2)] = ratio
+        field[np.uint32(4) * x + np.uint32(3)] = z if z > 0.0 else SKY_M
+
+
+@compiled
+def _fill_bent(
+    depth: Any, model: int, lens: Any, rays: Any, M: Any, field: Any, y: int, begin: int, end: int
+) -> None:
+    """Motion of one thing's pixels in a row, through a lens that distorts."""
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    for x in range(begin, end):
+        z = np.float64(depth[x])
+        a, b = rays[x, 0], rays[x, 1]
+        inverse = 1.0 / z if z > 0.0 else 0.0
+        px = M[0, 0] * a + M[0, 1] * b + M[0, 2] + M[0, 3] * inverse
+        py = M[1, 0] * a + M[1, 1] * b + M[1, 2] + M[1, 3] * inverse
+        pz = M[2, 0] * a + M[2, 1] * b + M[2, 2] + M[2, 3] * inverse
+        ratio = max(max(pz, NEAREST_M * inverse), 1e-3)
+        right, down = _distorted(model, lens, px / ratio, py / ratio)
+        field[x, 0] = fx * right + cx - x
+        field[x, 1] = fy * down + cy - y
+        field[x, 2] = ratio
+        field[x, 3] = z if z > 0.0 else SKY_M
 
 
 @compiled
