@@ -1,0 +1,57 @@
+"""Maps that nobody drew for this: SUMO's netgenerate makes them, netconvert writes them as OpenDRIVE."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.route_choice import choose_route
+from carlaloc_env.traffic.audit import audit_traffic
+from carlaloc_env.traffic.world import TrafficConfig
+
+SHAPES = {
+    "grid": ["--grid", "--grid.number", "3", "--grid.length", "120", "--grid.attach-length", "80"],
+    "spider": ["--spider", "--spider.arm-number", "5", "--spider.circle-number", "2",
+               "--spider.space-radius", "90"],
+}  # fmt: skip
+
+
+@pytest.fixture(params=sorted(SHAPES), scope="module")
+def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> LaneNetwork:
+    """Lanes of a generated town with lights and two lanes each way."""
+    if not (shutil.which("netgenerate") and shutil.which("netconvert")):
+        pytest.skip("netgenerate and netconvert (Debian package sumo) are not on the PATH")
+    folder: Path = tmp_path_factory.mktemp("unseen")
+    common = ["--tls.guess", "true", "--sidewalks.guess", "true", "--default.lanenumber", "2", "--seed", "9"]
+    made = ["netgenerate", *SHAPES[request.param], *common, "-o", "map.net.xml"]
+    subprocess.run(made, check=True, capture_output=True, cwd=folder)
+    written = ["netconvert", "-s", "map.net.xml", "--opendrive-output", "map.xodr"]
+    subprocess.run(written, check=True, capture_output=True, cwd=folder)
+    return LaneNetwork.from_opendrive(folder / "map.xodr")
+
+
+def test_lights_act_on_the_lanes_below_them(network: LaneNetwork) -> None:
+    """SUMO counts lanes from the right edge: each light still stops a lane before its junction."""
+    lights = network.signals
+    assert len(lights) > 20
+    for head in lights:
+        assert len(head.lanes) == 1
+        assert head.junction_lanes
+        assert network.lanes[head.lanes[0]].junction_id is None
+
+
+def test_traffic_flows_and_a_route_is_found(network: LaneNetwork) -> None:
+    """Forty vehicles obey the lights, none stands for ever, and there is a drive of about a kilometre."""
+    route = choose_route(network)
+    assert route is not None
+    assert 900.0 < route.length_m < 1100.0
+    report = audit_traffic(network, TrafficConfig(vehicles=40, walkers=0, seed=1), 90.0)
+    assert report.lines_crossed > 20
+    assert report.red_runs == 0
+    assert report.longest_stand_s < 80.0
+    assert report.speed_share > 0.25
+    assert report.overlap_share <= 0.0005
