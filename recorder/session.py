@@ -89,6 +89,8 @@ class DriveSession:
             panel: Who takes in events: the device, or the keys of a drive that nobody steers.
             cockpit: What shows the drive.
         """
+        if cockpit is not None:
+            cockpit.show(self._world, self.status)
         pacer = Pacer()
         while not self._is_over():
             panel.poll()

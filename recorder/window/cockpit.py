@@ -23,6 +23,8 @@ from recorder.window.window import WINDOW_PX, Window
 
 _PATIENCE_S = 0.003
 """How long to wait for a picture before the world goes on [s]."""
+_FIRST_S = 30.0
+"""How long to wait for the first picture, for which shaders are compiled [s]."""
 _GONE_S = 0.03
 """Time between two views of the instruments when there are no more pictures [s]."""
 _ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
@@ -60,9 +62,14 @@ class WindowCockpit:
         self._painter.close()
 
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
-        """Show the present: order a picture of it, and show the one ordered before when it is drawn."""
+        """Show the present: order a picture of it, and show the one ordered before when it is drawn.
+
+        The first picture is waited for, so that nobody drives before they see.
+        """
         view = VIEWS[status.view % len(VIEWS)]
-        picture = self._painter.picture(_PATIENCE_S)
+        if self._last is None and self._painter.idle:
+            self._painter.ask(Moment.of(world, status), view)
+        picture = self._painter.picture(_FIRST_S if self._last is None else _PATIENCE_S)
         if picture is not None:
             self._last = picture.copy()
             self.pictures += 1

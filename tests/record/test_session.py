@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -20,7 +21,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signal_plan import SignalState
 from carlaloc_env.traffic.world import traffic_of_town
-from recorder.episode import EgoRow, Episode, EpisodeWriter
+from recorder.episode import EgoRow, Episode, EpisodeWriter, open_episode
 from recorder.pacing import MOST_TICKS, Pacer
 from recorder.record import RecordConfig, record
 from recorder.resimulate import resimulate
@@ -186,14 +187,17 @@ def test_keyboard_drive_with_pause_restart_and_views(tmp_path: Path, monkeypatch
         time.sleep(hold_s)
         pygame.event.post(pygame.event.Event(pygame.KEYUP, key=key))
 
-    def wait_for_growth(size: int) -> None:
-        part = out.with_name(out.name + ".recording")
-        end = time.monotonic() + 60.0
-        while time.monotonic() < end and (not part.exists() or part.stat().st_size <= size):
+    def wait_for_ticks(count: int) -> None:
+        """Until the drive has begun: keys pressed before would all be answered at its first tick."""
+        end = time.monotonic() + 120.0
+        while time.monotonic() < end:
+            with suppress(EpisodeError):
+                if len(open_episode(out).ego) >= count:
+                    break
             time.sleep(0.1)
 
     def person() -> None:
-        wait_for_growth(20_000)
+        wait_for_ticks(20)
         press(pygame.K_UP, 2.0)
         press(pygame.K_c)
         press(pygame.K_h)
