@@ -39,7 +39,7 @@ _GIVE_UP_M = 22.0
 _SHORTEST_M = 14.0
 _CLEAR_S = 2.5
 _NARROW_M = 0.5
-_TIRED_S, _STOOD_S = 20.0, 3.0
+_TIRED_S, _STOOD_S, _STUCK_S = 20.0, 3.0, 45.0
 _FREE_ROOM_M = 120.0
 _CRAWL_MPS, _START_ROOM_M = 0.5, 4.0
 _LEFT, _RIGHT = 11, 12
@@ -75,6 +75,8 @@ def think_of_changes(
             # Whoever has come to a stand between two lanes where a further change is due gives it up.
             if fleet.waited_s[v] > _STOOD_S and fleet.plan[v, 1] < 0 and (step + v) % 20 == 0:
                 change_goal(roads, crowd, fleet, v, habits.seed)
+            if fleet.waited_s[v] > _STUCK_S and (step + v) % 20 == 0:
+                _turn_back(roads, drivers, fleet, crowd, v, habits.seed)
             continue
         if fleet.wish[v] != 0:
             fleet.wished_s[v] += STEP_S
@@ -90,6 +92,17 @@ def think_of_changes(
             if taken[target] != step and _is_safe(there, roads, drivers, fleet, v, target, urgent):
                 taken[target] = step
                 _begin(roads, drivers, fleet, crowd, v, side, target, habits.seed)
+
+
+@compiled
+def _turn_back(roads: Roads, drivers: Drivers, fleet: Fleet, crowd: Array, v: int, seed: int) -> None:
+    """Give up a change that has hardly begun: whoever stands where the old lane ends may need the room."""
+    side, lane = fleet.origin[v], fleet.plan[v, 0]
+    old = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
+    if side == 0 or old < 0 or side * fleet.aside_m[v] < 0.5 * fleet.spacing_m[v]:
+        return
+    fleet.waited_s[v] = 0.0
+    _begin(roads, drivers, fleet, crowd, v, side, old, seed)
 
 
 @compiled
