@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from bench import Bench, Row
 from drive_rows import recording, window
+from event_row import events
 from sensor_rows import camera, lidar, lidar_rate
 from world_rows import driving, memory, physics, start, steps
 
@@ -13,6 +14,7 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "lidar": lidar,
     "lidar_rate": lidar_rate,
     "camera": camera,
+    "events": events,
     "physics": physics,
     "driving": driving,
     "start": start,

@@ -77,7 +77,7 @@ class CameraConfig(SensorConfig):
     outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
     """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
     events: EventConfig = field(default_factory=EventConfig)
-    """Pixels of the event camera behind the same lens, if ``events`` is one of the outputs."""
+    """Pixels of the event camera behind the same lens, if ``events`` is given; falling drops fire none."""
     tag_table: str = TAG_TABLES[0]
     """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
 

@@ -4,6 +4,9 @@ Pixels remember. So that any stretch of a drive can still be made on its own wit
 their memory is begun anew, without firing, every `restart_s` of the drive: each reference lies
 anywhere within its thresholds, as in a camera that has run for long. Asked for a stamp that does
 not follow the one before, the camera first goes over the drive from the last such moment.
+
+Weather changes the light that events come from, fog and wet ground included. Falling drops do not: a
+streak is there for one picture alone and has no place in the next, so it would fire at the wrong time.
 """
 
 from __future__ import annotations

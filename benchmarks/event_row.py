@@ -1,0 +1,104 @@
+"""The event camera: all that it adds to two pictures of a camera in town, at the speed of a main road."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from bench import Bench, Row
+from scenario import SEED, TOWN
+from timing import time_calls
+
+from carlaloc_env import geometry
+from carlaloc_env.clock import STEP_NS, TICK_S
+from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.presets import rig_by_name
+from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
+from carlaloc_env.sensors.camera_shot import Optics
+from carlaloc_env.sensors.event_camera import EventCamera, Glance
+from carlaloc_env.sensors.events import F32, log_intensity
+from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.town.town import Town
+from carlaloc_env.trajectory import EgoTrack
+
+SPEED_MPS = 12.0
+SHARE = 0.3
+"""How much of the town's route lies behind the ego."""
+TARGET_MS = 200.0
+
+
+def events(bench: Bench) -> Row:
+    """Events of 50 ms at 12 m/s: motion of all pixels, logarithms, the pixels themselves; no drawing."""
+    config = next(c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig))
+    pinhole = config.pinhole
+    what = (
+        f"events of a camera {pinhole.width_px}×{pinhole.height_px}, 50 ms at {SPEED_MPS:.0f} m/s in {TOWN}"
+    )
+    try:
+        sensor, timeline = replace(config, outputs=("events",)).build(bench.stage), _along(bench.town)
+        pictures = [_picture(bench, sensor, timeline, k * STEP_NS) for k in range(3)]
+    except CarlaLocError as error:
+        return Row(name="events", what=what, value=None, unit="ms", target=TARGET_MS, note=str(error))
+    camera = EventCamera(config.events, config.name, Optics(pinhole, config.lens), SEED)
+    dark = config.events.dark_cd_m2
+    levels = [log_intensity(light, dark, blurred=True) for _, light in pictures]
+    glances = [glance for glance, _ in pictures]
+    motion = camera.motion(*glances[:2])
+    _, state = camera.fire(levels[0], levels[1], motion, camera.begin(levels[0], 0), (0, STEP_NS))
+
+    def once() -> int:
+        after = log_intensity(pictures[2][1], dark, blurred=True)
+        found, _ = camera.fire(levels[1], after, camera.motion(*glances[1:]), state, (STEP_NS, 2 * STEP_NS))
+        return len(found)
+
+    ours = time_calls({"ours": once}, 2 * bench.repeat)["ours"]
+    return Row(
+        name="events",
+        what=what,
+        value=1e3 * ours.median_s,
+        unit="ms",
+        target=TARGET_MS,
+        at_least=False,
+        ours=ours,
+        note=f"{1e-6 * once():.2f} million events; {1e3 * ours.cpu_s:.0f} ms of processor time",
+        detail={"cpu_ms": 1e3 * ours.cpu_s},
+    )
+
+
+def _picture(bench: Bench, sensor: CameraSensor, timeline: Timeline, stamp_ns: int) -> tuple[Glance, F32]:
+    """What the camera sees at a stamp [ns], and its light [cd/m²]."""
+    shot, moment = sensor._draw(timeline, stamp_ns), sensor._moment(timeline, stamp_ns)
+    glance = Glance(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
+    return glance, shot.radiance_cd_m2(bench.stage.weather.at(stamp_ns))
+
+
+def _along(town: Town) -> Timeline:
+    """A short drive along the town's route, alone and at an even speed."""
+    route = town.route
+    assert route is not None
+    ticks = np.arange(round(4 * STEP_NS * 1e-9 / TICK_S) + 1)
+    way = route.at(SHARE * route.length_m + SPEED_MPS * TICK_S * ticks)
+    turned = geometry.rpy_to_quat(np.zeros(len(ticks)), -way.pitch_rad, way.heading_rad)
+    nobody = ActorCatalog(
+        id=np.zeros(0, np.uint32),
+        model=(),
+        tag=np.zeros(0, np.uint8),
+        size_m=np.zeros((0, 3), np.float32),
+        tint=np.zeros((0, 3), np.uint8),
+    )
+    timeline = Timeline(nobody, ego=EgoTrack.from_arrays(way.position_m, turned))
+    none = np.zeros(0, np.float32)
+    for _ in range(5):
+        timeline.append_step(
+            ActorFrame(
+                position_m=np.zeros((0, 3), np.float32),
+                heading_rad=none,
+                pitch_rad=none,
+                speed_mps=none,
+                travelled_m=none,
+                steer_rad=none,
+                lights=np.zeros(0, np.uint8),
+            ),
+            np.ones(64, np.uint8),
+        )
+    return timeline
