@@ -5,7 +5,7 @@ from __future__ import annotations
 SIZES_PX = ((480, 270), (400, 225), (320, 180))
 """Width and height of live pictures before they are scaled to the window, largest first [px]."""
 BUDGET_S = 0.040
-"""Time for one picture; twenty a second leave 10 ms for ten ticks and the instruments [s]."""
+"""Time for one picture; twenty a second leave 10 ms until the next one is ordered [s]."""
 _SETTLE = 8
 """Pictures between two changes: the first ones of a size are slower."""
 _SMOOTHING = 0.25
