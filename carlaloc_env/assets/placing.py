@@ -63,8 +63,9 @@ def place_actors(
     """Actors as models, in the catalogue's order, then wheels and number plates of the near ones.
 
     Vehicles follow heading, pitch and roll; their wheels turn with the distance covered and steer, and it
-    turns the cranks of cycles. Walkers stay upright, and the distance they walked chooses the phase of their gait; they stand up to half
-    a phase's way behind their place, so that the foot on the ground does not slide.
+    turns the cranks of cycles. Walkers stay upright, and the distance they walked chooses the phase of
+    their gait; they stand up to half a phase's way behind their place, so that the foot on the ground
+    does not slide.
 
     Args:
         catalog: Who takes part.
