@@ -158,6 +158,22 @@ def test_steady_light_without_noise_gives_nothing() -> None:
     np.testing.assert_array_equal(state.reference, level)
 
 
+@pytest.mark.parametrize("shape", [(37, 61), (33, 49), (9, 8), (8, 9)])
+def test_pictures_need_not_hold_whole_tiles(shape: tuple[int, int]) -> None:
+    """Up to the last pixel sums rebuild the change, and every noise event comes once, at its own time."""
+    generator = np.random.default_rng(13)
+    before, after = generator.normal(0, 1, (2, *shape)).astype(np.float32)
+    events, _ = run(before, after)
+    error = after - before - sums(events, shape, 0.2, 0.2)
+    assert np.abs(error).max() < 0.2 + 1e-4
+    shots = Shots.draw(9, "left", 7, shape, 200.0, SPAN_US)
+    noisy, _ = run(before, before, shots=shots)
+    got = np.stack([noisy["t"] // 1000, noisy["y"], noisy["x"], noisy["p"]], axis=-1).astype(int)
+    width = shape[1]
+    want = np.stack([shots.t_us, shots.pixel // width, shots.pixel % width, shots.positive], axis=-1)
+    np.testing.assert_array_equal(got[np.lexsort(got.T)], want[np.lexsort(want.T)])
+
+
 def test_events_come_in_the_order_of_time() -> None:
     generator = np.random.default_rng(7)
     before, after = generator.normal(0, 1, (2, *SHAPE)).astype(np.float32)
