@@ -16,9 +16,8 @@ from carlaloc_env.weather_schedule import Weather
 from recorder.drive_status import DriveStatus
 from recorder.window.hud import HudState
 from recorder.window.minimap import MiniMap
-from recorder.window.moment import Moment
+from recorder.window.moment import VIEWS, Moment
 from recorder.window.painter import GONE, Painter
-from recorder.window.views import VIEWS
 from recorder.window.window import WINDOW_PX, Window
 
 _PATIENCE_S = 0.003

@@ -21,6 +21,8 @@ from carlaloc_env.stage import SensorStage
 from carlaloc_env.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame
 from recorder.drive_status import DriveStatus
 
+VIEWS = ("seat", "chase", "above")
+"""Cameras in the order in which the driver goes through them."""
 _INDICATORS = {"left": LIGHT_LEFT, "right": LIGHT_RIGHT}
 _UNLIT = (1 << 24) - 1
 """Instance id of an ego with its headlamps off: the renderer gives low beams to the ego's own id."""

@@ -17,7 +17,6 @@ from carlaloc_env.errors import CarlaLocError, RenderError
 from carlaloc_env.stage import SensorStage
 from recorder.window.moment import Moment
 from recorder.window.resolution import SIZES_PX
-from recorder.window.views import LiveView
 
 GONE = "no pictures: the drawing process has ended; P pauses, Escape keeps the drive and ends it"
 """What the driver reads when there will be no more pictures."""
@@ -124,6 +123,9 @@ class Painter:
 
 def _paint(pipe: Connection, memory: Any, stage: SensorStage) -> None:
     """Draw what is ordered until the pipe breaks."""
+    # Here and not above: drives without a window need no OpenGL.
+    from recorder.window.views import LiveView
+
     # Ctrl-C is the parent's to answer: it ends the drive, closes the file and then the pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError):

@@ -17,8 +17,6 @@ from recorder.window.resolution import LiveResolution
 
 Array = NDArray[np.float64]
 
-VIEWS = ("seat", "chase", "above")
-"""Cameras in the order in which the driver goes through them."""
 _CHASE_TURN = 0.06
 _FOV_DEG = {"seat": 80.0, "chase": 75.0, "above": 60.0}
 
