@@ -107,6 +107,14 @@ class Filler:
         """Instances as what throws shadows."""
         return Casters(library=self._library, poses=self._poses, instances=instances, reach_m=self._reach_m)
 
+    def wake(self) -> None:
+        """Let a software driver work on what it has been told so far while it is told the rest.
+
+        llvmpipe gathers triangles until the framebuffer changes, and only then wakes its threads.
+        """
+        self._aside.use()
+        self._aside.clear()
+
     def _draw_unhidden(
         self, view: View, targets: Targets, instances: Instances, sway: Sway, known: Depths | None
     ) -> None:
@@ -127,7 +135,8 @@ class Filler:
         }
         self._draw_layers(programs, [which[turn == 0] for which, turn in left])
         if known is not None:
-            self._begin_drawing(targets)
+            self.wake()
+            targets.framebuffer.use()
         drawn = self._visible_instances(view, instances)
         for now in range(1, len(ROUNDS_M) + 2):
             hidden = known or Depths(view, _read_depth(targets))
@@ -142,15 +151,6 @@ class Filler:
                 some = which[turn == now]
                 shown.append(some if known is not None else some[self._shown(hidden, layer, some)])
             self._draw_layers(programs, shown)
-
-    def _begin_drawing(self, targets: Targets) -> None:
-        """Let a software driver colour what it has been told so far while it is told the rest.
-
-        llvmpipe gathers triangles until the framebuffer changes, and only then wakes its threads.
-        """
-        self._aside.use()
-        self._aside.clear()
-        targets.framebuffer.use()
 
     def _shown(self, hidden: Depths, layer: Layer, which: Index) -> NDArray[np.bool_]:
         boxes = box_corners(layer.low_m[which], layer.high_m[which])

@@ -110,6 +110,7 @@ class GBuffer:
         self.actors = actors
         """Instances that were drawn; their shadows depend on the sun of each weather."""
         self._context = context
+        self._samples: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = None
 
     @property
     def camera(self) -> Pinhole:
@@ -131,14 +132,20 @@ class GBuffer:
         return (code >> 24).astype(np.uint8), code & np.uint32(0xFFFFFF)
 
     def samples(self) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-        """Depth [m] and instance id of all samples as drawn, both of the shape of the drawn grid."""
+        """Depth [m] and instance id of all samples as drawn, both of the shape of the drawn grid.
+
+        They are kept, so that they can be asked for again while the graphics are at work on something else.
+        """
+        if self._samples is not None:
+            return self._samples
         assert self.drawn.id is not None
         width, height = self.view.size_px
         with self._context:
             depth, code = self.drawn.depth.read(), self.drawn.id.read()
         depth_m = np.frombuffer(depth, dtype=np.float32).reshape(height, width)
         instance = np.frombuffer(code, dtype=np.uint32) & np.uint32(0xFFFFFF)
-        return depth_m, instance.reshape(height, width)
+        self._samples = depth_m, instance.reshape(height, width)
+        return self._samples
 
     def normals(self) -> NDArray[np.float32]:
         """Unit shading normals at pixel centres in the optical frame, zero for the sky, shape (H, W, 3)."""

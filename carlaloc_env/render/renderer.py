@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import TracebackType
 
 import cv2
@@ -146,12 +146,32 @@ class SceneRenderer:
             stamp_ns: Time of the picture [ns]; keys its dither, and tells where the rain is.
             seed: Seed of dither and rain.
         """
+        return self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)()
+
+    def begin_shading(
+        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0
+    ) -> Callable[[], NDArray[np.uint8]]:
+        """Begin what `shade` does, and do not wait for it: the next picture can be drawn meanwhile.
+
+        Takes the arguments of `shade`.
+
+        Returns:
+            What waits for the picture and returns it; to be called before the next shading is begun.
+        """
         with self._context:
-            rgba = self._shader.shade(gbuffer, weather, self._filler.casters(gbuffer.actors), stamp_ns, seed)
-        rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
-        if self.quality == "medium":
-            cv2.GaussianBlur(rgb, (3, 3), 0.5, dst=rgb, borderType=cv2.BORDER_REPLICATE)
-        return np.asarray(rgb, dtype=np.uint8)
+            casters = self._filler.casters(gbuffer.actors)
+            read = self._shader.begin(gbuffer, weather, casters, stamp_ns, seed)
+            self._filler.wake()
+
+        def finished() -> NDArray[np.uint8]:
+            with self._context:
+                rgba = read()
+            rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB)
+            if self.quality == "medium":
+                cv2.GaussianBlur(rgb, (3, 3), 0.5, dst=rgb, borderType=cv2.BORDER_REPLICATE)
+            return np.asarray(rgb, dtype=np.uint8)
+
+        return finished
 
     def radiance_cd_m2(
         self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int | None = None, seed: int = 0

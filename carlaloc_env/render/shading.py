@@ -76,27 +76,34 @@ class Shader:
         self._context.enable_only(moderngl.NOTHING)
         self._triangle(program)
 
-    def shade(
+    def begin(
         self,
         gbuffer: GBuffer,
         weather: WeatherParameters,
         casters: Casters,
         stamp_ns: int,
         seed: int,
-    ) -> NDArray[np.uint8]:
-        """Picture with dither, sRGB and opaque, shape (H, W, 4)."""
+    ) -> Callable[[], NDArray[np.uint8]]:
+        """Begin a picture; what is returned waits for it: dither, sRGB and opaque, shape (H, W, 4).
+
+        It has to be called, inside the context, before the next picture of that size is begun.
+        """
         scene = self._scene(gbuffer, weather, stamp_ns, seed)
         texture, lights = self._run(scene, casters, linear=False)
-        out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.uint8)
-        texture.read_into(out)
-        if weather.precipitation > 0.0:
-            e = scene.sky.light.exposure
-            drops, shine = self._drops(scene, lights, seed, exposure_time_s(e))
-            noise = (electrons(e), READ_NOISE_E) if weather.is_night else (0.0, 0.0)
-            self._rain.over_picture(
-                out, scene.view, scene.depth_m(), drops, shine * e, key=scene.key, electrons=noise
-            )
-        return out
+
+        def finished() -> NDArray[np.uint8]:
+            out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.uint8)
+            texture.read_into(out)
+            if weather.precipitation > 0.0:
+                e = scene.sky.light.exposure
+                drops, shine = self._drops(scene, lights, seed, exposure_time_s(e))
+                noise = (electrons(e), READ_NOISE_E) if weather.is_night else (0.0, 0.0)
+                self._rain.over_picture(
+                    out, scene.view, scene.depth_m(), drops, shine * e, key=scene.key, electrons=noise
+                )
+            return out
+
+        return finished
 
     def radiance_cd_m2(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,17 +36,27 @@ class LiveView:
         self._resolution = LiveResolution()
         self._heading_rad: float | None = None
         self._last: GBuffer | None = None
+        self._unfinished: Callable[[], NDArray[np.uint8]] | None = None
         self._view = ""
 
     def picture(self, moment: Moment, view: str) -> NDArray[np.uint8]:
-        """Colour picture of a moment, sRGB, shape (H, W, 3), C-contiguous."""
+        """Colour picture of the moment asked for before, sRGB, shape (H, W, 3), C-contiguous.
+
+        The first one is of this moment. Every picture is shaded on some cores while the next one's
+        triangles go through another.
+        """
         began = time.perf_counter()
         renderer, now = self._stage.renderer(), moment.stamp_ns
         pose = self._pose(moment.T_world_base, view)
         lens = Pinhole.from_fov(*self._resolution.size_px, _FOV_DEG[view])
         earlier = self._last if view == self._view else None
         drawn = renderer.draw(lens, pose, moment.instances(self._stage), earlier=earlier)
-        rgb = renderer.shade(drawn, self._stage.weather.at(now), stamp_ns=now, seed=self._stage.seed)
+        finished = None if self._unfinished is None else self._unfinished()
+        # Read while nothing is being shaded, for the next picture, which hides by this one.
+        drawn.samples()
+        weather = self._stage.weather.at(now)
+        self._unfinished = renderer.begin_shading(drawn, weather, stamp_ns=now, seed=self._stage.seed)
+        rgb = self._unfinished() if finished is None else finished
         self._last, self._view = drawn, view
         self._resolution.took(time.perf_counter() - began)
         return np.ascontiguousarray(rgb)
