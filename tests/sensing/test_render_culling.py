@@ -95,7 +95,7 @@ def test_culling_leaves_the_picture_as_it_is(quality: str, monkeypatch: pytest.M
         create_context().release()
     except RenderError as no_opengl:
         pytest.skip(str(no_opengl))
-    chunks = [soup(1500, k + 1, (8.0 * k, -15.0, 0.0), (8.0 * k + 8.0, 15.0, 6.0), 0.4) for k in range(12)]
+    chunks = [soup(1500, k + 1, (8.0 * k, -15.0, 0.0), (8.0 * k + 8.0, 15.0, 6.0), 1.2) for k in range(12)]
     wall = [[30.0, 12.0, 0.0], [30.0, -3.0, 0.0], [30.0, -3.0, 9.0], [30.0, 12.0, 9.0]]
     walls = make_mesh(wall, [[0, 1, 2], [0, 2, 3]], material=Material.PLASTER, tag=Tag.WALL)
     chunks[3] = merge([chunks[3], walls])
