@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -32,6 +33,8 @@ from recorder.window.cockpit import WindowCockpit
 Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""
 
+PATIENCE_S = 300.0
+"""A drive without a duration ends when the car has not got on for so long [s]; others wait 150 s at most."""
 VERSIONED = ("carlaloc-env", "pybullet", "numpy", "scipy")
 """Distributions whose versions shape a drive."""
 
@@ -89,6 +92,8 @@ class RecordResult:
     """Earlier attempts, given up at a restart."""
     slowest: float = 1.0
     """Lowest speed of the world over real time, of drives in real time."""
+    stuck: bool = False
+    """Whether a drive without a duration ended before its route did, since the car no longer got on."""
 
 
 def record(
@@ -136,7 +141,8 @@ def record(
             return _drive(session, config, lambda: session.run_live(panel, cockpit))
         if isinstance(driver, HumanDevice):
             return _drive(session, config, lambda: session.run_live(driver, None))
-        return _drive(session, config, session.run_freely)
+        patience_s = PATIENCE_S if config.duration_s is None else math.inf
+        return _drive(session, config, lambda: session.run_freely(patience_s=patience_s))
 
 
 def _drive(session: DriveSession, config: RecordConfig, run: Callable[[], None]) -> RecordResult:
@@ -158,6 +164,7 @@ def _drive(session: DriveSession, config: RecordConfig, run: Callable[[], None])
         violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
         attempts=tuple(session.attempts),
         slowest=session.slowest,
+        stuck=session.stuck,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -24,6 +25,8 @@ from recorder.rules import VIOLATIONS, RuleWatch
 
 _IDLE_S = 0.004
 _WARNING_S = 2.5
+_STEP_ON_M = 1.0
+"""Way that counts as getting on [m]."""
 _FIRST_DRIVEN_TICK = 2
 """Ticks 0 and 1 are part of `DrivingWorld.reset`."""
 
@@ -72,15 +75,28 @@ class DriveSession:
         self._warned: dict[str, int] = {}
         self._checkpoint = 0
         self._over = False
+        self.stuck = False
+        """Whether the drive ended because the car no longer got on."""
 
     def start(self) -> None:
         """Open the episode and put everybody in place."""
         self._world.reset(self._seed, self.log)
 
-    def run_freely(self) -> None:
-        """Drive to the end as fast as the machine can."""
+    def run_freely(self, *, patience_s: float = math.inf) -> None:
+        """Drive to the end as fast as the machine can.
+
+        Args:
+            patience_s: The drive also ends when the car has not got on along its route for so long [s].
+        """
+        farthest_m, since = -math.inf, self._world.tick_count
         while not self._is_over():
             self._tick(self._driver.read(self._world.driver_view()))
+            if self._world.route_s_m > farthest_m + _STEP_ON_M:
+                farthest_m, since = self._world.route_s_m, self._world.tick_count
+            if self._world.tick_count - since > patience_s * TICK_HZ:
+                self.log.event(self._world.tick_count, "stuck", {"route_m": self._world.route_s_m})
+                self.stuck = True
+                return
 
     def run_live(self, panel: HumanDevice | KeyPanel, cockpit: Cockpit | None) -> None:
         """Drive in real time until the end, or until the driver ends it.

@@ -120,5 +120,7 @@ def show(result: dict[str, Any]) -> None:
             print(f"  {kind.replace('_', ' ')}: {count}")
         for path in result["attempts"]:
             print(f"  an attempt given up is in {path}")
+        if result["stuck"]:
+            print("  the car no longer got on; try another --seed, or --duration to wait longer")
         if result["slowest"] < 0.97:
             print(f"  this machine was slow: the world ran at {result['slowest']:.0%} at times")

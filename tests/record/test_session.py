@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from carlaloc_env.controls import Controls
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.errors import ConfigError, EpisodeError
@@ -124,6 +125,31 @@ def test_rules_of_the_road(town: Town, seen: DriverView) -> None:
     watch = RuleWatch(town.network)
     turned = [look(watch, seen, heading_rad=seen.heading_rad + np.pi, speed_mps=5.0) for _ in range(40)]
     assert list(chain(*turned)) == ["wrong_way"]
+
+
+class Parked:
+    """A driver who stands on the brake after some metres."""
+
+    name = "parked"
+
+    def read(self, view: DriverView) -> Controls:
+        return Controls(throttle=0.4) if view.route_s_m < 3.0 else Controls(brake=1.0)
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_drive_that_gets_nowhere_ends_and_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("recorder.record.PATIENCE_S", 3.0)
+    out = tmp_path / "stuck.mcap"
+    result = record(RecordConfig(map="Town03", out=out, traffic="static"), device=Parked())
+    assert result.stuck
+    assert 3.0 < result.duration_s < 15.0
+    assert [event.kind for event in Episode.load(out).events][-2:] == ["stuck", "end"]
+    longer = RecordConfig(map="Town03", out=tmp_path / "asked.mcap", traffic="static", duration_s=20.0)
+    result = record(longer, device=Parked())
+    assert not result.stuck
+    assert result.duration_s == pytest.approx(20.0, abs=0.02)
 
 
 def test_recorded_controls_drive_the_same_again(drive: Path, tmp_path: Path) -> None:
