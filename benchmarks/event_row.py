@@ -17,7 +17,7 @@ from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
 from carlaloc_env.sensors.camera_shot import Optics
 from carlaloc_env.sensors.event_camera import EventCamera, Glance
 from carlaloc_env.sensors.events import F32, log_intensity
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.town import Town
 from carlaloc_env.trajectory import EgoTrack
 
@@ -79,26 +79,7 @@ def _along(town: Town) -> Timeline:
     ticks = np.arange(round(4 * STEP_NS * 1e-9 / TICK_S) + 1)
     way = route.at(SHARE * route.length_m + SPEED_MPS * TICK_S * ticks)
     turned = geometry.rpy_to_quat(np.zeros(len(ticks)), -way.pitch_rad, way.heading_rad)
-    nobody = ActorCatalog(
-        id=np.zeros(0, np.uint32),
-        model=(),
-        tag=np.zeros(0, np.uint8),
-        size_m=np.zeros((0, 3), np.float32),
-        tint=np.zeros((0, 3), np.uint8),
-    )
-    timeline = Timeline(nobody, ego=EgoTrack.from_arrays(way.position_m, turned))
-    none = np.zeros(0, np.float32)
+    timeline = Timeline(empty_catalog(), ego=EgoTrack.from_arrays(way.position_m, turned))
     for _ in range(5):
-        timeline.append_step(
-            ActorFrame(
-                position_m=np.zeros((0, 3), np.float32),
-                heading_rad=none,
-                pitch_rad=none,
-                speed_mps=none,
-                travelled_m=none,
-                steer_rad=none,
-                lights=np.zeros(0, np.uint8),
-            ),
-            np.ones(64, np.uint8),
-        )
+        timeline.append_step(empty_frame(), np.ones(64, np.uint8))
     return timeline

@@ -87,7 +87,7 @@ class ActorFrame:
     left out."""
 
     def __post_init__(self) -> None:
-        if self.roll_rad.shape != self.heading_rad.shape:
+        if not len(self.roll_rad):
             object.__setattr__(self, "roll_rad", np.zeros_like(self.heading_rad))
 
     def __len__(self) -> int:
