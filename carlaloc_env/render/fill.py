@@ -43,6 +43,7 @@ class Filler:
         library: Movable models.
         albedo: Linear albedo and roughness of every material, shape (M, S, S, 4).
         live: Less detail, for a live window.
+        unit_m: Metres of the world in one unit of the geometry, by which wear and litter are sized.
     """
 
     def __init__(
@@ -54,11 +55,13 @@ class Filler:
         library: ModelLibrary,
         albedo: NDArray[np.float16],
         live: bool = False,
+        unit_m: float = 1.0,
     ) -> None:
         self._context, self._programs = context, programs
         self.scenery = Scenery(context, chunks, FAR_LOW if live else FAR)
         self._library = Geometry(context, library.meshes)
         self._live = live
+        self._unit_m = unit_m
         self._distant = Distant(library) if live else None
         self._least_px = LEAST_PX if live else 0.0
         self._poses = InstanceBuffer(context, len(library))
@@ -191,6 +194,7 @@ class Filler:
             f"CLOTH {int(Material.CLOTH)}u",
             f"SKY_ID {SKY_ID}u",
             f"LEAF {int(Material.LEAF)}u",
+            f"UNIT_M {float(self._unit_m)}",
             *(("SWAY",) if any(sway[:3]) else ()),
             *features,
         )

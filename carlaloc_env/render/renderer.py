@@ -45,6 +45,7 @@ class SceneRenderer:
         quality: str = "medium",
         lamps_m: ArrayLike | None = None,
         albedo: NDArray[np.float16] | None = None,
+        unit_m: float = 1.0,
     ) -> None:
         """Upload a scene.
 
@@ -55,6 +56,8 @@ class SceneRenderer:
             lamps_m: Street lamps in the world [m], shape (K, 3).
             albedo: Linear albedo and roughness of every material, shape (M, S, S, 4); the built-in
                 textures when left out.
+            unit_m: Metres of the world in one unit of the geometry: a model of a town still wears and is
+                littered as the town is.
 
         Raises:
             RenderError: there is no OpenGL here.
@@ -75,6 +78,7 @@ class SceneRenderer:
                 library=library,
                 albedo=build_textures().albedo if albedo is None else albedo,
                 live=quality == "low",
+                unit_m=unit_m,
             )
             lamps = np.zeros((0, 3)) if lamps_m is None else np.asarray(lamps_m, np.float64).reshape(-1, 3)
             self._shader = Shader(

@@ -15,7 +15,7 @@ from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.scene import Instances
+from carlaloc_env.scene import Instances, ModelLibrary
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.town import Town
@@ -135,23 +135,15 @@ def _from_above(town: Town) -> MapView:
 
 def _seen_from_above(town: Town, view: MapView, quality: str) -> Picture:
     """The town alone, drawn smaller from nearer."""
-    small = dataclasses.replace(
-        town,
-        chunks=tuple(
-            dataclasses.replace(chunk, vertices_m=chunk.vertices_m / np.float32(_SHRINK))
-            for chunk in town.chunks
-        ),
-    )
-    stage = SensorStage(small, seed=0, weather=weather_by_name("ClearNoon"), quality=quality)
-    try:
-        renderer = stage.renderer()
-        T = view.T_world_camera.copy()
-        T[:3, 3] /= _SHRINK
+    chunks = [
+        dataclasses.replace(chunk, vertices_m=chunk.vertices_m / np.float32(_SHRINK)) for chunk in town.chunks
+    ]
+    T = view.T_world_camera.copy()
+    T[:3, 3] /= _SHRINK
+    with SceneRenderer(chunks, ModelLibrary({}), quality=quality, unit_m=_SHRINK) as renderer:
         return np.ascontiguousarray(
-            renderer.shade(renderer.draw(view.camera, T, Instances()), stage.weather.at(0))
+            renderer.shade(renderer.draw(view.camera, T, Instances()), weather_by_name("ClearNoon").at(0))
         )
-    finally:
-        stage.close()
 
 
 def _spawn_points(town: Town) -> Array:

@@ -55,7 +55,7 @@ void main() {
     world += in_material == LEAF ? u_sway.xyz * wave : vec3(0.0);
 #endif
 #ifdef WORN
-    v_world = world;
+    v_world = UNIT_M * world;
 #endif
     v_layer = float(in_material);
     v_uv = in_uv;
