@@ -24,6 +24,7 @@ from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.render.tiles import LIGHT_CUTOFF, TILE_PX, DepthRange, light_grid
 from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.semantics import Tag
+from carlaloc_env.weather import PRESETS
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
 FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
@@ -236,3 +237,27 @@ def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
         lit = np.flatnonzero((light[box] > 1.5 * LIGHT_CUTOFF).mean(axis=(0, 1)) > 0.02)
         assert set(lit) <= listed
     assert len(grid.entries) < 0.75 * len(whole.entries)
+
+
+def test_a_model_is_littered_as_the_town_is() -> None:
+    """Asphalt from 12 m above, and its model 1 : 20 from 0.6 m: the same albedo."""
+    try:
+        create_context().release()
+    except RenderError as no_opengl:
+        pytest.skip(str(no_opengl))
+    corners = np.array([[-30.0, -30.0, 0.0], [30.0, -30.0, 0.0], [30.0, 30.0, 0.0], [-30.0, 30.0, 0.0]])
+
+    def light(shrink: float, unit_m: float) -> NDArray[np.float32]:
+        road = make_mesh(
+            (corners / shrink).tolist(), [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD
+        )
+        down = np.array([[1.0, 0, 0, 0], [0, -1.0, 0, 0], [0, 0, -1.0, 12.0 / shrink], [0, 0, 0, 1.0]])
+        library = ModelLibrary({})
+        with SceneRenderer([road], library, quality="medium", albedo=plain_albedo(), unit_m=unit_m) as drawn:
+            gbuffer = drawn.draw(CAMERA, down, Instances())
+            return drawn.radiance_cd_m2(gbuffer, PRESETS["CloudyNoon"])
+
+    town, model, wrong = light(1.0, 1.0), light(20.0, 20.0), light(20.0, 1.0)
+    assert town.std() > 0.05 * town.mean()
+    assert np.mean(np.abs(model - town)) < 0.02 * town.mean()
+    assert np.mean(np.abs(wrong - town)) > 0.05 * town.mean()
