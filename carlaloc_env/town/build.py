@@ -22,6 +22,7 @@ from carlaloc_env.town.route import Route, plan_route
 from carlaloc_env.town.route_choice import choose_route
 from carlaloc_env.town.scenery import Scenery, build_scenery
 from carlaloc_env.town.town import Town
+from carlaloc_env.town.traffic_choice import choose_traffic
 from carlaloc_env.town.zoning import choose_zones
 
 _log = logging.getLogger(__name__)
@@ -79,7 +80,7 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     key = content_hash(str(BUILDER_VERSION).encode(), content, toml.read_bytes() if has_toml else b"")
     network = LaneNetwork(read_opendrive(source))
     if not has_toml:
-        config = choose_zones(network, config)
+        config = choose_traffic(network, choose_zones(network, config))
     build_key = content_hash(key.encode(), _builder_sources())
     stored = (cache_dir or default_cache_dir()) / f"{name}-{build_key}.town"
     route = _route(network, config)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.town.areas import TownAreas, town_areas
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.crossed_walks import lower_walks
 from carlaloc_env.town.fields import EdgeField, GroundGrid
 from carlaloc_env.town.junctions import corner_edges
 from carlaloc_env.town.level_search import find_levels
@@ -74,7 +75,7 @@ class Groundwork:
 def lay_groundwork(network: LaneNetwork, config: TownConfig) -> Groundwork:
     """Groundwork of a map."""
     roads = network.xodr.roads
-    strips = road_strips(roads, network.surface)
+    strips = lower_walks(road_strips(roads, network.surface))
     bounds = _bounds(strips)
     zones = zone_areas(config, bounds)
     corners = np.array(shapely.bounds(bounds)).reshape(2, 2)
