@@ -35,9 +35,9 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], made)
 
 
-def over_bands(function: Callable[[int, int], R], rows: int) -> list[R]:
+def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BAND_ROWS) -> list[R]:
     """Results of a function of (first row, end row) for all bands of a picture, from the top down."""
-    bands = [(first, min(first + BAND_ROWS, rows)) for first in range(0, rows, BAND_ROWS)]
+    bands = [(first, min(first + band_rows, rows)) for first in range(0, rows, band_rows)]
     threads = min(os.cpu_count() or 1, len(bands), 8)
     if threads <= 1:
         return [function(*band) for band in bands]

@@ -50,12 +50,10 @@ def fire_alone(
     out_code: Any,
 ) -> None:
     """Events of sixteen pixels of a tile where surfaces hide each other."""
-    before, after, _, _ = pictures
-    forward, backward, passing = fields
+    before, _, _, _, flat_before, flat_after = pictures
+    forward, backward, passing, flat_forward, flat_backward = fields
     span_us, refractory_us, _, step_px = numbers
     height, width = np.int32(before.shape[0]), np.int32(before.shape[1])
-    flat_before, flat_after = before.reshape(before.size), after.reshape(after.size)
-    flat_forward, flat_backward = forward.reshape(forward.size), backward.reshape(backward.size)
     over = passing[row, column]
     steps, through = _begin(forward, backward, over, step_px, lanes)
     per_step, sample_us = _ONE / np.float32(steps), np.float64(span_us) / np.float64(steps)

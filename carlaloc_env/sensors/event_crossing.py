@@ -28,6 +28,7 @@ from carlaloc_env.sensors.event_sampling import (
     ready,
     scatter,
 )
+from carlaloc_env.sensors.event_volley import volley
 from carlaloc_env.sensors.pixel_motion import TILE_PX
 
 NEVER_US = -(1 << 30)
@@ -47,19 +48,19 @@ def take_up(
     pictures: Any, device: Any, noise: Any, leaks: Any, corners: Any, row: int, lanes: Any, marks: Any
 ) -> None:
     """Begin with sixteen pixels of a tile, from one of its rows on; those beyond its edge never fire."""
-    before, after, _, _ = pictures
-    ons, offs, references, last_in, _, _ = device
+    before, after, _, _, flat_before, flat_after = pictures
+    ons, offs, references, last_in, _, _, flat_ons, flat_offs, flat_references, _ = device
     y0, x0, y1, x1 = corners
     width = before.shape[1]
     first = row * width + x0
     second = first + width
     whole = x1 - x0 == TILE_PX - 1 and row < y1
     if whole:
-        gather(ons.reshape(ons.size), first, second, np.int32(ON), lanes)
-        gather(offs.reshape(offs.size), first, second, np.int32(OFF), lanes)
-        gather(references.reshape(references.size), first, second, np.int32(REFERENCE), lanes)
-        gather(before.reshape(before.size), first, second, np.int32(LEVEL), lanes)
-        gather(after.reshape(after.size), first, second, np.int32(FINAL), lanes)
+        gather(flat_ons, first, second, np.int32(ON), lanes)
+        gather(flat_offs, first, second, np.int32(OFF), lanes)
+        gather(flat_references, first, second, np.int32(REFERENCE), lanes)
+        gather(flat_before, first, second, np.int32(LEVEL), lanes)
+        gather(flat_after, first, second, np.int32(FINAL), lanes)
         for lane in range(TILE_PX):
             marks[LAST, lane] = last_in[row, x0 + lane]
             marks[LAST, TILE_PX + lane] = last_in[row + 1, x0 + lane]
@@ -127,7 +128,7 @@ def put_down(
     if x1 - x0 == TILE_PX - 1 and row < y1:
         width = reference_out.shape[1]
         first = row * width + x0
-        scatter(lanes, reference_out.reshape(reference_out.size), first, first + width)
+        scatter(lanes, device[9], first, first + width)
         for lane in range(TILE_PX):
             last_out[row, x0 + lane] = max(marks[LAST, lane] - span_us, NEVER_US)
             last_out[row + 1, x0 + lane] = max(marks[LAST, TILE_PX + lane] - span_us, NEVER_US)
@@ -166,6 +167,16 @@ def fire_bits(
         out_t: Times of the events [µs].
         out_code: Place of the events' pixels, and in the lowest bit their polarity.
     """
+    count = marks[COUNT, EVENTS]
+    if marks[COUNT, NOISY] == 0 and count + LANES <= len(out_t):
+        first, at = np.int32(marks[COUNT, PLACE]), np.float64(begin)
+        span, rest = np.int32(span_us), np.int32(refractory_us)
+        fired = volley(
+            np.int32(bits), at, sample_us, span, rest, first, marks, lanes, out_t, out_code, np.int64(count)
+        )
+        if fired >= 0:
+            marks[COUNT, EVENTS] = count + fired
+            return
     while bits != 0:
         lane = lowest(np.int32(bits))
         bits &= bits - 1

@@ -68,7 +68,7 @@ def _prepared(
     pictures: Any, fields: Any, step_px: Any, row: int, column: int, corners: Any, scratch: Any
 ) -> Any:
     """Number of samples of pixels that move smoothly, 0 where they do not; the intensities they can meet."""
-    before, _, ranges_before, ranges_after = pictures
+    before, _, ranges_before, ranges_after, _, _ = pictures
     knots, bounds, lanes, _ = scratch
     y0, x0, y1, x1 = corners
     low, high = before[y0, x0], before[y0, x0]

@@ -12,6 +12,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
+from carlaloc_env.sensors.event_between import between
 from carlaloc_env.sensors.event_lanes import (
     F32,
     FLOATS,
@@ -21,7 +22,6 @@ from carlaloc_env.sensors.event_lanes import (
     WORDS,
     Room,
     Wide,
-    between,
     data_of,
     spread,
 )
@@ -139,7 +139,8 @@ def _look(typing: Any, flat: Any, width: Any, height: Any, second: Any, lanes: A
         room = Room(context, builder, signature.args[4], arguments[4])
         _, width, height, second, _ = arguments
         x = builder.add(ir.Constant(I32, END), builder.add(second, second))
-        seen = between(builder, picture, width, height, room[x], room[builder.add(x, ir.Constant(I32, 1))])
+        places = room[x], room[builder.add(x, ir.Constant(I32, 1))]
+        seen = between(context, builder, picture, width, height, *places)
         room[builder.add(ir.Constant(I32, END + _FIRST), second)] = seen
         return context.get_dummy_value()
 
@@ -199,7 +200,7 @@ def _sample(typing: Any, flat: Any, width: Any, height: Any, steps: Any, lanes: 
         _, width, height, steps, _ = arguments
         h = spread(builder, steps)
         x, y = room[X] + h * room[DX], room[Y] + h * room[DY]
-        seen = between(builder, picture, width, height, x, y)
+        seen = between(context, builder, picture, width, height, x, y)
         return reached(room, seen + (room[MORE] + h * room[GROWS]))
 
     return types.int32(flat, types.int32, types.int32, types.float32, lanes), generate

@@ -14,12 +14,14 @@ from numba import types
 from numba.extending import intrinsic
 
 from carlaloc_env.compiled import compiled
+from carlaloc_env.sensors.event_between import between
 from carlaloc_env.sensors.event_lanes import (
     FLOATS,
     I32,
+    I64,
     Room,
     Wide,
-    between,
+    cells_at,
     data_of,
     quadruples,
     spread,
@@ -185,7 +187,7 @@ def _see(typing: Any, before: Any, after: Any, width: Any, height: Any, time: An
         level = none
         for part, (picture, (x, y)) in enumerate(zip(pictures, places, strict=True)):
             weight = room[WEIGHT + part]
-            seen = weight * between(builder, picture, width, height, x, y)
+            seen = weight * between(context, builder, picture, width, height, x, y)
             level = level + (weight > 0.0).pick(seen, none)
         level = (room[WEIGHT] + room[WEIGHT + 1] > 0.0).pick(level, room[HELD])
         room[HELD] = level
@@ -207,11 +209,11 @@ def _motion_at(
     a = x - Wide(builder, builder.sitofp(i, FLOATS))
     b = y - Wide(builder, builder.sitofp(j, FLOATS))
     row = spread(builder, width).value
-    at = builder.add(builder.mul(j, row), i)
-    one = ir.Constant(row.type, [1] * row.type.count)
-    q00, q01 = quadruples(builder, field, at), quadruples(builder, field, builder.add(at, one))
-    at = builder.add(at, row)
-    q10, q11 = quadruples(builder, field, at), quadruples(builder, field, builder.add(at, one))
+    cells = cells_at(builder, field, builder.add(builder.mul(j, row), i))
+    none, right_of = ir.Constant(I64, 0), ir.Constant(I64, 4)
+    below = builder.shl(builder.sext(width, I64), ir.Constant(I64, 2))
+    q00, q01 = quadruples(builder, cells, none), quadruples(builder, cells, right_of)
+    q10, q11 = quadruples(builder, cells, below), quadruples(builder, cells, builder.add(below, right_of))
     low = q00[3].least(q01[3]).least(q10[3].least(q11[3]))
     high = q00[3].most(q01[3]).most(q10[3].most(q11[3]))
     edge, right, down = high > low * EDGE_RATIO, a >= 0.5, b >= 0.5

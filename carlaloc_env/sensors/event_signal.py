@@ -33,10 +33,9 @@ def fire_smooth(
     The picture nearer in time is followed; what the other says more of goes linearly in between.
     Chunks whose surroundings hold no intensity beyond the thresholds are passed over.
     """
-    before, after, _, _ = pictures
+    before, _, _, _, flat_before, flat_after = pictures
     span_us, refractory_us, _, _ = numbers
     height, width = np.int32(before.shape[0]), np.int32(before.shape[1])
-    flat_before, flat_after = before.reshape(before.size), after.reshape(after.size)
     per_step, sample_us = _ONE / np.float32(steps), np.float64(span_us) / np.float64(steps)
     chunks = (steps + CHUNK - 1) // CHUNK if steps > 1 else 0
     placed = -1

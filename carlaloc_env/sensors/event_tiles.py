@@ -61,7 +61,7 @@ def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int64]]:
 @compiled
 def tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x1: int, step_px: Any) -> int:
     """Samples of all pixels of a tile that moves smoothly; 0 where they must be looked at one by one."""
-    forward, backward, passing = fields
+    forward, backward, passing, _, _ = fields
     longest, nearest = _ZERO, np.float32(1e9)
     if not (_is_smooth(forward, y0, x0, y1, x1) and _is_smooth(backward, y0, x0, y1, x1)):
         return 0
@@ -96,7 +96,7 @@ def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
 @compiled
 def tile_knots(fields: Any, corners: Any, steps: int, knots: Any, bounds: Any, lanes: Any) -> bool:
     """Fill in where the corners of a tile come from at the ends of all chunks; False if one is hidden."""
-    forward, backward, _ = fields
+    forward, backward, _, flat_forward, flat_backward = fields
     height, width = np.int32(forward.shape[0]), np.int32(forward.shape[1])
     count = (steps + CHUNK - 1) // CHUNK + 1
     _take_corners(forward, backward, corners, lanes)
@@ -107,8 +107,8 @@ def tile_knots(fields: Any, corners: Any, steps: int, knots: Any, bounds: Any, l
             lanes[(SECOND_WAY + WHEN) * LANES + lane] = _ONE - s
         for way in (FIRST_WAY, SECOND_WAY):
             go_on(np.int32(way), np.float32(2), lanes)
-        search(forward.reshape(forward.size), width, height, FIRST_WAY, lanes)
-        search(backward.reshape(backward.size), width, height, SECOND_WAY, lanes)
+        search(flat_forward, width, height, FIRST_WAY, lanes)
+        search(flat_backward, width, height, SECOND_WAY, lanes)
         for lane in range(4 * min(_KNOTS, count - first)):
             k, corner = first + lane // 4, lane % 4
             kind = _kind_of(lane, lanes)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env import rng
 from carlaloc_env.compiled import compiled, over_bands
-from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.event_crossing import NEVER_US
 from carlaloc_env.sensors.event_kernels import fire_rows
 from carlaloc_env.sensors.event_lanes import float_of, word_of
+from carlaloc_env.sensors.event_order import by_time
 from carlaloc_env.sensors.event_tiles import new_scratch
 from carlaloc_env.sensors.pixel_motion import TILE_PX, passing_surfaces
 from carlaloc_env.sensors.pixel_ways import tile_ranges
@@ -212,11 +212,13 @@ def fire(
         motion = Motion.none(before.shape)
     reference, last_us = np.empty_like(state.reference), np.empty_like(state.last_us)
     device = (pixels.on, pixels.off, state.reference, state.last_us, reference, last_us)
+    device += tuple(a.reshape(-1) for a in (pixels.on, pixels.off, state.reference, reference))
     order, first_shot = _by_tiles(shots.pixel, height, width)
     place = (shots.pixel // width << 16 | shots.pixel % width)[order]
     noise = (place, shots.t_us[order], shots.positive[order], first_shot)
-    pictures = (before, after, tile_ranges(before), tile_ranges(after))
-    fields = (motion.forward, motion.backward, motion.passing)
+    pictures = (before, after, tile_ranges(before), tile_ranges(after), before.reshape(-1), after.reshape(-1))
+    flat = motion.forward.reshape(-1), motion.backward.reshape(-1)
+    fields = (motion.forward, motion.backward, motion.passing, *flat)
     numbers = (span_us, refractory_us, np.float32(leak_hz * 1e-6 * span_us), np.float32(step_px))
 
     def band(first: int, end: int) -> tuple[NDArray[np.int32], NDArray[np.uint32]]:
@@ -228,11 +230,7 @@ def fire(
                 return t_us[:count], code[:count]
             room = count
 
-    parts = over_bands(band, height)
-    t_us = np.concatenate([part[0] for part in parts])
-    code = np.concatenate([part[1] for part in parts])
-    events = np.empty(len(t_us), EVENT)
-    _sort_by_time(t_us, code, start_ns, np.zeros(span_us + 2, np.int64), events)
+    events = by_time(over_bands(band, height), start_ns, span_us)
     return events, PixelState(reference=reference, last_us=last_us)
 
 
@@ -246,22 +244,6 @@ def _by_tiles(
     order = np.lexsort((x, y, tile))
     first = np.searchsorted(tile[order], np.arange(rows + 1) * columns)
     return order, first.astype(np.int64)
-
-
-@compiled
-def _sort_by_time(t_us: Any, code: Any, start_ns: int, place: Any, events: Any) -> None:
-    """Counting sort that keeps the order of events of the same time; `place` holds zeros."""
-    for k in range(len(t_us)):
-        place[t_us[k] + 1] += 1
-    for t in range(len(place) - 1):
-        place[t + 1] += place[t]
-    for k in range(len(t_us)):
-        row = place[t_us[k]]
-        place[t_us[k]] += 1
-        events[row].t = start_ns + 1000 * t_us[k]
-        events[row].x = code[k] >> 1 & 0xFFFF
-        events[row].y = code[k] >> 17
-        events[row].p = code[k] & 1
 
 
 def limit_rate(
