@@ -145,7 +145,8 @@ def within(place: Wide, size: Any) -> Wide:
 def cells_at(builder: Any, field: Any, at: Any) -> list[Any]:
     """Pointers to the four numbers that a field (H·W·4,) holds of each of sixteen pixels."""
     # By way of memory: faster than to take one after another out of a register.
-    room = cgutils.alloca_once(builder, WORDS)
+    allocated: Any = cgutils.alloca_once
+    room = allocated(builder, WORDS)
     builder.store(at, room)
     words = builder.bitcast(room, I32.as_pointer())
     indices = (builder.load(builder.gep(words, [ir.Constant(I32, lane)])) for lane in range(LANES))

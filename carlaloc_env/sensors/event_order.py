@@ -82,4 +82,5 @@ def _sort_slots(found: Any, first: Any, begin: int, end: int, place: Any, start_
 @compiled
 def _time_in_slot(word: Any) -> int:
     """Time since the beginning of its slot [µs]."""
-    return np.int64(word >> np.uint64(32) & np.uint64((1 << SLOT_BITS) - 1))
+    time: int = np.int64(word >> np.uint64(32) & np.uint64((1 << SLOT_BITS) - 1))  # type: ignore[assignment]
+    return time

@@ -211,8 +211,8 @@ def fire(
     if motion is None:
         motion = Motion.none(before.shape)
     reference, last_us = np.empty_like(state.reference), np.empty_like(state.last_us)
-    device = (pixels.on, pixels.off, state.reference, state.last_us, reference, last_us)
-    device += tuple(a.reshape(-1) for a in (pixels.on, pixels.off, state.reference, reference))
+    rows = (pixels.on, pixels.off, state.reference, state.last_us, reference, last_us)
+    device = (*rows, *(row.reshape(-1) for row in (pixels.on, pixels.off, state.reference, reference)))
     order, first_shot = _by_tiles(shots.pixel, height, width)
     place = (shots.pixel // width << 16 | shots.pixel % width)[order]
     noise = (place, shots.t_us[order], shots.positive[order], first_shot)
