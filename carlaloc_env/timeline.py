@@ -64,6 +64,10 @@ def empty_catalog() -> ActorCatalog:
     )
 
 
+JUMP_M = 15.0
+"""Who moves farther within a step has left the map and come in elsewhere: nobody is in between [m]."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ActorFrame:
     """State of all N actors at one instant, float32 so that live and recorded values are equal."""
@@ -188,7 +192,11 @@ class Timeline:
         if fraction == 0.0:
             return a
         f = np.float32(fraction)
-        position = a.position_m + f * (b.position_m - a.position_m)
+        way = b.position_m - a.position_m
+        if len(way) and np.abs(way).max() > JUMP_M:
+            b = _held(a, b)
+            way = b.position_m - a.position_m
+        position = a.position_m + f * way
         return ActorFrame(
             position_m=position,
             heading_rad=_turn(a.heading_rad, b.heading_rad, f),
@@ -214,6 +222,7 @@ class Timeline:
         heading = np.array([frame.heading_rad for frame in frames], dtype=np.float64)
         pitch = np.array([frame.pitch_rad for frame in frames], dtype=np.float64)
         roll = np.array([frame.roll_rad for frame in frames], dtype=np.float64)
+        still = np.abs(np.diff(position, axis=0)).max(axis=-1, initial=0.0) > JUMP_M
         row = (step - first) * len(self.catalog) + index
         fraction = (stamps_ns % STEP_NS) / STEP_NS
 
@@ -221,6 +230,7 @@ class Timeline:
             start: NDArray[np.float64], change: NDArray[np.float64], f: ArrayLike
         ) -> NDArray[np.float64]:
             flat = (-1, *start.shape[2:])
+            change[still] = 0.0
             moved: NDArray[np.float64] = start.reshape(flat)[row] + f * change.reshape(flat)[row]
             return moved
 
@@ -253,6 +263,15 @@ class Timeline:
             )
         following = self._frames[min(step + 1, len(self._frames) - 1)]
         return self._frames[step], following, (stamp_ns % STEP_NS) / STEP_NS
+
+
+def _held(a: ActorFrame, b: ActorFrame) -> ActorFrame:
+    """The later frame with those who left the map, and came in elsewhere, still where they were."""
+    stays = np.abs(b.position_m - a.position_m).max(axis=-1) > JUMP_M
+    values = {name: (getattr(a, name), getattr(b, name)) for name in ActorFrame.__slots__}
+    return ActorFrame(
+        **{name: np.where(stays[:, None] if x.ndim > 1 else stays, x, y) for name, (x, y) in values.items()}
+    )
 
 
 def _turn(a_rad: F32, b_rad: F32, fraction: np.float32) -> F32:

@@ -206,7 +206,7 @@ def _route(network: LaneNetwork, config: TownConfig) -> Route | None:
     wanted = config.route
     if not wanted.points:
         return choose_route(network)
-    route = plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m)
+    route = plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m, for_car=True)
     return route.starting_at(wanted.start) if wanted.start is not None else route
 
 

@@ -16,6 +16,7 @@ from carlaloc_env.town.lane_tables import TABLE_STEP_M
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.profiles import Array, Index
 from carlaloc_env.town.route_line import RouteLine, trace
+from carlaloc_env.town.tight_turns import fit_turns
 
 POINT_REACH_M = 15.0
 """Route points farther from every lane are refused."""
@@ -55,6 +56,8 @@ class Route:
     """Its station there, (K,)."""
     length_m: float
     closed: bool
+    fitted: NDArray[np.bool_] | None = None
+    """Where the line was fitted to the car already, (K,); None for nowhere."""
 
     @property
     def step_m(self) -> float:
@@ -127,7 +130,13 @@ class Route:
             lane_station_m=np.roll(self.lane_station_m, shift),
             length_m=self.length_m,
             closed=True,
+            fitted=None if self.fitted is None else np.roll(self.fitted, shift),
         )
+
+    def is_fitted(self, s_m: ArrayLike) -> NDArray[np.bool_]:
+        """Whether the line leaves the lane's middle there for the car to fit round a tight turn, (M,)."""
+        row, _, _ = self._locate(np.atleast_1d(np.asarray(s_m, dtype=np.float64)))
+        return np.zeros(len(row), dtype=bool) if self.fitted is None else self.fitted[row]
 
     def _tangents(self, rows: Index) -> NDArray[np.float64]:
         heading = self.heading_rad[rows]
@@ -161,6 +170,7 @@ def plan_route(
     *,
     loop: bool = False,
     length_m: float | None = None,
+    for_car: bool = False,
 ) -> Route:
     """The cheapest route over driving lanes through points; lane changes count as 60 m of detour.
 
@@ -169,6 +179,7 @@ def plan_route(
         points_m: World points (x, y) near the lanes to drive on, in order.
         loop: Drive on from the last point to the first.
         length_m: Length that an open route is cut to, at its start.
+        for_car: Leave the lanes' middle in turns that are too tight for a car there.
 
     Raises:
         MapError: A point lies off the lanes, no way exists, or the route is shorter than asked.
@@ -179,14 +190,18 @@ def plan_route(
     if loop:
         # A loop must end where it began, so the first point keeps one lane.
         stops = [stops[0][:1], *stops[1:], stops[0][:1]]
-    route = _sampled(network, trace(network, path_through(network, stops)), loop)
+    line = trace(network, path_through(network, stops))
+    fitted = np.zeros(len(line.lane), dtype=bool)
+    if for_car:
+        line, fitted = fit_turns(network, line)
+    route = _sampled(network, line, fitted, loop)
     if length_m is None or loop:
         return route
     if route.length_m < length_m - 0.5:
         raise MapError(
             f"the route is {route.length_m:.0f} m long, {length_m:.0f} m are asked; add or move a point"
         )
-    return _cut_start(route, length_m)
+    return cut_start(route, length_m)
 
 
 def _places(network: LaneNetwork, number: int, point: tuple[float, float]) -> list[Place]:
@@ -204,7 +219,7 @@ def _places(network: LaneNetwork, number: int, point: tuple[float, float]) -> li
     return [Place(int(n), float(s)) for n, s in zip(near.lane, near.station_m, strict=True)]
 
 
-def _sampled(network: LaneNetwork, line: RouteLine, loop: bool) -> Route:
+def _sampled(network: LaneNetwork, line: RouteLine, fitted: NDArray[np.bool_], loop: bool) -> Route:
     if loop:
         # The last point is the first one again: keep it as the far end of the last piece.
         around = np.append(np.arange(len(line.lane) - 1), 0)
@@ -251,6 +266,7 @@ def _sampled(network: LaneNetwork, line: RouteLine, loop: bool) -> Route:
         lane_station_m=station,
         length_m=length,
         closed=loop,
+        fitted=fitted[row] if fitted.any() else None,
     )
 
 
@@ -272,7 +288,7 @@ def _curvature(heading_rad: Array, step_m: float, loop: bool) -> Array:
     return np.concatenate([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
 
 
-def _cut_start(route: Route, length_m: float) -> Route:
+def cut_start(route: Route, length_m: float) -> Route:
     """The last `length_m` metres, to the nearest sample."""
     first = len(route.position_m) - 1 - round(length_m / route.step_m)
     first = max(first, 0)
@@ -286,4 +302,5 @@ def _cut_start(route: Route, length_m: float) -> Route:
         lane_station_m=route.lane_station_m[first:],
         length_m=route.length_m - first * route.step_m,
         closed=False,
+        fitted=None if route.fitted is None else route.fitted[first:],
     )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.geometry import wrap_angle
 from carlaloc_env.town.lane_paths import Span
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.profiles import Array, Index
@@ -17,6 +18,7 @@ SAMPLE_M = 0.25
 BLEND_M = 35.0
 """Length of a lane change; shorter where the lane is."""
 _CLOSE_M = 0.1
+_ASTRAY_RAD = 0.5
 
 
 class RouteLine(NamedTuple):
@@ -57,11 +59,21 @@ def trace(network: LaneNetwork, spans: Sequence[Span]) -> RouteLine:
     keep = _spaced(position)
     return RouteLine(
         position[keep],
-        np.concatenate([part.heading_rad for part in parts])[keep],
+        _believable(position[keep], np.concatenate([part.heading_rad for part in parts])[keep]),
         np.concatenate([part.slope for part in parts])[keep],
         np.concatenate([part.lane for part in parts])[keep],
         np.concatenate([part.station_m for part in parts])[keep],
     )
+
+
+def _believable(position_m: NDArray[np.float64], heading_rad: Array) -> Array:
+    """The lanes' headings, or where the line goes: very short lanes may halt and turn on the spot."""
+    if len(position_m) < 3:
+        return heading_rad
+    step = np.gradient(position_m[:, :2], axis=0)
+    gone = np.arctan2(step[:, 1], step[:, 0])
+    result: Array = np.where(np.abs(wrap_angle(gone - heading_rad)) < _ASTRAY_RAD, heading_rad, gone)
+    return result
 
 
 def _with_room(network: LaneNetwork, spans: Sequence[Span]) -> list[Span | _Swerve]:

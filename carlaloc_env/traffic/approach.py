@@ -89,6 +89,8 @@ def collect(
             if distance > reach:
                 break
             lane = fleet.plan[v, hop]
+            if lane < 0 and roads.lane.leaves[fleet.plan[v, hop - 1]]:
+                break
             if lane < 0:
                 fleet.stop_gap_m[v] = max(_until_narrow(roads, fleet, v, hop, distance) - 1.0, 0.0)
                 break

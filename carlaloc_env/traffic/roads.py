@@ -12,7 +12,7 @@ from carlaloc_env.traffic.car_following import allowed_speeds
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns, fill, starts
 from carlaloc_env.traffic.crossings import Crossings, find_crossings
 from carlaloc_env.traffic.junctions import Zones, find_rules, find_zones
-from carlaloc_env.traffic.ways import Ways, find_ways
+from carlaloc_env.traffic.ways import Ways, find_ways, road_ends
 
 WIDE_M = 2.6
 """A lane of this width holds any vehicle [m]."""
@@ -34,7 +34,9 @@ class Lanes:
     turn_rad: Array
     """Change of heading along the lane [rad], −π…π."""
     lasting: Flags
-    """Whether one can drive for ever from here."""
+    """Whether one can drive for ever from here, or out of the map."""
+    leaves: Flags
+    """Whether one leaves the map at the lane's end."""
     stretch: Index
     """Number of the stretch between two junctions that the lane belongs to."""
     stretch_m: Array
@@ -94,15 +96,18 @@ class Roads(NamedTuple):
     """Predecessors of all lanes."""
     head: Index
     """Signal heads that lanes obey."""
+    entrance: Index
+    """Lanes on which vehicles come into the map that have left it elsewhere."""
 
 
 def build_roads(network: LaneNetwork) -> Roads:
     """Tables of a network."""
     tables, links = network.tables, _Links(network)
     length = tables.length_m.astype(np.float64)
-    way_first, ways, lasting = find_ways(
-        length, links.junction, links.left, links.right, links.after, links.before
-    )
+    sides = (links.junction, links.left, links.right)
+    way_first, ways, lasting, leaves = find_ways(length, *sides, links.after, links.before, links.driving)
+    begins = road_ends(links.driving, *sides, links.before)
+    entrance = np.flatnonzero(lasting & begins & leaves.any()).astype(np.int64)
     turn = _turns(network)
     rules = find_rules(network, links.junction, turn, links.after, links.before)
     zone_first, zones = find_zones(network, links.junction, links.after, links.before)
@@ -128,6 +133,7 @@ def build_roads(network: LaneNetwork) -> Roads:
         right=links.right,
         turn_rad=turn,
         lasting=lasting,
+        leaves=leaves,
         stretch=stretch,
         stretch_m=np.bincount(stretch, weights=length)[stretch],
         rank=rules.rank,
@@ -149,7 +155,7 @@ def build_roads(network: LaneNetwork) -> Roads:
         np.array([n for own in rows for n in own], np.int64)
         for rows in (links.after, links.before, rules.heads)
     ]
-    return Roads(lanes, samples, ways, zones, crossings, *flat)
+    return Roads(lanes, samples, ways, zones, crossings, flat[0], flat[1], flat[2], entrance)
 
 
 class _Links:
@@ -158,6 +164,7 @@ class _Links:
     def __init__(self, network: LaneNetwork) -> None:
         lanes = network.lanes
         driving = [lane.type == "driving" for lane in lanes]
+        self.driving = np.array(driving, dtype=bool)
         self.after = [[n for n in lane.successors if driving[n] and driving[lane.index]] for lane in lanes]
         self.before = [[n for n in lane.predecessors if driving[n] and driving[lane.index]] for lane in lanes]
         names = [lane.junction_id for lane in lanes]

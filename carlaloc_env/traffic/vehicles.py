@@ -9,6 +9,7 @@ from carlaloc_env.compiled import compiled
 from carlaloc_env.traffic.approach import collect
 from carlaloc_env.traffic.courtesy import mind_walkers
 from carlaloc_env.traffic.ego_view import Cells, place_ego
+from carlaloc_env.traffic.gates import pass_gates
 from carlaloc_env.traffic.inside import release_passed, wait_inside
 from carlaloc_env.traffic.lane_changes import think_of_changes
 from carlaloc_env.traffic.lights import put_lights
@@ -67,6 +68,7 @@ def _step(
     drive(fleet, wanted, count)
     move_aside(roads, drivers, fleet, count)
     enter_lanes(roads, crowd, fleet, count, habits.seed)
+    pass_gates(there, roads, drivers, fleet, crowd, last_change, count, step, habits.seed)
     release_passed(roads, drivers, fleet, count)
 
 

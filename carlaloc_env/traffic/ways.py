@@ -16,6 +16,8 @@ from carlaloc_env.traffic.columns import Array, Flags, Index, fill, starts
 
 CHANGE_ROOM_M = 18.0
 """Shortest lane on which a lane change is planned [m]."""
+CLOSED_SHARE = 0.5
+"""Where less of all lanes goes on for ever, vehicles may leave the map."""
 _FAR_M = 3000.0
 
 
@@ -41,7 +43,8 @@ def find_ways(
     right: Index,
     after: Sequence[Sequence[int]],
     before: Sequence[Sequence[int]],
-) -> tuple[Index, Ways, Flags]:
+    driving: Flags,
+) -> tuple[Index, Ways, Flags, Flags]:
     """All ways from plain lanes to the next junction.
 
     Args:
@@ -51,9 +54,11 @@ def find_ways(
         right: Right neighbour, −1 = none, (N,).
         after: Driving successors of each lane.
         before: Driving predecessors of each lane.
+        driving: Whether cars drive on a lane, (N,).
 
     Returns:
-        Where each lane's rows begin (N + 1,), the rows, and the lanes from which one can drive for ever (N,).
+        Where each lane's rows begin (N + 1,), the rows, the lanes from which one can drive for ever (N,), and
+        those at whose end one leaves the map (N,): none where most lanes go on for ever without leaving it.
     """
     entries = [
         lane
@@ -61,7 +66,12 @@ def find_ways(
         if junction[lane] >= 0 and any(junction[n] < 0 for n in before[lane])
     ]
     changes = {goal: _changes_to(goal, length_m, junction, left, right, before) for goal in entries}
-    lasting = _lasting(junction, after, changes)
+    leaves = np.zeros(len(length_m), dtype=bool)
+    lasting = _lasting(junction, after, changes, leaves)
+    plain_m = np.where(driving & (junction < 0), length_m, 0.0)
+    if float(np.sum(plain_m[lasting])) < CLOSED_SHARE * float(np.sum(plain_m)):
+        leaves = road_ends(driving, junction, left, right, after)
+        lasting = _lasting(junction, after, changes, leaves)
     rows: list[list[tuple[int, int, int, int, float]]] = [[] for _ in length_m]
     for goal in entries:
         if lasting[goal]:
@@ -71,7 +81,30 @@ def find_ways(
     flat = [row for own in rows for row in own]
     names = ("goal", "changes", "side", "onward", "room_m")
     table = fill(Ways, len(flat), **{name: [row[k] for row in flat] for k, name in enumerate(names)})
-    return starts(rows), table, lasting
+    return starts(rows), table, lasting, leaves
+
+
+def road_ends(
+    driving: Flags, junction: Index, left: Index, right: Index, links: Sequence[Sequence[int]]
+) -> Flags:
+    """Driving lanes outside junctions at which a road ends as a whole, (N,).
+
+    Args:
+        driving: Whether cars drive on a lane, (N,).
+        junction: Junction of each lane, −1 = none, (N,).
+        left: Left neighbour, −1 = none, (N,).
+        right: Right neighbour, −1 = none, (N,).
+        links: Successors of each lane, or predecessors for where roads begin.
+    """
+    linked = np.array([bool(own) for own in links], dtype=bool)
+    ends: Flags = driving & (junction < 0) & ~linked
+    for beside in (left, right):
+        for lane in np.flatnonzero(ends).tolist():
+            other = int(beside[lane])
+            while other >= 0 and not linked[other]:
+                other = int(beside[other])
+            ends[lane] = other < 0
+    return ends
 
 
 def _changes_to(
@@ -123,17 +156,19 @@ def _onward(goal: int, lane: int, changes: dict[int, int], after: Sequence[Seque
     return min(options, key=lambda n: (changes[n], n)) if options else -1
 
 
-def _lasting(junction: Index, after: Sequence[Sequence[int]], changes: dict[int, dict[int, int]]) -> Flags:
-    """Lanes that lead on for ever: dead ends are peeled off until nothing changes."""
+def _lasting(
+    junction: Index, after: Sequence[Sequence[int]], changes: dict[int, dict[int, int]], leaves: Flags
+) -> Flags:
+    """Lanes that lead on for ever, or out of the map: dead ends are peeled off until nothing changes."""
     reached: list[list[int]] = [[] for _ in junction]
     for goal, known in changes.items():
         for lane in known:
             reached[lane].append(goal)
-    lasting = np.array([bool(own) or bool(goals) for own, goals in zip(after, reached, strict=True)])
+    lasting = np.array([bool(own) or bool(goals) for own, goals in zip(after, reached, strict=True)]) | leaves
     peeling = True
     while peeling:
         peeling = False
-        for lane in np.flatnonzero(lasting).tolist():
+        for lane in np.flatnonzero(lasting & ~leaves).tolist():
             if not any(lasting[n] for n in after[lane]) and not any(lasting[n] for n in reached[lane]):
                 lasting[lane] = False
                 peeling = True

@@ -45,7 +45,8 @@ class DriverRoute:
             last = float(wrap_angle(heading[0] - heading[-1]))
             self._turn_rad = round((heading[-1] + last - heading[0]) / (2 * pi)) * 2 * pi
         self._count = count
-        inside = self._inside(self._windowed_curvature(heading, _CURVE_WINDOW_M))
+        free = ~route.is_fitted(np.arange(count) * self._step_m)
+        inside = self._inside(self._windowed_curvature(heading, _CURVE_WINDOW_M) * free)
         position[:, 0] -= inside * np.sin(heading)
         position[:, 1] += inside * np.cos(heading)
         heading = heading + np.arctan(
