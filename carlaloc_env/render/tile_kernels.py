@@ -17,6 +17,31 @@ TILT = 0.03
 
 
 @compiled
+def depth_ranges(near_m: Array, far_m: Array, depth_m: NDArray[np.float32], tile_px: int) -> None:
+    """Write the nearest and farthest surface of every tile [m]; inf and 0 where there is sky only.
+
+    Args:
+        near_m: Shape (R, C).
+        far_m: Shape (R, C).
+        depth_m: Planar depth, 0 = sky, shape (H, W).
+        tile_px: Edge of a tile [px].
+    """
+    near_m[:] = np.inf
+    far_m[:] = 0.0
+    columns = depth_m.shape[1]
+    for v in range(depth_m.shape[0]):
+        row = v // tile_px
+        for column in range(near_m.shape[1]):
+            near, far = np.float32(np.inf), np.float32(0.0)
+            for u in range(column * tile_px, min(column * tile_px + tile_px, columns)):
+                depth = depth_m[v, u]
+                far = max(far, depth)
+                near = min(near, depth if depth > 0.0 else np.float32(np.inf))
+            near_m[row, column] = min(near_m[row, column], near)
+            far_m[row, column] = max(far_m[row, column], far)
+
+
+@compiled
 def keep_lit(
     mask: NDArray[np.bool_],
     points_m: Array,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from carlaloc_env.geometry import cross
 from carlaloc_env.render.lights import Lights
 from carlaloc_env.render.projection import View
-from carlaloc_env.render.tile_kernels import keep_lit
+from carlaloc_env.render.tile_kernels import depth_ranges, keep_lit
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,9 @@ GLOW_MOST_M = 8.0
 LIGHT_CUTOFF = 3e-4
 """Exposed light of a lamp that no picture shows: half a step of 8 bits at what is dark in a town."""
 
+FEW_TILES = 16
+"""Kinds of tiles of which there are fewer run all loops."""
+
 TILE = np.dtype([("place", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), ("glows", "<u4", 2)])
 """One tile: column and row, then the first entry and the end of its lists."""
 
@@ -35,11 +38,14 @@ TILE = np.dtype([("place", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), 
 LOOPS: tuple[tuple[str, ...], ...] = (
     (),
     ("GLOWS",),
+    ("LAMPS",),
     ("GLOWS", "LAMPS"),
+    ("BEAMS",),
+    ("GLOWS", "BEAMS"),
     ("LAMPS", "BEAMS"),
     ("GLOWS", "LAMPS", "BEAMS"),
 )
-"""Kinds of tiles by the loops that their shaders run: a loop without entries costs as one with one."""
+"""Kinds of tiles by the loops that they run, a bit each: a loop without entries costs as one with one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,12 +60,10 @@ class DepthRange:
     @classmethod
     def of(cls, depth_m: NDArray[np.float32]) -> DepthRange:
         """Ranges of a depth picture (H, W) with 0 = sky."""
-        rows = np.arange(0, depth_m.shape[0], TILE_PX)
-        columns = np.arange(0, depth_m.shape[1], TILE_PX)
-        far = np.maximum.reduceat(np.maximum.reduceat(depth_m, rows, axis=0), columns, axis=1)
-        solid = np.where(depth_m > 0.0, depth_m, np.float32(np.inf))
-        near = np.minimum.reduceat(np.minimum.reduceat(solid, rows, axis=0), columns, axis=1)
-        return cls(near_m=near.astype(np.float64), far_m=far.astype(np.float64))
+        shape = tuple(-(-size // TILE_PX) for size in depth_m.shape)
+        near, far = np.empty(shape), np.empty(shape)
+        depth_ranges(near, far, depth_m, TILE_PX)
+        return cls(near_m=near, far_m=far)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,7 +202,9 @@ def _packed(
         entries.append(np.nonzero(flat)[1])
         begin = int(end[-1])
     lit, beamed, glowing = (tiles[name][:, 1] > tiles[name][:, 0] for name in ("lamps", "beams", "glows"))
-    kind = np.where(beamed, np.where(glowing, 4, 3), np.where(lit, 2, np.where(glowing, 1, 0)))
+    kind = 4 * beamed + 2 * lit + glowing
+    # A loop without entries costs less than a program more.
+    kind[np.bincount(kind, minlength=len(LOOPS))[kind] < FEW_TILES] = len(LOOPS) - 1
     ends = np.cumsum(np.bincount(kind, minlength=len(LOOPS)))
     return LightGrid(
         lights=lights,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,7 +23,7 @@ from carlaloc_env.render.lights import (
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.render.tiles import TILE_PX, DepthRange, light_grid
+from carlaloc_env.render.tiles import LOOPS, TILE_PX, DepthRange, light_grid
 from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.weather import WeatherParameters
@@ -81,6 +83,42 @@ def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
     assert needed > 500
     # A street has few lamps per tile; here the reliefs of 90 m make the tiles deep.
     assert visited < 0.25 * len(grid.tiles) * len(lights)
+
+
+def test_depth_ranges_of_tiles_leave_the_sky_out() -> None:
+    """Against the least and the largest of every square; the last row of tiles is cut off."""
+    random = np.random.default_rng(3)
+    depth = random.uniform(1.0, 300.0, (TILE_PX * 2 + 5, TILE_PX * 3)).astype(np.float32)
+    depth[random.random(depth.shape) < 0.3] = 0.0
+    depth[:TILE_PX, :TILE_PX] = 0.0
+    found = DepthRange.of(depth)
+    for row in range(3):
+        for column in range(3):
+            square = depth[row * TILE_PX :, column * TILE_PX :][:TILE_PX, :TILE_PX]
+            solid = square[square > 0.0]
+            assert found.near_m[row, column] == solid.min(initial=np.inf)
+            assert found.far_m[row, column] == solid.max(initial=0.0)
+
+
+def test_tiles_run_the_loops_of_all_their_lists() -> None:
+    """Lamps and low beams over a wall: no list goes unread, and lists of few kinds run on their own."""
+    random = np.random.default_rng(5)
+    view = View.of(CAMERA, FORWARD)
+    count = 40
+    lamps = street_lamps(random.uniform([5, -60, 0], [50, 60, 9], (count, 3)))
+    lights = replace(lamps, beam=np.arange(count) % 3 == 0, range_m=np.full(count, 9.0))
+    depth = np.full((180, 320), 50.0, np.float32)
+    grid = light_grid(view, lights, DepthRange.of(depth), 1e-4)
+    names = {"LAMPS": "lamps", "BEAMS": "beams", "GLOWS": "glows"}
+    seen = 0
+    for loops in LOOPS:
+        first, many = grid.groups[loops]
+        seen += many
+        for tile in grid.tiles[first : first + many]:
+            needed = {name for name, key in names.items() if tile[key][1] > tile[key][0]}
+            assert needed <= set(loops)
+    assert seen == len(grid.tiles)
+    assert sum(many > 0 for _, many in grid.groups.values()) > 2
 
 
 def test_lamps_are_found_on_models_by_their_materials() -> None:
