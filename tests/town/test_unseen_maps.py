@@ -12,26 +12,32 @@ from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.route_choice import choose_route
 from carlaloc_env.traffic.audit import audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
+from recorder.record import RecordConfig, record
 
 SHAPES = {
     "grid": ["--grid", "--grid.number", "3", "--grid.length", "120", "--grid.attach-length", "80"],
     "spider": ["--spider", "--spider.arm-number", "5", "--spider.circle-number", "2",
                "--spider.space-radius", "90"],
+    "rand": ["--rand", "--rand.iterations", "60", "--rand.grid"],
 }  # fmt: skip
 
 
-@pytest.fixture(params=sorted(SHAPES), scope="module")
-def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> LaneNetwork:
-    """Lanes of a generated town with lights and two lanes each way."""
+def generated(shape: str, folder: Path) -> Path:
+    """A generated town with lights and two lanes each way."""
     if not (shutil.which("netgenerate") and shutil.which("netconvert")):
         pytest.skip("netgenerate and netconvert (Debian package sumo) are not on the PATH")
-    folder: Path = tmp_path_factory.mktemp("unseen")
     common = ["--tls.guess", "true", "--sidewalks.guess", "true", "--default.lanenumber", "2", "--seed", "9"]
-    made = ["netgenerate", *SHAPES[request.param], *common, "-o", "map.net.xml"]
+    made = ["netgenerate", *SHAPES[shape], *common, "-o", "map.net.xml"]
     subprocess.run(made, check=True, capture_output=True, cwd=folder)
     written = ["netconvert", "-s", "map.net.xml", "--opendrive-output", "map.xodr"]
     subprocess.run(written, check=True, capture_output=True, cwd=folder)
-    return LaneNetwork.from_opendrive(folder / "map.xodr")
+    return folder / "map.xodr"
+
+
+@pytest.fixture(params=["grid", "spider"], scope="module")
+def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> LaneNetwork:
+    """Lanes of a generated town."""
+    return LaneNetwork.from_opendrive(generated(request.param, tmp_path_factory.mktemp("unseen")))
 
 
 def test_lights_act_on_the_lanes_below_them(network: LaneNetwork) -> None:
@@ -55,3 +61,18 @@ def test_traffic_flows_and_a_route_is_found(network: LaneNetwork) -> None:
     assert report.longest_stand_s < 80.0
     assert report.speed_share > 0.25
     assert report.overlap_share <= 0.0005
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("shape", sorted(SHAPES))
+def test_the_scripted_driver_completes_a_kilometre(
+    shape: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Among the map's own traffic, without running a light or leaving the road."""
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "cache"))
+    source = generated(shape, tmp_path)
+    result = record(RecordConfig(map=str(source), out=tmp_path / "drive.mcap", seed=1))
+    assert not result.stuck
+    assert result.length_m > 900.0
+    assert result.violations == {}
