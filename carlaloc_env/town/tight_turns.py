@@ -25,6 +25,8 @@ from carlaloc_env.town.route_line import SAMPLE_M, RouteLine
 
 TIGHT_M = 5.6
 """Turns of a smaller radius, as a mean over `WINDOW_M`, are fitted [m]."""
+KINK_M = 4.2
+"""So are kinks of a smaller radius as a mean over half of it [m]."""
 WINDOW_M = 4.0
 EASY_M = 4.75
 """Radius that a car can drive with some lock in hand [m]."""
@@ -103,9 +105,12 @@ def _tight_turns(line: RouteLine) -> list[_Turn]:
     """Turns that are too tight, none of them reaching into its neighbours."""
     s = _along(line.position_m[:, :2])
     heading = np.unwrap(line.heading_rad)
-    half = 0.5 * WINDOW_M
-    bend = (np.interp(s + half, s, heading) - np.interp(s - half, s, heading)) / WINDOW_M
-    tight = np.flatnonzero(np.abs(bend) > 1.0 / TIGHT_M)
+
+    def bend(window_m: float) -> Array:
+        ahead, behind = (np.interp(s + side * window_m, s, heading) for side in (0.5, -0.5))
+        return np.abs(ahead - behind) / window_m
+
+    tight = np.flatnonzero((bend(WINDOW_M) > 1.0 / TIGHT_M) | (bend(0.5 * WINDOW_M) > 1.0 / KINK_M))
     if not len(tight):
         return []
     apart = np.flatnonzero(np.diff(s[tight]) > _MERGE_M)
