@@ -21,6 +21,7 @@ HeightOf = Callable[[Array], Array]
 
 SHORTEST_ARM_M, LONGEST_ARM_M = 3.5, 11.0
 """Mast arms that are built; nearer lanes are served from the post [m]."""
+_POST_ROOM_M, _FARTHEST_POST_M = 0.5, 16.0
 MPH_MPS = 0.44704
 """One mile per hour [m/s]."""
 
@@ -33,8 +34,8 @@ def add_signals(
     lens_poses, signal, state, instance = [], [], [], []
     feet = np.zeros((len(network.signals), 3))
     for number, head in enumerate(network.signals):
-        position = head.T_world_signal[:3, 3]
-        feet[number] = (*position[:2], floor(position[None, :2])[0])
+        place = _beside_lanes(network, head)
+        feet[number] = (*place, floor(place[None])[0])
         yaw = np.arctan2(head.T_world_signal[1, 0], head.T_world_signal[0, 0])
         T = poses(feet[number], yaw)
         arm, heads = _arm(network, head, T[0])
@@ -69,6 +70,25 @@ def add_signs(network: LaneNetwork, floor: HeightOf, first_instance: int) -> tup
         meshes.append(copies(sign(*kind), poses(foot, yaw), first_instance + len(meshes)))
         feet.append(foot)
     return meshes, np.array(feet).reshape(-1, 3)
+
+
+def _beside_lanes(network: LaneNetwork, head: SignalHead) -> Array:
+    """Where a light's post stands (2,): where the map says, or beside the lanes if it hangs over one."""
+    place: Array = head.T_world_signal[:2, 3]
+    near = network.nearest(place[None])
+    if not head.lanes or near.distance_m[0] > 0.5 * network.width_m(near.lane, near.station_m)[0]:
+        return place
+    pose = network.pose(np.array(head.lanes[:1]), np.array(head.stop_station_m[:1]))
+    right = np.array([np.sin(pose.heading_rad[0]), -np.cos(pose.heading_rad[0])])
+    away = np.arange(0.0, _FARTHEST_POST_M, 0.25)
+    for side in (right, -right):
+        places: Array = place + away[:, None] * side
+        near = network.nearest(places)
+        free = near.distance_m > 0.5 * network.width_m(near.lane, near.station_m) + _POST_ROOM_M
+        if free.any():
+            foot: Array = places[int(np.argmax(free))]
+            return foot
+    return place
 
 
 def _arm(network: LaneNetwork, head: SignalHead, T: Array) -> tuple[float, int]:

@@ -6,10 +6,12 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.route_choice import choose_route
+from carlaloc_env.town.signposts import add_signals
 from carlaloc_env.traffic.audit import audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
 from recorder.record import RecordConfig, record
@@ -48,6 +50,14 @@ def test_lights_act_on_the_lanes_below_them(network: LaneNetwork) -> None:
         assert len(head.lanes) == 1
         assert head.junction_lanes
         assert network.lanes[head.lanes[0]].junction_id is None
+
+
+def test_posts_stand_beside_the_lanes(network: LaneNetwork) -> None:
+    """SUMO's lights hang over lanes: their posts stand where no car drives."""
+    _, lenses, feet = add_signals(network, lambda xy: np.zeros(len(xy)), 1)
+    near = network.nearest(feet[:, :2])
+    assert (near.distance_m > 0.5 * network.width_m(near.lane, near.station_m) + 0.3).all()
+    assert len(lenses.signal) >= 3 * len(network.signals)
 
 
 def test_traffic_flows_and_a_route_is_found(network: LaneNetwork) -> None:
