@@ -52,8 +52,11 @@ def window(bench: Bench) -> Row:
             rates[view], pace = drive(1.0 if bench.quick else 15.0)
             paces.append(pace)
         log.writer.close()
+        is_live = cockpit.is_live
     driver.close()
     world.close()
+    if not is_live:
+        return row(value=None, note="the process that draws the pictures ended; its traceback stands above")
     note = (
         f"chase {rates['chase']:.1f}, from above {rates['above']:.1f} pictures/s; "
         f"the world at {min(paces):.0%} of real time"

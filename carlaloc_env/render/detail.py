@@ -41,7 +41,7 @@ FAR_LOW = (
     Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_share=600, edge_m=1.2, ground_m=12.0),
 )
 """For small live pictures, in which vertices cost the most; a pixel covers about one `edge_m`."""
-FAR_LOW_FOCAL_PX = 400.0
+FAR_LOW_FOCAL_PX = 450.0
 """Focal length for which these are meant; larger ones take them farther away [px]."""
 _GROUND = (Tag.ROAD, Tag.SIDEWALK, Tag.GROUND, Tag.TERRAIN)
 _LEVEL_M = 0.5

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.scene import Instances, ModelLibrary
 
-FROM_M = 15.0
-"""Distance from which cars are simpler in small pictures [m]: half as far for half the pixels."""
+SIMPLE_FROM_M = 18.0
+"""Distance from which cars are simpler in pictures of `detail.FAR_LOW_FOCAL_PX` [m]."""
 
 
 class Distant:
@@ -30,9 +30,8 @@ class Distant:
             else:
                 self._simple[k] = index.get(f"{family}/low/{part}", k)
 
-    def of(self, instances: Instances, distance_m: NDArray[np.float64]) -> Instances:
-        """The instances with simple models where they are far from the eye; distances of shape (N,)."""
-        far = distance_m > FROM_M
+    def of(self, instances: Instances, far: NDArray[np.bool_] | bool) -> Instances:
+        """The instances with simple models for those that are far from the eye, shape (N,), or for all."""
         keep = np.flatnonzero(~(far & self._left_out[instances.model]))
         model = np.where(far, self._simple[instances.model], instances.model).astype(np.int32)
         return Instances(

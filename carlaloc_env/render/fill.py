@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +11,12 @@ from numpy.typing import NDArray
 from carlaloc_env.materials import Material
 from carlaloc_env.render.context import Programs, is_software, set_uniforms
 from carlaloc_env.render.detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
-from carlaloc_env.render.distant import Distant
+from carlaloc_env.render.distant import SIMPLE_FROM_M, Distant
 from carlaloc_env.render.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry import Geometry, InstanceBuffer
 from carlaloc_env.render.occlusion import Depths, box_corners
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
-from carlaloc_env.render.scenery import Layer, Scenery
+from carlaloc_env.render.scenery import Scenery
 from carlaloc_env.render.shadow import Casters
 from carlaloc_env.render.surfaces import surface_table, upload_textures
 from carlaloc_env.scene import Instances, Mesh, ModelLibrary
@@ -31,6 +33,22 @@ DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Sway = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plan:
+    """What will be drawn of the scene, from near to far in rounds."""
+
+    view: View
+    """Camera."""
+    instances: Instances
+    """Movable models."""
+    seen: Index
+    """Those that may be seen, nearest first."""
+    rounds: list[Index]
+    """Clusters of scenery; the movable models come after the first round."""
+    is_final: bool
+    """Whether what hides has been left out; else each round is held against the ones before it."""
 
 
 class Filler:
@@ -78,22 +96,44 @@ class Filler:
 
     def simplified(self, instances: Instances, view: View) -> Instances:
         """The instances as they are drawn from here: in live pictures simple ones where they are far."""
-        return (
-            instances if self._distant is None else self._distant.of(instances, distance_m(instances, view))
-        )
+        if self._distant is None:
+            return instances
+        return self._distant.of(instances, self._farther(view) * distance_m(instances, view) > SIMPLE_FROM_M)
 
-    def fill(
-        self, view: View, targets: Targets, instances: Instances, sway: Sway, known: Depths | None = None
-    ) -> None:
-        """Draw the scene.
+    def casting(self, instances: Instances) -> Instances:
+        """The instances as they throw shadows: in live pictures all of them simple."""
+        return instances if self._distant is None else self._distant.of(instances, True)
+
+    def plan(self, view: View, instances: Instances, known: Depths | None = None) -> Plan:
+        """What will be drawn; nothing is drawn yet.
 
         Args:
             view: Camera.
-            targets: What to draw into; cleared before.
             instances: Movable models.
-            sway: Farthest way of leaves to leeward [m] (3), and time [s].
             known: What hides, if that is known before anything is drawn; found out by reading back
                 what has been drawn so far when left out.
+        """
+        found, away = self.scenery.in_view(view, farther=self._farther(view))
+        seen = self._visible_instances(view, instances)
+        if known is not None:
+            shown = self._shown(known, found)
+            found, away = found[shown], away[shown]
+            seen = seen[known.shown(self._corners_m(instances, seen))]
+        table = self.scenery.clusters
+        first = np.where(table.large[found], away < LARGE_M, table.culled[found] & (away < ROUNDS_M[0]))
+        # With nothing to be learnt from what is drawn already there is one round of the rest.
+        bounds = ROUNDS_M if known is None else ()
+        turn = np.where(first, 0, 1 + np.searchsorted(bounds, away))
+        rounds = [found[turn == now] for now in range(len(bounds) + 2)]
+        return Plan(view=view, instances=instances, seen=seen, rounds=rounds, is_final=known is not None)
+
+    def fill(self, plan: Plan, targets: Targets, sway: Sway) -> None:
+        """Draw what has been planned.
+
+        Args:
+            plan: What.
+            targets: What to draw into; cleared before.
+            sway: Farthest way of leaves to leeward [m] (3), and time [s].
         """
         context = self._context
         targets.framebuffer.use()
@@ -103,8 +143,29 @@ class Filler:
         # The picture is drawn upside down in OpenGL's eyes, which turns the triangles round.
         context.front_face = "cw"
         context.cull_face = "back"
-        self._draw_unhidden(view, targets, instances, sway, known)
+        programs = {
+            layer.features: self._program(plan.view, sway, *layer.features) for layer in self.scenery.layers
+        }
+        self._draw_layers(programs, plan.rounds[0])
+        if plan.is_final:
+            self.wake()
+            targets.framebuffer.use()
+        for now, clusters in enumerate(plan.rounds[1:]):
+            hidden = None if plan.is_final else Depths(plan.view, _read_depth(targets))
+            if now == 0:
+                self._draw_instances(plan, sway, hidden)
+            shown = clusters if hidden is None else clusters[self._shown(hidden, clusters)]
+            self._draw_layers(programs, shown)
         context.front_face = "ccw"
+
+    def _draw_instances(self, plan: Plan, sway: Sway, hidden: Depths | None) -> None:
+        seen = plan.seen
+        if hidden is not None:
+            seen = seen[hidden.shown(self._corners_m(plan.instances, seen))]
+        if len(seen):
+            self._poses.fill(plan.instances, seen)
+            program = self._program(plan.view, sway, "INSTANCED")
+            self._library.draw(program, self._poses.used, instances=self._poses)
 
     def casters(self, instances: Instances) -> Casters:
         """Instances as what throws shadows."""
@@ -118,48 +179,17 @@ class Filler:
         self._aside.use()
         self._aside.clear()
 
-    def _draw_unhidden(
-        self, view: View, targets: Targets, instances: Instances, sway: Sway, known: Depths | None
-    ) -> None:
-        """Draw from near to far in rounds, each without what hides behind the rounds before."""
-        farther = FAR_LOW_FOCAL_PX / view.camera.fx_px if self._live else 1.0
-        found = self.scenery.in_view(view, farther=farther)
-        if known is not None:
-            found = [
-                _chosen(which, away, self._shown(known, layer, which))
-                for layer, (which, away) in zip(self.scenery.layers, found, strict=True)
-            ]
-        left = []
-        for layer, (which, away) in zip(self.scenery.layers, found, strict=True):
-            first = np.where(layer.large[which], away < LARGE_M, layer.culled & (away < ROUNDS_M[0]))
-            left.append((which, np.where(first, 0, 1 + np.searchsorted(ROUNDS_M, away))))
-        programs = {
-            layer.features: self._program(view, sway, *layer.features) for layer in self.scenery.layers
-        }
-        self._draw_layers(programs, [which[turn == 0] for which, turn in left])
-        if known is not None:
-            self.wake()
-            targets.framebuffer.use()
-        drawn = self._visible_instances(view, instances)
-        for now in range(1, len(ROUNDS_M) + 2):
-            hidden = known or Depths(view, _read_depth(targets))
-            if now == 1:
-                drawn = drawn[hidden.shown(self._corners_m(instances, drawn))]
-                if len(drawn):
-                    self._poses.fill(instances, drawn)
-                    program = self._program(view, sway, "INSTANCED")
-                    self._library.draw(program, self._poses.used, instances=self._poses)
-            shown = []
-            for layer, (which, turn) in zip(self.scenery.layers, left, strict=True):
-                some = which[turn == now]
-                shown.append(some if known is not None else some[self._shown(hidden, layer, some)])
-            self._draw_layers(programs, shown)
+    def _farther(self, view: View) -> float:
+        """How much farther away things count in live pictures, whose pixels are large."""
+        return FAR_LOW_FOCAL_PX / view.camera.fx_px if self._live else 1.0
 
-    def _shown(self, hidden: Depths, layer: Layer, which: Index) -> NDArray[np.bool_]:
-        boxes = box_corners(layer.low_m[which], layer.high_m[which])
+    def _shown(self, hidden: Depths, clusters: Index) -> NDArray[np.bool_]:
+        table = self.scenery.clusters
+        boxes = box_corners(table.low_m[clusters], table.high_m[clusters])
         return hidden.shown(boxes, least_px=self._least_px)
 
-    def _draw_layers(self, programs: dict[tuple[str, ...], moderngl.Program], which: list[Index]) -> None:
+    def _draw_layers(self, programs: dict[tuple[str, ...], moderngl.Program], clusters: Index) -> None:
+        which = self.scenery.by_layer(clusters)
         for layer, some in zip(self.scenery.layers, which, strict=True):
             if not len(some):
                 continue
@@ -225,10 +255,6 @@ def distance_m(instances: Instances, view: View) -> Array:
     """Distance of instances from the eye [m], shape (N,)."""
     away = instances.T_world_model[:, :3, 3] - view.position_m
     return np.asarray(np.sqrt(np.sum(away**2, axis=1)), dtype=np.float64)
-
-
-def _chosen(which: Index, away_m: Array, shown: NDArray[np.bool_]) -> tuple[Index, Array]:
-    return which[shown], away_m[shown]
 
 
 def _read_depth(targets: Targets) -> NDArray[np.float32]:

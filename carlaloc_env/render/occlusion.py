@@ -62,8 +62,11 @@ class Depths:
         depths._far_m = np.empty((-(-height // CELL_PX), -(-width // CELL_PX)), np.float32)
         turn = np.sum(view.R_camera_world[:, None] * earlier.R_camera_world[None], axis=2)
         shift = np.sum(view.R_camera_world * (earlier.position_m - view.position_m), axis=1)
-        clips = np.array([earlier.clip_scale, view.clip_scale])
-        _carry(depths._far_m, depth_m, instance, turn, shift, clips, np.array([width, height]))
+        to = np.column_stack([turn, shift])
+        sx, sy, ox, oy = view.clip_scale
+        to[0] = 0.5 * width / CELL_PX * (sx * to[0] + (ox + 1.0) * to[2])
+        to[1] = 0.5 * height / CELL_PX * (sy * to[1] + (oy + 1.0) * to[2])
+        _carry(depths._far_m, depth_m, instance, to, np.array(earlier.clip_scale))
         return depths
 
     def shown(self, corners_m: Array, *, least_px: float = 0.0) -> NDArray[np.bool_]:
@@ -117,36 +120,36 @@ def _carry(
     out: F32,
     depth_m: F32,
     instance: NDArray[np.uint32],
-    turn: Array,
-    shift_m: Array,
-    clips: Array,
-    size: NDArray[np.int64],
+    to: Array,
+    clip: Array,
 ) -> None:
-    """`turn`, `shift_m`: from the earlier optical frame to this; `clips`: of the earlier view and of this."""
+    """`to`: from the earlier optical frame to cells of this picture times depth (3, 4); `clip`: earlier."""
     height, width = depth_m.shape
     rows, columns = out.shape
     for row in range(rows):
         for column in range(columns):
             out[row, column] = -1.0
+    step_x = 2.0 / (width * clip[0])
+    first_x = (1.0 / width - 1.0 - clip[2]) / clip[0]
     for v in range(height):
-        ray_y = (2.0 * (v + 0.5) / height - 1.0 - clips[0, 3]) / clips[0, 1]
+        ray_y = (2.0 * (v + 0.5) / height - 1.0 - clip[3]) / clip[1]
         for u in range(width):
-            ray_x = (2.0 * (u + 0.5) / width - 1.0 - clips[0, 2]) / clips[0, 0]
-            d, away = depth_m[v, u], 1.0
-            if d == 0.0:
-                d, away = 1.0, 0.0
-            x = d * (turn[0, 0] * ray_x + turn[0, 1] * ray_y + turn[0, 2]) + away * shift_m[0]
-            y = d * (turn[1, 0] * ray_x + turn[1, 1] * ray_y + turn[1, 2]) + away * shift_m[1]
-            z = d * (turn[2, 0] * ray_x + turn[2, 1] * ray_y + turn[2, 2]) + away * shift_m[2]
-            if z < NEAR_M:
+            ray_x = first_x + u * step_x
+            d = np.float64(depth_m[v, u])
+            # The sky lies at infinity: its directions turn, and nothing shifts them.
+            per_d = 1.0 / d if d > 0.0 else 0.0
+            z = to[2, 0] * ray_x + to[2, 1] * ray_y + to[2, 2] + per_d * to[2, 3]
+            if z < NEAR_M * per_d or z <= 0.0:
                 continue
-            column = math.floor((clips[1, 0] * x / z + clips[1, 2] + 1.0) * 0.5 * size[0])
-            row = math.floor((clips[1, 1] * y / z + clips[1, 3] + 1.0) * 0.5 * size[1])
-            if column < 0 or column >= size[0] or row < 0 or row >= size[1]:
+            per_z = 1.0 / z
+            x = (to[0, 0] * ray_x + to[0, 1] * ray_y + to[0, 2] + per_d * to[0, 3]) * per_z
+            y = (to[1, 0] * ray_x + to[1, 1] * ray_y + to[1, 2] + per_d * to[1, 3]) * per_z
+            if x < 0.0 or y < 0.0 or x >= columns or y >= rows:
                 continue
-            far = math.inf if away == 0.0 or instance[v, u] >= MOVING_FROM else z
-            row, column = row // CELL_PX, column // CELL_PX
-            out[row, column] = max(out[row, column], far)
+            far = z * d if d > 0.0 and instance[v, u] < MOVING_FROM else math.inf
+            column, row = int(x), int(y)
+            if far > out[row, column]:
+                out[row, column] = far
     for row in range(rows):
         for column in range(columns):
             if out[row, column] < 0.0:

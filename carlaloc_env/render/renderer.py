@@ -119,25 +119,58 @@ class SceneRenderer:
             stamp_ns: Time of the picture [ns]; tells where the leaves are.
             earlier: What this renderer drew for the same window a moment before: what that hides is
                 left out unseen. Faster where reading back takes long, but for live pictures only: what
-                comes out from behind something may show one picture late.
+                comes out from behind something may show late by the time between the two.
+        """
+        return self.begin_drawing(
+            camera,
+            T_world_camera,
+            instances,
+            velocity_mps=velocity_mps,
+            wind_mps=wind_mps,
+            stamp_ns=stamp_ns,
+            earlier=earlier,
+        )()
+
+    def begin_drawing(
+        self,
+        camera: Pinhole,
+        T_world_camera: ArrayLike,
+        instances: Instances,
+        *,
+        velocity_mps: ArrayLike = (0.0, 0.0, 0.0),
+        wind_mps: ArrayLike = (0.0, 0.0, 0.0),
+        stamp_ns: int = 0,
+        earlier: GBuffer | None = None,
+    ) -> Callable[[], GBuffer]:
+        """Work out what `draw` will draw, while the graphics may be busy with something else.
+
+        Takes the arguments of `draw`.
+
+        Returns:
+            What draws it; to be called once.
         """
         x, y, z = (SWAY_S * float(speed) for speed in np.asarray(wind_mps, dtype=np.float64))
         sway = (x, y, z, stamp_ns % SWAY_PERIOD_NS * 1e-9)
         view = View.of(camera, T_world_camera, self._subsamples, velocity_mps)
-        instances = self._filler.simplified(instances, view)
+        casting = self._filler.casting(instances)
+        near = _take(casting, np.flatnonzero(distance_m(casting, view) < ACTOR_SHADOW_RANGE_M))
         # Read before the context is entered: on leaving an inner `with` none would be current.
         known = None if earlier is None else self._carried(view, earlier)
-        with self._context:
-            targets = self._pool.take(view.size_px, smooth=self._subsamples > 1)
-            self._filler.fill(view, targets, instances, sway, known)
-            shaded = targets
-            if self._subsamples > 1:
-                shaded = self._pool.take((camera.width_px, camera.height_px), resolved=True)
-                self._shader.resolve(view, targets, shaded)
-        near = _take(instances, np.flatnonzero(distance_m(instances, view) < ACTOR_SHADOW_RANGE_M))
-        gbuffer = GBuffer(context=self._context, view=view, drawn=targets, shaded=shaded, actors=near)
-        self._pool.give_back_with(gbuffer)
-        return gbuffer
+        plan = self._filler.plan(view, self._filler.simplified(instances, view), known)
+
+        def drawn() -> GBuffer:
+            with self._context:
+                targets = self._pool.take(view.size_px, smooth=self._subsamples > 1)
+                self._filler.fill(plan, targets, sway)
+                shaded = targets
+                if self._subsamples > 1:
+                    shaded = self._pool.take((camera.width_px, camera.height_px), resolved=True)
+                    self._shader.resolve(view, targets, shaded)
+            gbuffer = GBuffer(context=self._context, view=view, drawn=targets, shaded=shaded, actors=near)
+            self._pool.give_back_with(gbuffer)
+            return gbuffer
+
+        return drawn
 
     def shade(
         self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0

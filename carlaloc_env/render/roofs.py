@@ -73,7 +73,7 @@ class Roofs:
         down = np.diag([1.0 / self._half_m, 1.0 / self._half_m, -1.0 / half_height_m])
         set_uniforms(program, u_light=down.T.astype("<f4").tobytes(), u_origin=tuple(self._centre_m))
         everywhere = np.full(3, np.inf)
-        scenery.draw_bare(program, scenery.touching(np.eye(3), -everywhere, everywhere))
+        scenery.draw_bare(program, scenery.casting(np.eye(3), -everywhere, everywhere))
         depth = np.frombuffer(texture.read(), dtype=np.float32).reshape(SIZE_PX, SIZE_PX)
         framebuffer.release()
         texture.release()

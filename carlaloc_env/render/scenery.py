@@ -36,8 +36,14 @@ class Layer:
     """Features of the shader."""
     culled: bool
     """Whether backs need no drawing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Table:
+    """What is known of clusters, parallel arrays."""
+
     low_m: Array
-    """Lowest corners of the clusters [m], shape (N, 3)."""
+    """Lowest corners [m], shape (N, 3)."""
     high_m: Array
     """Highest corners [m], shape (N, 3)."""
     large: NDArray[np.bool_]
@@ -46,12 +52,19 @@ class Layer:
     """Which chunk a cluster belongs to, shape (N,)."""
     level: Index
     """Its level of detail, 0 = all, shape (N,)."""
+    culled: NDArray[np.bool_]
+    """Whether backs of its triangles need no drawing, shape (N,)."""
 
 
 class Scenery:
-    """Layers of one scene."""
+    """Layers of one scene; their clusters are numbered through, layer by layer."""
 
-    def __init__(self, context: moderngl.Context, chunks: Sequence[Mesh], far: Sequence[Coarseness]) -> None:
+    def __init__(
+        self,
+        context: moderngl.Context,
+        chunks: Sequence[Mesh],
+        far: Sequence[Coarseness],
+    ) -> None:
         """Cut and upload.
 
         Args:
@@ -64,9 +77,14 @@ class Scenery:
         self._low_m, self._high_m = bounds[:, 0], bounds[:, 1]
         self._from_m = [how.from_m for how in far]
         levels = [chunks, *([coarse(chunk, how) for chunk in chunks] for how in far)]
-        self.layers = [
+        made = [
             _layer(context, levels, culled, sort) for culled in (True, False) for sort in range(len(_SORTS))
         ]
+        self.layers = [layer for layer, _ in made]
+        self._end = np.cumsum([len(table.chunk) for _, table in made])
+        self.clusters = _Table(
+            **{name: np.concatenate([getattr(table, name) for _, table in made]) for name in _Table.__slots__}
+        )
 
     @property
     def low_m(self) -> Array:
@@ -81,8 +99,8 @@ class Scenery:
     def __len__(self) -> int:
         return len(self._low_m)
 
-    def in_view(self, view: View, *, farther: float = 1.0) -> list[tuple[Index, Array]]:
-        """Of every layer: clusters that may be seen, nearest first, and their distances [m].
+    def in_view(self, view: View, *, farther: float = 1.0) -> tuple[Index, Array]:
+        """Clusters that may be seen, nearest first, and their distances [m].
 
         The level of detail goes by the distance of the chunk, so that it has no seams inside.
 
@@ -90,36 +108,38 @@ class Scenery:
             view: Camera.
             farther: Chunks have the level of so many times their distance, e.g. since pixels are large.
         """
+        table = self.clusters
         seen, distance = view.visible(self._low_m, self._high_m)
         wanted = np.full(len(self._low_m), -1)
         wanted[seen] = np.searchsorted(self._from_m, farther * distance, side="right")
-        found = []
-        for layer in self.layers:
-            candidates = np.flatnonzero(wanted[layer.chunk] == layer.level)
-            inside, away = view.visible(layer.low_m[candidates], layer.high_m[candidates])
-            found.append((candidates[inside], away))
-        return found
+        candidates = np.flatnonzero(wanted[table.chunk] == table.level)
+        inside, away = view.visible(table.low_m[candidates], table.high_m[candidates])
+        return candidates[inside], away
 
-    def touching(self, axes: Array, low: Array, high: Array) -> list[Index]:
-        """Of every layer: clusters in full detail that reach into a box along some axes.
+    def by_layer(self, clusters: Index) -> list[Index]:
+        """Clusters of every layer among some, by their numbers in it, in the order given."""
+        owner = np.searchsorted(self._end, clusters, side="right")
+        first = np.concatenate([[0], self._end])
+        return [clusters[owner == k] - first[k] for k in range(len(self.layers))]
+
+    def casting(self, axes: Array, low: Array, high: Array) -> Index:
+        """Clusters in full detail that reach into a box along some axes.
 
         Args:
             axes: Directions of the box's edges, shape (K, 3).
             low: Lower bounds along them [m], shape (K,).
             high: Upper bounds, shape (K,).
         """
-        found = []
-        for layer in self.layers:
-            middle, half = (layer.low_m + layer.high_m) / 2, (layer.high_m - layer.low_m) / 2
-            along = np.sum(axes[:, None] * middle, axis=2)
-            reach = np.sum(np.abs(axes)[:, None] * half, axis=2)
-            inside = (along + reach > low[:, None]) & (along - reach < high[:, None])
-            found.append(np.flatnonzero(inside.all(axis=0) & (layer.level == 0)))
-        return found
+        table = self.clusters
+        middle, half = (table.low_m + table.high_m) / 2, (table.high_m - table.low_m) / 2
+        along = np.sum(axes[:, None] * middle, axis=2)
+        reach = np.sum(np.abs(axes)[:, None] * half, axis=2)
+        inside = (along + reach > low[:, None]) & (along - reach < high[:, None])
+        return np.flatnonzero(inside.all(axis=0) & (table.level == 0))
 
-    def draw_bare(self, program: moderngl.Program, which: Sequence[Index]) -> None:
-        """Draw clusters of every layer, for a map of depths."""
-        for layer, some in zip(self.layers, which, strict=True):
+    def draw_bare(self, program: moderngl.Program, clusters: Index) -> None:
+        """Draw some clusters for a map of depths."""
+        for layer, some in zip(self.layers, self.by_layer(clusters), strict=True):
             layer.geometry.draw(program, some, bare=True)
 
     def release(self) -> None:
@@ -136,7 +156,9 @@ def _sorts(mesh: Mesh) -> tuple[NDArray[np.bool_], Index]:
     return seen_from_front()[material], worn.astype(np.intp) + level
 
 
-def _layer(context: moderngl.Context, levels: Sequence[Sequence[Mesh]], culled: bool, sort: int) -> Layer:
+def _layer(
+    context: moderngl.Context, levels: Sequence[Sequence[Mesh]], culled: bool, sort: int
+) -> tuple[Layer, _Table]:
     cuts, chunk, level = [], [], []
     for k, meshes in enumerate(levels):
         for c, mesh in enumerate(meshes):
@@ -149,15 +171,15 @@ def _layer(context: moderngl.Context, levels: Sequence[Sequence[Mesh]], culled: 
     def joined(parts: list[NDArray[np.generic]], empty: tuple[int, ...] = (0,)) -> NDArray[np.generic]:
         return np.concatenate(parts) if parts else np.zeros(empty)
 
-    return Layer(
-        geometry=Geometry(
-            context, [one.mesh for one in cuts], joined([one.count for one in cuts]).astype(np.int64)
-        ),
-        features=_SORTS[sort],
-        culled=culled,
+    count = joined([one.count for one in cuts]).astype(np.int64)
+    layer = Layer(
+        geometry=Geometry(context, [one.mesh for one in cuts], count), features=_SORTS[sort], culled=culled
+    )
+    return layer, _Table(
         low_m=joined([one.low_m for one in cuts], (0, 3)).astype(np.float64),
         high_m=joined([one.high_m for one in cuts], (0, 3)).astype(np.float64),
         large=joined([one.large for one in cuts]).astype(bool),
         chunk=joined(chunk).astype(np.intp),
         level=joined(level).astype(np.intp),
+        culled=np.full(len(count), culled),
     )

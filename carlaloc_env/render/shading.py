@@ -29,6 +29,9 @@ from carlaloc_env.weather import WeatherParameters
 
 Array = NDArray[np.float64]
 
+LIVE_SHADOWS = {"static_size_px": 3072, "actor_size_px": 512}
+"""Shadow maps of a live window, which has a new static one drawn every few seconds."""
+
 
 class Shader:
     """Shades G-buffers of one scene; keeps sky maps by weather and shadow maps by place."""
@@ -58,7 +61,7 @@ class Shader:
         self._live = live
         self._night = Night(context, library, lamps_m)
         self._shadows = (
-            Shadows(context, programs, scenery, actor_size_px=512 if live else 1024) if len(scenery) else None
+            Shadows(context, programs, scenery, **(LIVE_SHADOWS if live else {})) if len(scenery) else None
         )
         self._rain = RainLayer()
         self._mirror = Mirror(context, programs)

@@ -86,12 +86,13 @@ class Shadows:
         programs: Programs,
         scenery: Scenery,
         *,
+        static_size_px: int = STATIC_SIZE_PX,
         actor_size_px: int = 1024,
     ) -> None:
         self._context = context
         self._programs = programs
         self._scenery = scenery
-        self._actor_size_px = actor_size_px
+        self._static_size_px, self._actor_size_px = static_size_px, actor_size_px
         self._maps: OrderedDict[tuple[float, ...], ShadowMap] = OrderedDict()
         self._actor_maps: OrderedDict[tuple[bytes, ...], ShadowMap] = OrderedDict()
 
@@ -114,10 +115,10 @@ class Shadows:
         result = self._blank_static(axes, across)
         self._maps[key] = result
         centre = np.sum(axes * result.origin_m, axis=1)
-        touching = self._scenery.touching(axes, centre - result.half_extent_m, centre + result.half_extent_m)
+        casting = self._scenery.casting(axes, centre - result.half_extent_m, centre + result.half_extent_m)
         program = self._programs.get("shadow.vert", "shadow.frag")
         self._begin(result, program)
-        self._scenery.draw_bare(program, touching)
+        self._scenery.draw_bare(program, casting)
         self._end()
         return result
 
@@ -169,7 +170,7 @@ class Shadows:
             _, old = self._maps.popitem(last=False)
             texture, framebuffer = old.texture, old.framebuffer
         else:
-            texture, framebuffer = self._target(STATIC_SIZE_PX)
+            texture, framebuffer = self._target(self._static_size_px)
         # Deep enough for everything that stands in the scene, whatever the camera's place.
         low, high = self._scenery.low_m, self._scenery.high_m
         reach = math.sqrt(float(np.sum((high - low) ** 2))) / 2 + 1.0

@@ -12,7 +12,7 @@ from carlaloc_env.render.context import set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer, Targets
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.roofs import Roofs
-from carlaloc_env.render.shadow import STATIC_EXTENT_M, STATIC_SIZE_PX, ShadowMap
+from carlaloc_env.render.shadow import STATIC_EXTENT_M, ShadowMap
 from carlaloc_env.render.skies import Sky
 from carlaloc_env.render.sky import READ_NOISE_E, electrons
 from carlaloc_env.weather import WeatherParameters
@@ -97,8 +97,6 @@ def tell_light(program: moderngl.Program, scene: Scene, roofs: Roofs) -> None:
         u_exposure=e,
         u_sun=tuple(light.sun_direction),
         u_sun_light=tuple(light.sun_lx * (e / np.pi)),
-        u_texel=STATIC_EXTENT_M / STATIC_SIZE_PX,
-        u_shadow_step=1.0 / STATIC_SIZE_PX,
         u_ripples=ripples,
         u_roofs_frame=roofs.frame(scene.view.position_m),
         u_wet=(weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
@@ -112,7 +110,14 @@ def tell_shadows(
     if static is not None:
         static.texture.use(STATIC)
         matrix, offset = static.lookup(view.position_m)
-        set_uniforms(program, u_shadow=STATIC, u_light=_bytes(matrix), u_light_eye=tuple(offset))
+        set_uniforms(
+            program,
+            u_shadow=STATIC,
+            u_light=_bytes(matrix),
+            u_light_eye=tuple(offset),
+            u_texel=STATIC_EXTENT_M / static.texture.width,
+            u_shadow_step=1.0 / static.texture.width,
+        )
     if actors is not None:
         actors.texture.use(ACTORS)
         matrix, offset = actors.lookup(view.position_m)

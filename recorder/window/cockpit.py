@@ -60,6 +60,11 @@ class WindowCockpit:
         self.window.close()
         self._painter.close()
 
+    @property
+    def is_live(self) -> bool:
+        """Whether pictures are still to come."""
+        return self._painter.alive
+
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
         """Show the present: order a picture of it, and show the one ordered before when it is drawn.
 

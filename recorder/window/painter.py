@@ -136,10 +136,13 @@ def _paint(pipe: Connection, memory: Any, stage: SensorStage) -> None:
         pipe.send(error)
         return
     view, whole = LiveView(stage), np.frombuffer(memory, np.uint8)
+
+    def hand_over(picture: NDArray[np.uint8]) -> None:
+        whole[: picture.size] = picture.reshape(-1)
+        pipe.send(picture.shape[1::-1])
+
     with suppress(EOFError, OSError):
         pipe.send("ready")
         while True:
             order: _Order = pipe.recv()
-            picture = view.picture(order.moment, order.view)
-            whole[: picture.size] = picture.reshape(-1)
-            pipe.send(picture.shape[1::-1])
+            view.picture(order.moment, order.view, hand_over)

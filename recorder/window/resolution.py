@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-SIZES_PX = ((480, 270), (400, 225), (320, 180))
+SIZES_PX = ((480, 270), (400, 225), (320, 180), (256, 144))
 """Width and height of live pictures before they are scaled to the window, largest first [px]."""
-BUDGET_S = 0.040
-"""Time for one picture; twenty a second leave 10 ms until the next one is ordered [s]."""
+BUDGET_S = 0.044
+"""Time for one picture; twenty a second leave 6 ms for what the drive itself needs [s]."""
 _SETTLE = 8
 """Pictures between two changes: the first ones of a size are slower."""
 _SMOOTHING = 0.25

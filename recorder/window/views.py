@@ -36,30 +36,41 @@ class LiveView:
         self._resolution = LiveResolution()
         self._heading_rad: float | None = None
         self._last: GBuffer | None = None
+        self._known: GBuffer | None = None
         self._unfinished: Callable[[], NDArray[np.uint8]] | None = None
         self._view = ""
 
-    def picture(self, moment: Moment, view: str) -> NDArray[np.uint8]:
-        """Colour picture of the moment asked for before, sRGB, shape (H, W, 3), C-contiguous.
+    def picture(self, moment: Moment, view: str, hand_over: Callable[[NDArray[np.uint8]], None]) -> None:
+        """Draw a moment, and hand over the picture of the moment drawn before.
 
-        The first one is of this moment. Every picture is shaded on some cores while the next one's
-        triangles go through another.
+        The first one is handed over twice. Each picture is shaded on some cores while it is worked out
+        what the next one shows, and handed over before the next one's triangles are told.
+
+        Args:
+            moment: What to draw.
+            view: One of `moment.VIEWS`.
+            hand_over: Called once with a colour picture, sRGB, shape (H, W, 3), C-contiguous.
         """
         began = time.perf_counter()
         renderer, now = self._stage.renderer(), moment.stamp_ns
         pose = self._pose(moment.T_world_base, view)
         lens = Pinhole.from_fov(*self._resolution.size_px, _FOV_DEG[view])
-        earlier = self._last if view == self._view else None
-        drawn = renderer.draw(lens, pose, moment.instances(self._stage), earlier=earlier)
-        finished = None if self._unfinished is None else self._unfinished()
-        # Read while nothing is being shaded, for the next picture, which hides by this one.
-        drawn.samples()
+        earlier = self._known if view == self._view else None
+        draw = renderer.begin_drawing(lens, pose, moment.instances(self._stage), earlier=earlier)
+        is_first = self._unfinished is None
+        if self._unfinished is not None:
+            hand_over(np.ascontiguousarray(self._unfinished()))
+        # What the picture after this one hides by is read of what is finished: nobody waits for it.
+        self._known = self._last if view == self._view else None
+        if self._known is not None:
+            self._known.samples()
+        drawn = draw()
         weather = self._stage.weather.at(now)
         self._unfinished = renderer.begin_shading(drawn, weather, stamp_ns=now, seed=self._stage.seed)
-        rgb = self._unfinished() if finished is None else finished
         self._last, self._view = drawn, view
+        if is_first:
+            hand_over(np.ascontiguousarray(self._unfinished()))
         self._resolution.took(time.perf_counter() - began)
-        return np.ascontiguousarray(rgb)
 
     def _pose(self, T_world_base: Array, view: str) -> Array:
         """Pose of the optical frame (4, 4) in the world."""
