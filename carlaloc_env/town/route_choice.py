@@ -68,10 +68,21 @@ def choose_route(network: LaneNetwork, length_m: float = ROUTE_LENGTH_M) -> Rout
 
 
 def _turns_on_the_spot(network: LaneNetwork) -> NDArray[np.bool_]:
-    """Lanes that turn back within a radius in which no car turns, (N,)."""
+    """Lanes that turn back, or to and fro as much, within a length in which no car turns, (N,).
+
+    Kinks against the lanes before and behind count: connections of some maps are curved less than they turn.
+    """
     tables = network.tables
-    last = tables.first + tables.count - 1
-    turned = np.abs(wrap_angle(tables.heading_rad[last] - tables.heading_rad[tables.first]))
+    heading, first = tables.heading_rad, tables.first
+    last = first + tables.count - 1
+    step = np.abs(wrap_angle(np.diff(heading, prepend=heading[:1])))
+    step[first] = 0.0
+    turned = np.add.reduceat(step, first)
+    for lane in network.lanes:
+        n = lane.index
+        for others, own, theirs in ((lane.predecessors, first, last), (lane.successors, last, first)):
+            kinks = [abs(float(wrap_angle(heading[own[n]] - heading[theirs[k]]))) for k in others]
+            turned[n] += min(kinks, default=0.0)
     result: NDArray[np.bool_] = (turned > _BACK_RAD) & (tables.length_m < _LEAST_RADIUS_M * np.pi)
     return result
 
