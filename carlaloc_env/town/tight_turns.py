@@ -23,7 +23,7 @@ from carlaloc_env.town.opendrive.profiles import Array
 from carlaloc_env.town.polygons import Area, strip_polygon
 from carlaloc_env.town.route_line import SAMPLE_M, RouteLine
 
-TIGHT_M = 5.6
+TIGHT_M = 4.6
 """Turns of a smaller radius, as a mean over `WINDOW_M`, are fitted [m]."""
 KINK_M = 4.2
 """So are kinks of a smaller radius as a mean over half of it [m]."""
