@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,13 @@ from carlaloc_env.town.route_choice import choose_route, lanes_that_go_on
 ROOT = Path(__file__).parents[2]
 MAPS = sorted(
     [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
+)
+ROAD = (
+    '<road id="{}" length="{}" junction="-1"><link>{}</link><planView>'
+    '<geometry s="0" x="{}" y="{}" hdg="{}" length="{}">{}</geometry></planView>'
+    '<lanes><laneOffset s="0" a="1.6" b="0" c="0" d="0"/><laneSection s="0"><center>'
+    '<lane id="0" type="none"/></center><right><lane id="-1" type="driving"><link>{}</link>'
+    '<width sOffset="0" a="3.2" b="0" c="0" d="0"/></lane></right></laneSection></lanes></road>'
 )
 CROSSING = Path(__file__).parent / "data" / "crossing.xodr"
 
@@ -38,3 +46,41 @@ def test_dead_ends_are_known() -> None:
     route = choose_route(network)
     assert route is not None
     assert route.length_m > 50.0
+
+
+def hairpin(radius_m: float, kink_deg: float) -> LaneNetwork:
+    """Two roads of 300 m side by side, and a turn from one into the other that begins and ends askew."""
+    kink = math.radians(kink_deg)
+    turned = math.pi - 2.0 * kink
+    # The arc's chord lies across both roads, whatever its kinks.
+    across = 2.0 * radius_m * math.sin(0.5 * turned)
+    roads = (
+        (1, -300.0, 0.0, 0.0, 300.0, "<line/>"),
+        (2, 0.0, 0.0, kink, turned * radius_m, f'<arc curvature="{1 / radius_m}"/>'),
+        (3, 0.0, across, math.pi, 300.0, "<line/>"),
+    )
+    text = '<OpenDRIVE><header revMajor="1" revMinor="4"/>'
+    for number, x, y, heading, length, shape in roads:
+        ends = {"predecessor": number - 1, "successor": number + 1}
+        known = {end: n for end, n in ends.items() if 1 <= n <= 3}
+        link = "".join(
+            f'<{end} elementType="road" elementId="{n}" '
+            f'contactPoint="{"end" if end == "predecessor" else "start"}"/>'
+            for end, n in known.items()
+        )
+        lanes = "".join(f'<{end} id="-1"/>' for end in known)
+        text += ROAD.format(number, length, link, x, y, heading, length, shape, lanes)
+    return LaneNetwork.from_opendrive(f"{text}</OpenDRIVE>".encode())
+
+
+@pytest.mark.parametrize(
+    ("radius_m", "kink_deg", "passed"),
+    [(6.0, 0.0, True), (2.5, 0.0, False), (2.5, 27.0, False), (6.0, 27.0, True)],
+)
+def test_turns_on_the_spot_are_left_out(radius_m: float, kink_deg: float, passed: bool) -> None:
+    """A half turn of 2.5 m is not driven, not even where it is curved by 126° and the rest are kinks."""
+    network = hairpin(radius_m, kink_deg)
+    route = choose_route(network, 500.0)
+    assert route is not None
+    roads = {network.lanes[lane].road_id for lane in np.unique(route.lane)}
+    assert ("2" in roads) == passed
