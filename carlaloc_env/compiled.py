@@ -26,8 +26,20 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     only then are + − × ÷ and √ the same bits on every CPU. Without reference counts, for which
     threads would wait on each other: compiled functions create no arrays.
     """
+    return _compiled(function, forceinline=False)
+
+
+def inlined(function: Callable[P, R]) -> Callable[P, R]:
+    """The same for a function that becomes a part of those that call it.
+
+    A call hands over every array as several numbers, which takes longer than a short kernel.
+    """
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function: Callable[P, R], *, forceinline: bool) -> Callable[P, R]:
     options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
-    made: Any = numba.njit(**options)(function)
+    made: Any = numba.njit(**options, forceinline=forceinline)(function)
     # Numba forgets what it kept when the function's own file changes, but not when one that it calls does.
     kept: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)
     if kept is not None and hasattr(kept, "_source_stamp"):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import inlined
 from carlaloc_env.sensors.event_crossing import fire_bits
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import LEVEL, U, V, arrive
@@ -36,7 +36,7 @@ from carlaloc_env.sensors.event_tiles import STEPS_MAX
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-@compiled
+@inlined
 def fire_alone(
     pictures: Any,
     fields: Any,
@@ -82,7 +82,7 @@ def fire_alone(
         fire_bits(bits, noise, span_us, refractory_us, steps - 1, sample_us, lanes, marks, out_t, out_code)
 
 
-@compiled
+@inlined
 def _begin(forward: Any, backward: Any, over: Any, step_px: Any, lanes: Any) -> Any:
     """Places at the beginning; number of samples, and whether something nearer passes over a pixel.
 
@@ -123,7 +123,7 @@ def _begin(forward: Any, backward: Any, over: Any, step_px: Any, lanes: Any) -> 
     return steps, through
 
 
-@compiled
+@inlined
 def _search_over(field: Any, width: Any, height: Any, nearest: Any, s: Any, lanes: Any) -> None:
     """Look for what passes in front, in the first picture, where its own motion says."""
     fill(np.int32(OVER_WAY + WHEN), s, lanes)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import inlined
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import (
     DRIFT,
@@ -43,7 +43,7 @@ PIXEL_ROWS = LANES // TILE_PX
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-@compiled
+@inlined
 def take_up(
     pictures: Any, device: Any, noise: Any, leaks: Any, corners: Any, row: int, lanes: Any, marks: Any
 ) -> None:
@@ -83,7 +83,7 @@ def take_up(
     _take_noise(noise[0], corners, row, marks)
 
 
-@compiled
+@inlined
 def _take_noise(places: Any, corners: Any, row: int, marks: Any) -> None:
     """Find the noise events of sixteen pixels."""
     _, x0, y1, x1 = corners
@@ -105,7 +105,7 @@ def _take_noise(places: Any, corners: Any, row: int, marks: Any) -> None:
     marks[COUNT, NEXT_SHOT] = shot
 
 
-@compiled
+@inlined
 def put_down(
     device: Any,
     noise: Any,
@@ -140,7 +140,7 @@ def put_down(
             last_out[y, x] = max(marks[LAST, lane] - span_us, NEVER_US)
 
 
-@compiled
+@inlined
 def fire_bits(
     bits: int,
     noise: Any,
@@ -201,14 +201,14 @@ def fire_bits(
         lanes[UPPER * LANES + lane], lanes[LOWER * LANES + lane] = upper, lower
 
 
-@compiled
+@inlined
 def place_of(lane: int, marks: Any) -> int:
     """Row of one of the sixteen pixels in the upper 16 bits, column in the lower."""
     place: int = marks[COUNT, PLACE] + (lane // TILE_PX << 16) + lane % TILE_PX
     return place
 
 
-@compiled
+@inlined
 def _note(lane: int, t: int, positive: bool, marks: Any, out_t: Any, out_code: Any) -> None:
     """Keep an event, if there is room for it; count it in any case."""
     count = marks[COUNT, EVENTS]
@@ -219,7 +219,7 @@ def _note(lane: int, t: int, positive: bool, marks: Any, out_t: Any, out_code: A
     marks[COUNT, EVENTS] = count + 1
 
 
-@compiled
+@inlined
 def _shots_until(
     noise: Any, refractory_us: int, lane: int, t: int, marks: Any, out_t: Any, out_code: Any
 ) -> None:

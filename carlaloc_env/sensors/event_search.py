@@ -13,7 +13,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import inlined
 from carlaloc_env.sensors.event_between import between
 from carlaloc_env.sensors.event_lanes import (
     FLOATS,
@@ -234,7 +234,7 @@ cover: Any = _cover
 see: Any = _see
 
 
-@compiled
+@inlined
 def search(field: Any, width: Any, height: Any, way: int, lanes: Any) -> None:
     """Look for the places of a way from where they are thought to be, in a field (H·W·4,)."""
     for _ in range(MENDED):

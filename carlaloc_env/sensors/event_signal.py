@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import inlined
 from carlaloc_env.sensors.event_crossing import fire_bits
 from carlaloc_env.sensors.event_sampling import arrive, follow, look, mix, place, reaches, sample
 from carlaloc_env.sensors.event_tiles import CHUNK
@@ -15,7 +15,7 @@ from carlaloc_env.sensors.pixel_ways import BOTH
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-@compiled
+@inlined
 def fire_smooth(
     pictures: Any,
     noise: Any,

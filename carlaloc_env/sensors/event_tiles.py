@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import inlined
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import U, V
 from carlaloc_env.sensors.event_search import (
@@ -58,7 +58,7 @@ def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int64]]:
     )
 
 
-@compiled
+@inlined
 def tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x1: int, step_px: Any) -> int:
     """Samples of all pixels of a tile that moves smoothly; 0 where they must be looked at one by one."""
     forward, backward, passing, _, _ = fields
@@ -77,7 +77,7 @@ def tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x1
     return steps
 
 
-@compiled
+@inlined
 def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
     """Whether the motion of all pixels of a tile lies on the plane through those of its corners."""
     down, along = _ONE / np.float32(max(y1 - y0, 1)), _ONE / np.float32(max(x1 - x0, 1))
@@ -93,7 +93,7 @@ def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
     return True
 
 
-@compiled
+@inlined
 def tile_knots(fields: Any, corners: Any, steps: int, knots: Any, bounds: Any, lanes: Any) -> bool:
     """Fill in where the corners of a tile come from at the ends of all chunks; False if one is hidden."""
     forward, backward, _, flat_forward, flat_backward = fields
@@ -123,7 +123,7 @@ def tile_knots(fields: Any, corners: Any, steps: int, knots: Any, bounds: Any, l
     return True
 
 
-@compiled
+@inlined
 def _take_corners(forward: Any, backward: Any, corners: Any, lanes: Any) -> None:
     """Take the corners of a tile as pixels, as often as there is room.
 
@@ -142,7 +142,7 @@ def _take_corners(forward: Any, backward: Any, corners: Any, lanes: Any) -> None
         lanes[(SECOND_WAY + KNOWN) * LANES + lane] = _ONE
 
 
-@compiled
+@inlined
 def _kind_of(lane: int, lanes: Any) -> int:
     """Which of two pictures show what a pixel sees; where they show different surfaces, the nearer one."""
     a = lanes[(FIRST_WAY + MISS) * LANES + lane] < MISS_PX
@@ -156,7 +156,7 @@ def _kind_of(lane: int, lanes: Any) -> int:
     return FIRST if a_depth < b_depth else SECOND
 
 
-@compiled
+@inlined
 def tile_bounds(
     ranges_before: Any, ranges_after: Any, row: int, column: int, knots: Any, steps: int, bounds: Any
 ) -> Any:
