@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from carlaloc_env import compiled
 
 _CALLER = """
@@ -44,3 +46,13 @@ def test_bands_cover_every_row_once_and_in_order() -> None:
     for rows in (0, 1, compiled.BAND_ROWS, 5 * compiled.BAND_ROWS + 7):
         bands = compiled.over_bands(lambda first, end: list(range(first, end)), rows)
         assert [row for band in bands for row in band] == list(range(rows))
+
+
+def test_a_band_that_fails_fails_the_whole() -> None:
+    def half(first: int, end: int) -> int:
+        if first >= 2 * compiled.BAND_ROWS:
+            raise ValueError("no such rows")
+        return end
+
+    with pytest.raises(ValueError, match="no such rows"):
+        compiled.over_bands(half, 5 * compiled.BAND_ROWS)
