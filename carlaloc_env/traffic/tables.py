@@ -9,6 +9,7 @@ from carlaloc_env import rng
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.ego_view import build_cells
 from carlaloc_env.traffic.footways import build_ground
+from carlaloc_env.traffic.overlaps import find_overlaps
 from carlaloc_env.traffic.roads import build_roads
 
 Array = NDArray[np.float64]
@@ -31,6 +32,8 @@ class TrafficTables:
         self.ground = build_ground(network, self.roads)
         driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
         self.cells = build_cells(self.roads, driving)
+        after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]
+        self.overlaps = find_overlaps(network, driving, self.roads.lane.junction, after)
         self._driving = driving
 
     def starting_places(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:

@@ -14,6 +14,7 @@ from carlaloc_env.traffic.inside import release_passed, wait_inside
 from carlaloc_env.traffic.lane_changes import think_of_changes
 from carlaloc_env.traffic.lights import put_lights
 from carlaloc_env.traffic.motion import be_courteous, drive, enter_lanes, look_ahead, stop_where_needed
+from carlaloc_env.traffic.overlaps import Comers, Overlaps, empty_comers, mind_overlaps
 from carlaloc_env.traffic.plans import measure_crowd, plan_ahead
 from carlaloc_env.traffic.poses import put_poses
 from carlaloc_env.traffic.presence import Presence, empty_presence, gather, sort_bodies
@@ -33,12 +34,14 @@ _CROWD_EVERY = 20
 @compiled
 def _step(
     roads: Roads,
+    overlaps: Overlaps,
     cells: Cells,
     drivers: Drivers,
     habits: Habits,
     fleet: Fleet,
     there: Presence,
     asks: Requests,
+    comers: Comers,
     taken_by_walkers: NDArray[np.uint8],
     signals: NDArray[np.uint8],
     red_in_s: Array,
@@ -62,6 +65,7 @@ def _step(
     collect(asks, roads, drivers, fleet, habits, signals, red_in_s, count)
     admit(asks, there, roads, drivers, fleet)
     wait_inside(asks, roads, drivers, fleet, count)
+    mind_overlaps(comers, overlaps, there, roads, drivers, fleet)
     mind_walkers(taken_by_walkers, roads, drivers, fleet, habits, count, step)
     stop_where_needed(drivers, fleet, wanted, count)
     think_of_changes(there, roads, drivers, fleet, habits, crowd, last_change, count, step)
@@ -100,6 +104,7 @@ class Vehicles:
         self.fleet = empty_fleet(self.count)
         self.there = empty_presence(self.count, lanes)
         self._asks = empty_requests(self.count, lanes)
+        self._comers = empty_comers(self.count)
         self._crowd = np.zeros(lanes)
         self._last_change = np.full(lanes, -(10**9), np.int64)
         self._wanted = np.zeros(self.count + 1)
@@ -131,12 +136,14 @@ class Vehicles:
         tables = self.tables
         _step(
             tables.roads,
+            tables.overlaps,
             tables.cells,
             self.drivers,
             self.habits,
             self.fleet,
             self.there,
             self._asks,
+            self._comers,
             taken_by_walkers,
             signals,
             red_in_s,

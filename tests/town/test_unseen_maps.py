@@ -73,6 +73,14 @@ def test_traffic_flows_and_a_route_is_found(network: LaneNetwork) -> None:
     assert report.overlap_share <= 0.0005
 
 
+def test_vehicles_take_turns_where_roads_lie_on_each_other(tmp_path: Path) -> None:
+    """The random town has two roads that run into each other; five pairs of boxes met there in this time."""
+    network = LaneNetwork.from_opendrive(generated("rand", tmp_path))
+    report = audit_traffic(network, TrafficConfig(vehicles=50, walkers=0, seed=4), 100.0)
+    assert report.overlap_share <= 0.0005
+    assert report.longest_stand_s < 60.0
+
+
 @pytest.mark.soak
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("shape", sorted(SHAPES))
