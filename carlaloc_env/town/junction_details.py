@@ -14,19 +14,27 @@ from carlaloc_env.town.fields import JunctionField
 from carlaloc_env.town.junctions import unpaved_junction
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.polygons import Area, areas_only, triangulate
-from carlaloc_env.town.road_details import COVER_M, CRACK_M, PATCH_M
+from carlaloc_env.town.road_details import (
+    COLLAR_M,
+    CRACK_M,
+    PATCH_M,
+    SEAL_M,
+    SEAL_WIDTH_M,
+    cover_rings,
+    lay_cover,
+    repair_look,
+)
 from carlaloc_env.town.roads import is_gutter
 
 Array = NDArray[np.float64]
 
-AREA_M2 = 160.0
-"""Area of a junction for each repair and each pair of cracks; covers have three times as much [m²]."""
+AREA_M2 = 80.0
+"""Area of a junction for each repair and each crack; covers have three times as much [m²]."""
 MARGIN_M = 0.4
 """Distance of all of it from kerbs and from where roads begin [m]."""
 GUTTER_LIFT_M = 0.0015
 """Height of gutters above the junction's asphalt [m]."""
 _CELL_M = 1.5
-_COVER_RADIUS_M = 0.33
 
 
 def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int) -> None:
@@ -39,25 +47,55 @@ def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: Juncti
         return
     draw = rng.stream(seed, f"junction details/{junction.id}")
     number = inner.area / AREA_M2
-    patches = [_patch(point, draw) for point in _points(inner, draw.poisson(number), draw)]
-    cracks = [_crack(point, draw) for point in _points(inner, draw.poisson(2.0 * number), draw)]
-    covers = [
-        shapely.Point(*point).buffer(_COVER_RADIUS_M, quad_segs=3)
-        for point in _points(inner, draw.poisson(number / 3.0) + 1, draw)
-    ]
-    looks = (
-        (patches, PATCH_M, Material.ASPHALT_OLD, float(draw.uniform(190, 250))),
-        (cracks, CRACK_M, Material.PLAIN, 6.0),
-        (covers, COVER_M, Material.PLAIN, 15.0),
-    )
-    taken: Area = shapely.MultiPolygon()
-    for shapes, lift, material, grey in reversed(looks):
-        area = shapely.difference(shapely.intersection(shapely.union_all(shapes), inner), taken)
-        taken = shapely.union(taken, area)
-        xy, triangles = triangulate(areas_only(area), _CELL_M)
+    sheets = _Sheets(out, field, inner)
+    for point in _points(inner, draw.poisson(number / 3.0) + 1, draw):
+        rings = point + cover_rings() @ _turned(draw)
+        if shapely.contains_xy(inner, *rings[:12].T).all():
+            lay_cover(out, np.column_stack([rings, field.height(rings)]))
+            collar = shapely.Point(*point).buffer(0.5 * COLLAR_M, cap_style="square")
+            if draw.random() < 0.5:
+                sheets.lay(collar, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
+            else:
+                sheets.keep(collar)
+    for point in _points(inner, draw.poisson(number), draw):
+        patch, (material, grey, sealed) = _patch(point, draw), repair_look(draw)
+        rim = shapely.buffer(patch, SEAL_WIDTH_M, join_style="mitre")
+        if sheets.free(rim):
+            sheets.lay(patch, PATCH_M, material, grey)
+            if sealed:
+                sheets.lay(rim, SEAL_M, Material.PLAIN, 7.0)
+    cracks = [_crack(point, draw) for point in _points(inner, draw.poisson(number), draw)]
+    sheets.lay(shapely.union_all(cracks), CRACK_M, Material.PLAIN, 6.0)
+
+
+class _Sheets:
+    """Thin sheets on a junction; each leaves free what earlier ones cover."""
+
+    def __init__(self, out: MeshBuilder, field: JunctionField, inner: Area) -> None:
+        self._out, self._field, self._inner = out, field, inner
+        self._taken: Area = shapely.MultiPolygon()
+
+    def free(self, area: Area) -> bool:
+        """Whether nothing lies there."""
+        return not shapely.intersects(self._taken, area)
+
+    def keep(self, area: Area) -> None:
+        """Leave an area free from now on."""
+        self._taken = shapely.union(self._taken, area)
+
+    def lay(self, area: Area, lift_m: float, material: Material, grey: float) -> None:
+        """Lay what of an area is free."""
+        bare = shapely.difference(shapely.intersection(area, self._inner), self._taken)
+        self.keep(area)
+        xy, triangles = triangulate(areas_only(bare), _CELL_M)
         if len(xy):
-            points = np.column_stack([xy, field.height(xy) + lift])
-            out.triangles(points, triangles, material=material, tag=Tag.ROAD, colour=(grey, grey, grey))
+            points = np.column_stack([xy, self._field.height(xy) + lift_m])
+            self._out.triangles(points, triangles, material=material, tag=Tag.ROAD, colour=(grey, grey, grey))
+
+
+def _turned(draw: np.random.Generator) -> Array:
+    turn = float(draw.uniform(0.0, 2.0 * np.pi))
+    return np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
 
 
 def _gutters(out: MeshBuilder, junction: JunctionArea, field: JunctionField) -> None:

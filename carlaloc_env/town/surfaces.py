@@ -18,6 +18,7 @@ from carlaloc_env.town.markings import add_markings
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.painted import RoadPainter
+from carlaloc_env.town.pavement_details import add_pavement_details
 from carlaloc_env.town.pavements import add_pavements
 from carlaloc_env.town.polygons import Area, areas_only
 from carlaloc_env.town.road_details import add_road_details
@@ -52,6 +53,7 @@ def add_surfaces(out: Surfaces, network: LaneNetwork, work: Groundwork, seed: in
     add_plain_lanes(out.solid, work.strips)
     add_road_details(out.lanes, work.strips, work.roads, seed)
     add_pavements(out.raised, work.strips, work.roads, seed)
+    add_pavement_details(out.lanes, work.strips, work.roads, seed)
     _add_junctions(out, work, seed)
     add_islands(out.raised, work.areas, work.kerb)
     add_terrain(out.raised, work.bounds, _ground_paving(work), work.zones, work.ground, work.seas)

@@ -162,6 +162,7 @@ def judge(figures: dict[str, Found]) -> None:
     """What a SLAM system needs, and what weather must do to it."""
     clear, fog, night = (figures[weather] for weather in WEATHERS)
     assert clear.keypoints >= 1000
+    assert clear.strongest_occupy >= 0.6
     assert clear.occupied >= 0.6
     assert clear.matches >= 300
     assert fog.depth_m <= 0.5 * clear.depth_m

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 import shapely
 
+from carlaloc_env.materials import MATERIALS, Material
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.furniture import Furnisher
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.pavement_details import SLAB_M, add_pavement_details
+from carlaloc_env.town.polygons import strip_polygon
 from carlaloc_env.town.road_details import add_road_details
 from carlaloc_env.town.sections import Strip, road_strips
 from carlaloc_env.town.terrain import zone_areas
@@ -60,3 +63,29 @@ def test_roads_have_their_history() -> None:
     details = out.build()
     assert len(details.triangles) > 0.5 * lane_m
     assert len(np.unique(details.material)) >= 3
+
+
+def test_pavements_have_lids_and_mended_places() -> None:
+    """One for every 20 m² or so: flat on the slabs, on no roadway, none over another."""
+    _, strips, network = furnished("Town01")
+    out = MeshBuilder()
+    add_pavement_details(out, strips, network.xodr.roads, 1)
+    mesh = out.build()
+    walks, roadway = [], []
+    for strip in strips:
+        for lane in range(len(strip.lanes)):
+            area = strip_polygon(strip.edges_m[lane], strip.edges_m[lane + 1])
+            if strip.kind(lane) == "roadway":
+                roadway.append(area)
+            elif strip.kind(lane) == "walkway" and strip.junction_id is None:
+                walks.append(area)
+    corners = mesh.vertices_m[mesh.triangles].astype(np.float64)
+    corners = corners[mesh.material[mesh.triangles[:, 0]] != Material.PLAIN]
+    places = shapely.polygons(corners[..., :2])
+    total = sum(area.area for area in walks)
+    assert total / 30.0 < 0.5 * len(places) < total / 5.0
+    assert shapely.area(shapely.intersection(shapely.union_all(roadway), places)).sum() < 1e-3
+    np.testing.assert_allclose(shapely.union_all(places).area, shapely.area(places).sum(), rtol=1e-3)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (normals[:, 2] > 0.99 * np.linalg.norm(normals, axis=1)).all()
+    assert np.isclose(MATERIALS[Material.PAVEMENT].tile_m, (4 * SLAB_M[0], 6 * SLAB_M[1])).all()

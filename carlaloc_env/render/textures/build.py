@@ -123,7 +123,7 @@ FACADES = frozenset(
     }
 )
 """What stands behind the roadway; photographs show it paler than it is, and its joints less."""
-FACADE_CONTRAST = 0.85
+FACADE_CONTRAST = 0.66
 """Exponent of the façades' albedo about its mean."""
 
 
