@@ -67,8 +67,7 @@ def events(bench: Bench) -> Row:
 
 def _picture(bench: Bench, sensor: CameraSensor, timeline: Timeline, stamp_ns: int) -> tuple[Glance, F32]:
     """What the camera sees at a stamp [ns], and its light [cd/m²]."""
-    shot, moment = sensor._draw(timeline, stamp_ns), sensor._moment(timeline, stamp_ns)
-    glance = Glance(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
+    glance, shot = sensor.glance(timeline, stamp_ns)
     return glance, shot.radiance_cd_m2(bench.stage.weather.at(stamp_ns))
 
 

@@ -191,6 +191,11 @@ class CameraSensor(Camera):
                 samples.append(one)
         return conditions
 
+    def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[Glance, Shot]:
+        """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
+        shot = self._draw(timeline, stamp_ns)
+        return Glance.of(shot, self._moment(timeline, stamp_ns)), shot
+
     def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
         now, seed = weather.at(stamp_ns), self._world.seed
         if now.precipitation <= 0.0:
@@ -267,8 +272,7 @@ class CameraSensor(Camera):
 
         def look(at_ns: int) -> tuple[Glance, list[F32]]:
             seen, moment = draw(at_ns)
-            glance = Glance(moment=moment, depth_m=seen.depth_m, instance=seen.labels[1])
-            return glance, [
+            return Glance.of(seen, moment), [
                 log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
                 for weather in weathers
             ]

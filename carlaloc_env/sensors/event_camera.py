@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.samples import EVENT
-from carlaloc_env.sensors.camera_shot import Optics
+from carlaloc_env.sensors.camera_shot import Optics, Shot
 from carlaloc_env.sensors.events import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
 from carlaloc_env.sensors.memory import Chain
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
@@ -74,6 +74,11 @@ class Glance:
     """Planar depth [m], 0 = sky, shape (H, W)."""
     instance: NDArray[np.uint32]
     """Instance ids, shape (H, W)."""
+
+    @classmethod
+    def of(cls, shot: Shot, moment: Moment) -> Glance:
+        """Glance of a drawn picture."""
+        return cls(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
 
 
 def motion_between(optics: Optics, before: Glance, after: Glance) -> Motion:
