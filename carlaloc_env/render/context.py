@@ -10,6 +10,7 @@ from typing import Any
 import moderngl
 
 from carlaloc_env.errors import RenderError
+from carlaloc_env.render.hoisting import hoisted
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 """Debian and Ubuntu packages that bring OpenGL to a machine without a GPU."""
@@ -65,6 +66,7 @@ class Programs:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
+        self._hoists = is_software(context)
         self._programs: dict[tuple[str, str, tuple[str, ...]], moderngl.Program] = {}
 
     def get(self, vertex: str, fragment: str, *features: str) -> moderngl.Program:
@@ -73,9 +75,11 @@ class Programs:
         if key not in self._programs:
             head = "#version 430 core\n" + "".join(f"#define {feature}\n" for feature in features)
             common = shader_source("packing.glsl")
+            sources = shader_source(vertex), shader_source(fragment)
+            if self._hoists:
+                sources = hoisted(*sources, {feature.split()[0] for feature in features})
             self._programs[key] = self._context.program(
-                vertex_shader=head + common + shader_source(vertex),
-                fragment_shader=head + common + shader_source(fragment),
+                vertex_shader=head + common + sources[0], fragment_shader=head + common + sources[1]
             )
         return self._programs[key]
 

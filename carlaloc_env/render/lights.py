@@ -34,7 +34,7 @@ HEADLAMP_LIGHT = 2.0 * HEADLAMP_COLOUR
 HALO_CD = 360.0
 """What a pair of headlamps throws above its cut-off, all round its front [cd]."""
 MOST_LIGHTS = 256
-"""Lights of a picture, the nearest ones; the shaders' arrays have this size."""
+"""Lights of a picture, the nearest ones."""
 MOST_BEAMS = 9
 """Cars whose low beams are followed, the nearest ones."""
 

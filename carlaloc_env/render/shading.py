@@ -13,7 +13,7 @@ from carlaloc_env.render.context import Programs
 from carlaloc_env.render.gbuffer import GBuffer, Targets
 from carlaloc_env.render.lights import NO_LIGHTS, Lights
 from carlaloc_env.render.mirror import Mirror
-from carlaloc_env.render.night import FEATURES, Night
+from carlaloc_env.render.night import Night
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain import Streaks, lit, rain_streaks
 from carlaloc_env.render.rain_layer import RainLayer
@@ -176,7 +176,7 @@ class Shader:
         self._cover("shade.frag", features, grid, prepare)
         if not resolved:
             self._context.depth_func = "=="
-            shared = tuple(name for name in features if name in (*FEATURES, "NIGHT", "LINEAR"))
+            shared = tuple(name for name in features if name in ("TILES", "NIGHT", "LINEAR"))
             self._cover("sky.frag", shared, grid, prepare)
         return texture, NO_LIGHTS if grid is None else grid.lights
 
@@ -213,10 +213,11 @@ class Shader:
             "MIRROR": wet and not self._live,
             "FEW_TAPS": self._live,
             "NIGHT": weather.is_night,
+            "TILES": weather.is_night,
             "LINEAR": linear,
             "RESOLVED": resolved,
         }
-        return (*(FEATURES if weather.is_night else ()), *(name for name, on in wanted.items() if on))
+        return tuple(name for name, on in wanted.items() if on)
 
     def _mirrored(self, scene: Scene) -> moderngl.Texture:
         def prepare(program: moderngl.Program) -> None:

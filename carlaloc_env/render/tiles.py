@@ -20,8 +20,6 @@ from carlaloc_env.render.tile_kernels import depth_ranges, keep_lit
 Array = NDArray[np.float64]
 
 TILE_PX = 32
-LIST_SIZE = 16384
-"""Entries of all lists of a picture together; the uniform block of the shaders has this size."""
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""
 GLOW_MOST_M = 8.0
@@ -77,8 +75,20 @@ class LightGrid:
     """`TILE` rows, sorted by the loops that they need."""
     groups: dict[tuple[str, ...], tuple[int, int]]
     """By the loops: first tile and how many."""
-    entries: NDArray[np.uint32]
-    """Indices of lights, all lists in one, at most `LIST_SIZE`."""
+    entries: NDArray[np.intp]
+    """Indices of lights, all lists in one, first those of glows; the very first is −1, which is none."""
+    glow_count: int
+    """Entries of lists of glows, that of no light among them."""
+
+    @property
+    def glows(self) -> NDArray[np.intp]:
+        """Entries of what lights the air."""
+        return self.entries[: self.glow_count]
+
+    @property
+    def lamps(self) -> NDArray[np.intp]:
+        """Entries of what lights surfaces."""
+        return self.entries[self.glow_count :]
 
 
 def light_grid(
@@ -192,19 +202,22 @@ def _packed(
     tiles = np.zeros(rows * columns, dtype=TILE)
     tiles["place"][:, 0] = np.tile(np.arange(columns), rows)
     tiles["place"][:, 1] = np.repeat(np.arange(rows), columns)
-    entries, begin = [], 0
-    for name, mask in (("lamps", lamps), ("beams", beams), ("glows", air)):
+    entries = [np.array([-1], dtype=np.intp)]
+    kind, begin = np.zeros(len(tiles), dtype=np.intp), 1
+    for bit, (name, mask) in enumerate((("glows", air), ("lamps", lamps), ("beams", beams))):
         flat = mask.reshape(rows * columns, len(lights))
         count = np.count_nonzero(flat, axis=1)
-        end = np.minimum(begin + np.cumsum(count), LIST_SIZE)
-        tiles[name][:, 1] = end
-        tiles[name][:, 0] = np.minimum(end - count, LIST_SIZE).clip(begin)
+        end = begin + np.cumsum(count)
+        tiles[name] = np.column_stack([end - count, end])
         entries.append(np.nonzero(flat)[1])
         begin = int(end[-1])
-    lit, beamed, glowing = (tiles[name][:, 1] > tiles[name][:, 0] for name in ("lamps", "beams", "glows"))
-    kind = 4 * beamed + 2 * lit + glowing
-    # A loop without entries costs less than a program more.
+        kind |= (count > 0).astype(np.intp) << bit
+    # Few tiles cost less with loops that they do not need than a program more does.
     kind[np.bincount(kind, minlength=len(LOOPS))[kind] < FEW_TILES] = len(LOOPS) - 1
+    # A loop that is run without need finds the entry of no light.
+    for name in ("glows", "lamps", "beams"):
+        idle = (tiles[name][:, 0] == tiles[name][:, 1]) & (kind == len(LOOPS) - 1)
+        tiles[name][idle] = (0, 1)
     ends = np.cumsum(np.bincount(kind, minlength=len(LOOPS)))
     return LightGrid(
         lights=lights,
@@ -214,5 +227,6 @@ def _packed(
             loops: (int(end - many), int(many))
             for loops, end, many in zip(LOOPS, ends, np.diff(ends, prepend=0), strict=True)
         },
-        entries=np.concatenate(entries)[:LIST_SIZE].astype(np.uint32),
+        entries=np.concatenate(entries),
+        glow_count=len(entries[0]) + len(entries[1]),
     )

@@ -1,14 +1,9 @@
 // Lights of a night and their lists by tile.
-struct Lamp {
-    vec4 place;    // relative to the eye [m], 1 / range² [1/m²]
-    vec4 light;    // exposed intensity / pi, most gain towards the edge of the beam
-    vec4 axis;     // middle of the beam, cosine at which it has ended
-    vec4 left;     // to the left of a car, 1 / way of the cosine from the end to the full beam
-    vec4 glow;     // exposed intensity / pi that lights the air, 1 / squared reach of the glow [1/m²]
-};
-layout(std140) uniform Lamps { Lamp lamps[MOST_LIGHTS]; };
-layout(std140) uniform Lists { uvec4 lists[LIST_SIZE / 4]; };
-
+//
+// Every list holds the words of its lights itself, and an image is read without the steps of a texture: each
+// word costs llvmpipe time. Its loops run what is inside once more before they leave by a test at their
+// beginning, so they test at the end; an empty list has an entry of no light.
+layout(rgba32ui) readonly uniform uimage2D u_lists;   // two texels a light, see lamp_words.py
 #ifdef LAMPS
 flat in uvec2 v_lamps;   // first entry and end of this tile's lists
 #endif
@@ -19,8 +14,18 @@ flat in uvec2 v_beams;
 flat in uvec2 v_glows;
 #endif
 
-uint entry(uint i) {
-    return lists[i >> 2][i & 3u];
+uvec4 light_words(uint i, int part) {
+    return imageLoad(u_lists, ivec2(int(i & 511u) * 2 + part, i >> 9));
+}
+
+// Two numbers of seven bits and an exponent in a word.
+vec2 pair(uint word) {
+    return uintBitsToFloat(uvec2(word & 0xffff0000u, word << 16));
+}
+
+// Two numbers from -1 to 1 in a word.
+vec2 fixed_pair(uint word) {
+    return vec2(ivec2(int(word), int(word << 16)) >> 16) * (1.0 / 32767.0);
 }
 
 // How far the air glows before the sky [m].
@@ -48,9 +53,13 @@ float angle_of(float x, float y) {
 vec3 lamp_glow(vec3 direction, float length_m) {
     float fog = u_air.x * exp(-max(u_eye.z, -50.0) * u_air.y);
     vec3 sum = vec3(0.0);
-    for (uint i = v_glows.x; i < v_glows.y; ++i) {
-        uint k = entry(i);
-        vec3 lamp = lamps[k].place.xyz;
+    uint i = v_glows.x;
+    do {
+        uvec4 first = light_words(i, 0);
+        uvec4 second = light_words(i, 1);
+        vec3 lamp = uintBitsToFloat(first.xyz);
+        vec3 axis = vec3(fixed_pair(second.y), fixed_pair(second.z).x);
+        vec2 blue_reach = pair(second.x);
         float t0 = dot(lamp, direction);
         float h2 = max(dot(lamp, lamp) - t0 * t0, 0.0);
         float per_h = inversesqrt(h2 + 0.09);
@@ -61,11 +70,12 @@ vec3 lamp_glow(vec3 direction, float length_m) {
         vec3 nearest = direction * t - lamp;
         float r2 = max(dot(nearest, nearest), 0.0025);
         float per_r = inversesqrt(r2);
-        float edge = clamp((dot(nearest, lamps[k].axis.xyz) * per_r + 0.1) * 1.8181818, 0.0, 1.0);
+        float edge = clamp((dot(nearest, axis) * per_r + 0.1) * 1.8181818, 0.0, 1.0);
         float beam = 0.15 + 1.6 * edge * edge * (3.0 - 2.0 * edge);
-        float fade = max(1.0 - h2 * lamps[k].glow.w, 0.0);
-        sum += lamps[k].glow.rgb * (fade * fade * beam * beta * angle * per_h * exp(-beta * (t + r2 * per_r)));
-    }
+        float fade = max(1.0 - h2 * blue_reach.y, 0.0);
+        sum += vec3(pair(first.w), blue_reach.x)
+            * (fade * fade * beam * beta * angle * per_h * exp(-beta * (t + r2 * per_r)));
+    } while (++i < v_glows.y);
     return sum * 0.25;
 }
 #endif

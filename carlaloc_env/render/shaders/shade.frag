@@ -195,41 +195,51 @@ void main() {
     shine += sun * gloss(facing, nv, dot(u_sun, v), max(alpha, 0.02), f0, 40.0);
 #endif
 #ifdef LAMPS
-    for (uint i = v_lamps.x; i < v_lamps.y; ++i) {
-        uint k = entry(i);
-        vec3 to = lamps[k].place.xyz - offset;
+    uint i = v_lamps.x;
+    do {
+        uvec4 first = light_words(i, 0);
+        uvec4 second = light_words(i, 1);
+        vec2 blue_gain = pair(second.x);
+        vec2 end = pair(second.w);
+        vec3 to = uintBitsToFloat(first.xyz) - offset;
         float near2 = max(dot(to, to), 0.25);
         float per_r = inversesqrt(near2);
         vec3 l = to * per_r;
         float nl = max(dot(n, l), 0.0);
-        float cosine = -dot(l, lamps[k].axis.xyz);
-        float edge = clamp((cosine - lamps[k].axis.w) * lamps[k].left.w, 0.0, 1.0);
+        float cosine = -dot(l, vec3(fixed_pair(second.y), fixed_pair(second.z).x));
+        float edge = clamp((cosine - end.x) * end.y, 0.0, 1.0);
         // Batwing of a full cut-off luminaire; plain lamps have no gain.
-        float beam = min(1.0 / (cosine * cosine * cosine + 1e-3), lamps[k].light.w) * edge * edge * (3.0 - 2.0 * edge);
-        vec3 e = lamps[k].light.rgb * (window(near2 * lamps[k].place.w) * beam * nl * per_r * per_r);
+        float beam = min(1.0 / (cosine * cosine * cosine + 1e-3), blue_gain.y) * edge * edge * (3.0 - 2.0 * edge);
+        vec3 e = vec3(pair(first.w), blue_gain.x)
+            * (window(near2 * pair(second.z).y) * beam * nl * per_r * per_r);
         light += e;
         shine += e * gloss(nl, nv, dot(l, v), max(alpha, 0.01), f0, 40.0);
-    }
+    } while (++i < v_lamps.y);
 #endif
 #ifdef BEAMS
     // Rough surfaces throw light back to where it came from, most when it grazes them (Oren and Nayar
     // 1994): dry asphalt 0.008 cd/m2 per lx across the beam, which EN 1436 puts at about 0.01.
     float thrown_back = 0.45 * roughness * roughness / (roughness * roughness + 0.09);
-    for (uint i = v_beams.x; i < v_beams.y; ++i) {
-        uint k = entry(i);
-        vec3 way = offset - lamps[k].place.xyz;
+    uint j = v_beams.x;
+    do {
+        uvec4 first = light_words(j, 0);
+        uvec4 second = light_words(j, 1);
+        vec2 blue_range = pair(second.x);
+        vec2 turn = fixed_pair(second.z);
+        vec3 axis = vec3(fixed_pair(second.y), turn.x);
+        vec3 left = vec3(turn.y, fixed_pair(second.w));
+        vec3 way = offset - uintBitsToFloat(first.xyz);
         float near2 = max(dot(way, way), 1.0);
         float per_r = inversesqrt(near2);
         vec3 l = -way * per_r;
         float nl = max(dot(n, l), 0.0);
-        vec3 axis = lamps[k].axis.xyz;
-        vec3 left = lamps[k].left.xyz;
         vec3 turned = vec3(dot(axis, way), dot(left, way), dot(cross(axis, left), way));
-        vec3 e = lamps[k].light.rgb * (low_beam(turned) * window(near2 * lamps[k].place.w) * nl * per_r * per_r);
+        vec3 e = vec3(pair(first.w), blue_range.x)
+            * (low_beam(turned) * window(near2 * blue_range.y) * nl * per_r * per_r);
         float lv = dot(l, v);
         light += e * (1.0 + thrown_back * max(lv - nl * nv, 0.0) / max(max(nl, nv), 0.01));
         shine += e * gloss(nl, nv, lv, max(alpha, 0.02), f0, 5.0);
-    }
+    } while (++j < v_beams.y);
 #endif
 
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
