@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from llvmlite import ir  # type: ignore[import-untyped]
@@ -25,12 +26,22 @@ def between(context: Any, builder: Any, picture: Any, width: Any, height: Any, x
         y: Places across the rows [px].
     """
     i, j = within(x, width).words(), within(y, height).words()
+    return mixed(builder, _corners(context, builder, picture, (width, height), i, j), x, y, i, j)
+
+
+def mixed(builder: Any, values: Sequence[Wide], x: Wide, y: Wide, i: Any, j: Any) -> Wide:
+    """Bilinear values at places from those of the pixels around them, of which `i` and `j` are the first."""
     a = x - Wide(builder, builder.sitofp(i, FLOATS))
     b = y - Wide(builder, builder.sitofp(j, FLOATS))
-    v00, v01, v10, v11 = _corners(context, builder, picture, (width, height), i, j)
+    v00, v01, v10, v11 = values
     up = v00 + a * (v01 - v00)
     low = v10 + a * (v11 - v10)
     return up + b * (low - up)
+
+
+def can_pick(context: Any) -> bool:
+    """Whether the processor has an instruction for `pick`."""
+    return "+avx512f" in context.codegen().magic_tuple()[2]
 
 
 def _corners(
@@ -48,13 +59,14 @@ def _corners(
         pairs = (*_pairs(builder, picture, at), *_pairs(builder, picture, builder.add(at, rows)))
         return [one.value for one in pairs]
 
-    if "+avx512f" not in context.codegen().magic_tuple()[2]:
+    if not can_pick(context):
         values = fetched()
     else:
-        near, right, down, window = _window(builder, picture, size, i, j)
+        near, start, at = _window(builder, picture, size, i, j)
         with builder.if_else(near) as (yes, no):
             with yes:
-                picked = _picked(builder, window, right, down)
+                along = builder.sext(size[0], I64)
+                picked = [one.value for one in pick(builder, start, along, _WINDOW_ROWS, at)]
                 picked_in = builder.block
             with no:
                 found = fetched()
@@ -69,11 +81,11 @@ def _corners(
     return v00, v01, v10, v11
 
 
-def _window(builder: Any, picture: Any, size: tuple[Any, Any], i: Any, j: Any) -> tuple[Any, Any, Any, Any]:
+def _window(builder: Any, picture: Any, size: tuple[Any, Any], i: Any, j: Any) -> tuple[Any, Any, Any]:
     """Four rows of sixteen pixels that may hold all of some columns and rows and what is next to them.
 
     Returns:
-        Whether they do; how far right and how far down in them the pixels are; their first pixel.
+        Whether they do; their first pixel; the pixels' places in them, as in `pick`.
     """
 
     def lane(words: Any, number: int) -> Any:
@@ -98,31 +110,40 @@ def _window(builder: Any, picture: Any, size: tuple[Any, Any], i: Any, j: Any) -
         near = builder.and_(near, builder.icmp_signed(">=", place, ir.Constant(I32, 0)))
     at = builder.add(builder.mul(top, width), left)
     start = builder.gep(picture, [builder.sext(at, I64)])
-    along = builder.sext(width, I64)
-    starts = [builder.gep(start, [builder.mul(along, ir.Constant(I64, r))]) for r in range(_WINDOW_ROWS)]
-    return near, right, down, starts
+    four = ir.Constant(WORDS, [4] * LANES)
+    return near, start, builder.add(builder.shl(down, four), right)
 
 
-def _picked(builder: Any, starts: Any, right: Any, down: Any) -> list[Any]:
-    """The same as `_pairs` twice, from a window's rows of sixteen pixels."""
+def pick(builder: Any, start: Any, along: Any, count: int, at: Any) -> list[Wide]:
+    """The same as `_pairs` twice, from three or four rows of sixteen pixels.
+
+    Args:
+        builder: Of the code around.
+        start: Pointer to the first row's first pixel.
+        along: Pixels from there to the next row's, i64.
+        count: Number of rows.
+        at: Places of the pixels: the row in the bits above the lowest four, the column in these.
+    """
     rows = []
-    for start in starts:
-        row = builder.load(builder.bitcast(start, FLOATS.as_pointer()))
+    for number in range(count):
+        place = builder.gep(start, [builder.mul(along, ir.Constant(I64, number))])
+        row = builder.load(builder.bitcast(place, FLOATS.as_pointer()))
         row.align = 4
         rows.append(row)
     kind = ir.FunctionType(FLOATS, [FLOATS, WORDS, FLOATS])
     declared: Any = cgutils.get_or_insert_function
     permute = declared(builder.module, kind, "llvm.x86.avx512.vpermi2var.ps.512")
-    one, four = (ir.Constant(WORDS, [n] * LANES) for n in (1, 4))
-    odd = builder.shl(builder.and_(down, one), four)
-    upper = builder.icmp_unsigned("<", down, ir.Constant(WORDS, [2] * LANES))
-    at = builder.add(odd, right)
-    beside = builder.add(at, one)
+    beside = builder.add(at, ir.Constant(WORDS, [1] * LANES))
+    upper = builder.icmp_unsigned("<", at, ir.Constant(WORDS, [2 * LANES] * LANES))
     values = []
-    for pairs in (((0, 1), (2, 3)), ((1, 2), (3, 3))):
+    for first, last in ((0, 2), (1, 3)):
         for index in (at, beside):
-            high, low = (builder.call(permute, [rows[p], index, rows[q]]) for p, q in pairs)
-            values.append(builder.select(upper, high, low))
+            # The lowest five bits choose from two rows.
+            found = builder.call(permute, [rows[first], index, rows[first + 1]])
+            if count > 3:
+                other = builder.call(permute, [rows[last], index, rows[3]])
+                found = builder.select(upper, found, other)
+            values.append(Wide(builder, found))
     return values
 
 

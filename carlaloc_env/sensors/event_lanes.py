@@ -144,44 +144,57 @@ def within(place: Wide, size: Any) -> Wide:
 
 def cells_at(builder: Any, field: Any, at: Any) -> list[Any]:
     """Pointers to the four numbers that a field (H·W·4,) holds of each of sixteen pixels."""
-    # By way of memory: faster than to take one after another out of a register.
     allocated: Any = cgutils.alloca_once
     room = allocated(builder, WORDS)
-    builder.store(at, room)
+    builder.store(builder.shl(at, ir.Constant(WORDS, [2] * LANES)), room)
     words = builder.bitcast(room, I32.as_pointer())
-    indices = (builder.load(builder.gep(words, [ir.Constant(I32, lane)])) for lane in range(LANES))
-    four = ir.Constant(I64, 2)
-    return [builder.gep(field, [builder.shl(builder.sext(index, I64), four)]) for index in indices]
+    # By way of memory, which the compiler must not see through: to take one after another out of a
+    # register keeps the only unit busy that can also shuffle.
+    hidden = ir.FunctionType(ir.VoidType(), [words.type])
+    builder.asm(hidden, "", "r,~{memory}", [words], True)
+    places = (builder.load(builder.gep(words, [ir.Constant(I32, lane)])) for lane in range(LANES))
+    return [builder.gep(field, [builder.zext(place, I64)]) for place in places]
 
 
-def quadruples(builder: Any, cells: list[Any], further: Any) -> tuple[Wide, Wide, Wide, Wide]:
-    """Four numbers each, `further` (i64) on from `cells_at`: one load of 128 bits each, then turned round."""
-    four = ir.VectorType(F32, 4)
+def neighbours(builder: Any, cells: list[Any], further: Any) -> tuple[list[Wide], list[Wide]]:
+    """Four numbers each of pixels `further` (i64) on from `cells_at`, and those of the pixels right of them.
+
+    One load of 256 bits for each, then turned round.
+    """
+    eight = ir.VectorType(F32, 8)
 
     def loaded(lane: int) -> Any:
         place = builder.gep(cells[lane], [further])
-        value = builder.load(builder.bitcast(place, four.as_pointer()))
+        value = builder.load(builder.bitcast(place, eight.as_pointer()))
         value.align = 4
         return value
 
-    def joined(low: Any, high: Any) -> Any:
-        count = 2 * low.type.count
-        kind = ir.VectorType(I32, count)
-        return builder.shuffle_vector(low, high, ir.Constant(kind, list(range(count))))
+    def shuffled(one: Any, other: Any, order: list[int]) -> Any:
+        return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(I32, len(order)), order))
 
     def woven(one: Any, other: Any, pattern: tuple[int, int, int, int]) -> Any:
         # In every four numbers: those below 4 come from `one`, the others from `other`.
-        mask = [4 * block + p if p < 4 else LANES + 4 * block + p - 4 for block in range(4) for p in pattern]
-        return builder.shuffle_vector(one, other, ir.Constant(WORDS, mask))
+        return shuffled(
+            one,
+            other,
+            [4 * block + p if p < 4 else LANES + 4 * block + p - 4 for block in range(4) for p in pattern],
+        )
 
-    # Pixel q of every four together, so that the turned rows come out in the pixels' order.
-    q = [joined(joined(loaded(n), loaded(n + 4)), joined(loaded(n + 8), loaded(n + 12))) for n in range(4)]
-    low, high = (0, 4, 1, 5), (2, 6, 3, 7)
-    t0, t1 = woven(q[0], q[1], low), woven(q[2], q[3], low)
-    t2, t3 = woven(q[0], q[1], high), woven(q[2], q[3], high)
-    first, second = (0, 1, 4, 5), (2, 3, 6, 7)
-    turned = (woven(t0, t1, first), woven(t0, t1, second), woven(t2, t3, first), woven(t2, t3, second))
-    return tuple(Wide(builder, value) for value in turned)  # type: ignore[return-value]
+    low, high, first, second = (0, 4, 1, 5), (2, 6, 3, 7), (0, 1, 4, 5), (2, 3, 6, 7)
+    turned = []
+    for begin in (0, 8):
+        # Fours of numbers: a pixel, the one right of it, the pixel four lanes on, the one right of that.
+        q = [shuffled(loaded(begin + n), loaded(begin + n + 4), list(range(LANES))) for n in range(4)]
+        t0, t1 = woven(q[0], q[1], low), woven(q[2], q[3], low)
+        t2, t3 = woven(q[0], q[1], high), woven(q[2], q[3], high)
+        turned.append(
+            (woven(t0, t1, first), woven(t0, t1, second), woven(t2, t3, first), woven(t2, t3, second))
+        )
+    sides = []
+    for side in (0, 4):
+        order = [base + block + n for base in (0, LANES) for block in (side, side + 8) for n in range(4)]
+        sides.append([Wide(builder, shuffled(one, other, order)) for one, other in zip(*turned, strict=True)])
+    return sides[0], sides[1]
 
 
 @intrinsic

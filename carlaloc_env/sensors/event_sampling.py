@@ -37,9 +37,12 @@ BEGIN, END = 13, 20
 what both say there, and the signal."""
 X, Y, DX, DY, MORE, GROWS = 27, 28, 29, 30, 31, 32
 """Rows: the way of a chunk in one picture, and what the signal is above that picture."""
-FREE_ROW = 33
+WINDOW = 33
+"""Two rows: where the columns (lane 0) and rows (lane 8) begin that a chunk is in, and how they go along."""
+FREE_ROW = 35
 """First row of other kernels."""
-_FIRST, _SECOND, _MIX = 4, 5, 6
+FIRST_SAYS, SECOND_SAYS, SIGNAL = 4, 5, 6
+"""Rows of a chunk's end: what both pictures say, and the signal."""
 HALF = ir.VectorType(F32, LANES // 2)
 
 
@@ -141,7 +144,7 @@ def _look(typing: Any, flat: Any, width: Any, height: Any, second: Any, lanes: A
         x = builder.add(ir.Constant(I32, END), builder.add(second, second))
         places = room[x], room[builder.add(x, ir.Constant(I32, 1))]
         seen = between(context, builder, picture, width, height, *places)
-        room[builder.add(ir.Constant(I32, END + _FIRST), second)] = seen
+        room[builder.add(ir.Constant(I32, END + FIRST_SAYS), second)] = seen
         return context.get_dummy_value()
 
     return types.void(flat, types.int32, types.int32, types.int32, lanes), generate
@@ -153,57 +156,11 @@ def _mix(typing: Any, weight: Any, lanes: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         room = Room(context, builder, signature.args[1], arguments[1])
-        first, second = room[END + _FIRST], room[END + _SECOND]
-        room[END + _MIX] = first + spread(builder, arguments[0]) * (second - first)
+        first, second = room[END + FIRST_SAYS], room[END + SECOND_SAYS]
+        room[END + SIGNAL] = first + spread(builder, arguments[0]) * (second - first)
         return context.get_dummy_value()
 
     return types.void(types.float32, lanes), generate
-
-
-@intrinsic
-def _follow(typing: Any, second: Any, share: Any, begun: Any, per_step: Any, lanes: Any) -> Any:
-    """Follow the first or the second picture through a chunk; what the other says more goes linearly.
-
-    Args: 0 or 1, which picture; 1 / samples of the chunk; share of the time before it; share of one sample.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        room = Room(context, builder, signature.args[4], arguments[4])
-        second = arguments[0]
-        share, begun, per_step = (spread(builder, a) for a in arguments[1:4])
-
-        def row(end: int, part: Any, more: int = 0) -> Wide:
-            return room[builder.add(ir.Constant(I32, end + more), part)]
-
-        twice = builder.add(second, second)
-        for part, (at, step) in enumerate(((X, DX), (Y, DY))):
-            start = row(BEGIN, twice, part)
-            room[at], room[step] = start, share * (row(END, twice, part) - start)
-        above = room[BEGIN + _MIX] - row(BEGIN, second, _FIRST)
-        later = room[END + _MIX] - row(END, second, _FIRST)
-        leaked = room[DRIFT] * begun
-        room[MORE] = above + leaked
-        room[GROWS] = (later - above) * share + room[DRIFT] * per_step
-        room[LEVEL] = room[BEGIN + _MIX] + leaked
-        return context.get_dummy_value()
-
-    return types.void(types.int32, types.float32, types.float32, types.float32, lanes), generate
-
-
-@intrinsic
-def _sample(typing: Any, flat: Any, width: Any, height: Any, steps: Any, lanes: Any) -> Any:
-    """Signal some steps after the beginning of a chunk; the pixels that it makes fire, as bits."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        picture = data_of(context, builder, signature.args[0], arguments[0])
-        room = Room(context, builder, signature.args[4], arguments[4])
-        _, width, height, steps, _ = arguments
-        h = spread(builder, steps)
-        x, y = room[X] + h * room[DX], room[Y] + h * room[DY]
-        seen = between(context, builder, picture, width, height, x, y)
-        return reached(room, seen + (room[MORE] + h * room[GROWS]))
-
-    return types.int32(flat, types.int32, types.int32, types.float32, lanes), generate
 
 
 @intrinsic
@@ -254,8 +211,6 @@ ready: Any = _ready
 place: Any = _place
 look: Any = _look
 mix: Any = _mix
-follow: Any = _follow
-sample: Any = _sample
 arrive: Any = _arrive
 reaches: Any = _reaches
 lowest: Any = _lowest

@@ -23,7 +23,7 @@ from carlaloc_env.sensors.event_lanes import (
     Wide,
     cells_at,
     data_of,
-    quadruples,
+    neighbours,
     spread,
     within,
 )
@@ -210,10 +210,9 @@ def _motion_at(
     b = y - Wide(builder, builder.sitofp(j, FLOATS))
     row = spread(builder, width).value
     cells = cells_at(builder, field, builder.add(builder.mul(j, row), i))
-    none, right_of = ir.Constant(I64, 0), ir.Constant(I64, 4)
     below = builder.shl(builder.sext(width, I64), ir.Constant(I64, 2))
-    q00, q01 = quadruples(builder, cells, none), quadruples(builder, cells, right_of)
-    q10, q11 = quadruples(builder, cells, below), quadruples(builder, cells, builder.add(below, right_of))
+    q00, q01 = neighbours(builder, cells, ir.Constant(I64, 0))
+    q10, q11 = neighbours(builder, cells, below)
     low = q00[3].least(q01[3]).least(q10[3].least(q11[3]))
     high = q00[3].most(q01[3]).most(q10[3].most(q11[3]))
     edge, right, down = high > low * EDGE_RATIO, a >= 0.5, b >= 0.5

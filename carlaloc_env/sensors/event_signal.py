@@ -8,8 +8,9 @@ import numpy as np
 
 from carlaloc_env.compiled import inlined
 from carlaloc_env.sensors.event_crossing import fire_bits
-from carlaloc_env.sensors.event_sampling import arrive, follow, look, mix, place, reaches, sample
+from carlaloc_env.sensors.event_sampling import arrive, look, mix, place, reaches
 from carlaloc_env.sensors.event_tiles import CHUNK
+from carlaloc_env.sensors.event_travel import follow, travel
 from carlaloc_env.sensors.pixel_ways import BOTH
 
 _ONE, _ZERO = np.float32(1), np.float32(0)
@@ -54,12 +55,17 @@ def fire_smooth(
         placed = k + 1
         second = begin + stop > steps and bounds[k, 2] == BOTH and bounds[k + 1, 2] == BOTH
         share = _ONE / np.float32(stop - begin)
-        follow(np.int32(second), share, np.float32(begin) * per_step, per_step, lanes)
+        begun = np.float32(begin) * per_step
+        where = follow(np.int32(second), share, begun, per_step, width, height, lanes)
         flat = flat_after if second else flat_before
-        for f in range(begin, stop if stop < steps else steps - 1):
-            bits = sample(flat, width, height, np.float32(f + 1 - begin), lanes)
+        step, last = 1, min(stop, steps - 1) - begin
+        while step <= last:
+            found = travel(flat, width, height, where, np.int32(step), np.int32(last + 1), lanes)
+            step, bits = found >> 16, found & 0xFFFF
             if bits != 0:
+                f = begin + step - 1
                 fire_bits(bits, noise, span_us, refractory_us, f, sample_us, lanes, marks, out_t, out_code)
+            step += 1
     if steps == 1 or placed == chunks:
         bits = arrive(lanes)
         if bits != 0:

@@ -7,6 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+from llvmlite import binding  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
@@ -14,8 +15,10 @@ from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.samples import EVENT, Events
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import (
+    BEGIN,
     DX,
     DY,
+    END,
     GROWS,
     LEVEL,
     LOWER,
@@ -23,9 +26,9 @@ from carlaloc_env.sensors.event_sampling import (
     UPPER,
     X,
     Y,
-    sample,
 )
 from carlaloc_env.sensors.event_search import ROWS
+from carlaloc_env.sensors.event_travel import ANYWHERE, FOUR_ROWS, THREE_ROWS, follow, travel
 from carlaloc_env.sensors.events import (
     NEVER_US,
     Motion,
@@ -316,24 +319,66 @@ def test_sixteen_samples_at_once_are_those_taken_one_by_one() -> None:
         dx, dy, more, grows = generator.uniform(-1.5, 1.5, (4, LANES)).astype(np.float32)
         rows[[X, Y, DX, DY, MORE, GROWS]] = x, y, dx, dy, more, grows
         h = np.float32(generator.integers(1, 17))
-        bits = _sixteen(image.reshape(-1), np.int32(70), np.int32(40), h, lanes)
+        bits = _sixteen(image.reshape(-1), 70, 40, ANYWHERE, int(h), lanes)
         u, v = x + h * dx, y + h * dy
         inside = (u >= 0) & (u <= 69) & (v >= 0) & (v <= 39)
         count += int(inside.sum())
-        i, j = np.clip(u, 0, 68).astype(int), np.clip(v, 0, 38).astype(int)
-        a, b = u - i.astype(np.float32), v - j.astype(np.float32)
-        upper = image[j, i] + a * (image[j, i + 1] - image[j, i])
-        lower = image[j + 1, i] + a * (image[j + 1, i + 1] - image[j + 1, i])
-        expected = upper + b * (lower - upper) + (more + h * grows)
+        expected = _bilinear(image, u, v) + (more + h * grows)
         np.testing.assert_array_equal(rows[LEVEL][inside], expected[inside])
         beyond = np.abs(rows[LEVEL]) >= 1.5
         np.testing.assert_array_equal(beyond, bits >> np.arange(LANES) & 1)
     assert count > 1000
 
 
+def test_rows_that_move_along_with_a_chunk_hold_all_that_it_looks_at() -> None:
+    """Bit for bit the bilinear values along the ways of a tile's pixels that grow, lean and move."""
+    generator = np.random.default_rng(13)
+    image = generator.normal(0, 2, (50, 90)).astype(np.float32)
+    lanes, met = np.zeros(ROWS * LANES, np.float32), set()
+    rows = lanes.reshape(ROWS, LANES)
+    rows[UPPER], rows[LOWER] = np.inf, -np.inf
+    along, down = np.arange(LANES) % 8, np.arange(LANES) // 8
+    for _ in range(600):
+        (left, right), (top, bottom) = (generator.uniform(0, n, 2) for n in (80, 48))
+        size, lean, turn = generator.uniform(0.6, 2.2), *generator.uniform(-0.15, 0.15, 2)
+        x, y = size * along + lean * down, size * down + turn * along
+        steps = int(generator.integers(1, 17))
+        near = np.clip([right - left, bottom - top], -steps, steps)
+        rows[BEGIN], rows[BEGIN + 1] = left + x, top + y
+        rows[END], rows[END + 1] = left + near[0] + 1.1 * x, top + near[1] + 1.1 * y
+        where = _followed(1 / steps, 90, 50, lanes)
+        met.add(where)
+        for step in range(1, steps + 1):
+            assert _sixteen(image.reshape(-1), 90, 50, where, step, lanes) == 0
+            u, v = (rows[at] + np.float32(step) * rows[by] for at, by in ((X, DX), (Y, DY)))
+            inside = (u >= 0) & (u <= 89) & (v >= 0) & (v <= 49)
+            assert where == ANYWHERE or inside.all()
+            expected = _bilinear(image, u, v) + (rows[MORE] + np.float32(step) * rows[GROWS])
+            np.testing.assert_array_equal(rows[LEVEL][inside], expected[inside])
+    wide = binding.get_host_cpu_features().get("avx512f", False)
+    assert met == ({ANYWHERE, FOUR_ROWS, THREE_ROWS} if wide else {ANYWHERE})
+
+
+def _bilinear(image: F32, x: F32, y: F32) -> F32:
+    i = np.clip(x, 0, image.shape[1] - 2).astype(int)
+    j = np.clip(y, 0, image.shape[0] - 2).astype(int)
+    a, b = x - i.astype(np.float32), y - j.astype(np.float32)
+    upper = image[j, i] + a * (image[j, i + 1] - image[j, i])
+    lower = image[j + 1, i] + a * (image[j + 1, i + 1] - image[j + 1, i])
+    value: F32 = upper + b * (lower - upper)
+    return value
+
+
 @numba.njit
-def _sixteen(flat: Any, width: Any, height: Any, steps: Any, lanes: Any) -> Any:
-    return sample(flat, width, height, steps, lanes)
+def _sixteen(flat: Any, width: int, height: int, where: int, step: int, lanes: Any) -> Any:
+    size, steps = (np.int32(width), np.int32(height)), (np.int32(step), np.int32(step + 1))
+    return travel(flat, size[0], size[1], np.int32(where), steps[0], steps[1], lanes) & 0xFFFF
+
+
+@numba.njit
+def _followed(share: float, width: int, height: int, lanes: Any) -> Any:
+    part, none = np.float32(share), np.float32(0)
+    return follow(np.int32(0), part, none, part, np.int32(width), np.int32(height), lanes)
 
 
 def test_counts_of_an_observation() -> None:
