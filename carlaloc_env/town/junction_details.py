@@ -14,9 +14,8 @@ from carlaloc_env.town.fields import JunctionField
 from carlaloc_env.town.junctions import unpaved_junction
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.polygons import Area, areas_only, triangulate
-from carlaloc_env.town.road_details import (
+from carlaloc_env.town.repairs import (
     COLLAR_M,
-    CRACK_M,
     PATCH_M,
     SEAL_M,
     SEAL_WIDTH_M,
@@ -24,6 +23,7 @@ from carlaloc_env.town.road_details import (
     lay_cover,
     repair_look,
 )
+from carlaloc_env.town.road_details import CRACK_M
 from carlaloc_env.town.roads import is_gutter
 
 Array = NDArray[np.float64]

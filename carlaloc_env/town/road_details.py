@@ -13,25 +13,23 @@ from carlaloc_env.semantics import Tag
 from carlaloc_env.town.markings import beside
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.opendrive.model import Road
+from carlaloc_env.town.repairs import (
+    COLLAR_M,
+    COVER_M,
+    PATCH_M,
+    SEAL_M,
+    SEAL_WIDTH_M,
+    cover_rings,
+    lay_cover,
+    repair_look,
+)
 from carlaloc_env.town.sections import Strip
 
 Array = NDArray[np.float64]
 Spans = list[tuple[float, float]]
+Rectangle = tuple[float, float, float, float]
+"""From and to along the road [m], from and to across a lane from its right edge [m]."""
 
-PATCH_M = 0.002
-"""Height of repairs above the road [m]; paint lies higher."""
-SEAL_M, SEAL_WIDTH_M = 0.0016, 0.055
-"""Height and width of the bitumen that seals the edges of a repair [m]."""
-COVER_M = 0.0025
-"""Height of covers and drains above the road [m]."""
-COVER_RADIUS_M, COLLAR_M = 0.33, 1.1
-"""Radius of a cover, and edge of the concrete that some are set in [m]."""
-REPAIRS: tuple[tuple[Material, tuple[float, float], float, float], ...] = (
-    (Material.ASPHALT, (105.0, 190.0), 0.45, 0.2),
-    (Material.ASPHALT_OLD, (225.0, 255.0), 0.25, 0.8),
-    (Material.CONCRETE, (140.0, 205.0), 0.30, 1.0),
-)
-"""What repairs are made of, its brightness, its share of all repairs, how many of them have sealed edges."""
 PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 10.0, 28.0, 22.0
 """Mean distances of repairs and covers on one lane, and of drains along a kerb [m]."""
 CRACK_STEP_M, JOINT_STEP_M = 16.0, 70.0
@@ -56,8 +54,9 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
                 and strip.lanes[lane].type == "driving"
                 and not strip.unpaved(lane)
             ):
-                _patches(bands, strip, lane, painted, draw)
-                _covers(bands, strip, lane, painted, draw)
+                taken: list[Rectangle] = []
+                _covers(bands, strip, lane, painted, draw, taken)
+                _patches(bands, strip, lane, painted, draw, taken)
                 _cracks(bands, strip, lane, draw)
                 _tyre_marks(bands, strip, lane, draw)
             _drains(bands, strip, lane, draw)
@@ -90,7 +89,9 @@ class _Bands:
             lay(out, points[edge][first : used[edge]])
 
 
-def _patches(bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
+def _patches(
+    bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, taken: list[Rectangle]
+) -> None:
     for start in _places(strip, PATCH_STEP_M, draw):
         length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
         room = _width_at(strip, lane, start, start + length) - width - 0.5
@@ -99,21 +100,18 @@ def _patches(bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.ra
         if room <= 0.0 or start + length > strip.s_m[-1] - 0.5 or _meets(painted, start, start + length):
             continue
         span, across = (start, start + length), (side, side + width)
+        rim = (span[0] - SEAL_WIDTH_M, span[1] + SEAL_WIDTH_M)
+        wide = (across[0] - SEAL_WIDTH_M, across[1] + SEAL_WIDTH_M)
+        if not _take(taken, (*rim, *wide)):
+            continue
         if sealed:
-            rim = (span[0] - SEAL_WIDTH_M, span[1] + SEAL_WIDTH_M)
-            wide = (across[0] - SEAL_WIDTH_M, across[1] + SEAL_WIDTH_M)
             _sheet(bands, strip, lane, rim, wide, SEAL_M, Material.PLAIN, 7.0)
         _sheet(bands, strip, lane, span, across, PATCH_M, material, grey)
 
 
-def repair_look(draw: np.random.Generator) -> tuple[Material, float, bool]:
-    """Material of a repair, its brightness 0–255, and whether its edges are sealed."""
-    kind = int(draw.choice(len(REPAIRS), p=[share for _, _, share, _ in REPAIRS]))
-    material, (low, high), _, sealed = REPAIRS[kind]
-    return material, float(draw.uniform(low, high)), bool(draw.random() < sealed)
-
-
-def _covers(bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator) -> None:
+def _covers(
+    bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, taken: list[Rectangle]
+) -> None:
     """Round covers, some of them set in a square of concrete."""
     for start in _places(strip, COVER_STEP_M, draw):
         room = _width_at(strip, lane, start - 0.5, start + 0.5)
@@ -124,11 +122,13 @@ def _covers(bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.ran
             or not strip.s_m[0] + 1.0 < start < strip.s_m[-1] - 1.0
         ):
             continue
+        half = 0.5 * COLLAR_M
+        span, sides = (start - half, start + half), (across - half, across + half)
+        if not _take(taken, (*span, *sides)):
+            continue
         rings = cover_rings()
         bands.add(lane + 1, start + rings[:, 0], across + rings[:, 1], lay_cover)
-        half = 0.5 * COLLAR_M
         if draw.random() < 0.5 and half + 0.1 < across < room - half - 0.1:
-            span, sides = (start - half, start + half), (across - half, across + half)
             _sheet(bands, strip, lane, span, sides, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
 
 
@@ -170,24 +170,6 @@ def _tyre_marks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generato
         for offset in (0.0, TRACK_M):
             across = np.clip(side + offset + veer, 0.12, room - 0.12)
             _ribbon(bands, lane, start + steps, across, TYRE_WIDTH_M, grey, Material.ASPHALT)
-
-
-def cover_rings() -> Array:
-    """Twelve points each of a cover's frame, lid and boss, forward and left of its middle [m], (36, 2)."""
-    angle = np.tile(np.arange(12) * (np.pi / 6), 3)
-    radius = np.repeat([COVER_RADIUS_M, COVER_RADIUS_M - 0.06, 0.12], 12)
-    # Angles run from left to forward: clockwise seen from above.
-    return np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=-1)
-
-
-def lay_cover(out: MeshBuilder, rings: Array) -> None:
-    """A cover: its frame and the boss in its middle are worn bright; points (36, 3) of `cover_rings`."""
-    fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
-    for k, grey in enumerate((74.0, 13.0, 62.0)):
-        ring = rings[12 * k : 12 * k + 12] + np.array([0.0, 0.0, COVER_M + 0.0004 * k])
-        out.triangles(
-            ring, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(grey, 0.97 * grey, 0.93 * grey)
-        )
 
 
 def _ribbon(
@@ -273,6 +255,15 @@ def _painted_spans(road: Road) -> Spans:
         for item in road.objects
         if item.type in ("crosswalk", "roadMark", "-1")
     ]
+
+
+def _take(taken: list[Rectangle], place: Rectangle) -> bool:
+    """Whether a place is free; it is taken from now on."""
+    s0, s1, t0, t1 = place
+    free = not any(a < s1 and s0 < b and c < t1 and t0 < d for a, b, c, d in taken)
+    if free:
+        taken.append(place)
+    return free
 
 
 def _meets(spans: Spans, start: float, end: float) -> bool:
