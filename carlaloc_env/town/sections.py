@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -98,15 +98,17 @@ class Strip:
         return (own[0], own[-1] + 1) if own else None
 
 
-def road_strips(roads: Sequence[Road], surface: RoadSurface) -> list[Strip]:
-    """Strips of all roads, in file order.
+def road_strips(
+    roads: Sequence[Road], surface: RoadSurface, only: Collection[str] | None = None
+) -> list[Strip]:
+    """Strips of all roads, or of those with these ids, in file order.
 
     Where the roads of a junction only lie side by side, as at the exits and merges of a motorway, they are
     drawn as plain roads: their strips name no junction.
     """
     strips = []
     for number, road in enumerate(roads):
-        for section in range(len(road.sections)):
+        for section in range(len(road.sections) if only is None or road.id in only else 0):
             strip = _strip(road, number, section, surface)
             if strip is not None:
                 strips.append(strip)

@@ -7,8 +7,8 @@ from math import cos, floor, pi, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.town.inside_line import EASE_M, wanted_inside
 from carlaloc_env.town.route import Route
 
 Array = NDArray[np.float64]
@@ -16,11 +16,9 @@ Array = NDArray[np.float64]
 SPACING_M = 0.5
 _CURVE_WINDOW_M = 4.0
 _SLOWEST_MPS = 2.5
+_CAREFUL_MPS2 = 1.3
 _TURN_FROM_RADPM, _TURN_FULL_RADPM = 1.0 / 45.0, 1.0 / 25.0
 _TURN_REACH_M = 7.0
-_TIGHT_FROM_RADPM, _TIGHT_FULL_RADPM, _TIGHT_EASE_M = 1.0 / 9.0, 1.0 / 6.0, 2.0
-_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
-"""From the rear axle to the front bumper [m]."""
 
 
 class DriverRoute:
@@ -57,6 +55,9 @@ class DriverRoute:
         self._heading: list[float] = heading.tolist()
         curvature = self._windowed_curvature(heading, _CURVE_WINDOW_M)
         self._speed = _speeds(curvature, np.asarray(at.speed_limit_mps, dtype=np.float64) * limit_share)
+        # Where the way was fitted there is little room: a body that leans far touches kerbs.
+        careful = np.sqrt(_CAREFUL_MPS2 / np.maximum(np.abs(curvature), 1e-4))
+        self._speed = np.where(free, self._speed, np.minimum(self._speed, careful))
         reach = round(_TURN_REACH_M / self._step_m)
         turn = (np.abs(curvature) - _TURN_FROM_RADPM) / (_TURN_FULL_RADPM - _TURN_FROM_RADPM)
         self._speed = -self._widest(-self._speed, round(3.0 / self._step_m))
@@ -134,18 +135,10 @@ class DriverRoute:
         return turn / (2 * half * self._step_m)
 
     def _inside(self, curvature: Array) -> Array:
-        """How far left of the lane's centre to drive [m]: in tight turns inside, for the nose swings out.
-
-        Where the rear axle follows an arc of radius R, the outer front corner runs wider than the car's
-        side by √((R + w/2)² + l²) − (R + w/2); half of that keeps both sides of the lane alike.
-        """
-        bend = np.maximum(np.abs(curvature), 1e-4)
-        side = 1.0 / bend + 0.5 * EGO_SIZE_M[1]
-        swing = np.sqrt(side * side + _FRONT_M * _FRONT_M) - side
-        tight = np.clip((bend - _TIGHT_FROM_RADPM) / (_TIGHT_FULL_RADPM - _TIGHT_FROM_RADPM), 0.0, 1.0)
-        wanted = 0.5 * swing * tight * np.sign(curvature)
+        """How far left of the lane's centre to drive [m]."""
+        wanted = wanted_inside(curvature)
         # Two running means: neither the path nor its direction jumps.
-        half = round(_TIGHT_EASE_M / self._step_m)
+        half = round(EASE_M / self._step_m)
         for _ in range(2):
             wanted = np.mean([self._shifted(wanted, k) for k in range(-half, half + 1)], axis=0)
         return wanted

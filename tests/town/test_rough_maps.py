@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.crossed_walks import BELOW_M, lower_walks
+from carlaloc_env.town.inside_line import inside_line
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.polygons import strip_polygon
 from carlaloc_env.town.route import Route, plan_route
+from carlaloc_env.town.route_line import RouteLine
 from carlaloc_env.town.sections import KERB_M, road_strips
 from carlaloc_env.town.traffic_choice import choose_traffic
+from carlaloc_env.town.turn_room import raised_near
 
 HEAD = '<OpenDRIVE><header revMajor="1" revMinor="4"/>'
 LANE = '<lane id="{}" type="{}"><width sOffset="0" a="{}" b="0" c="0" d="0"/></lane>'
@@ -27,6 +33,8 @@ ROAD = (
 LINE = '<geometry s="{}" x="{}" y="{}" hdg="{}" length="{}"><line/></geometry>'
 WALKED = LANE.format(-1, "driving", 3.5) + LANE.format(-2, "sidewalk", 2.0)
 
+WHEELBASE_M, TRACK_M = VehicleParams().wheelbase_m, VehicleParams().track_m
+
 
 def crossing(bridge_m: float) -> LaneNetwork:
     """Two roads with pavements that cross without a junction, one of them so much higher."""
@@ -37,15 +45,25 @@ def crossing(bridge_m: float) -> LaneNetwork:
     return LaneNetwork.from_opendrive(f"{HEAD}{east}{north}</OpenDRIVE>".encode())
 
 
-def corner(radius_m: float, width_m: float) -> LaneNetwork:
-    """A lane that turns right by 90° with this radius of its middle, 40 m of straight road at both ends."""
+def corner(radius_m: float, width_m: float, *, walks: bool = False) -> LaneNetwork:
+    """A lane that turns right by 90° with this radius of its middle, 40 m of straight road at both ends.
+
+    With pavements on both sides on request.
+    """
     bend = radius_m + 0.5 * width_m
     turn = f'length="{bend * math.pi / 2}"><arc curvature="{-1 / bend}"/>'
     arc = f'<geometry s="40" x="0" y="0" hdg="0" {turn}</geometry>'
     plan = LINE.format(0, -40, 0, 0, 40) + arc
     plan += LINE.format(40 + bend * math.pi / 2, bend, -bend, -math.pi / 2, 40)
-    lanes = LANE.format(-1, "driving", width_m)
+    lanes = LANE.format(-1, "driving", width_m) + (LANE.format(-2, "sidewalk", 1.0) if walks else "")
     road = ROAD.format(id=1, length=80 + bend * math.pi / 2, plan=plan, lanes=lanes, z=0)
+    if walks:
+        left = f"</center><left>{LANE.format(1, 'sidewalk', 2.0)}</left>"
+        road = road.replace("<left/>", "").replace("</center>", left)
+        # The standard wants left lanes first.
+        section = road[road.index("<center>") : road.index("</left>") + len("</left>")]
+        centre, outer = section.split("</center>")
+        road = road.replace(section, f"{outer}{centre}</center>")
     return LaneNetwork.from_opendrive(f"{HEAD}{road}</OpenDRIVE>".encode())
 
 
@@ -59,6 +77,34 @@ def swept_off_m2(network: LaneNetwork, route: Route) -> float:
     (strip,) = road_strips(network.xodr.roads, network.surface)
     lane = shapely.buffer(strip_polygon(*strip.lane_edges(0)), 1e-3)
     return float(shapely.area(shapely.difference(shapely.union_all(boxes[8:-8]), lane)))
+
+
+def on_kerbs_m2(network: LaneNetwork, route: Route) -> float:
+    """Area of raised pavements that the tyres run over when the rear axle follows a route [m²]."""
+    outer, inner = 0.5 * TRACK_M + 0.1, 0.5 * TRACK_M - 0.1
+    c, s = np.cos(route.heading_rad)[:, None], np.sin(route.heading_rad)[:, None]
+    prints = []
+    for axle, side in itertools.product((0.0, WHEELBASE_M), (1.0, -1.0)):
+        x = axle + np.array([-0.15, 0.15, 0.15, -0.15])
+        y = side * np.array([inner, inner, outer, outer])
+        corners = np.stack([c * x - s * y, s * x + c * y], axis=-1)
+        prints.append(shapely.polygons(route.position_m[:, None, :2] + corners))
+    tracks = shapely.union_all([shapely.union_all(part[8:-8]) for part in prints])
+    (strip,) = road_strips(network.xodr.roads, network.surface)
+    walks = [strip_polygon(*strip.lane_edges(k)) for k in range(3) if strip.kind(k) == "walkway"]
+    assert len(walks) == 2
+    return float(shapely.area(shapely.intersection(tracks, shapely.union_all(walks))))
+
+
+def as_driven(route: Route) -> Route:
+    """The route where a driver takes it: inside of its bends, but where it was fitted."""
+    s = np.arange(len(route.position_m), dtype=np.float64) * route.step_m
+    _, xy, heading = inside_line(s, route.position_m[:, :2], np.unwrap(route.heading_rad), route.step_m)
+    free = np.ones(len(s), bool) if route.fitted is None else ~route.fitted
+    xy, heading = xy[: len(s)], heading[: len(s)]
+    position = route.position_m.copy()
+    position[free, :2] = xy[free]
+    return replace(route, position_m=position, heading_rad=np.where(free, heading, route.heading_rad))
 
 
 def sharpest_radpm(route: Route, window_m: float = 4.0) -> float:
@@ -98,6 +144,30 @@ def test_a_car_fits_round_a_tight_corner() -> None:
     assert swept_off_m2(network, fitted) < 0.5 * swept_off_m2(network, middle)
     for end in (0, -1):
         np.testing.assert_allclose(fitted.position_m[end], middle.position_m[end], atol=0.3)
+
+
+@pytest.mark.parametrize(("radius_m", "width_m"), [(2.0, 4.0), (3.4, 3.2), (4.6, 3.2), (5.6, 2.8)])
+def test_tyres_keep_off_kerbs_in_tight_corners(radius_m: float, width_m: float) -> None:
+    """Between raised pavements, on which tyres climb where the rear axle follows the lane's middle."""
+    network = corner(radius_m, width_m, walks=True)
+    ends = [(-35.0, -0.5 * width_m), (radius_m, -40.0)]
+    middle, fitted = (plan_route(network, ends, for_car=car) for car in (False, True))
+    assert fitted.fitted is not None
+    assert sharpest_radpm(fitted) < 1 / 4.6
+    assert on_kerbs_m2(network, middle) > 0.05
+    assert on_kerbs_m2(network, as_driven(fitted)) < 0.001
+
+
+def test_raised_ground_is_what_the_town_raises() -> None:
+    """Pavements count where they stand up, not where another road's lane crosses them."""
+    network = crossing(0.0)
+    line = plan_route(network, [(-35.0, -1.75), (35.0, -1.75)])
+    own = RouteLine(line.position_m, line.heading_rad, line.slope, line.lane, line.lane_station_m)
+    raised, asphalt = raised_near(network, own)
+    places = {(10.0, -4.5): (True, False), (1.75, -4.5): (False, True), (10.0, -1.75): (False, True)}
+    for (x, y), (up, paved) in places.items():
+        assert bool(shapely.contains_xy(raised, x, y)) == up
+        assert bool(shapely.contains_xy(asphalt, x, y)) == paved
 
 
 def test_wide_turns_stay_in_the_middle() -> None:
