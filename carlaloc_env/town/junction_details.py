@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -47,11 +49,11 @@ def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: Juncti
         return
     draw = rng.stream(seed, f"junction details/{junction.id}")
     number = inner.area / AREA_M2
-    sheets = _Sheets(out, field, inner)
+    sheets = _Sheets(inner)
     for point in _points(inner, draw.poisson(number / 3.0) + 1, draw):
         rings = point + cover_rings() @ _turned(draw)
         if shapely.contains_xy(inner, *rings[:12].T).all():
-            lay_cover(out, np.column_stack([rings, field.height(rings)]))
+            sheets.add(rings, lay_cover)
             collar = shapely.Point(*point).buffer(0.5 * COLLAR_M, cap_style="square")
             if draw.random() < 0.5:
                 sheets.lay(collar, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
@@ -66,14 +68,30 @@ def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: Juncti
                 sheets.lay(rim, SEAL_M, Material.PLAIN, 7.0)
     cracks = [_crack(point, draw) for point in _points(inner, draw.poisson(number), draw)]
     sheets.lay(shapely.union_all(cracks), CRACK_M, Material.PLAIN, 6.0)
+    sheets.build(out, field)
 
 
 class _Sheets:
     """Thin sheets on a junction; each leaves free what earlier ones cover."""
 
-    def __init__(self, out: MeshBuilder, field: JunctionField, inner: Area) -> None:
-        self._out, self._field, self._inner = out, field, inner
+    def __init__(self, inner: Area) -> None:
+        self._inner = inner
         self._taken: Area = shapely.MultiPolygon()
+        self._found: list[tuple[Array, Callable[[MeshBuilder, Array], None]]] = []
+
+    def add(self, xy: Array, lay: Callable[[MeshBuilder, Array], None]) -> None:
+        """Points (K, 2) on the junction; `lay` gets them with their heights, (K, 3)."""
+        self._found.append((xy, lay))
+
+    def build(self, out: MeshBuilder, field: JunctionField) -> None:
+        """Lay everything in the order in which it came; heights are looked up all at once."""
+        if not self._found:
+            return
+        xy = np.concatenate([own for own, _ in self._found])
+        points = np.column_stack([xy, field.height(xy)])
+        ends = np.cumsum([len(own) for own, _ in self._found])
+        for (_, lay), own in zip(self._found, np.split(points, ends[:-1]), strict=True):
+            lay(out, own)
 
     def free(self, area: Area) -> bool:
         """Whether nothing lies there."""
@@ -88,9 +106,13 @@ class _Sheets:
         bare = shapely.difference(shapely.intersection(area, self._inner), self._taken)
         self.keep(area)
         xy, triangles = triangulate(areas_only(bare), _CELL_M)
+
+        def sheet(out: MeshBuilder, points: Array) -> None:
+            high = points + np.array([0.0, 0.0, lift_m])
+            out.triangles(high, triangles, material=material, tag=Tag.ROAD, colour=(grey, grey, grey))
+
         if len(xy):
-            points = np.column_stack([xy, self._field.height(xy) + lift_m])
-            self._out.triangles(points, triangles, material=material, tag=Tag.ROAD, colour=(grey, grey, grey))
+            self.add(xy, sheet)
 
 
 def _turned(draw: np.random.Generator) -> Array:
