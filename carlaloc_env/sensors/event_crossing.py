@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.compiled import inlined
+from carlaloc_env.compiled import compiled, inlined
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import (
     DRIFT,
@@ -36,7 +36,7 @@ NEVER_US = -(1 << 30)
 LAST, SHOT, COUNT = 0, 1, 2
 """Rows of whole numbers; in the last one those below."""
 EVENTS, NEXT_SHOT, NOISY, PLACE = 0, 1, 2, 3
-"""Number of events so far, next noise event, whether one is of these pixels, and the place of the first
+"""Number of events so far, next noise event, pixels that have some as bits, and the place of the first
 pixel: its row in the upper 16 bits, its column in the lower."""
 PIXEL_ROWS = LANES // TILE_PX
 """Rows of pixels in sixteen of a tile."""
@@ -94,14 +94,16 @@ def _take_noise(places: Any, corners: Any, row: int, marks: Any) -> None:
     y, x = places[shot] >> 16, places[shot] & 0xFFFF
     if y < row or y >= row + PIXEL_ROWS or x < x0 or x > x1:
         return
-    marks[COUNT, NOISY] = 1
+    noisy = 0
     for lane in range(LANES):
         marks[SHOT, lane] = count
         y, x = row + lane // TILE_PX, x0 + lane % TILE_PX
         if y <= y1 and x <= x1 and shot < count and places[shot] == place_of(lane, marks):
             marks[SHOT, lane] = shot
+            noisy |= 1 << lane
             while shot < count and places[shot] == place_of(lane, marks):
                 shot += 1
+    marks[COUNT, NOISY] = noisy
     marks[COUNT, NEXT_SHOT] = shot
 
 
@@ -167,16 +169,35 @@ def fire_bits(
         out_t: Times of the events [µs].
         out_code: Place of the events' pixels, and in the lowest bit their polarity.
     """
-    count = marks[COUNT, EVENTS]
-    if marks[COUNT, NOISY] == 0 and count + LANES <= len(out_t):
-        first, at = np.int32(marks[COUNT, PLACE]), np.float64(begin)
-        span, rest = np.int32(span_us), np.int32(refractory_us)
+    first, at = np.int32(marks[COUNT, PLACE]), np.float64(begin)
+    span, rest = np.int32(span_us), np.int32(refractory_us)
+    count, quiet = np.int64(marks[COUNT, EVENTS]), bits & ~marks[COUNT, NOISY]
+    while quiet != 0 and count + LANES <= len(out_t):
+        bits &= ~quiet
         fired = volley(
-            np.int32(bits), at, sample_us, span, rest, first, marks, lanes, out_t, out_code, np.int64(count)
+            np.int32(quiet), at, sample_us, span, rest, first, marks, lanes, out_t, out_code, count
         )
-        if fired >= 0:
-            marks[COUNT, EVENTS] = count + fired
-            return
+        quiet, count = fired & 0xFFFF, count + (fired >> 16)
+        bits |= quiet
+    marks[COUNT, EVENTS] = count
+    if bits != 0:
+        _fire_one_by_one(bits, noise, span_us, refractory_us, begin, sample_us, lanes, marks, out_t, out_code)
+
+
+@compiled
+def _fire_one_by_one(
+    bits: int,
+    noise: Any,
+    span_us: int,
+    refractory_us: int,
+    begin: int,
+    sample_us: float,
+    lanes: Any,
+    marks: Any,
+    out_t: Any,
+    out_code: Any,
+) -> None:
+    """The same for pixels that have noise events, too, or where room runs out."""
     while bits != 0:
         lane = lowest(np.int32(bits))
         bits &= bits - 1
@@ -185,7 +206,7 @@ def fire_bits(
         upper, lower = lanes[UPPER * LANES + lane], lanes[LOWER * LANES + lane]
         reference = lanes[REFERENCE * LANES + lane]
         rise = level - earlier
-        noisy = marks[COUNT, NOISY] != 0 and marks[SHOT, lane] < len(noise[0])
+        noisy = marks[COUNT, NOISY] >> lane & 1 != 0 and marks[SHOT, lane] < len(noise[0])
         while level >= upper or level <= lower:
             positive = level >= upper
             reference = upper if positive else lower

@@ -10,10 +10,13 @@ import math
 from typing import Any
 
 import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from carlaloc_env.compiled import inlined
-from carlaloc_env.sensors.event_lanes import LANES
+from carlaloc_env.sensors.event_lanes import FLOATS, I32, I64, LANES, WORDS, Wide, data_of, spread
 from carlaloc_env.sensors.event_sampling import U, V
 from carlaloc_env.sensors.event_search import (
     AT,
@@ -28,6 +31,7 @@ from carlaloc_env.sensors.event_search import (
     go_on,
     search,
 )
+from carlaloc_env.sensors.pixel_motion import TILE_PX
 from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, MISS_PX, NOWHERE, SAME_DEPTH, SECOND, range_along
 
 F32 = NDArray[np.float32]
@@ -42,7 +46,7 @@ _KNOTS = LANES // 4
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int64]]:
+def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int32]]:
     """Room for the notes that `fire_rows` takes of one tile.
 
     Where its corners come from at the ends of all chunks, x and y in both pictures; and for each
@@ -54,17 +58,62 @@ def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int64]]:
         np.zeros((chunks, 4, 4), np.float32),
         np.zeros((chunks, 3), np.float32),
         np.zeros(ROWS * LANES, np.float32),
-        np.zeros((3, LANES), np.int64),
+        np.zeros((3, LANES), np.int32),
     )
+
+
+@intrinsic
+def _bends(typing: Any, flat: Any, top: Any, bottom: Any, row: Any, part: Any, along: Any, most: Any) -> Any:
+    """Whether the motion (du, dv) of eight pixels in a row is off the plane through a tile's corners.
+
+    Args: the field (H·W·4,); where in it the tile's top left pixel, its bottom left one and the row's first
+    one are; part of the way from top to bottom; 1 / (pixels in a row − 1); by how much it may be off [px].
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = data_of(context, builder, signature.args[0], arguments[0])
+        top, bottom, row = arguments[1:4]
+        part, along, most = (spread(builder, a) for a in arguments[4:7])
+        four = ir.VectorType(FLOATS.element, 4)
+
+        def loaded(at: Any, pixels: int, kind: Any) -> Any:
+            place = builder.gep(data, [builder.add(at, ir.Constant(I64, 4 * pixels))])
+            value = builder.load(builder.bitcast(place, kind.as_pointer()))
+            value.align = 4
+            return value
+
+        def corner(at: Any, pixels: int) -> Wide:
+            value, order = loaded(at, pixels, four), ir.Constant(WORDS, [0, 1, 2, 3] * 4)
+            return Wide(builder, builder.shuffle_vector(value, value, order))
+
+        left, right = (
+            corner(top, side) + part * (corner(bottom, side) - corner(top, side)) for side in (0, 7)
+        )
+        rise = along * (right - left)
+        halves = []
+        for first in (0, 4):
+            steps = Wide(builder, ir.Constant(FLOATS, [float(first + lane // 4) for lane in range(LANES)]))
+            error = left + steps * rise - Wide(builder, loaded(row, first, FLOATS))
+            halves.append((error > most) | (error < most * -1.0))
+        motion = ir.Constant(I32, sum(1 << lane for lane in range(LANES) if lane % 4 < 2))
+        return builder.and_((halves[0] | halves[1]).bits(), motion)
+
+    real, long = types.float32, types.int64
+    return types.int32(flat, long, long, long, real, real, real), generate
+
+
+# Under a type that callers may call as a function.
+bends: Any = _bends
 
 
 @inlined
 def tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x1: int, step_px: Any) -> int:
     """Samples of all pixels of a tile that moves smoothly; 0 where they must be looked at one by one."""
-    forward, backward, passing, _, _ = fields
+    forward, backward, passing, flat_forward, flat_backward = fields
     longest, nearest = _ZERO, np.float32(1e9)
-    if not (_is_smooth(forward, y0, x0, y1, x1) and _is_smooth(backward, y0, x0, y1, x1)):
-        return 0
+    for field, flat in ((forward, flat_forward), (backward, flat_backward)):
+        if not _is_smooth(field, flat, y0, x0, y1, x1):
+            return 0
     for field in (forward, backward):
         for y in (y0, y1):
             for x in (x0, x1):
@@ -78,9 +127,11 @@ def tile_steps(fields: Any, row: int, column: int, y0: int, x0: int, y1: int, x1
 
 
 @inlined
-def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
+def _is_smooth(field: Any, flat: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
     """Whether the motion of all pixels of a tile lies on the plane through those of its corners."""
     down, along = _ONE / np.float32(max(y1 - y0, 1)), _ONE / np.float32(max(x1 - x0, 1))
+    if x1 - x0 == TILE_PX - 1:
+        return _is_smooth_row_by_row(field, flat, y0, x0, y1, down, along)
     for y in range(np.uint32(y0), np.uint32(y1 + 1)):
         g = down * (np.float32(y) - np.float32(y0))
         for part in (np.uint32(0), np.uint32(1)):
@@ -90,6 +141,18 @@ def _is_smooth(field: Any, y0: int, x0: int, y1: int, x1: int) -> bool:
             for x in range(np.uint32(x0), np.uint32(x1 + 1)):
                 if abs(left + (np.float32(x) - np.float32(x0)) * rise - field[y, x, part]) > SMOOTH_PX:
                     return False
+    return True
+
+
+@inlined
+def _is_smooth_row_by_row(field: Any, flat: Any, y0: int, x0: int, y1: int, down: Any, along: Any) -> bool:
+    """The same for tiles that are not cut off at the right."""
+    width = field.shape[1]
+    top, bottom = 4 * (y0 * width + x0), 4 * (y1 * width + x0)
+    for y in range(y0, y1 + 1):
+        g = down * (np.float32(y) - np.float32(y0))
+        if bends(flat, top, bottom, 4 * (y * width + x0), g, along, SMOOTH_PX) != 0:
+            return False
     return True
 
 

@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 from carlaloc_env.sensors.event_lanes import I32, I64, LANES, WORDS, Room, Wide, all_of, data_of, spread
 from carlaloc_env.sensors.event_sampling import EARLIER, LEVEL, LOWER, OFF, ON, REFERENCE, UPPER
 
-REALS, LONGS = ir.VectorType(ir.DoubleType(), LANES), ir.VectorType(I64, LANES)
+REALS = ir.VectorType(ir.DoubleType(), LANES)
 TRUTHS = ir.VectorType(ir.IntType(1), LANES)
 
 
@@ -31,7 +31,7 @@ def _volley(
     out_code: Any,
     count: Any,
 ) -> Any:
-    """Fire those of sixteen pixels; number of events, or -1 and nothing done if one must fire twice.
+    """Fire those of sixteen pixels once; number of events in the upper bits, in the lower 16 who fires again.
 
     Args: the pixels; number of the sample before this one; time between two samples [µs]; length of the
     span [µs]; shortest time between two events [µs]; place of the first pixel, row in the upper 16 bits;
@@ -48,34 +48,26 @@ def _volley(
         crossed = positive.pick(room[UPPER], room[LOWER])
         upper, lower = crossed + room[ON], crossed - room[OFF]
         again = (firing & ((level >= upper) | (level <= lower))).bits()
-        once = builder.icmp_unsigned("==", again, ir.Constant(I32, 0))
-        before = builder.block
-        with builder.if_then(once):
-            t = _times(builder, crossed - earlier, level - earlier, begin, sample_us, span_us)
-            for row, value in ((REFERENCE, crossed), (UPPER, upper), (LOWER, lower)):
-                room[row] = firing.pick(value, room[row])
-            moments = builder.bitcast(
-                data_of(context, builder, signature.args[6], arguments[6]), LONGS.as_pointer()
-            )
-            last = builder.load(moments)
-            last.align = 8
-            since = builder.sub(t, builder.trunc(last, WORDS))
-            rested = builder.icmp_signed(">=", since, spread(builder, refractory_us).value)
-            heard = firing & Wide(builder, rested)
-            builder.store(builder.select(heard.value, builder.sext(t, LONGS), last), moments).align = 8
-            offsets = ir.Constant(WORDS, [(lane // 8 << 16) + lane % 8 for lane in range(LANES)])
-            code = builder.add(offsets, spread(builder, first).value)
-            sign = builder.zext(positive.value, WORDS)
-            code = builder.or_(builder.shl(code, ir.Constant(WORDS, [1] * LANES)), sign)
-            for k, values in ((8, t), (9, code)):
-                data = data_of(context, builder, signature.args[k], arguments[k])
-                _put_close(builder, values, builder.gep(data, [count]), heard.value)
-            fired = builder.zext(builder.ctpop(heard.bits()), I64)
-            done = builder.block
-        number = builder.phi(I64)
-        number.add_incoming(ir.Constant(I64, -1), before)
-        number.add_incoming(fired, done)
-        return number
+        t = _times(builder, crossed - earlier, level - earlier, begin, sample_us, span_us)
+        for row, value in ((REFERENCE, crossed), (UPPER, upper), (LOWER, lower)):
+            room[row] = firing.pick(value, room[row])
+        data = data_of(context, builder, signature.args[6], arguments[6])
+        moments = builder.bitcast(data, WORDS.as_pointer())
+        last = builder.load(moments)
+        last.align = 4
+        since = builder.sub(t, last)
+        rested = builder.icmp_signed(">=", since, spread(builder, refractory_us).value)
+        heard = firing & Wide(builder, rested)
+        builder.store(builder.select(heard.value, t, last), moments).align = 4
+        offsets = ir.Constant(WORDS, [(lane // 8 << 16) + lane % 8 for lane in range(LANES)])
+        code = builder.add(offsets, spread(builder, first).value)
+        sign = builder.zext(positive.value, WORDS)
+        code = builder.or_(builder.shl(code, ir.Constant(WORDS, [1] * LANES)), sign)
+        for k, values in ((8, t), (9, code)):
+            data = data_of(context, builder, signature.args[k], arguments[k])
+            _put_close(builder, values, builder.gep(data, [count]), heard.value)
+        fired = builder.zext(builder.ctpop(heard.bits()), I64)
+        return builder.or_(builder.shl(fired, ir.Constant(I64, 16)), builder.zext(again, I64))
 
     whole, real = types.int32, types.float64
     return types.int64(
