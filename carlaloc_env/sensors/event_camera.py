@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.compiled import over_bands
 from carlaloc_env.errors import ConfigError
 from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.camera_shot import Optics, Shot
@@ -83,8 +84,9 @@ class Glance:
 
 def motion_between(optics: Optics, before: Glance, after: Glance) -> Motion:
     """How everything moves between two pictures of a camera."""
-    forward, backward = (
-        motion_field(
+
+    def field(now: Glance, then: Glance) -> F32:
+        return motion_field(
             optics.pinhole,
             now.depth_m,
             now.instance,
@@ -93,9 +95,12 @@ def motion_between(optics: Optics, before: Glance, after: Glance) -> Motion:
             lens=optics.lens,
             rays=optics.rays,
         )
-        for now, then in ((before, after), (after, before))
-    )
-    return Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
+
+    forward = field(before, after)
+    # Side by side, since not all that the one does can be shared among threads.
+    jobs = (lambda: passing_surfaces(forward), lambda: field(after, before))
+    passing, backward = over_bands(lambda job, _: jobs[job](), len(jobs), 1)
+    return Motion(forward=forward, backward=backward, passing=passing)
 
 
 class EventCamera:
