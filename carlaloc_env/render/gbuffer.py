@@ -111,6 +111,8 @@ class GBuffer:
         """Instances that were drawn; their shadows depend on the sun of each weather."""
         self._context = context
         self._samples: tuple[NDArray[np.float32], NDArray[np.uint32]] | None = None
+        self._depth_m: NDArray[np.float32] | None = None
+        self._normal_codes: NDArray[np.uint16] | None = None
 
     @property
     def camera(self) -> Pinhole:
@@ -119,9 +121,31 @@ class GBuffer:
 
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth along the optical axis at pixel centres [m], 0 = sky, shape (H, W)."""
+        if self.shaded is self.drawn:
+            return self.shaded_depth_m().copy()
         with self._context:
             data = self.drawn.depth.read()
         return self._centred(np.frombuffer(data, dtype=np.float32))
+
+    def shaded_depth_m(self) -> NDArray[np.float32]:
+        """Planar depth of what is shaded [m], 0 = sky, shape (H, W), read-only; read back once."""
+        if self._depth_m is None:
+            with self._context:
+                data = self.shaded.depth.read()
+            self._depth_m = np.frombuffer(data, dtype=np.float32).reshape(self._shape)
+        return self._depth_m
+
+    def shaded_normal_codes(self) -> NDArray[np.uint16]:
+        """Octahedral world normals of what is shaded, shape (H, W, 2), read-only; read back once."""
+        if self._normal_codes is None:
+            with self._context:
+                data = self.shaded.normal.read()
+            self._normal_codes = np.frombuffer(data, dtype=np.uint16).reshape(*self._shape, 2)
+        return self._normal_codes
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return self.camera.height_px, self.camera.width_px
 
     def labels(self) -> tuple[NDArray[np.uint8], NDArray[np.uint32]]:
         """Semantic `Tag` and instance id (0 = none) at pixel centres, both of shape (H, W)."""

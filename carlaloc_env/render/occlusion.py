@@ -43,8 +43,10 @@ class Depths:
         self._view = view
         self._tile_px = max(4, depth_m.shape[1] // TILES)
         rows, columns = (-(-size // self._tile_px) for size in depth_m.shape)
-        self._far_m = np.empty((rows, columns), np.float32)
-        _farthest(self._far_m, depth_m, self._tile_px)
+        bits = np.empty((rows, columns), np.uint32)
+        _farthest(bits, depth_m.view(np.uint32), self._tile_px)
+        bits += np.uint32(1)
+        self._far_m = np.where(bits == 0, np.float32(np.inf), bits.view(np.float32))
 
     @classmethod
     def carried(cls, view: View, earlier: View, depth_m: F32, instance: NDArray[np.uint32]) -> Depths:
@@ -100,19 +102,20 @@ def box_corners(low_m: Array, high_m: Array) -> Array:
 
 
 @compiled
-def _farthest(out: F32, depth_m: F32, tile_px: int) -> None:
-    for row in range(out.shape[0]):
+def _farthest(out: NDArray[np.uint32], depth_bits: NDArray[np.uint32], tile_px: int) -> None:
+    """Bits of the farthest depth of every tile less one, all set where there is sky.
+
+    Bits of positive numbers are in their order, and whole numbers go through the processor's wide
+    registers; the sky's zero less one becomes the largest of all.
+    """
+    out[:] = 0
+    height, width = depth_bits.shape
+    for v in range(height):
         for column in range(out.shape[1]):
-            out[row, column] = 0.0
-    for v in range(depth_m.shape[0]):
-        row = v // tile_px
-        for u in range(depth_m.shape[1]):
-            d = depth_m[v, u]
-            column = u // tile_px
-            if d == 0.0:
-                out[row, column] = np.float32(np.inf)
-            elif d > out[row, column]:
-                out[row, column] = d
+            far = out[v // tile_px, column]
+            for u in range(column * tile_px, min(column * tile_px + tile_px, width)):
+                far = max(far, np.uint32(depth_bits[v, u] - np.uint32(1)))
+            out[v // tile_px, column] = far
 
 
 @compiled

@@ -185,19 +185,56 @@ class SceneRenderer:
         """
         return self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed)()
 
+    def shade_all(
+        self,
+        gbuffer: GBuffer,
+        weathers: Sequence[WeatherParameters],
+        *,
+        stamp_ns: int = 0,
+        seed: int = 0,
+    ) -> list[NDArray[np.uint8]]:
+        """The same under several weathers: the lights of one are found while another is shaded.
+
+        Takes the arguments of `shade`, and gives the same pictures, one for each weather.
+        """
+        # Reading back waits for all that has been begun.
+        for weather in weathers:
+            _read_ahead(gbuffer, weather)
+        begun = [
+            self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed, place=place)
+            for place, weather in enumerate(weathers)
+        ]
+        return [finish() for finish in begun]
+
     def begin_shading(
-        self, gbuffer: GBuffer, weather: WeatherParameters, *, stamp_ns: int = 0, seed: int = 0
+        self,
+        gbuffer: GBuffer,
+        weather: WeatherParameters,
+        *,
+        stamp_ns: int = 0,
+        seed: int = 0,
+        place: int = 0,
     ) -> Callable[[], NDArray[np.uint8]]:
         """Begin what `shade` does, and do not wait for it: the next picture can be drawn meanwhile.
 
-        Takes the arguments of `shade`.
+        Takes the arguments of `shade`, and:
+
+        Args:
+            gbuffer: What `draw` returned.
+            weather: Light and air.
+            stamp_ns: Time of the picture [ns].
+            seed: Seed of dither and rain.
+            place: Where the picture is kept meanwhile: pictures in other places may be begun before it
+                is waited for.
 
         Returns:
-            What waits for the picture and returns it; to be called before the next shading is begun.
+            What waits for the picture and returns it; to be called before the next shading in its place is
+            begun.
         """
+        _read_ahead(gbuffer, weather)
         with self._context:
             casters = self._filler.casters(gbuffer.actors)
-            read = self._shader.begin(gbuffer, weather, casters, stamp_ns, seed)
+            read = self._shader.begin(gbuffer, weather, casters, stamp_ns, seed, place)
             self._filler.wake()
 
         def finished() -> NDArray[np.uint8]:
@@ -222,6 +259,7 @@ class SceneRenderer:
                 by the motion of surfaces can follow.
             seed: Seed of the rain.
         """
+        _read_ahead(gbuffer, weather)
         with self._context:
             casters = self._filler.casters(gbuffer.actors)
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
@@ -247,6 +285,7 @@ class SceneRenderer:
         Returns:
             Light that they add [cd/m²], three channels, and the share of what lies behind that they hide.
         """
+        _read_ahead(gbuffer, weather)
         with self._context:
             return self._shader.rain_cd_m2(gbuffer, weather, stamp_ns, seed, exposure_s)
 
@@ -277,6 +316,14 @@ class SceneRenderer:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _read_ahead(gbuffer: GBuffer, weather: WeatherParameters) -> None:
+    """Read back what shading needs, outside the context: an inner `with` would leave none current."""
+    if weather.is_night or weather.precipitation > 0.0:
+        gbuffer.shaded_depth_m()
+    if weather.is_night:
+        gbuffer.shaded_normal_codes()
 
 
 def _take(instances: Instances, which: NDArray[np.intp]) -> Instances:

@@ -86,13 +86,14 @@ class Shader:
         casters: Casters,
         stamp_ns: int,
         seed: int,
+        place: int = 0,
     ) -> Callable[[], NDArray[np.uint8]]:
         """Begin a picture; what is returned waits for it: dither, sRGB and opaque, shape (H, W, 4).
 
-        It has to be called, inside the context, before the next picture of that size is begun.
+        It has to be called, inside the context, before the next picture of that size and place is begun.
         """
         scene = self._scene(gbuffer, weather, stamp_ns, seed)
-        texture, lights = self._run(scene, casters, linear=False)
+        texture, lights = self._run(scene, casters, linear=False, place=place)
 
         def finished() -> NDArray[np.uint8]:
             out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.uint8)
@@ -145,7 +146,9 @@ class Shader:
             stamp_ns=stamp_ns,
         )
 
-    def _run(self, scene: Scene, casters: Casters, *, linear: bool) -> tuple[moderngl.Texture, Lights]:
+    def _run(
+        self, scene: Scene, casters: Casters, *, linear: bool, place: int = 0
+    ) -> tuple[moderngl.Texture, Lights]:
         """The picture without falling drops, and the lamps of the night that light it."""
         gbuffer, weather, sun = scene.gbuffer, scene.weather, scene.sky.light.sun_direction
         resolved = gbuffer.shaded is not gbuffer.drawn
@@ -160,7 +163,7 @@ class Shader:
             grid = self._night.prepare(scene)
         if "MIRROR" in features:
             self._mirrored(scene).use(MIRROR)
-        texture, framebuffer = self._output(gbuffer, linear=linear)
+        texture, framebuffer = self._output(gbuffer, linear=linear, place=place)
         framebuffer.use()
         # The depth test splits the picture: surfaces lie before the triangle, the sky on it.
         framebuffer.depth_mask = False
@@ -242,10 +245,12 @@ class Shader:
         streaks = streaks.take(np.flatnonzero(self._roofs.open_sky(streaks.end_m + view.position_m)))
         return streaks, lit(streaks, view.position_m, scene.sky.above_cd_m2, lights)
 
-    def _output(self, gbuffer: GBuffer, *, linear: bool) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
+    def _output(
+        self, gbuffer: GBuffer, *, linear: bool, place: int
+    ) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         size = (gbuffer.camera.width_px, gbuffer.camera.height_px)
         zbuffer = gbuffer.shaded.zbuffer
-        key = (*size, int(linear), 0 if zbuffer is None else zbuffer.glo)
+        key = (*size, int(linear), place, 0 if zbuffer is None else zbuffer.glo)
         if key not in self._outputs:
             texture = self._context.texture(size, 4, dtype="f4" if linear else "f1")
             self._outputs[key] = (texture, self._context.framebuffer([texture], zbuffer))

@@ -41,13 +41,11 @@ class Scene:
 
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth of what is shaded [m], 0 = sky, shape (H, W)."""
-        depth = np.frombuffer(self.gbuffer.shaded.depth.read(), dtype=np.float32)
-        return depth.reshape(self.view.camera.height_px, self.view.camera.width_px)
+        return self.gbuffer.shaded_depth_m()
 
     def normal_codes(self) -> NDArray[np.uint16]:
         """Octahedral world normals of what is shaded, shape (H, W, 2)."""
-        codes = np.frombuffer(self.gbuffer.shaded.normal.read(), dtype=np.uint16)
-        return codes.reshape(self.view.camera.height_px, self.view.camera.width_px, 2)
+        return self.gbuffer.shaded_normal_codes()
 
 
 def tell_samples(program: moderngl.Program, targets: Targets) -> None:

@@ -177,7 +177,7 @@ class CameraSensor(Camera):
                 pictures = imaging.pictures(timeline, stamp_ns, weathers, draw, swept)
             else:
                 shot, seed = draw(stamp_ns)[0], self._world.seed
-                pictures = [shot.rgb(weather.at(stamp_ns), stamp_ns, seed) for weather in weathers]
+                pictures = shot.rgbs([weather.at(stamp_ns) for weather in weathers], stamp_ns, seed)
             for samples, rgb, weather in zip(conditions, pictures, weathers, strict=True):
                 if self.config.lens_drops:
                     rgb = self._through_drops(rgb, weather, stamp_ns)

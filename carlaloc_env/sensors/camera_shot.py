@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -70,10 +71,14 @@ class Shot:
         normal = self._gbuffer.normals()
         return normal if self._view is None else self._view.pick(normal)
 
-    def rgb(self, weather: WeatherParameters, stamp_ns: int, seed: int) -> NDArray[np.uint8]:
-        """The renderer's own picture, sRGB, shape (H, W, 3)."""
-        rgb = self._renderer.shade(self._gbuffer, weather, stamp_ns=stamp_ns, seed=seed)
-        return rgb if self._view is None else np.asarray(self._bent(rgb), dtype=np.uint8)
+    def rgbs(
+        self, weathers: Sequence[WeatherParameters], stamp_ns: int, seed: int
+    ) -> list[NDArray[np.uint8]]:
+        """The renderer's own pictures under some weathers, sRGB, each of shape (H, W, 3)."""
+        rgbs = self._renderer.shade_all(self._gbuffer, weathers, stamp_ns=stamp_ns, seed=seed)
+        if self._view is None:
+            return rgbs
+        return [np.asarray(self._bent(rgb), dtype=np.uint8) for rgb in rgbs]
 
     def radiance_cd_m2(self, weather: WeatherParameters) -> F32:
         """Linear BT.709 colour [cd/m²], shape (H, W, 3)."""

@@ -26,7 +26,8 @@ float cover(float at, float width, float half_size) {
 
 // What lies about on streets, one thing in every cell of LITTER_M: fallen leaves, drops of oil and tar, pebbles,
 // paper and surveyors' marks on asphalt and grass, gum and darker leaves on pavements.
-vec3 litter(vec3 albedo, vec2 p, float amount, float many) {
+// All of it soaks water up.
+void litter(inout vec3 albedo, inout float porosity, vec2 p, float amount, float many) {
     vec2 cell = floor(p / LITTER_M);
     uint h = mix_bits(uint(int(cell.x)) * 0x9e3779b1u ^ uint(int(cell.y)) * 0x85ebca77u);
     vec2 at = (cell + 0.22 + 0.56 / 255.0 * vec2(h & 255u, (h >> 8) & 255u)) * LITTER_M;
@@ -51,9 +52,10 @@ vec3 litter(vec3 albedo, vec2 p, float amount, float many) {
         * cover(local.y, abs(dot(across, dx)) + abs(dot(across, dy)), half_m.y);
     float hue = float(h & 255u) / 255.0;
     vec3 thing = dark ? vec3(0.032, 0.030, 0.028)
-        : leaf ? mix(vec3(0.40, 0.25, 0.11), vec3(0.76, 0.66, 0.30), hue) : vec3(0.72, 0.71, 0.68);
+        : leaf ? mix(vec3(0.36, 0.22, 0.10), vec3(0.62, 0.52, 0.24), hue) : vec3(0.64, 0.63, 0.60);
     thing *= slabs && !dark ? 0.12 : 1.0;
-    return mix(albedo, thing, share * amount);
+    albedo = mix(albedo, thing, share * amount);
+    porosity = mix(porosity, 0.9, share * amount);
 }
 
 // Slabs that were laid at other times than their neighbours; textures repeat after 24 of them.
@@ -70,6 +72,7 @@ float slab_tone(float amount) {
 void main() {
     vec4 texel = texture(u_textures, vec3(v_uv, v_layer));
     vec3 albedo = texel.rgb * v_colour;
+    float porosity = v_surface.y;
 #ifdef WORN
     // Dirt and wear at scales the repeating textures lack; none on paint, glass and metal.
     vec2 p = v_world.xy + v_world.z * vec2(0.43, 0.61);
@@ -90,7 +93,7 @@ void main() {
     albedo *= (1.0 + max(spots, -0.8) * porous * level) * (1.0 + spilt * v_surface.y * level);
     albedo *= slab_tone(band(footprint, 1.4) * level);
     // Wind sweeps leaves together.
-    albedo = litter(albedo, p, level * step(0.25, v_surface.y), 0.5 + 0.9 * patches);
+    litter(albedo, porosity, p, level * step(0.25, v_surface.y), 0.5 + 0.9 * patches);
 #endif
     vec3 n = normalize(v_normal);
     // Leaves let half of the light through, and throw it to their neighbours: both sides are lit alike.
@@ -100,7 +103,7 @@ void main() {
     n = leaf ? normalize(0.45 * n + vec3(0.0, 0.0, 0.6)) : n;
     o_albedo = vec4(sqrt(clamp(albedo, 0.0, 1.0)), 1.0);
     o_normal = encode_normal(n);
-    o_surface = vec4(texel.a, v_surface.yzw);
+    o_surface = vec4(texel.a, porosity, v_surface.zw);
     o_id = v_id ^ SKY_ID;
     o_depth = 1.0 / gl_FragCoord.w;
 }
