@@ -52,10 +52,10 @@ void litter(inout vec3 albedo, inout float porosity, vec2 p, float amount, float
         * cover(local.y, abs(dot(across, dx)) + abs(dot(across, dy)), half_m.y);
     float hue = float(h & 255u) / 255.0;
     vec3 thing = dark ? vec3(0.032, 0.030, 0.028)
-        : leaf ? mix(vec3(0.36, 0.22, 0.10), vec3(0.62, 0.52, 0.24), hue) : vec3(0.64, 0.63, 0.60);
+        : leaf ? mix(vec3(0.40, 0.25, 0.11), vec3(0.76, 0.66, 0.30), hue) : vec3(0.70, 0.69, 0.66);
     thing *= slabs && !dark ? 0.12 : 1.0;
     albedo = mix(albedo, thing, share * amount);
-    porosity = mix(porosity, 0.9, share * amount);
+    porosity = mix(porosity, 1.0, share * amount);
 }
 
 // Slabs that were laid at other times than their neighbours; textures repeat after 24 of them.
