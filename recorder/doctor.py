@@ -134,9 +134,13 @@ def _rays() -> tuple[bool, str]:
     origins = np.broadcast_to([0.0, 0.0, 1.9], (count, 3))
     parked = EgoTrack.from_arrays(np.full((4, 3), 30.0), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1)))
     timeline = Timeline(empty_catalog(), ego=parked)
-    begin = time.perf_counter()
-    scene.cast(origins, directions, np.zeros(count, np.int64), timeline, 120.0)
-    return True, f"Embree, {count / (time.perf_counter() - begin) / 1e6:.1f} M rays/s"
+    best_s = np.inf
+    # The first call in a fresh install compiles for a while.
+    for _ in range(3):
+        begin = time.perf_counter()
+        scene.cast(origins, directions, np.zeros(count, np.int64), timeline, 120.0)
+        best_s = min(best_s, time.perf_counter() - begin)
+    return True, f"Embree, {count / best_s / 1e6:.1f} M rays/s"
 
 
 def _physics() -> tuple[bool, str]:
