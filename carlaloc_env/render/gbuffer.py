@@ -152,8 +152,10 @@ class GBuffer:
         assert self.drawn.id is not None
         with self._context:
             data = self.drawn.id.read()
-        code = self._centred(np.frombuffer(data, dtype=np.uint32)) ^ np.uint32(SKY_ID)
-        return (code >> 24).astype(np.uint8), code & np.uint32(0xFFFFFF)
+        code = self._centred(np.frombuffer(data, dtype="<u4"))
+        # The tag is the last byte, the only one that the sky's code changes.
+        tag = code.view(np.uint8)[:, 3::4] ^ np.uint8(Tag.SKY)
+        return tag, code & np.uint32(0xFFFFFF)
 
     def samples(self) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         """Depth [m] and instance id of all samples as drawn, both of the shape of the drawn grid.
