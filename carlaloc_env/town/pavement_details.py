@@ -23,7 +23,7 @@ MENDED_M2, LID_M2 = 11.0, 14.0
 """Area of pavement for each mended place and for each lid [m²]."""
 SLAB_M = (0.6, 0.4)
 """Slabs across and along the pavement [m]; every second row lies half a slab aside."""
-LIFT_M = 0.004
+LIFT_M = 0.0014
 """Height of all of it above the slabs [m]."""
 FRAME_M = 0.045
 """Width of a lid's frame [m]."""
@@ -78,7 +78,7 @@ class _Run:
             if self._free(lid, taken):
                 inner = (lid[0] + FRAME_M, lid[1] - FRAME_M, lid[2] + FRAME_M, lid[3] - FRAME_M)
                 self._quad(out, lid, LIFT_M, Material.CONCRETE, _FRAME)
-                self._quad(out, inner, LIFT_M + 0.0015, Material.PLAIN, _IRON)
+                self._quad(out, inner, LIFT_M + 0.0005, Material.PLAIN, _IRON)
         for _ in range(int(draw.poisson(area / MENDED_M2))):
             grey = float(draw.uniform(85.0, 165.0))
             for slab in self._slabs(draw):

@@ -118,8 +118,8 @@ def test_picture_undistorted_with_the_written_file_is_the_pinholes(
         maps = cv2.fisheye.initUndistortRectifyMap(K, k, np.eye(3), K, size, cv2.CV_32FC1)
     weather = PRESETS["ClearNoon"]
     bent, plain = shot(tiles, lens), shot(tiles, Lens())
-    seen = cv2.remap(bent.rgb(weather, 0, 0), *maps, cv2.INTER_LINEAR).astype(float)
-    expected = plain.rgb(weather, 0, 0).astype(float)
+    seen = cv2.remap(bent.rgbs([weather], 0, 0)[0], *maps, cv2.INTER_LINEAR).astype(float)
+    expected = plain.rgbs([weather], 0, 0)[0].astype(float)
     inside = (maps[0] > 1) & (maps[0] < size[0] - 2) & (maps[1] > 1) & (maps[1] < size[1] - 2)
     assert inside.mean() > 0.6
     # Away from the squares' edges, which interpolating twice makes softer.
@@ -127,7 +127,7 @@ def test_picture_undistorted_with_the_written_file_is_the_pinholes(
     flat = inside & ~edges
     assert flat.mean() > 0.2
     assert np.abs(seen - expected)[flat].max() <= 3.0
-    assert np.abs(bent.rgb(weather, 0, 0).astype(float) - expected)[flat].mean() > 5.0
+    assert np.abs(bent.rgbs([weather], 0, 0)[0].astype(float) - expected)[flat].mean() > 5.0
 
 
 @LENSES
