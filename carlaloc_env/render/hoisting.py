@@ -14,7 +14,7 @@ _MAIN = "void main() {\n"
 
 
 def hoisted(vertex: str, fragment: str, defined: set[str]) -> tuple[str, str]:
-    """Vertex and fragment shader in which no uniform but textures and blocks is read by pixels.
+    """Vertex and fragment shader in which pixels read no uniform but textures, images and blocks.
 
     Args:
         vertex: Source without `#version`, with one `void main() {` line.

@@ -259,7 +259,8 @@ class SceneRenderer:
                 by the motion of surfaces can follow.
             seed: Seed of the rain.
         """
-        _read_ahead(gbuffer, weather)
+        if weather.is_night or stamp_ns is not None:
+            _read_ahead(gbuffer, weather)
         with self._context:
             casters = self._filler.casters(gbuffer.actors)
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
