@@ -67,6 +67,7 @@ class Material(IntEnum):
     BILLBOARD = 49
     WINDOW_WIDE = 50
     SHOP_FRONT_B = 51
+    ASPHALT_MOTORWAY = 52
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,6 +160,7 @@ MATERIALS: dict[Material, MaterialInfo] = {
     Material.BILLBOARD: _info(1.0, 0.50, 0.0, 0.45),
     Material.WINDOW_WIDE: _info(1.0, 0.08, 0.0, 0.08),
     Material.SHOP_FRONT_B: _info(3.0, 0.10, 0.0, 0.10),
+    Material.ASPHALT_MOTORWAY: _info(2.5, 0.90, 1.0, 0.17),
 }
 
 

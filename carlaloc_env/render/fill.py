@@ -224,6 +224,7 @@ class Filler:
             f"CLOTH {int(Material.CLOTH)}u",
             f"SKY_ID {SKY_ID}u",
             f"LEAF {int(Material.LEAF)}u",
+            f"SWEPT {int(Material.ASPHALT_MOTORWAY)}u",
             f"UNIT_M {float(self._unit_m)}",
             *(("SWAY",) if any(sway[:3]) else ()),
             *features,

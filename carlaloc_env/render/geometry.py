@@ -35,7 +35,8 @@ _BARE_POSES = ("4f4 4f4 4f4 8x/i", "in_row0", "in_row1", "in_row2")
 _SOLID = np.zeros(256, dtype=bool)
 _SOLID[
     [
-        Material.ASPHALT, Material.ASPHALT_OLD, Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW,
+        Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY,
+        Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW,
         Material.PAVEMENT, Material.KERB, Material.SOIL, Material.GRAVEL, Material.BRICK_RED,
         Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR, Material.CONCRETE_PANEL,
         Material.CURTAIN_WALL, Material.WINDOW, Material.WINDOW_WIDE, Material.SHOP_FRONT,

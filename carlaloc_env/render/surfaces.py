@@ -61,6 +61,7 @@ def upload_textures(
 _PLAIN: dict[Material, tuple[float, float, float]] = {
     Material.ASPHALT: (0.10, 0.10, 0.10),
     Material.ASPHALT_OLD: (0.13, 0.13, 0.12),
+    Material.ASPHALT_MOTORWAY: (0.11, 0.11, 0.11),
     Material.ROAD_PAINT_WHITE: (0.55, 0.55, 0.52),
     Material.ROAD_PAINT_YELLOW: (0.50, 0.33, 0.04),
     Material.GRASS: (0.06, 0.11, 0.03),

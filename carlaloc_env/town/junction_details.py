@@ -12,6 +12,7 @@ from carlaloc_env import rng
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
 from carlaloc_env.town.areas import JunctionArea
+from carlaloc_env.town.fast_roads import DETAILS, SURFACE
 from carlaloc_env.town.fields import JunctionField
 from carlaloc_env.town.junctions import unpaved_junction
 from carlaloc_env.town.meshing import MeshBuilder
@@ -39,8 +40,10 @@ GUTTER_LIFT_M = 0.0015
 _CELL_M = 1.5
 
 
-def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int) -> None:
-    """What roads and traffic have left on one junction."""
+def add_junction_details(
+    out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int, *, fast: bool
+) -> None:
+    """What roads and traffic have left on one junction; `fast` where only fast roads meet."""
     if unpaved_junction(junction):
         return
     _gutters(out, junction, field)
@@ -48,9 +51,9 @@ def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: Juncti
     if inner.is_empty or inner.area < 40.0:
         return
     draw = rng.stream(seed, f"junction details/{junction.id}")
-    number = inner.area / AREA_M2
+    number = inner.area / AREA_M2 * (DETAILS if fast else 1.0)
     sheets = _Sheets(inner)
-    for point in _points(inner, draw.poisson(number / 3.0) + 1, draw):
+    for point in _points(inner, 0 if fast else draw.poisson(number / 3.0) + 1, draw):
         rings = point + cover_rings() @ _turned(draw)
         if shapely.contains_xy(inner, *rings[:12].T).all():
             sheets.add(rings, lay_cover)
@@ -60,7 +63,7 @@ def add_junction_details(out: MeshBuilder, junction: JunctionArea, field: Juncti
             else:
                 sheets.keep(collar)
     for point in _points(inner, draw.poisson(number), draw):
-        patch, (material, grey, sealed) = _patch(point, draw), repair_look(draw)
+        patch, (material, grey, sealed) = _patch(point, draw), repair_look(draw, SURFACE if fast else None)
         rim = shapely.buffer(patch, SEAL_WIDTH_M, join_style="mitre")
         if sheets.free(rim):
             sheets.lay(patch, PATCH_M, material, grey)

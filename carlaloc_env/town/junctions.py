@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from carlaloc_env import rng
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
+from carlaloc_env.town import fast_roads
 from carlaloc_env.town.areas import JunctionArea, TownAreas
 from carlaloc_env.town.fields import EdgeField, JunctionField
 from carlaloc_env.town.meshing import MeshBuilder
@@ -27,13 +28,15 @@ GRASS_ISLAND_M2 = 25.0
 """Islands larger than this carry grass [m²]."""
 
 
-def add_junction_surface(out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int) -> None:
-    """Asphalt of one junction, darker where many turn."""
+def add_junction_surface(
+    out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int, *, fast: bool
+) -> None:
+    """Asphalt of one junction, darker where many turn; `fast` where only fast roads meet."""
     xy, triangles = triangulate(junction.roadway, SURFACE_CELL_M)
     if not len(xy):
         return
     draw = rng.stream(seed, f"junction/{junction.id}")
-    material, tint = Material.ASPHALT, np.full(3, 255.0)
+    material, tint = fast_roads.SURFACE if fast else Material.ASPHALT, np.full(3, 255.0)
     loose = unpaved_junction(junction)
     if loose:
         material, tint = LOOSE[loose][0], np.array(LOOSE[loose][1])

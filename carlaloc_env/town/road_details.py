@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env import rng
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
+from carlaloc_env.town.fast_roads import DETAILS, SURFACE, is_fast
 from carlaloc_env.town.markings import beside
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.opendrive.model import Road
@@ -46,6 +47,7 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
         if strip.junction_id is not None or strip.s_m[-1] - strip.s_m[0] < 8.0:
             continue
         draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
+        fast = is_fast(roads[strip.road])
         painted = _painted_spans(roads[strip.road])
         bands = _Bands(strip)
         for lane in range(len(strip.lanes)):
@@ -55,10 +57,11 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
                 and not strip.unpaved(lane)
             ):
                 taken: list[Rectangle] = []
-                _covers(bands, strip, lane, painted, draw, taken)
-                _patches(bands, strip, lane, painted, draw, taken)
-                _cracks(bands, strip, lane, draw)
-                _tyre_marks(bands, strip, lane, draw)
+                if not fast:
+                    _covers(bands, strip, lane, painted, draw, taken)
+                _patches(bands, strip, lane, painted, draw, taken, fast=fast)
+                _cracks(bands, strip, lane, draw, DETAILS if fast else 1.0)
+                _tyre_marks(bands, strip, lane, draw, SURFACE if fast else Material.ASPHALT)
             _drains(bands, strip, lane, draw)
         bands.lay(out)
 
@@ -90,13 +93,20 @@ class _Bands:
 
 
 def _patches(
-    bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, taken: list[Rectangle]
+    bands: _Bands,
+    strip: Strip,
+    lane: int,
+    painted: Spans,
+    draw: np.random.Generator,
+    taken: list[Rectangle],
+    *,
+    fast: bool,
 ) -> None:
-    for start in _places(strip, PATCH_STEP_M, draw):
+    for start in _places(strip, PATCH_STEP_M / (DETAILS if fast else 1.0), draw):
         length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
         room = _width_at(strip, lane, start, start + length) - width - 0.5
         side = 0.25 + float(draw.random()) * max(room, 0.0)
-        material, grey, sealed = repair_look(draw)
+        material, grey, sealed = repair_look(draw, SURFACE if fast else None)
         if room <= 0.0 or start + length > strip.s_m[-1] - 0.5 or _meets(painted, start, start + length):
             continue
         span, across = (start, start + length), (side, side + width)
@@ -132,9 +142,9 @@ def _covers(
             _sheet(bands, strip, lane, span, sides, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
 
 
-def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, share: float) -> None:
     """Cracks sealed with bitumen: some wander along the lane, some are joints across it."""
-    for start in _places(strip, CRACK_STEP_M, draw):
+    for start in _places(strip, CRACK_STEP_M / share, draw):
         length, width = float(draw.uniform(2.0, 9.0)), float(draw.uniform(0.035, 0.075))
         room = _width_at(strip, lane, start, start + length)
         side = float(draw.uniform(0.15, 0.85)) * room
@@ -151,7 +161,9 @@ def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -
             )
 
 
-def _tyre_marks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+def _tyre_marks(
+    bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, material: Material
+) -> None:
     """Pairs of dark streaks where cars brake before the road's end."""
     ahead = strip.lanes[lane].id < 0
     for _ in range(int(draw.poisson(0.5))):
@@ -169,7 +181,7 @@ def _tyre_marks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generato
         grey = float(draw.uniform(105.0, 150.0))
         for offset in (0.0, TRACK_M):
             across = np.clip(side + offset + veer, 0.12, room - 0.12)
-            _ribbon(bands, lane, start + steps, across, TYRE_WIDTH_M, grey, Material.ASPHALT)
+            _ribbon(bands, lane, start + steps, across, TYRE_WIDTH_M, grey, material)
 
 
 def _ribbon(

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from carlaloc_env import rng
 from carlaloc_env.materials import Material
 from carlaloc_env.semantics import Tag
+from carlaloc_env.town import fast_roads
 from carlaloc_env.town.meshing import MeshBuilder, extrude
+from carlaloc_env.town.opendrive.model import Road
 from carlaloc_env.town.sections import Strip
 
 Array = NDArray[np.float64]
@@ -27,31 +29,35 @@ LOOSE: dict[str, tuple[Material, tuple[float, float, float]]] = {
     "grass": (Material.GRASS, (225.0, 222.0, 190.0)),
 }
 """Material and tint of unpaved lanes."""
+UNDRIVEN = ("shoulder", "parking")
+"""Lanes without wheel tracks; litter stays on them."""
 GUTTER_M = 0.65
 """Shoulders of at most this width beside a kerb are gutters of concrete [m]."""
 SKIRT_M = 0.4
 """How far outer edges reach down, so that no gap to the ground can open [m]."""
 
 
-def add_roads(out: MeshBuilder, strips: Sequence[Strip], seed: int) -> None:
+def add_roads(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
     """Road surfaces of all strips outside junctions."""
     for strip in strips:
         if strip.junction_id is not None:
             continue
         draw = rng.stream(seed, f"road/{strip.road_id}/{strip.section}")
-        old = draw.random() < 0.35
+        paving = Material.ASPHALT_OLD if draw.random() < 0.35 else Material.ASPHALT
+        driven = fast_roads.SURFACE if fast_roads.is_fast(roads[strip.road]) else paving
         base = draw.uniform(205, 250)
         for lane in range(len(strip.lanes)):
             if strip.kind(lane) == "roadway":
-                _lane_surface(out, strip, lane, base, draw, old=old)
+                shoulder = strip.lanes[lane].type in UNDRIVEN
+                _lane_surface(out, strip, lane, base, draw, paving if shoulder else driven)
         _outer_skirts(out, strip)
 
 
 def _lane_surface(
-    out: MeshBuilder, strip: Strip, lane: int, base: float, draw: np.random.Generator, *, old: bool
+    out: MeshBuilder, strip: Strip, lane: int, base: float, draw: np.random.Generator, material: Material
 ) -> None:
     left, right = strip.lane_edges(lane)
-    driven = strip.lanes[lane].type not in ("shoulder", "parking")
+    driven = strip.lanes[lane].type not in UNDRIVEN
     share = TRACKS if driven else np.array([0.0, 1.0])
     loose = strip.unpaved(lane)
     shade = (TRACK_BARE if loose else TRACK_SHADE) if driven else np.array([0.96, 0.9])
@@ -60,7 +66,7 @@ def _lane_surface(
     tint = base * shade[None, :] * (1.0 + 0.05 * wander[:, None])
     t = strip.t_m[lane + 1][:, None] + share * (strip.t_m[lane] - strip.t_m[lane + 1])[:, None]
     uv = np.stack(np.broadcast_arrays(t, strip.s_m[:, None]), axis=-1)
-    material, colour = Material.ASPHALT_OLD if old else Material.ASPHALT, np.full(3, 255.0)
+    colour = np.full(3, 255.0)
     if loose:
         material, colour = LOOSE[loose][0], np.array(LOOSE[loose][1])
     elif is_gutter(strip, lane):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.town.bridges import add_bridges
 from carlaloc_env.town.collision import add_plain_lanes
+from carlaloc_env.town.fast_roads import is_fast_junction
 from carlaloc_env.town.fields import JunctionField
 from carlaloc_env.town.groundwork import Groundwork
 from carlaloc_env.town.junction_details import add_junction_details
@@ -49,7 +50,7 @@ class Surfaces:
 
 def add_surfaces(out: Surfaces, network: LaneNetwork, work: Groundwork, seed: int) -> Array:
     """Everything flat; gives the places of lamps below roofs [m], shape (K, 3)."""
-    add_roads(out.lanes, work.strips, seed)
+    add_roads(out.lanes, work.strips, work.roads, seed)
     add_plain_lanes(out.solid, work.strips)
     add_road_details(out.lanes, work.strips, work.roads, seed)
     add_pavements(out.raised, work.strips, work.roads, seed)
@@ -70,8 +71,9 @@ def _add_junctions(out: Surfaces, work: Groundwork, seed: int) -> None:
     for junction in work.areas.junctions:
         deck = work.deck if junction.id in work.carried else None
         surface = JunctionField(junction.strips, work.surface)
-        add_junction_surface(out.raised, junction, surface, seed)
-        add_junction_details(out.lanes, junction, surface, seed)
+        fast = is_fast_junction(junction, work.roads)
+        add_junction_surface(out.raised, junction, surface, seed, fast=fast)
+        add_junction_details(out.lanes, junction, surface, seed, fast=fast)
         add_corners(out.raised, junction, work.areas, work.kerb if deck is None else deck)
 
 

@@ -32,6 +32,7 @@ TILED = [m for m in Material if m not in GRID]
 MEAN_ALBEDO: dict[Material, tuple[float, float]] = {
     Material.ASPHALT: (0.08, 0.13),
     Material.ASPHALT_OLD: (0.10, 0.18),
+    Material.ASPHALT_MOTORWAY: (0.09, 0.15),
     Material.ROAD_PAINT_WHITE: (0.40, 0.65),
     Material.ROAD_PAINT_YELLOW: (0.20, 0.35),
     Material.CONCRETE: (0.25, 0.40),
@@ -58,6 +59,7 @@ MEAN_ALBEDO: dict[Material, tuple[float, float]] = {
 ROUGH_GROUND = [
     Material.ASPHALT,
     Material.ASPHALT_OLD,
+    Material.ASPHALT_MOTORWAY,
     Material.PAVEMENT,
     Material.BRICK_RED,
     Material.BRICK_BROWN,

@@ -54,6 +54,8 @@ void litter(inout vec3 albedo, inout float porosity, vec2 p, float amount, float
     vec3 thing = dark ? vec3(0.032, 0.030, 0.028)
         : leaf ? mix(vec3(0.40, 0.25, 0.11), vec3(0.76, 0.66, 0.30), hue) : vec3(0.70, 0.69, 0.66);
     thing *= slabs && !dark ? 0.12 : 1.0;
+    // Fast traffic leaves one thing in eight.
+    amount *= v_layer == float(SWEPT) && (h & 0xe0000u) != 0u ? 0.0 : 1.0;
     albedo = mix(albedo, thing, share * amount);
     porosity = mix(porosity, 1.0, share * amount);
 }

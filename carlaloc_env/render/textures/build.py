@@ -39,6 +39,7 @@ RECIPES: dict[Material, _Recipe] = {
     Material.PLAIN: stuffs.plain,
     Material.ASPHALT: ground.asphalt,
     Material.ASPHALT_OLD: ground.asphalt_old,
+    Material.ASPHALT_MOTORWAY: ground.asphalt_motorway,
     Material.ROAD_PAINT_WHITE: partial(ground.road_paint, colour=(0.58, 0.58, 0.55)),
     Material.ROAD_PAINT_YELLOW: partial(ground.road_paint, colour=(0.48, 0.31, 0.045)),
     Material.CONCRETE: ground.concrete,
@@ -93,6 +94,7 @@ RECIPES: dict[Material, _Recipe] = {
 WIDE: dict[Material, float] = {
     Material.ASPHALT: 7.0,
     Material.ASPHALT_OLD: 7.0,
+    Material.ASPHALT_MOTORWAY: 7.0,
     Material.CONCRETE: 7.0,
     Material.CROP: 12.0,
     Material.FURROWS: 7.0,

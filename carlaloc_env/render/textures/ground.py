@@ -38,6 +38,11 @@ def asphalt_old(rng: np.random.Generator, size: int) -> Layer:
     return layer((0.140, 0.135, 0.128), log, 0.92)
 
 
+def asphalt_motorway(rng: np.random.Generator, size: int) -> Layer:
+    """Stone mastic asphalt of fast roads: small bare stones, no crack."""
+    return layer((0.118, 0.116, 0.112), 0.9 * _aggregate(rng, size, 0.16, 0.16), 0.9)
+
+
 def road_paint(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:
     """Worn road paint: chips that show the asphalt, dirt, fine grain."""
     wear = fbm(rng, size, 0.35, 0.01, 0.75) + 0.5 * fbm(rng, size, 0.03, 0.006, 0.9)
