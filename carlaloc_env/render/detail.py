@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.geometry import cross
 from carlaloc_env.materials import Material
 from carlaloc_env.scene import Mesh, merge
 from carlaloc_env.semantics import Tag
@@ -53,8 +54,7 @@ _LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Mate
 
 def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
     """The same from afar: fewer and larger leaves, and no crumbs."""
-    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]] for i in range(3))
-    area_m2 = 0.5 * np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=1))
+    area_m2 = 0.5 * np.sqrt(np.sum(_across(mesh.vertices_m, mesh.triangles) ** 2, axis=1))
     material = mesh.material[mesh.triangles[:, 2]]
     leaf = material == Material.LEAF
     crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
@@ -122,25 +122,23 @@ def _where_materials_meet(mesh: Mesh) -> NDArray[np.bool_]:
     return np.bincount(pairs // 256, minlength=at.max() + 1)[at] > 1
 
 
-def _across(place_m: NDArray[np.float64], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
+def _across(place_m: NDArray[np.floating], triangles: NDArray[np.uint32]) -> NDArray[np.float64]:
     """Vectors across triangles of twice their area, shape (T, 3)."""
-    a, b, c = (place_m[triangles[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a))
+    a, b, c = (np.take(place_m, triangles[:, i], axis=0) for i in range(3))
+    return np.asarray(cross(b - a, c - a))
 
 
 def part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     """Some of a mesh's triangles (T,), with the vertices that these use."""
-    triangles = mesh.triangles[keep]
+    if keep.all():
+        return mesh
+    triangles = np.take(mesh.triangles, np.flatnonzero(keep), axis=0)
     used = np.zeros(len(mesh.vertices_m), dtype=bool)
     used[triangles] = True
-    renumber = (np.cumsum(used) - 1).astype(np.uint32)
-    return Mesh(
-        vertices_m=mesh.vertices_m[used],
-        triangles=renumber[triangles] if len(triangles) else triangles,
-        normals=mesh.normals[used],
-        uv_m=mesh.uv_m[used],
-        colour=mesh.colour[used],
-        material=mesh.material[used],
-        tag=mesh.tag[used],
-        instance=mesh.instance[used],
-    )
+    rows = np.flatnonzero(used)
+    renumber = np.empty(len(used), np.uint32)
+    renumber[rows] = np.arange(len(rows), dtype=np.uint32)
+    names = ("vertices_m", "normals", "uv_m", "colour", "material", "tag", "instance")
+    # Rows are taken several times faster by their numbers than by a mask.
+    taken = {name: np.take(getattr(mesh, name), rows, axis=0) for name in names}
+    return Mesh(triangles=np.take(renumber, triangles), **taken)

@@ -84,7 +84,7 @@ class Filler:
         self._least_px = LEAST_PX if live else 0.0
         self._poses = InstanceBuffer(context, len(library))
         reach = [
-            np.sqrt(np.max(np.sum(mesh.vertices_m.astype(np.float64) ** 2, axis=1), initial=0.0))
+            np.sqrt(np.max(sum(axis.astype(np.float64) ** 2 for axis in mesh.vertices_m.T), initial=0.0))
             for mesh in library.meshes
         ]
         self._reach_m = np.array(reach, dtype=np.float64)

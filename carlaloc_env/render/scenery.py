@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env import materials
-from carlaloc_env.render.clusters import cut
-from carlaloc_env.render.detail import Coarseness, coarse, part
+from carlaloc_env.render.clusters import cut, in_order
+from carlaloc_env.render.detail import Coarseness, coarse
 from carlaloc_env.render.geometry import Geometry, seen_from_front
 from carlaloc_env.render.projection import View
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene import Mesh, merge
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -25,6 +25,8 @@ _LEVEL_FROM = 0.9
 """Upward part of the normal from which ground bears spots, as in ``gbuffer.frag``."""
 _SORTS: tuple[tuple[str, ...], ...] = ((), ("WORN",), ("WORN", "LEVEL"))
 """Features of the shader for smooth things, worn ones and worn level ground."""
+_LAYERS = tuple((culled, sort) for culled in (True, False) for sort in range(len(_SORTS)))
+"""Whether backs are culled, and the place in `_SORTS`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,17 +75,20 @@ class Scenery:
             far: Coarser levels, the nearest first.
         """
         chunks = [chunk for chunk in chunks if len(chunk.triangles)]
-        bounds = np.array([chunk.bounds_m for chunk in chunks], dtype=np.float64).reshape(-1, 2, 3)
-        self._low_m, self._high_m = bounds[:, 0], bounds[:, 1]
+        self._low_m, self._high_m = _boxes(chunks)
         self._from_m = [how.from_m for how in far]
-        levels = [chunks, *([coarse(chunk, how) for chunk in chunks] for how in far)]
-        made = [
-            _layer(context, levels, culled, sort) for culled in (True, False) for sort in range(len(_SORTS))
+        parts = [
+            _cut_level([chunk if how is None else coarse(chunk, how) for chunk in chunks], level)
+            for level, how in enumerate((None, *far))
         ]
-        self.layers = [layer for layer, _ in made]
-        self._end = np.cumsum([len(table.chunk) for _, table in made])
+        self.layers = [
+            _layer(context, [part[k] for part in parts], culled, sort)
+            for k, (culled, sort) in enumerate(_LAYERS)
+        ]
+        tables = [part[k].table for k in range(len(_LAYERS)) for part in parts]
+        self._end = np.cumsum([sum(len(part[k].count) for part in parts) for k in range(len(_LAYERS))])
         self.clusters = _Table(
-            **{name: np.concatenate([getattr(table, name) for _, table in made]) for name in _Table.__slots__}
+            **{name: np.concatenate([getattr(table, name) for table in tables]) for name in _Table.__slots__}
         )
 
     @property
@@ -152,34 +157,59 @@ def _sorts(mesh: Mesh) -> tuple[NDArray[np.bool_], Index]:
     """Of every triangle: whether its back needs no drawing, and its place in `_SORTS`, shape (T,)."""
     material = mesh.material[mesh.triangles[:, 2]]
     worn = materials.table("porosity")[material] > _WORN_FROM
-    level = worn & (mesh.normals[mesh.triangles, 2] > _LEVEL_FROM).any(axis=1)
+    up = mesh.normals[:, 2] > _LEVEL_FROM
+    first, second, third = (np.take(up, mesh.triangles[:, k]) for k in range(3))
+    level = worn & (first | second | third)
     return seen_from_front()[material], worn.astype(np.intp) + level
 
 
-def _layer(
-    context: moderngl.Context, levels: Sequence[Sequence[Mesh]], culled: bool, sort: int
-) -> tuple[Layer, _Table]:
-    cuts, chunk, level = [], [], []
-    for k, meshes in enumerate(levels):
-        for c, mesh in enumerate(meshes):
-            front, sorts = _sorts(mesh)
-            clusters = cut(part(mesh, (front == culled) & (sorts == sort)))
-            cuts.append(clusters)
-            chunk.append(np.full(len(clusters.count), c))
-            level.append(np.full(len(clusters.count), k))
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Part:
+    """What one level of detail gives to one layer."""
 
-    def joined(parts: list[NDArray[np.generic]], empty: tuple[int, ...] = (0,)) -> NDArray[np.generic]:
-        return np.concatenate(parts) if parts else np.zeros(empty)
+    mesh: Mesh
+    """Triangles in the order of their clusters."""
+    count: NDArray[np.int64]
+    """Triangles of each cluster, shape (N,)."""
+    table: _Table
+    """The clusters."""
 
-    count = joined([one.count for one in cuts]).astype(np.int64)
-    layer = Layer(
-        geometry=Geometry(context, [one.mesh for one in cuts], count), features=_SORTS[sort], culled=culled
-    )
-    return layer, _Table(
-        low_m=joined([one.low_m for one in cuts], (0, 3)).astype(np.float64),
-        high_m=joined([one.high_m for one in cuts], (0, 3)).astype(np.float64),
-        large=joined([one.large for one in cuts]).astype(bool),
-        chunk=joined(chunk).astype(np.intp),
-        level=joined(level).astype(np.intp),
-        culled=np.full(len(count), culled),
-    )
+
+def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
+    """Clusters of all chunks in one level of detail, a part for every layer."""
+    whole = merge(chunks)
+    triangles = np.array([len(chunk.triangles) for chunk in chunks], dtype=np.intp)
+    of = np.repeat(np.arange(len(chunks)), triangles)
+    front, sort = _sorts(whole)
+    layer = np.where(front, 0, len(_SORTS)) + sort
+    found = cut(whole, layer * len(chunks) + of)
+    owner = found.group // max(len(chunks), 1)
+    end = np.cumsum(found.count)
+    parts = []
+    for k, (culled, _) in enumerate(_LAYERS):
+        own = slice(*np.searchsorted(owner, [k, k + 1]))
+        first, last = np.concatenate([[0], end])[[own.start, own.stop]]
+        count = found.count[own]
+        table = _Table(
+            low_m=found.low_m[own],
+            high_m=found.high_m[own],
+            large=found.large[own],
+            chunk=found.group[own] % max(len(chunks), 1),
+            level=np.full(len(count), level),
+            culled=np.full(len(count), culled),
+        )
+        parts.append(_Part(mesh=in_order(whole, found.order[first:last]), count=count, table=table))
+    return parts
+
+
+def _boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
+    """Lowest and highest corners [m] of meshes, shape (N, 3) each; zero where one is empty."""
+    bounds = [chunk.bounds_m if len(chunk.vertices_m) else np.zeros((2, 3)) for chunk in chunks]
+    low_m, high_m = np.moveaxis(np.array(bounds, dtype=np.float64).reshape(-1, 2, 3), 1, 0)
+    return low_m, high_m
+
+
+def _layer(context: moderngl.Context, parts: Sequence[_Part], culled: bool, sort: int) -> Layer:
+    count = np.concatenate([part.count for part in parts])
+    geometry = Geometry(context, [part.mesh for part in parts], count)
+    return Layer(geometry=geometry, features=_SORTS[sort], culled=culled)

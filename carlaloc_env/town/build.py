@@ -8,13 +8,19 @@ import os
 import time
 from pathlib import Path
 
-import numpy as np
-
+from carlaloc_env import mesh_arrays
+from carlaloc_env.array_files import (
+    Arrays,
+    code_of,
+    content_hash,
+    default_cache_dir,
+    drop_old,
+    load,
+    save,
+)
 from carlaloc_env.assets.placing import SignalLenses
 from carlaloc_env.errors import MapError, unknown_name
 from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.scene import Mesh
-from carlaloc_env.town.cache import Arrays, content_hash, default_cache_dir, load, save
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
@@ -33,7 +39,11 @@ KEPT_FILES = 4
 """Cached files kept of each town."""
 ALIASES = {"Town10HD": "Town10"}
 """Other names of towns."""
-_MESH_FIELDS = ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance")
+_SHAPES_TOWNS = (
+    ("materials.py", "scene.py", "semantics.py", "rng.py"),
+    ("town", "town/opendrive", "assets"),
+)
+"""Modules and folders of everything that shapes a town."""
 
 
 def find_town(name: str) -> Path:
@@ -81,7 +91,7 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     network = LaneNetwork(read_opendrive(source))
     if not has_toml:
         config = choose_traffic(network, choose_zones(network, config))
-    build_key = content_hash(key.encode(), _builder_sources())
+    build_key = content_hash(key.encode(), code_of(*_SHAPES_TOWNS))
     stored = (cache_dir or default_cache_dir()) / f"{name}-{build_key}.town"
     route = _route(network, config)
     scenery = _scenery(network, config, route, key, stored)
@@ -136,33 +146,20 @@ def _scenery(
     _log.info("built %s in %.1f s", stored.name, time.perf_counter() - begin)
     try:
         save(stored, arrays)
-        _drop_old(stored)
+        drop_old(stored, _earlier(stored), KEPT_FILES)
     except OSError as error:
         _log.warning("the town cannot be cached in %s (%s)", stored.parent, error)
     return scenery
 
 
-def _drop_old(stored: Path) -> None:
-    """Keep the newest few files of a town; older ones belong to earlier versions of it."""
+def _earlier(stored: Path) -> list[Path]:
+    """Files of a town."""
     name = stored.name[: -len("-.town") - 32]
     # Earlier versions kept .npz files.
-    found = [path for kind in ("npz", "town") for path in stored.parent.glob(f"{name}-*.{kind}")]
-    others = sorted(found, key=lambda path: path.stat().st_mtime)
-    for path in others[:-KEPT_FILES]:
-        path.unlink(missing_ok=True)
-
-
-def _builder_sources() -> bytes:
-    """Sources of everything that shapes a town: when they change, cached towns are built again."""
-    package = importlib.resources.files("carlaloc_env")
-    files = [package / name for name in ("materials.py", "scene.py", "semantics.py", "rng.py")]
-    for folder in ("town", "town/opendrive", "assets"):
-        files += [entry for entry in (package / folder).iterdir() if entry.name.endswith(".py")]
-    return b"".join(entry.read_bytes() for entry in sorted(files, key=str))
+    return [path for kind in ("npz", "town") for path in stored.parent.glob(f"{name}-*.{kind}")]
 
 
 def _to_arrays(scenery: Scenery) -> Arrays:
-    chunks = scenery.chunks
     arrays: Arrays = {
         "collision_vertices_m": scenery.collision_vertices_m,
         "collision_triangles": scenery.collision_triangles,
@@ -170,26 +167,15 @@ def _to_arrays(scenery: Scenery) -> Arrays:
         "lens_signal": scenery.lenses.signal,
         "lens_state": scenery.lenses.state,
         "T_world_lens": scenery.lenses.T_world_lens,
-        "vertex_counts": np.array([len(chunk.vertices_m) for chunk in chunks], dtype=np.int64),
-        "triangle_counts": np.array([len(chunk.triangles) for chunk in chunks], dtype=np.int64),
     }
     if scenery.lenses.instance is not None:
         arrays["lens_instance"] = scenery.lenses.instance
-    for field in _MESH_FIELDS:
-        arrays[f"mesh_{field}"] = np.concatenate([getattr(chunk, field) for chunk in chunks])
-    return arrays
+    return arrays | mesh_arrays.to_arrays(scenery.chunks)
 
 
 def _from_arrays(arrays: Arrays) -> Scenery:
-    vertex = np.concatenate([[0], np.cumsum(arrays["vertex_counts"])])
-    triangle = np.concatenate([[0], np.cumsum(arrays["triangle_counts"])])
-    chunks = []
-    for index in range(len(vertex) - 1):
-        rows = {name: slice(vertex[index], vertex[index + 1]) for name in _MESH_FIELDS}
-        rows["triangles"] = slice(triangle[index], triangle[index + 1])
-        chunks.append(Mesh(**{name: arrays[f"mesh_{name}"][rows[name]] for name in _MESH_FIELDS}))
     return Scenery(
-        chunks=tuple(chunks),
+        chunks=mesh_arrays.from_arrays(arrays),
         collision_vertices_m=arrays["collision_vertices_m"],
         collision_triangles=arrays["collision_triangles"],
         lenses=SignalLenses(

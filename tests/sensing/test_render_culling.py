@@ -12,7 +12,6 @@ from carlaloc_env import geometry
 from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.render.clusters import CLUSTER_TRIANGLES, cut
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.detail import FAR_LOW, gathered
 from carlaloc_env.render.geometry import Geometry
@@ -42,28 +41,6 @@ def soup(count: int, seed: int, low_m: tuple[float, ...], high_m: tuple[float, .
         tag=Tag.VEGETATION,
         instance=seed,
     )
-
-
-def test_clusters_are_the_mesh_in_another_order() -> None:
-    mesh = soup(3000, 3, (-30.0, -30.0, 0.0), (30.0, 30.0, 9.0), 2.0)
-    clusters = cut(mesh)
-    before = mesh.vertices_m[mesh.triangles].reshape(-1, 9)
-    after = clusters.mesh.vertices_m[clusters.mesh.triangles].reshape(-1, 9)
-    np.testing.assert_array_equal(before[np.lexsort(before.T)], after[np.lexsort(after.T)])
-    assert clusters.count.sum() == 3000
-    assert clusters.count.max() <= CLUSTER_TRIANGLES
-    who = np.repeat(np.arange(len(clusters.count)), clusters.count)
-    corners = after.reshape(-1, 3, 3)
-    np.testing.assert_array_equal(corners.min(axis=1)[who == 0].min(axis=0), clusters.low_m[0])
-    assert np.all(corners >= clusters.low_m[who][:, None])
-    assert np.all(corners <= clusters.high_m[who][:, None])
-
-
-def test_clusters_are_compact() -> None:
-    """A mesh of 60 m in 75 clusters and more: most boxes have a few percent of its volume."""
-    clusters = cut(soup(12000, 3, (-30.0, -30.0, 0.0), (30.0, 30.0, 9.0), 0.2))
-    volume = np.prod(clusters.high_m - clusters.low_m, axis=1)
-    assert np.median(volume) < 0.05 * 60 * 60 * 9
 
 
 def test_a_box_that_shows_in_any_pixel_is_not_hidden() -> None:

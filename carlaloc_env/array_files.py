@@ -1,13 +1,14 @@
-"""Finished towns on disk: written under another name first, checked on reading, rebuilt when damaged."""
+"""Arrays kept on disk: written under another name first, checked on reading, made anew when damaged."""
 
 from __future__ import annotations
 
 import hashlib
+import importlib.resources
 import json
 import logging
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,22 @@ def content_hash(*parts: bytes) -> str:
         digest.update(len(part).to_bytes(8, "little"))
         digest.update(part)
     return digest.hexdigest()
+
+
+def code_of(names: Sequence[str], folders: Sequence[str]) -> bytes:
+    """Sources of some modules and of all in some folders of `carlaloc_env`, whose change outdates a file."""
+    package = importlib.resources.files("carlaloc_env")
+    files = [package / name for name in names]
+    for folder in folders:
+        files += [entry for entry in (package / folder).iterdir() if entry.name.endswith(".py")]
+    return b"".join(entry.read_bytes() for entry in sorted(files, key=str))
+
+
+def drop_old(kept: Path, others: Iterable[Path], count: int) -> None:
+    """Delete the oldest files of earlier versions, until with the one that is kept `count` are left."""
+    older = sorted((path for path in others if path != kept), key=lambda path: path.stat().st_mtime)
+    for path in older[: max(len(older) - count + 1, 0)]:
+        path.unlink(missing_ok=True)
 
 
 def arrays_hash(arrays: Mapping[str, NDArray[Any]]) -> str:
@@ -86,10 +103,10 @@ def load(path: Path) -> Arrays | None:
     try:
         arrays, mark = _mapped(path)
     except (OSError, ValueError, KeyError, TypeError) as error:
-        _log.warning("cached town %s is damaged (%s) and will be built again", path, error)
+        _log.warning("cached file %s is damaged (%s) and will be made again", path, error)
         return None
     if mark != arrays_hash(arrays):
-        _log.warning("cached town %s does not match its hash and will be built again", path)
+        _log.warning("cached file %s does not match its hash and will be made again", path)
         return None
     return arrays
 
