@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.compiled import inlined
-from carlaloc_env.sensors.event_crossing import fire_bits
+from carlaloc_env.sensors.event_crossing import fire_samples, settle
 from carlaloc_env.sensors.event_lanes import LANES
-from carlaloc_env.sensors.event_sampling import LEVEL, U, V, arrive
+from carlaloc_env.sensors.event_sampling import CHUNK, LEVELS, U, V, arrive, repeat
 from carlaloc_env.sensors.event_search import (
     AT,
     FIRST_WAY,
@@ -61,6 +61,7 @@ def fire_alone(
         fill(np.int32(SECOND_WAY + WHEN), _ONE, lanes)
         search(flat_backward, width, height, SECOND_WAY, lanes)
         decide(_ZERO, lanes)
+    sample = 0
     for k in range(1, steps):
         s = np.float32(k) * per_step
         fill(np.int32(FIRST_WAY + WHEN), s, lanes)
@@ -74,12 +75,20 @@ def fire_alone(
         if through:
             _search_over(flat_forward, width, height, np.float32(1.25) * over[3], s, lanes)
             cover(lanes)
-        bits = see(flat_before, flat_after, width, height, s, lanes)
-        if bits != 0:
-            fire_bits(bits, noise, span_us, refractory_us, k - 1, sample_us, lanes, marks, out_t, out_code)
-    bits = arrive(lanes)
-    if bits != 0:
-        fire_bits(bits, noise, span_us, refractory_us, steps - 1, sample_us, lanes, marks, out_t, out_code)
+        sample += 1
+        see(flat_before, flat_after, width, height, s, np.int32(sample), lanes)
+        if sample == CHUNK:
+            fire_samples(
+                sample, k - sample, noise, span_us, refractory_us, sample_us, lanes, marks, out_t, out_code
+            )
+            sample = 0
+            repeat(np.int32(CHUNK), lanes)
+    sample += 1
+    arrive(np.int32(sample), lanes)
+    fire_samples(
+        sample, steps - sample, noise, span_us, refractory_us, sample_us, lanes, marks, out_t, out_code
+    )
+    settle(span_us, refractory_us, sample_us, lanes, marks, out_t, out_code)
 
 
 @inlined
@@ -100,7 +109,7 @@ def _begin(forward: Any, backward: Any, over: Any, step_px: Any, lanes: Any) -> 
         through = through or crossed
         lanes[THROUGH * LANES + lane] = np.float32(crossed)
         lanes[(OVER_WAY + KNOWN) * LANES + lane] = np.float32(crossed)
-        lanes[HELD * LANES + lane] = lanes[LEVEL * LANES + lane]
+        lanes[HELD * LANES + lane] = lanes[LEVELS * LANES + lane]
         for part in range(2):
             at = lanes[(U if part == 0 else V) * LANES + lane]
             lanes[(FIRST_WAY + AT + part) * LANES + lane] = at

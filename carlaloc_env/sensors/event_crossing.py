@@ -15,9 +15,8 @@ from carlaloc_env.compiled import compiled, inlined
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import (
     DRIFT,
-    EARLIER,
     FINAL,
-    LEVEL,
+    LEVELS,
     LOWER,
     OFF,
     ON,
@@ -28,16 +27,16 @@ from carlaloc_env.sensors.event_sampling import (
     ready,
     scatter,
 )
-from carlaloc_env.sensors.event_volley import volley
+from carlaloc_env.sensors.event_volley import CODES, QUEUED, TIMES, timed, volley
 from carlaloc_env.sensors.pixel_motion import TILE_PX
 
 NEVER_US = -(1 << 30)
 """Time of the last event of a pixel that has had none [µs]."""
 LAST, SHOT, COUNT = 0, 1, 2
 """Rows of whole numbers; in the last one those below."""
-EVENTS, NEXT_SHOT, NOISY, PLACE = 0, 1, 2, 3
-"""Number of events so far, next noise event, pixels that have some as bits, and the place of the first
-pixel: its row in the upper 16 bits, its column in the lower."""
+EVENTS, NEXT_SHOT, NOISY, PLACE, WAITING = 0, 1, 2, 3, 4
+"""Number of events so far, next noise event, pixels that have some as bits, the place of the first
+pixel: its row in the upper 16 bits, its column in the lower; and number of crossings in the queue."""
 PIXEL_ROWS = LANES // TILE_PX
 """Rows of pixels in sixteen of a tile."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
@@ -59,7 +58,7 @@ def take_up(
         gather(flat_ons, first, second, np.int32(ON), lanes)
         gather(flat_offs, first, second, np.int32(OFF), lanes)
         gather(flat_references, first, second, np.int32(REFERENCE), lanes)
-        gather(flat_before, first, second, np.int32(LEVEL), lanes)
+        gather(flat_before, first, second, np.int32(LEVELS), lanes)
         gather(flat_after, first, second, np.int32(FINAL), lanes)
         for lane in range(TILE_PX):
             marks[LAST, lane] = last_in[row, x0 + lane]
@@ -69,7 +68,7 @@ def take_up(
             y, x = min(row + lane // TILE_PX, y1), min(x0 + lane % TILE_PX, x1)
             lanes[ON * LANES + lane], lanes[OFF * LANES + lane] = ons[y, x], offs[y, x]
             lanes[REFERENCE * LANES + lane] = references[y, x]
-            lanes[LEVEL * LANES + lane], lanes[FINAL * LANES + lane] = before[y, x], after[y, x]
+            lanes[LEVELS * LANES + lane], lanes[FINAL * LANES + lane] = before[y, x], after[y, x]
             marks[LAST, lane] = last_in[y, x]
     along, down = _ONE / np.float32(max(x1 - x0, 1)), _ONE / np.float32(max(y1 - y0, 1))
     top = np.float32(row - y0) * down
@@ -143,78 +142,116 @@ def put_down(
 
 
 @inlined
-def fire_bits(
-    bits: int,
+def fire_samples(
+    count: int,
+    before: int,
     noise: Any,
     span_us: int,
     refractory_us: int,
-    begin: int,
     sample_us: float,
     lanes: Any,
     marks: Any,
     out_t: Any,
     out_code: Any,
 ) -> None:
-    """Events of those of sixteen pixels whose signal has just reached a threshold.
+    """Events that some samples of a chunk make; `settle` tells the last of them.
 
     Args:
-        bits: The pixels.
+        count: Number of samples, whose signals follow that of the sample before them.
+        before: Number of the sample before them.
         noise: Noise events in the order of tiles: place, time [µs], polarity, first of each row of tiles.
         span_us: Length of the span [µs].
         refractory_us: Shortest time between two events [µs].
-        begin: Number of the sample before this one.
         sample_us: Time between two samples [µs].
         lanes: Numbers of the pixels, see `event_sampling`.
         marks: Whole numbers of the pixels.
         out_t: Times of the events [µs].
         out_code: Place of the events' pixels, and in the lowest bit their polarity.
     """
-    first, at = np.int32(marks[COUNT, PLACE]), np.float64(begin)
-    span, rest = np.int32(span_us), np.int32(refractory_us)
-    count, quiet = np.int64(marks[COUNT, EVENTS]), bits & ~marks[COUNT, NOISY]
-    while quiet != 0 and count + LANES <= len(out_t):
-        bits &= ~quiet
-        fired = volley(
-            np.int32(quiet), at, sample_us, span, rest, first, marks, lanes, out_t, out_code, count
-        )
-        quiet, count = fired & 0xFFFF, count + (fired >> 16)
-        bits |= quiet
-    marks[COUNT, EVENTS] = count
-    if bits != 0:
-        _fire_one_by_one(bits, noise, span_us, refractory_us, begin, sample_us, lanes, marks, out_t, out_code)
+    step, noisy = 1, np.int32(marks[COUNT, NOISY])
+    while step <= count:
+        waiting = np.int32(marks[COUNT, WAITING])
+        found = volley(np.int32(step), np.int32(count + 1), np.int32(before), noisy, waiting, lanes, marks)
+        step = found >> 32
+        marks[COUNT, WAITING] = found >> 16 & 0xFFFF
+        if step <= count:
+            bits = found & 0xFFFF
+            _halt(bits, step, before, noise, span_us, refractory_us, sample_us, lanes, marks, out_t, out_code)
+            step += bits != 0
 
 
 @compiled
-def _fire_one_by_one(
+def _halt(
     bits: int,
+    step: int,
+    before: int,
     noise: Any,
     span_us: int,
     refractory_us: int,
-    begin: int,
     sample_us: float,
     lanes: Any,
     marks: Any,
     out_t: Any,
     out_code: Any,
 ) -> None:
-    """The same for pixels that have noise events, too, or where room runs out."""
+    """Tell all events so far, those of some noisy pixels at a sample included."""
+    settle(span_us, refractory_us, sample_us, lanes, marks, out_t, out_code)
+    if bits != 0:
+        _fire_one_by_one(
+            bits, step, before, noise, span_us, refractory_us, sample_us, lanes, marks, out_t, out_code
+        )
+
+
+@inlined
+def settle(
+    span_us: int, refractory_us: int, sample_us: float, lanes: Any, marks: Any, out_t: Any, out_code: Any
+) -> None:
+    """Tell the events of all crossings in the queue, but for those that come too soon after another."""
+    count, waiting = marks[COUNT, EVENTS], marks[COUNT, WAITING]
+    for row in range((waiting + LANES - 1) // LANES):
+        timed(np.int32(row), sample_us, np.int32(span_us), np.int32(marks[COUNT, PLACE]), lanes, marks)
+        for k in range(min(waiting - row * LANES, LANES)):
+            lane, t = marks[QUEUED + row, k] & LANES - 1, marks[TIMES, k]
+            if t - marks[LAST, lane] >= refractory_us:
+                marks[LAST, lane] = t
+                if count < len(out_t):
+                    out_t[count], out_code[count] = t, marks[CODES, k]
+                count += 1
+    marks[COUNT, EVENTS], marks[COUNT, WAITING] = count, 0
+
+
+@inlined
+def _fire_one_by_one(
+    bits: int,
+    step: int,
+    before: int,
+    noise: Any,
+    span_us: int,
+    refractory_us: int,
+    sample_us: float,
+    lanes: Any,
+    marks: Any,
+    out_t: Any,
+    out_code: Any,
+) -> None:
+    """Events of some pixels at a sample, and their noise events until then."""
     while bits != 0:
         lane = lowest(np.int32(bits))
         bits &= bits - 1
-        level, earlier = lanes[LEVEL * LANES + lane], lanes[EARLIER * LANES + lane]
+        level, earlier = lanes[(LEVELS + step) * LANES + lane], lanes[(LEVELS + step - 1) * LANES + lane]
         on, off = lanes[ON * LANES + lane], lanes[OFF * LANES + lane]
         upper, lower = lanes[UPPER * LANES + lane], lanes[LOWER * LANES + lane]
         reference = lanes[REFERENCE * LANES + lane]
         rise = level - earlier
-        noisy = marks[COUNT, NOISY] >> lane & 1 != 0 and marks[SHOT, lane] < len(noise[0])
         while level >= upper or level <= lower:
             positive = level >= upper
             reference = upper if positive else lower
             upper, lower = reference + on, reference - off
             part = (reference - earlier) / rise if rise != _ZERO else _ONE
             part = min(max(part, _ZERO), _ONE)
-            t: Any = min(max(np.int64(math.ceil((begin + np.float64(part)) * sample_us)), 1), span_us)
-            if noisy:
+            at = np.float64(before + step - 1) + np.float64(part)
+            t: Any = min(max(np.int64(math.ceil(at * sample_us)), 1), span_us)
+            if marks[SHOT, lane] < len(noise[0]):
                 _shots_until(noise, refractory_us, lane, t, marks, out_t, out_code)
             if t - marks[LAST, lane] >= refractory_us:
                 _note(lane, t, positive, marks, out_t, out_code)

@@ -108,6 +108,11 @@ class Room:
         at = self.builder.mul(row, ir.Constant(I64, LANES))
         return self.builder.bitcast(self.builder.gep(self.data, [at]), FLOATS.as_pointer())
 
+    def at(self, row: int, lane: Any) -> Any:
+        """Pointer to a number, `lane` (i32) on from the beginning of a row."""
+        at = self.builder.add(ir.Constant(I32, row * LANES), lane)
+        return self.builder.gep(self.data, [self.builder.sext(at, I64)])
+
     def __getitem__(self, row: Any) -> Wide:
         value = self.builder.load(self._place(row))
         value.align = 4

@@ -26,20 +26,28 @@ from carlaloc_env.sensors.event_lanes import (
     spread,
 )
 
+CHUNK = 16
+"""Samples that go together; those of a smooth tile's chunk lie on a straight way."""
 U, V, ALONG, DOWN = 0, 1, 2, 3
 """Rows: the pixels [px], and their share of the way across their tile."""
 ON, OFF, REFERENCE, UPPER, LOWER, DRIFT = 4, 5, 6, 7, 8, 9
 """Rows: thresholds, level of the last event, levels that make the next, what leaks until the end."""
-EARLIER, LEVEL, FINAL = 10, 11, 12
-"""Rows: the signal one sample before, now, and at the end."""
-BEGIN, END = 13, 20
+FINAL = 10
+"""Row: the signal at the end, without what leaks."""
+BEGIN, END = 11, 18
 """First of seven rows for the ends of a chunk: places in the first picture (x, y) and in the second,
 what both say there, and the signal."""
-X, Y, DX, DY, MORE, GROWS = 27, 28, 29, 30, 31, 32
+X, Y, DX, DY, MORE, GROWS = 25, 26, 27, 28, 29, 30
 """Rows: the way of a chunk in one picture, and what the signal is above that picture."""
-WINDOW = 33
+WINDOW = 31
 """Two rows: where the columns (lane 0) and rows (lane 8) begin that a chunk is in, and how they go along."""
-FREE_ROW = 35
+LEVELS = 33
+"""First of `CHUNK` + 1 rows: the signal before a chunk's samples, and at each of them."""
+QUEUE_ROWS = 16
+"""Rows of the queue of crossings."""
+RISEN, ROSE = LEVELS + CHUNK + 1, LEVELS + CHUNK + 1 + QUEUE_ROWS
+"""First rows of the queue: how far the signal had to rise from the sample before, and how far it rose."""
+FREE_ROW = ROSE + QUEUE_ROWS
 """First row of other kernels."""
 FIRST_SAYS, SECOND_SAYS, SIGNAL = 4, 5, 6
 """Rows of a chunk's end: what both pictures say, and the signal."""
@@ -164,14 +172,27 @@ def _mix(typing: Any, weight: Any, lanes: Any) -> Any:
 
 
 @intrinsic
-def _arrive(typing: Any, lanes: Any) -> Any:
-    """Signal at the end of the span; the pixels that it makes fire, as bits."""
+def _arrive(typing: Any, sample: Any, lanes: Any) -> Any:
+    """Note the signal at the end of the span as that of a sample of a chunk."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        room = Room(context, builder, signature.args[0], arguments[0])
-        return reached(room, room[FINAL] + room[DRIFT])
+        room = Room(context, builder, signature.args[1], arguments[1])
+        room[builder.add(ir.Constant(I32, LEVELS), arguments[0])] = room[FINAL] + room[DRIFT]
+        return context.get_dummy_value()
 
-    return types.int32(lanes), generate
+    return types.void(types.int32, lanes), generate
+
+
+@intrinsic
+def _repeat(typing: Any, sample: Any, lanes: Any) -> Any:
+    """Begin a chunk with the signal of a sample of the last one."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        room = Room(context, builder, signature.args[1], arguments[1])
+        room[LEVELS] = room[builder.add(ir.Constant(I32, LEVELS), arguments[0])]
+        return context.get_dummy_value()
+
+    return types.void(types.int32, lanes), generate
 
 
 @intrinsic
@@ -197,13 +218,6 @@ def _lowest(typing: Any, bits: Any) -> Any:
     return types.int64(types.int32), generate
 
 
-def reached(room: Room, level: Wide) -> Any:
-    """Take the next level of the signal; the pixels that it makes fire, as bits."""
-    room[EARLIER] = room[LEVEL]
-    room[LEVEL] = level
-    return ((level >= room[UPPER]) | (level <= room[LOWER])).bits()
-
-
 # Under a type that callers may call as functions.
 gather: Any = _gather
 scatter: Any = _scatter
@@ -212,5 +226,6 @@ place: Any = _place
 look: Any = _look
 mix: Any = _mix
 arrive: Any = _arrive
+repeat: Any = _repeat
 reaches: Any = _reaches
 lowest: Any = _lowest

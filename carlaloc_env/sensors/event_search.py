@@ -27,7 +27,7 @@ from carlaloc_env.sensors.event_lanes import (
     spread,
     within,
 )
-from carlaloc_env.sensors.event_sampling import DRIFT, FREE_ROW, U, V, reached
+from carlaloc_env.sensors.event_sampling import DRIFT, FREE_ROW, LEVELS, U, V
 from carlaloc_env.sensors.pixel_ways import MISS_PX, SAME_DEPTH
 
 WAY_ROWS = 13
@@ -175,13 +175,15 @@ def _cover(typing: Any, lanes: Any) -> Any:
 
 
 @intrinsic
-def _see(typing: Any, before: Any, after: Any, width: Any, height: Any, time: Any, lanes: Any) -> Any:
-    """Signal at the places that were found, held where there is none; who fires, as bits."""
+def _see(
+    typing: Any, before: Any, after: Any, width: Any, height: Any, time: Any, sample: Any, lanes: Any
+) -> Any:
+    """Note the signal at the places that were found as that of a sample; held where there is none."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         pictures = [data_of(context, builder, signature.args[k], arguments[k]) for k in (0, 1)]
-        _, _, width, height, time, _ = arguments
-        room = Room(context, builder, signature.args[5], arguments[5])
+        _, _, width, height, time, sample, _ = arguments
+        room = Room(context, builder, signature.args[6], arguments[6])
         places = (room[SHOWN], room[SHOWN + 1]), (room[SECOND_WAY + AT], room[SECOND_WAY + AT + 1])
         none = room[WEIGHT] * 0.0
         level = none
@@ -191,9 +193,12 @@ def _see(typing: Any, before: Any, after: Any, width: Any, height: Any, time: An
             level = level + (weight > 0.0).pick(seen, none)
         level = (room[WEIGHT] + room[WEIGHT + 1] > 0.0).pick(level, room[HELD])
         room[HELD] = level
-        return reached(room, level + room[DRIFT] * spread(builder, time))
+        level = level + room[DRIFT] * spread(builder, time)
+        room[builder.add(ir.Constant(I32, LEVELS), sample)] = level
+        return context.get_dummy_value()
 
-    return types.int32(before, after, types.int32, types.int32, types.float32, lanes), generate
+    whole = types.int32
+    return types.void(before, after, whole, whole, types.float32, whole, lanes), generate
 
 
 def _rows_of(builder: Any, way: Any) -> Any:

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.compiled import inlined
-from carlaloc_env.sensors.event_crossing import fire_bits
-from carlaloc_env.sensors.event_sampling import arrive, look, mix, place, reaches
-from carlaloc_env.sensors.event_tiles import CHUNK
+from carlaloc_env.sensors.event_crossing import fire_samples, settle
+from carlaloc_env.sensors.event_sampling import CHUNK, arrive, look, mix, place, reaches
 from carlaloc_env.sensors.event_travel import follow, travel
 from carlaloc_env.sensors.pixel_ways import BOTH
 
@@ -58,17 +57,13 @@ def fire_smooth(
         begun = np.float32(begin) * per_step
         where = follow(np.int32(second), share, begun, per_step, width, height, lanes)
         flat = flat_after if second else flat_before
-        step, last = 1, min(stop, steps - 1) - begin
-        while step <= last:
-            found = travel(flat, width, height, where, np.int32(step), np.int32(last + 1), lanes)
-            step, bits = found >> 16, found & 0xFFFF
-            if bits != 0:
-                f = begin + step - 1
-                fire_bits(bits, noise, span_us, refractory_us, f, sample_us, lanes, marks, out_t, out_code)
-            step += 1
-    if steps == 1 or placed == chunks:
-        bits = arrive(lanes)
-        if bits != 0:
-            fire_bits(
-                bits, noise, span_us, refractory_us, steps - 1, sample_us, lanes, marks, out_t, out_code
-            )
+        last = min(stop, steps - 1) - begin
+        travel(flat, width, height, where, np.int32(last + 1), lanes)
+        if stop == steps:
+            last += 1
+            arrive(np.int32(last), lanes)
+        fire_samples(last, begin, noise, span_us, refractory_us, sample_us, lanes, marks, out_t, out_code)
+    if steps == 1:
+        arrive(np.int32(1), lanes)
+        fire_samples(1, 0, noise, span_us, refractory_us, sample_us, lanes, marks, out_t, out_code)
+    settle(span_us, refractory_us, sample_us, lanes, marks, out_t, out_code)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.compiled import inlined
 from carlaloc_env.sensors.event_lanes import FLOATS, I32, I64, LANES, WORDS, Wide, data_of, spread
-from carlaloc_env.sensors.event_sampling import U, V
+from carlaloc_env.sensors.event_sampling import CHUNK, U, V
 from carlaloc_env.sensors.event_search import (
     AT,
     DEPTH,
@@ -31,6 +31,7 @@ from carlaloc_env.sensors.event_search import (
     go_on,
     search,
 )
+from carlaloc_env.sensors.event_volley import MARK_ROWS
 from carlaloc_env.sensors.pixel_motion import TILE_PX
 from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, MISS_PX, NOWHERE, SAME_DEPTH, SECOND, range_along
 
@@ -38,11 +39,10 @@ F32 = NDArray[np.float32]
 
 STEPS_MAX = 512
 """Most samples of a pixel between two pictures."""
-CHUNK = 16
-"""Samples between two places that are looked for in both pictures."""
 SMOOTH_PX = np.float32(0.3)
 """Motion in a smooth tile differs by less from what its corners say [px]."""
 _KNOTS = LANES // 4
+_LINE_BYTES = 64
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
@@ -57,9 +57,16 @@ def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int32]]:
     return (
         np.zeros((chunks, 4, 4), np.float32),
         np.zeros((chunks, 3), np.float32),
-        np.zeros(ROWS * LANES, np.float32),
-        np.zeros((3, LANES), np.int32),
+        _aligned(ROWS).view(np.float32).reshape(-1),
+        _aligned(MARK_ROWS),
     )
+
+
+def _aligned(rows: int) -> NDArray[np.int32]:
+    """Rows of zeros none of which lies in two lines of the processor's cache."""
+    room = np.zeros((rows + 1) * LANES, np.int32)
+    first = -room.ctypes.data % _LINE_BYTES // room.itemsize
+    return room[first : first + rows * LANES].reshape(rows, LANES)
 
 
 @intrinsic

@@ -31,15 +31,12 @@ from carlaloc_env.sensors.event_sampling import (
     DRIFT,
     DX,
     DY,
-    EARLIER,
     END,
     FIRST_SAYS,
     GROWS,
-    LEVEL,
-    LOWER,
+    LEVELS,
     MORE,
     SIGNAL,
-    UPPER,
     WINDOW,
     X,
     Y,
@@ -83,7 +80,7 @@ def _follow(
         leaked = room[DRIFT] * begun
         room[MORE] = above + leaked
         room[GROWS] = (later - above) * share + room[DRIFT] * per_step
-        room[LEVEL] = room[BEGIN + SIGNAL] + leaked
+        room[LEVELS] = room[BEGIN + SIGNAL] + leaked
         if not can_pick(context):
             return ir.Constant(I32, ANYWHERE)
         return _window(builder, ends, size, share, room)
@@ -136,32 +133,33 @@ def _window(builder: Any, ends: list[Wide], size: tuple[Any, Any], share: Wide, 
 
 
 @intrinsic
-def _travel(
-    typing: Any, flat: Any, width: Any, height: Any, where: Any, begin: Any, stop: Any, lanes: Any
-) -> Any:
-    """Take samples of a chunk, the first at `begin` steps after its beginning, until one makes pixels fire.
+def _travel(typing: Any, flat: Any, width: Any, height: Any, where: Any, stop: Any, lanes: Any) -> Any:
+    """Note the signal at all samples of a chunk.
 
-    Args: the picture (H·W,) and its size, where the pixels lie, step of the first sample, step after the
-    last one. Returns: step of the sample that makes pixels fire, in the upper bits, and these pixels in the
-    lower 16; `stop` and none.
+    Args: the picture (H·W,) and its size, where the pixels lie, number of the sample after the last one
+    (those of a chunk count from 1).
     """
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         picture = data_of(context, builder, signature.args[0], arguments[0])
-        _, width, height, where, begin, stop, _ = arguments
-        room = Room(context, builder, signature.args[6], arguments[6])
+        _, width, height, where, stop, _ = arguments
+        room = Room(context, builder, signature.args[5], arguments[5])
 
         def seen_anywhere(step: Any, x: Wide, y: Wide) -> Wide:
             return between(context, builder, picture, width, height, x, y)
 
         def seen_within(rows: int) -> Callable[[Any, Wide, Wide], Wide]:
+            window = []
+            for lane, size, need in ((0, width, LANES), (_HALF, height, rows)):
+                place, along = (
+                    builder.extract_element(room[WINDOW + k].value, ir.Constant(I32, lane)) for k in (0, 1)
+                )
+                window.append((place, along, builder.sub(size, ir.Constant(I32, need))))
+
             def seen(step: Any, x: Wide, y: Wide) -> Wide:
                 starts = []
-                for lane, size, need in ((0, width, LANES), (_HALF, height, rows)):
-                    lane_at = ir.Constant(I32, lane)
-                    place, along = (builder.extract_element(room[WINDOW + k].value, lane_at) for k in (0, 1))
+                for place, along, last in window:
                     at = builder.fptosi(builder.fadd(place, builder.fmul(step, along)), I32)
-                    last = builder.sub(size, ir.Constant(I32, need))
                     starts.append(builder.select(builder.icmp_signed("<", at, last), at, last))
                 return _seen_in_rows(builder, picture, width, starts, rows, x, y)
 
@@ -169,77 +167,39 @@ def _travel(
 
         end = builder.append_basic_block("end")
         starts = {ANYWHERE: builder.append_basic_block("anywhere")}
-        ways: dict[int, Callable[[Any, Wide, Wide], Wide]] = {ANYWHERE: seen_anywhere}
         if can_pick(context):
-            for kind, rows in ((FOUR_ROWS, 4), (THREE_ROWS, 3)):
-                starts[kind], ways[kind] = builder.append_basic_block(f"rows_{rows}"), seen_within(rows)
+            starts |= {kind: builder.append_basic_block(f"rows_{kind}") for kind in (THREE_ROWS, FOUR_ROWS)}
         switch = builder.switch(where, starts[ANYWHERE])
-        results = []
         for kind, block in starts.items():
             if kind != ANYWHERE:
                 switch.add_case(ir.Constant(I32, kind), block)
             builder.position_at_end(block)
-            results.append(_samples(builder, room, ways[kind], begin, stop, end))
+            seen = seen_anywhere if kind == ANYWHERE else seen_within(3 if kind == THREE_ROWS else 4)
+            _samples(builder, room, seen, stop, end)
         builder.position_at_end(end)
-        joined = []
-        for n in range(4):
-            value = builder.phi(results[0][1][n].type)
-            for block, values in results:
-                value.add_incoming(values[n], block)
-            joined.append(value)
-        step, bits, earlier, level = joined
-        room[EARLIER], room[LEVEL] = Wide(builder, earlier), Wide(builder, level)
-        return builder.or_(
-            builder.shl(builder.zext(step, I64), ir.Constant(I64, 16)), builder.zext(bits, I64)
-        )
+        return context.get_dummy_value()
 
     whole = types.int32
-    return types.int64(flat, whole, whole, whole, whole, whole, lanes), generate
+    return types.void(flat, whole, whole, whole, whole, lanes), generate
 
 
-def _samples(
-    builder: Any, room: Room, seen: Callable[[Any, Wide, Wide], Wide], begin: Any, stop: Any, end: Any
-) -> tuple[Any, list[Any]]:
-    """A loop over samples, which goes to a block `end`.
-
-    Returns:
-        The block that it comes from; the step, the pixels that fire, the signal before and then.
-    """
-    before = builder.block
-    first = room[LEVEL].value
-    loop, done = builder.append_basic_block("sample"), builder.append_basic_block("sampled")
-    onward = builder.append_basic_block("onward")
-    none = ir.Constant(I32, 0)
-    builder.cbranch(builder.icmp_signed("<", begin, stop), loop, done)
+def _samples(builder: Any, room: Room, seen: Callable[[Any, Wide, Wide], Wide], stop: Any, end: Any) -> None:
+    """A loop over samples, which goes to a block `end`."""
+    # Read once: the compiler cannot know that what the loop writes lies elsewhere.
+    x, dx, y, dy, more, grows = (room[row] for row in (X, DX, Y, DY, MORE, GROWS))
+    before, loop = builder.block, builder.append_basic_block("sample")
+    one = ir.Constant(I32, 1)
+    builder.cbranch(builder.icmp_signed("<", one, stop), loop, end)
     builder.position_at_end(loop)
-    step, earlier = builder.phi(I32), builder.phi(FLOATS)
+    step = builder.phi(I32)
     real = builder.sitofp(step, F32)
     h = spread(builder, real)
-    x, y = room[X] + h * room[DX], room[Y] + h * room[DY]
-    level = seen(real, x, y) + (room[MORE] + h * room[GROWS])
-    bits = ((level >= room[UPPER]) | (level <= room[LOWER])).bits()
-    looped = builder.block
-    builder.cbranch(builder.icmp_unsigned("!=", bits, none), done, onward)
-    builder.position_at_end(onward)
-    following = builder.add(step, ir.Constant(I32, 1))
-    builder.cbranch(builder.icmp_signed("<", following, stop), loop, done)
-    for value, at_first, later in ((step, begin, following), (earlier, first, level.value)):
-        value.add_incoming(at_first, before)
-        value.add_incoming(later, onward)
-    builder.position_at_end(done)
-    values = []
-    for at_none, at_fire, at_stop in (
-        (stop, step, stop),
-        (none, bits, none),
-        (first, earlier, earlier),
-        (first, level.value, level.value),
-    ):
-        value = builder.phi(at_none.type)
-        for one, block in ((at_none, before), (at_fire, looped), (at_stop, onward)):
-            value.add_incoming(one, block)
-        values.append(value)
-    builder.branch(end)
-    return done, values
+    row = builder.add(ir.Constant(I32, LEVELS), step)
+    room[row] = seen(real, x + h * dx, y + h * dy) + (more + h * grows)
+    following = builder.add(step, one)
+    step.add_incoming(one, before)
+    step.add_incoming(following, builder.block)
+    builder.cbranch(builder.icmp_signed("<", following, stop), loop, end)
 
 
 def _seen_in_rows(
