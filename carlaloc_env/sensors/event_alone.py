@@ -16,7 +16,9 @@ from carlaloc_env.sensors.event_search import (
     FIRST_WAY,
     HELD,
     KNOWN,
+    LAST_AT,
     MENDED,
+    MISS,
     OVER_WAY,
     OWN,
     SECOND_WAY,
@@ -129,6 +131,15 @@ def _begin(forward: Any, backward: Any, over: Any, step_px: Any, lanes: Any) -> 
         for lane in range(LANES):
             lanes[(FIRST_WAY + part) * LANES + lane] /= np.float32(steps)
             lanes[(SECOND_WAY + part) * LANES + lane] /= np.float32(steps)
+    # So that the first step of all goes on from here as it is thought to.
+    for lane in range(LANES):
+        lanes[(FIRST_WAY + MISS) * LANES + lane] = _ZERO
+        for part in range(2):
+            at, step = (
+                lanes[(FIRST_WAY + AT + part) * LANES + lane],
+                lanes[(FIRST_WAY + STEP + part) * LANES + lane],
+            )
+            lanes[(FIRST_WAY + LAST_AT + part) * LANES + lane] = at - step
     return steps, through
 
 

@@ -46,7 +46,10 @@ _LINE_BYTES = 64
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
 
-def new_scratch() -> tuple[F32, F32, F32, NDArray[np.int32]]:
+Scratch = tuple[F32, F32, F32, NDArray[np.int32]]
+
+
+def new_scratch() -> Scratch:
     """Room for the notes that `fire_rows` takes of one tile.
 
     Where its corners come from at the ends of all chunks, x and y in both pictures; and for each

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env import rng
-from carlaloc_env.compiled import compiled, over_bands
+from carlaloc_env.compiled import BAND_ROWS, compiled, over_bands
 from carlaloc_env.sensors.event_crossing import NEVER_US
 from carlaloc_env.sensors.event_kernels import fire_rows
 from carlaloc_env.sensors.event_lanes import float_of, word_of
-from carlaloc_env.sensors.event_order import by_time
-from carlaloc_env.sensors.event_tiles import new_scratch
+from carlaloc_env.sensors.event_order import Slots
+from carlaloc_env.sensors.event_tiles import Scratch, new_scratch
 from carlaloc_env.sensors.pixel_motion import TILE_PX, passing_surfaces
 from carlaloc_env.sensors.pixel_ways import tile_ranges
 
@@ -221,17 +221,33 @@ def fire(
     fields = (motion.forward, motion.backward, motion.passing, *flat)
     numbers = (span_us, refractory_us, np.float32(leak_hz * 1e-6 * span_us), np.float32(step_px))
 
-    def band(first: int, end: int) -> tuple[NDArray[np.int32], NDArray[np.uint32]]:
-        room = 4 * (end - first) * width
-        while True:
-            t_us, code = np.empty(room, np.int32), np.empty(room, np.uint32)
-            count = fire_rows(pictures, fields, device, noise, numbers, new_scratch(), t_us, code, first, end)
-            if count <= room:
-                return t_us[:count], code[:count]
-            room = count
+    slots = Slots(-(-height // BAND_ROWS), span_us, 4 * before.size)
+    desks: list[Desk] = []
 
-    events = by_time(over_bands(band, height), start_ns, span_us)
+    def band(first: int, end: int) -> None:
+        # Not anew for every band: memory that has not been used before costs time.
+        desk = desks.pop() if desks else _new_desk(4 * BAND_ROWS * width)
+        scratch, t_us, code = desk
+        while True:
+            scratch[-1][:] = 0
+            count = fire_rows(pictures, fields, device, noise, numbers, scratch, t_us, code, first, end)
+            if count <= len(t_us):
+                break
+            scratch, t_us, code = desk = _new_desk(count)
+        slots.take(first // BAND_ROWS, t_us[:count], code[:count])
+        desks.append(desk)
+
+    over_bands(band, height)
+    events = slots.by_time(start_ns)
     return events, PixelState(reference=reference, last_us=last_us)
+
+
+Desk = tuple[Scratch, NDArray[np.int32], NDArray[np.uint32]]
+
+
+def _new_desk(room: int) -> Desk:
+    """What a thread works on a band with: its notes, and room for times and codes of events."""
+    return new_scratch(), np.empty(room, np.int32), np.empty(room, np.uint32)
 
 
 def _by_tiles(
