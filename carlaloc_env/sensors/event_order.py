@@ -17,7 +17,9 @@ from carlaloc_env.samples import EVENT
 
 SLOT_BITS = 8
 """A slot is 2 to the power of this long [µs]."""
-I32, U32, U64 = NDArray[np.int32], NDArray[np.uint32], NDArray[np.uint64]
+I32 = NDArray[np.int32]
+U32 = NDArray[np.uint32]
+U64 = NDArray[np.uint64]
 
 
 class Slots:
