@@ -226,7 +226,7 @@ def fire(
 
     def band(first: int, end: int) -> None:
         # Not anew for every band: memory that has not been used before costs time.
-        desk = desks.pop() if desks else _new_desk(4 * BAND_ROWS * width)
+        desk = desks.pop() if desks else _new_desk(_ROOM * BAND_ROWS * width)
         scratch, t_us, code = desk
         while True:
             scratch[-1][:] = 0
@@ -242,6 +242,8 @@ def fire(
     return events, PixelState(reference=reference, last_us=last_us)
 
 
+_ROOM = 16
+"""Events per pixel that a band has room for: unused room takes no memory, too little makes it start anew."""
 Desk = tuple[Scratch, NDArray[np.int32], NDArray[np.uint32]]
 
 
