@@ -34,6 +34,7 @@ from carlaloc_env.sensors.event_search import (
     see,
 )
 from carlaloc_env.sensors.event_tiles import STEPS_MAX
+from carlaloc_env.sensors.pixel_motion import SURFACE_RATIO
 
 _ONE, _ZERO = np.float32(1), np.float32(0)
 
@@ -75,7 +76,7 @@ def fire_alone(
         search(flat_backward, width, height, SECOND_WAY, lanes)
         decide(s, lanes)
         if through:
-            _search_over(flat_forward, width, height, np.float32(1.25) * over[3], s, lanes)
+            _search_over(flat_forward, width, height, np.float32(SURFACE_RATIO) * over[3], s, lanes)
             cover(lanes)
         sample += 1
         see(flat_before, flat_after, width, height, s, np.int32(sample), lanes)
