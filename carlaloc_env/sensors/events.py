@@ -86,7 +86,7 @@ class Shots:
         count = int(generator.poisson(rate_hz * 1e-6 * span_us * pixels)) if rate_hz > 0 else 0
         pixel = generator.integers(0, pixels, count)
         t_us = generator.integers(1, span_us + 1, count)
-        order = np.lexsort((t_us, pixel))
+        order = np.argsort(pixel * (span_us + 1) + t_us)
         return cls(
             pixel=pixel[order].astype(np.int32),
             t_us=t_us[order].astype(np.int32),
@@ -254,12 +254,15 @@ def _new_desk(room: int) -> Desk:
 
 def _by_tiles(
     pixel: NDArray[np.int32], height: int, width: int
-) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Order of pixels tile by tile, and where each row of tiles begins in it."""
-    y, x = pixel // width, pixel % width
+    y, x = pixel.astype(np.int64) // width, pixel.astype(np.int64) % width
     rows, columns = -(-height // TILE_PX), -(-width // TILE_PX)
     tile = (y // TILE_PX) * columns + x // TILE_PX
-    order = np.lexsort((x, y, tile))
+    # One number for tile, place in it and order so far: sorted at once.
+    key = (tile * TILE_PX**2 + y % TILE_PX * TILE_PX + x % TILE_PX) * len(pixel) + np.arange(len(pixel))
+    key.sort()
+    order = key % max(len(pixel), 1)
     first = np.searchsorted(tile[order], np.arange(rows + 1) * columns)
     return order, first.astype(np.int64)
 

@@ -113,19 +113,32 @@ def tile_ranges(image: F32) -> F32:
     """Lowest and highest value in each tile and one pixel around it, shape (h, w, 2)."""
     rows, columns = (-(-n // TILE_PX) for n in image.shape)
     ranges = np.empty((rows, columns, 2), np.float32)
-    over_bands(lambda first, end: _fill_ranges(image, ranges, first, end), rows)
+
+    def fill(first: int, end: int) -> None:
+        _fill_ranges(image, np.empty((2, image.shape[1]), np.float32), ranges, first, end)
+
+    over_bands(fill, rows)
     return ranges
 
 
 @compiled
-def _fill_ranges(image: Any, ranges: Any, first: int, end: int) -> None:
+def _fill_ranges(image: Any, across: Any, ranges: Any, first: int, end: int) -> None:
+    """Fill in rows of tiles; `across`: room for the lowest and highest value of each column."""
     height, width = image.shape
     for row in range(first, end):
+        top = max(row * TILE_PX - 1, 0)
+        for x in range(np.uint32(width)):
+            across[0, x], across[1, x] = image[top, x], image[top, x]
+        for y in range(top + 1, min((row + 1) * TILE_PX + 1, height)):
+            for x in range(np.uint32(width)):
+                value = image[y, x]
+                across[0, x] = value if value < across[0, x] else across[0, x]
+                across[1, x] = value if value > across[1, x] else across[1, x]
         for column in range(ranges.shape[1]):
-            low, high = image[row * TILE_PX, column * TILE_PX], image[row * TILE_PX, column * TILE_PX]
-            for y in range(max(row * TILE_PX - 1, 0), min((row + 1) * TILE_PX + 1, height)):
-                for x in range(max(column * TILE_PX - 1, 0), min((column + 1) * TILE_PX + 1, width)):
-                    low, high = min(low, image[y, x]), max(high, image[y, x])
+            left = max(column * TILE_PX - 1, 0)
+            low, high = across[0, left], across[1, left]
+            for x in range(left + 1, min((column + 1) * TILE_PX + 1, width)):
+                low, high = min(low, across[0, x]), max(high, across[1, x])
             ranges[row, column, 0], ranges[row, column, 1] = low, high
 
 
