@@ -10,7 +10,8 @@ from carlaloc_env.render.context import set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.lamp_words import air_words, surface_words
 from carlaloc_env.render.lights import Emitters, Lights, concatenate_lights, nearest, street_lamps
-from carlaloc_env.render.tiles import TILE, TILE_PX, DepthRange, LightGrid, light_grid
+from carlaloc_env.render.tile_quads import TileQuads
+from carlaloc_env.render.tiles import DepthRange, LightGrid, light_grid
 from carlaloc_env.render.uniforms import Scene
 from carlaloc_env.scene import ModelLibrary
 
@@ -30,27 +31,26 @@ class Night:
         self._emitters = Emitters(library)
         self._street = street_lamps(lamps_m)
         self._lists = self._image(16)
-        self._tiles = context.buffer(reserve=4096 * TILE.itemsize, dynamic=True)
-        self._command = context.buffer(reserve=20, dynamic=True)
-        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
+        self._quads = TileQuads(context)
 
     def lights(self, gbuffer: GBuffer) -> Lights:
         """The lights round a camera that matter most."""
         lights = concatenate_lights([self._street, self._emitters.lights(gbuffer.actors)])
         return nearest(lights, gbuffer.view.position_m)
 
-    def prepare(self, scene: Scene) -> LightGrid:
-        """Find the lights of a picture and hold them for the next drawing."""
+    def prepare(self, scene: Scene, depths: DepthRange, *, wet: bool) -> LightGrid:
+        """Find the lights of a picture and hold them for the next drawing; needs the depths of its tiles."""
         eye_m, exposure = scene.view.position_m, scene.sky.light.exposure
         lights, depth_m = self.lights(scene.gbuffer), scene.depth_m()
         grid = light_grid(
             scene.view,
             lights,
-            DepthRange.of(depth_m),
+            depths,
             scene.weather.extinction_per_m * exposure / 4.0,
             depth_m=depth_m,
             exposure=exposure,
             normal_codes=scene.normal_codes(),
+            wet=wet,
         )
         words = np.concatenate(
             [
@@ -65,36 +65,19 @@ class Night:
         padded = np.zeros((rows * _ENTRIES, 8), np.uint32)
         padded[: len(words)] = words
         self._lists.write(padded.tobytes(), viewport=(0, 0, 2 * _ENTRIES, rows))
-        if grid.tiles.nbytes > self._tiles.size:
-            self._tiles = self._context.buffer(reserve=grid.tiles.nbytes, dynamic=True)
-        self._tiles.orphan()
-        self._tiles.write(grid.tiles.tobytes())
+        self._quads.hold(grid.groups.tiles)
         return grid
 
     def draw(self, program: moderngl.Program, first: int, count: int) -> None:
         """Run a fragment program over some of the tiles."""
         self._lists.bind_to_image(_LISTS, read=True, write=False)
-        set_uniforms(program, u_tile=float(TILE_PX), u_lists=_LISTS)
-        if count:
-            # Four corners, `count` tiles, no first corner, `first` tile; the stride is five words.
-            self._command.write(np.array([4, count, 0, first, 0], dtype="<u4").tobytes())
-            self._array(program).render_indirect(self._command, mode=moderngl.TRIANGLE_STRIP, count=1)
-
-    def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
-        key = (program.glo, self._tiles.glo)
-        if key not in self._arrays:
-            names = ("in_place", "in_lamps", "in_beams", "in_glows")
-            layout = " ".join("2u4" if name in program else "8x" for name in names)
-            used = [name for name in names if name in program]
-            self._arrays[key] = self._context.vertex_array(program, [(self._tiles, f"{layout}/i", *used)])
-        return self._arrays[key]
+        set_uniforms(program, u_lists=_LISTS)
+        self._quads.draw(program, first, count)
 
     def _image(self, rows: int) -> moderngl.Texture:
         return self._context.texture((2 * _ENTRIES, rows), 4, dtype="u4")
 
     def release(self) -> None:
         """Free the buffers."""
-        for array in self._arrays.values():
-            array.release()
-        for held in (self._lists, self._tiles, self._command):
-            held.release()
+        self._lists.release()
+        self._quads.release()

@@ -199,7 +199,7 @@ class SceneRenderer:
         """
         # Reading back waits for all that has been begun.
         for weather in weathers:
-            _read_ahead(gbuffer, weather)
+            self._read_ahead(gbuffer, weather)
         begun = [
             self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed, place=place)
             for place, weather in enumerate(weathers)
@@ -231,7 +231,7 @@ class SceneRenderer:
             What waits for the picture and returns it; to be called before the next shading in its place is
             begun.
         """
-        _read_ahead(gbuffer, weather)
+        self._read_ahead(gbuffer, weather)
         with self._context:
             casters = self._filler.casters(gbuffer.actors)
             read = self._shader.begin(gbuffer, weather, casters, stamp_ns, seed, place)
@@ -259,8 +259,7 @@ class SceneRenderer:
                 by the motion of surfaces can follow.
             seed: Seed of the rain.
         """
-        if weather.is_night or stamp_ns is not None:
-            _read_ahead(gbuffer, weather)
+        self._read_ahead(gbuffer, weather)
         with self._context:
             casters = self._filler.casters(gbuffer.actors)
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
@@ -286,9 +285,16 @@ class SceneRenderer:
         Returns:
             Light that they add [cd/m²], three channels, and the share of what lies behind that they hide.
         """
-        _read_ahead(gbuffer, weather)
+        self._read_ahead(gbuffer, weather)
         with self._context:
             return self._shader.rain_cd_m2(gbuffer, weather, stamp_ns, seed, exposure_s)
+
+    def _read_ahead(self, gbuffer: GBuffer, weather: WeatherParameters) -> None:
+        """Read back what shading needs, outside the context: an inner `with` would leave none current."""
+        if weather.is_night or weather.precipitation > 0.0 or self._shader.reads_depth(gbuffer):
+            gbuffer.shaded_depth_m()
+        if weather.is_night:
+            gbuffer.shaded_normal_codes()
 
     @staticmethod
     def _carried(view: View, earlier: GBuffer) -> Depths:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
 
 import moderngl
@@ -9,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env import rng
-from carlaloc_env.render.context import Programs
+from carlaloc_env.render.context import Programs, set_uniforms
+from carlaloc_env.render.covering import Cover, Passes
+from carlaloc_env.render.day_tiles import LEAST_PX, day_groups
 from carlaloc_env.render.gbuffer import GBuffer, Targets
 from carlaloc_env.render.lights import NO_LIGHTS, Lights
 from carlaloc_env.render.mirror import Mirror
@@ -19,11 +22,20 @@ from carlaloc_env.render.rain import Streaks, lit, rain_streaks
 from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.roofs import Roofs
 from carlaloc_env.render.scenery import Scenery
-from carlaloc_env.render.shadow import Casters, Shadows
+from carlaloc_env.render.shadow import Casters, ShadowMap, Shadows
 from carlaloc_env.render.skies import Skies
 from carlaloc_env.render.sky import READ_NOISE_E, electrons, exposure_time_s
-from carlaloc_env.render.tiles import LightGrid
-from carlaloc_env.render.uniforms import MIRROR, Scene, tell_light, tell_samples, tell_shadows, tell_view
+from carlaloc_env.render.tile_quads import TileQuads
+from carlaloc_env.render.tiles import DepthRange
+from carlaloc_env.render.uniforms import (
+    MIRROR,
+    Scene,
+    bind_light,
+    light_values,
+    tell_samples,
+    tell_shadows,
+    tell_view,
+)
 from carlaloc_env.scene import ModelLibrary
 from carlaloc_env.weather import WeatherParameters
 
@@ -60,6 +72,8 @@ class Shader:
         self._programs = programs
         self._live = live
         self._night = Night(context, library, lamps_m)
+        self._day = TileQuads(context)
+        self._depths: weakref.WeakKeyDictionary[GBuffer, DepthRange] = weakref.WeakKeyDictionary()
         self._shadows = (
             Shadows(context, programs, scenery, **(LIVE_SHADOWS if live else {})) if len(scenery) else None
         )
@@ -150,58 +164,63 @@ class Shader:
         self, scene: Scene, casters: Casters, *, linear: bool, place: int = 0
     ) -> tuple[moderngl.Texture, Lights]:
         """The picture without falling drops, and the lamps of the night that light it."""
-        gbuffer, weather, sun = scene.gbuffer, scene.weather, scene.sky.light.sun_direction
+        gbuffer, sun = scene.gbuffer, scene.sky.light.sun_direction
         resolved = gbuffer.shaded is not gbuffer.drawn
         features = self._features(scene, linear=linear, resolved=resolved)
-        static = actors = grid = None
+        static = actors = None
         if self._shadows is not None and "SUN" in features:
             static = self._shadows.static(scene.view, sun)
         if self._shadows is not None and "ACTORS" in features:
             above = np.array([0.0, 0.0, 1.0])
             actors = self._shadows.actors(scene.view, above if static is None else sun, casters)
-        if weather.is_night:
-            grid = self._night.prepare(scene)
+        lights, cover = self._cover(scene, features, actors, casters)
+        values = light_values(scene, self._roofs)
+        bind_light(scene, self._roofs)
         if "MIRROR" in features:
-            self._mirrored(scene).use(MIRROR)
+            self._mirrored(scene, values).use(MIRROR)
         texture, framebuffer = self._output(gbuffer, linear=linear, place=place)
         framebuffer.use()
-        # The depth test splits the picture: surfaces lie before the triangle, the sky on it.
+        framebuffer.viewport = (0, 0, *((texture.width, texture.height) if cover is None else cover.size_px))
         framebuffer.depth_mask = False
-        self._context.enable_only(moderngl.NOTHING if resolved else moderngl.DEPTH_TEST)
-        self._context.depth_func = ">"
 
         def prepare(program: moderngl.Program) -> None:
             tell_samples(program, gbuffer.shaded)
             tell_view(program, scene.view)
-            tell_light(program, scene, self._roofs)
+            set_uniforms(program, **values)
             tell_shadows(program, scene.view, static=static, actors=actors)
 
-        self._cover("shade.frag", features, grid, prepare)
-        if not resolved:
-            self._context.depth_func = "=="
-            shared = tuple(name for name in features if name in ("TILES", "NIGHT", "LINEAR"))
-            self._cover("sky.frag", shared, grid, prepare)
-        return texture, NO_LIGHTS if grid is None else grid.lights
+        passes = Passes(self._context, self._programs, features, prepare, splits=not resolved)
+        if cover is None:
+            passes.whole(self._triangle)
+        else:
+            passes.tiles(cover)
+        return texture, lights
 
     def _cover(
-        self,
-        fragment: str,
-        features: tuple[str, ...],
-        grid: LightGrid | None,
-        prepare: Callable[[moderngl.Program], None],
-    ) -> None:
-        """Run a fragment program over the picture, by night with the loops that each tile needs."""
-        if grid is None:
-            program = self._programs.get("screen.vert", fragment, *features)
-            prepare(program)
-            self._triangle(program)
-            return
-        for lists, (first, count) in grid.groups.items():
-            if count:
-                used = lists if fragment == "shade.frag" else tuple(name for name in lists if name == "GLOWS")
-                program = self._programs.get("screen.vert", fragment, *features, *used)
-                prepare(program)
-                self._night.draw(program, first, count)
+        self, scene: Scene, features: tuple[str, ...], actors: ShadowMap | None, casters: Casters
+    ) -> tuple[Lights, Cover | None]:
+        """The lamps of a night, and the tiles by which a picture is shaded; None for one in a piece."""
+        if scene.weather.is_night:
+            grid = self._night.prepare(scene, self._depths_of(scene), wet="WET" in features)
+            return grid.lights, Cover(
+                groups=grid.groups, draw=self._night.draw, by_tile=("LEVEL", "MIRROR"), view=scene.view
+            )
+        if not self.reads_depth(scene.gbuffer):
+            return NO_LIGHTS, None
+        axes = None if actors is None else actors.axes
+        groups = day_groups(scene.view, self._depths_of(scene), axes, casters)
+        self._day.hold(groups.tiles)
+        return NO_LIGHTS, Cover(groups=groups, draw=self._day.draw, by_tile=("ACTORS",), view=scene.view)
+
+    def reads_depth(self, gbuffer: GBuffer) -> bool:
+        """Whether shading by day looks at the depths of a picture first."""
+        return not self._live and gbuffer.camera.width_px * gbuffer.camera.height_px >= LEAST_PX
+
+    def _depths_of(self, scene: Scene) -> DepthRange:
+        """Depths of a picture's tiles; all weathers share them."""
+        if scene.gbuffer not in self._depths:
+            self._depths[scene.gbuffer] = DepthRange.of(scene.depth_m())
+        return self._depths[scene.gbuffer]
 
     def _features(self, scene: Scene, *, linear: bool, resolved: bool) -> tuple[str, ...]:
         weather = scene.weather
@@ -213,20 +232,20 @@ class Shader:
             "OVERCAST": overcast,
             "ACTORS": sunny or overcast,
             "WET": wet,
+            "LEVEL": wet,
             "MIRROR": wet and not self._live,
             "FEW_TAPS": self._live,
             "NIGHT": weather.is_night,
-            "TILES": weather.is_night,
             "LINEAR": linear,
             "RESOLVED": resolved,
         }
         return tuple(name for name, on in wanted.items() if on)
 
-    def _mirrored(self, scene: Scene) -> moderngl.Texture:
+    def _mirrored(self, scene: Scene, values: dict[str, object]) -> moderngl.Texture:
         def prepare(program: moderngl.Program) -> None:
             tell_samples(program, scene.gbuffer.shaded)
             tell_view(program, scene.view)
-            tell_light(program, scene, self._roofs)
+            set_uniforms(program, **values)
 
         features = ("NIGHT_GLOW",) if scene.weather.is_night else ()
         return self._mirror.draw(scene.gbuffer, features, prepare, self._triangle)
@@ -272,6 +291,7 @@ class Shader:
         for array in self._arrays.values():
             array.release()
         self._night.release()
+        self._day.release()
         self._mirror.release()
         self._roofs.texture.release()
 

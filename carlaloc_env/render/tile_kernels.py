@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import compiled, inlined
 from carlaloc_env.render.rain_kernels import low_beam
 
 Array = NDArray[np.float64]
@@ -15,30 +17,102 @@ STEP_U, STEP_V, SHIFT = 8, 2, 5
 TILT = 0.03
 """Sine by which a surface may lean towards a lamp more than its normal says."""
 
+BEAM_MOST_CD = 38380.0
+"""No more than this is the sum of what a low beam's formula adds up [cd]."""
+
 
 @compiled
-def depth_ranges(near_m: Array, far_m: Array, depth_m: NDArray[np.float32], tile_px: int) -> None:
-    """Write the nearest and farthest surface of every tile [m]; inf and 0 where there is sky only.
+def depth_ranges(
+    near_m: Array, far_m: Array, sky: NDArray[np.bool_], depth_m: NDArray[np.float32], tile_px: int
+) -> None:
+    """Write the nearest and farthest surface of every tile [m], inf and 0 where there is sky only.
 
     Args:
         near_m: Shape (R, C).
         far_m: Shape (R, C).
+        sky: Whether some of the tile is sky, shape (R, C).
         depth_m: Planar depth, 0 = sky, shape (H, W).
         tile_px: Edge of a tile [px].
     """
     near_m[:] = np.inf
     far_m[:] = 0.0
+    sky[:] = False
     columns = depth_m.shape[1]
     for v in range(depth_m.shape[0]):
         row = v // tile_px
         for column in range(near_m.shape[1]):
-            near, far = np.float32(np.inf), np.float32(0.0)
+            near, far, least = np.float32(np.inf), np.float32(0.0), np.float32(np.inf)
             for u in range(column * tile_px, min(column * tile_px + tile_px, columns)):
                 depth = depth_m[v, u]
                 far = max(far, depth)
+                least = min(least, depth)
                 near = min(near, depth if depth > 0.0 else np.float32(np.inf))
             near_m[row, column] = min(near_m[row, column], near)
             far_m[row, column] = max(far_m[row, column], far)
+            sky[row, column] = sky[row, column] or least <= 0.0
+
+
+@compiled
+def level_tiles(
+    out: NDArray[np.bool_],
+    depth_m: NDArray[np.float32],
+    normal_codes: NDArray[np.uint16],
+    tile_px: int,
+    margin_px: int,
+    least_up: float,
+) -> None:
+    """Whether tiles, or what is near them, show something whose normal points up; looks at every other pixel.
+
+    Args:
+        out: Shape (R, C).
+        depth_m: Planar depth, 0 = sky, shape (H, W).
+        normal_codes: Octahedral world normals, shape (H, W, 2).
+        tile_px: Edge of a tile [px].
+        margin_px: How far beside it, too [px].
+        least_up: Least upward part of the unit normal.
+    """
+    height, width = depth_m.shape
+    for row in range(out.shape[0]):
+        for column in range(out.shape[1]):
+            out[row, column] = False
+            for v in range(max(row * tile_px - margin_px, 0), min((row + 1) * tile_px + margin_px, height)):
+                first = max(column * tile_px - margin_px, 0) + v % 2
+                for u in range(first, min((column + 1) * tile_px + margin_px, width), 2):
+                    if depth_m[v, u] == 0.0:
+                        continue
+                    x = normal_codes[v, u, 0] * (2.0 / 65535.0) - 1.0
+                    y = normal_codes[v, u, 1] * (2.0 / 65535.0) - 1.0
+                    z = 1.0 - abs(x) - abs(y)
+                    if z > 0.0 and z * z >= least_up * least_up * (x * x + y * y + z * z):
+                        out[row, column] = True
+                        break
+                if out[row, column]:
+                    break
+
+
+@compiled
+def shaded_by(out: NDArray[np.bool_], low: Array, high: Array, middles: Array, radii: Array) -> None:
+    """Whether boxes reach into the shadows of spheres, along the light's right, up and away.
+
+    Args:
+        out: Shape (R, C).
+        low: Least coordinates of the boxes, shape (R, C, 3).
+        high: Largest ones, shape (R, C, 3).
+        middles: Of the spheres, shape (N, 3).
+        radii: Shape (N,).
+    """
+    for row in range(out.shape[0]):
+        for column in range(out.shape[1]):
+            out[row, column] = False
+            for n in range(len(middles)):
+                aside = 0.0
+                for axis in range(2):
+                    middle = middles[n, axis]
+                    gap = max(low[row, column, axis] - middle, middle - high[row, column, axis], 0.0)
+                    aside += gap * gap
+                if aside <= radii[n] * radii[n] and high[row, column, 2] >= middles[n, 2] - radii[n]:
+                    out[row, column] = True
+                    break
 
 
 @compiled
@@ -64,7 +138,7 @@ def keep_lit(
 
     Args:
         mask: Candidates, rows and columns of tiles by lamps, shape (R, C, N).
-        points_m: Room for the samples of a tile and their normals, shape (K, 6).
+        points_m: Room for the samples of a tile, their normals and a mark, shape (7, K).
         tile_px: Edge of a tile [px].
         depth_m: Planar depth, 0 = sky, shape (H, W).
         normal_codes: Octahedral world normals, shape (H, W, 2), or none of them.
@@ -85,21 +159,46 @@ def keep_lit(
             for n in range(mask.shape[2]):
                 if not mask[row, column, n]:
                     continue
+                _within(points_m, count, n, lamps, axes, light, beams)
                 lit = False
                 for k in range(count):
-                    x, y = points_m[k, 0] - lamps[n, 0], points_m[k, 1] - lamps[n, 1]
-                    z = points_m[k, 2] - lamps[n, 2]
-                    if normal_codes.size:
-                        away = points_m[k, 3] * x + points_m[k, 4] * y + points_m[k, 5] * z
-                        if away > 0.0 and away * away > TILT * TILT * (x * x + y * y + z * z):
-                            continue
-                    light_k = _light(x, y, z, n, axes, lefts, ups, light, beams)
+                    if points_m[6, k] == 0.0:
+                        continue
+                    x, y = points_m[0, k] - lamps[n, 0], points_m[1, k] - lamps[n, 1]
+                    z = points_m[2, k] - lamps[n, 2]
+                    light_k = _light(x, y, z, n, axes, lefts, ups, light, beams, least)
                     if light_k > least and normal_codes.size:
                         light_k *= _shown(points_m, k, x, y, z)
                     if light_k > least:
                         lit = True
                         break
                 mask[row, column, n] = lit
+
+
+@inlined
+def _within(
+    points_m: Array,
+    count: int,
+    n: int,
+    lamps: Array,
+    axes: Array,
+    light: Array,
+    beams: NDArray[np.bool_],
+) -> None:
+    """Mark samples in a lamp's range and cone that face it; eight at a time, since nothing branches."""
+    lamp_x, lamp_y, lamp_z = lamps[n, 0], lamps[n, 1], lamps[n, 2]
+    axis_x, axis_y, axis_z = axes[n, 0], axes[n, 1], axes[n, 2]
+    range2 = light[n, 4] * light[n, 4]
+    cone = 0.0 if beams[n] else max(light[n, 2], 0.0)
+    for k in range(count):
+        x, y, z = points_m[0, k] - lamp_x, points_m[1, k] - lamp_y, points_m[2, k] - lamp_z
+        far2 = x * x + y * y + z * z
+        away = points_m[3, k] * x + points_m[4, k] * y + points_m[5, k] * z
+        ahead = x * axis_x + y * axis_y + z * axis_z
+        # A product of differences each of which is positive where the light can get.
+        turned = TILT * TILT * far2 - max(away, 0.0) * max(away, 0.0)
+        inside = max(ahead, 0.0) * max(ahead, 0.0) - cone * cone * far2
+        points_m[6, k] = 1.0 if min(min(turned, inside), range2 - far2) >= 0.0 else 0.0
 
 
 @compiled
@@ -126,7 +225,8 @@ def _sample(
                 continue
             a, b = (u * unproject[0] + unproject[2]) * z, (v * unproject[1] + unproject[3]) * z
             for axis in range(3):
-                out[count, axis] = rotation[0, axis] * a + rotation[1, axis] * b + rotation[2, axis] * z
+                out[axis, count] = rotation[0, axis] * a + rotation[1, axis] * b + rotation[2, axis] * z
+                out[3 + axis, count] = 0.0
             if normal_codes.size:
                 _decode(out, count, normal_codes[v, u, 0], normal_codes[v, u, 1])
             count += 1
@@ -141,44 +241,44 @@ def _decode(out: Array, row: int, code_x: int, code_y: int) -> None:
     fold = max(-z, 0.0)
     x += -fold if x >= 0.0 else fold
     y += -fold if y >= 0.0 else fold
-    length = (x * x + y * y + z * z) ** 0.5
-    out[row, 3], out[row, 4], out[row, 5] = x / length, y / length, z / length
+    length = math.sqrt(x * x + y * y + z * z)
+    out[3, row], out[4, row], out[5, row] = x / length, y / length, z / length
 
 
-@compiled
+@inlined
 def _shown(points_m: Array, k: int, x: float, y: float, z: float) -> float:
     """Twice the share that a surface shows at most of light along (x, y, z), as in ``shade.frag``.
 
     By albedo 0.5, light thrown back by rough surfaces, and the microfacet lobe at whatever roughness
     makes it brightest there.
     """
-    far = (x * x + y * y + z * z) ** 0.5
-    away = (points_m[k, 0] ** 2 + points_m[k, 1] ** 2 + points_m[k, 2] ** 2) ** 0.5
+    far = math.sqrt(x * x + y * y + z * z)
+    away = math.sqrt(points_m[0, k] ** 2 + points_m[1, k] ** 2 + points_m[2, k] ** 2)
     nl = nv = 0.0
     for axis in range(3):
-        nl -= points_m[k, 3 + axis] * (x if axis == 0 else y if axis == 1 else z)
-        nv -= points_m[k, 3 + axis] * points_m[k, axis]
+        nl -= points_m[3 + axis, k] * (x if axis == 0 else y if axis == 1 else z)
+        nv -= points_m[3 + axis, k] * points_m[axis, k]
     nl, nv = nl / max(far, 1e-6), max(nv / away, 0.0)
     # Grains tilt the surface of a wet road by some degrees.
     nl += TILT
     if nl <= 0.0:
         return 0.0
-    lv = (x * points_m[k, 0] + y * points_m[k, 1] + z * points_m[k, 2]) / (max(far, 1e-6) * away)
+    lv = (x * points_m[0, k] + y * points_m[1, k] + z * points_m[2, k]) / (max(far, 1e-6) * away)
     s = max(2.0 + 2.0 * lv, 0.01)
     nh2 = min((nl + nv) ** 2 / s, 1.0)
     lh2 = 0.25 * s
     # Between the samples the light may meet the lobe more closely.
-    tangent = max((1.0 / nh2 - 1.0) ** 0.5 - TILT, 0.01)
+    tangent = max(math.sqrt(1.0 / nh2 - 1.0) - TILT, 0.01)
     alpha2 = min(tangent * tangent, 0.66)
     d = (alpha2 - 1.0) / (1.0 + tangent * tangent) + 1.0
-    fresnel = 0.04 + 0.96 * max(1.0 - lh2**0.5, 0.0) ** 5
-    gloss = alpha2 / (d * d) * fresnel / (4.0 * lh2 * (0.5 + alpha2**0.5))
+    fresnel = 0.04 + 0.96 * max(1.0 - math.sqrt(lh2), 0.0) ** 5
+    gloss = alpha2 / (d * d) * fresnel / (4.0 * lh2 * (0.5 + math.sqrt(alpha2)))
     back = 0.45 * max(lv - nl * nv, 0.0) / max(nl, nv, 0.01)
     result: float = nl * (1.0 + back + 2.0 * min(gloss, 40.0))
     return result
 
 
-@compiled
+@inlined
 def _light(
     x: float,
     y: float,
@@ -189,8 +289,9 @@ def _light(
     ups: Array,
     light: Array,
     beams: NDArray[np.bool_],
+    least: float,
 ) -> float:
-    """Exposed light of a lamp at a way from it [m], as in ``shade.frag``."""
+    """Exposed light of a lamp at a way from it [m], as in ``shade.frag``; any below `least` may be 0."""
     near2 = max(x * x + y * y + z * z, 0.25)
     ratio = near2 / (light[n, 4] * light[n, 4])
     if ratio >= 1.0:
@@ -198,11 +299,13 @@ def _light(
     ahead = x * axes[n, 0] + y * axes[n, 1] + z * axes[n, 2]
     full = light[n, 0] * (1.0 - ratio * ratio) ** 2 / near2
     if beams[n]:
+        if full * BEAM_MOST_CD <= least:
+            return 0.0
         left = x * lefts[n, 0] + y * lefts[n, 1] + z * lefts[n, 2]
         up = x * ups[n, 0] + y * ups[n, 1] + z * ups[n, 2]
         result: float = full * low_beam(ahead, left, up)
         return result
-    cosine = ahead / near2**0.5
+    cosine = ahead / math.sqrt(near2)
     if cosine <= light[n, 2]:
         return 0.0
     share = min((cosine - light[n, 2]) / (light[n, 3] - light[n, 2]), 1.0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from carlaloc_env.geometry import cross
 from carlaloc_env.render.lights import Lights
 from carlaloc_env.render.projection import View
-from carlaloc_env.render.tile_kernels import depth_ranges, keep_lit
+from carlaloc_env.render.tile_kernels import depth_ranges, keep_lit, level_tiles
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,11 @@ LOOPS: tuple[tuple[str, ...], ...] = (
     ("GLOWS", "LAMPS", "BEAMS"),
 )
 """Kinds of tiles by the loops that they run, a bit each: a loop without entries costs as one with one."""
+NIGHT_KINDS = LOOPS + tuple((*loops, "LEVEL") for loops in LOOPS)
+"""The same without and with level ground, which holds puddles and mirrors when it is wet."""
+LEVEL_UP, LEVEL_MARGIN_PX = 0.899, 5
+"""Upward part of normals from which ``shade.frag`` and ``mirror.frag`` look for water, and how far beside a
+tile the mirrored light is smoothed [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,14 +59,68 @@ class DepthRange:
     """Shape (R, C)."""
     far_m: Array
     """Shape (R, C)."""
+    sky: NDArray[np.bool_]
+    """Whether some of the tile is sky, shape (R, C)."""
+
+    @property
+    def shown(self) -> NDArray[np.intp]:
+        """What tiles show, shape (R, C): surfaces (0), these and sky (1), sky only (2)."""
+        return np.asarray(self.sky.astype(np.intp) + np.isinf(self.near_m))
 
     @classmethod
     def of(cls, depth_m: NDArray[np.float32]) -> DepthRange:
         """Ranges of a depth picture (H, W) with 0 = sky."""
         shape = tuple(-(-size // TILE_PX) for size in depth_m.shape)
-        near, far = np.empty(shape), np.empty(shape)
-        depth_ranges(near, far, depth_m, TILE_PX)
-        return cls(near_m=near, far_m=far)
+        near, far, sky = np.empty(shape), np.empty(shape), np.empty(shape, bool)
+        depth_ranges(near, far, sky, depth_m, TILE_PX)
+        return cls(near_m=near, far_m=far, sky=sky)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TileGroups:
+    """Tiles of a picture, sorted by the features of the program that shades them."""
+
+    tiles: NDArray[np.void]
+    """`TILE` rows."""
+    groups: dict[tuple[str, ...], tuple[int, int]]
+    """By the features: first tile and how many; within a group first surfaces, at last the sky only."""
+    shown: NDArray[np.intp]
+    """What every tile shows, as in `DepthRange.shown`, shape (len(tiles),)."""
+
+    @classmethod
+    def sorted_by(
+        cls,
+        tiles: NDArray[np.void],
+        kind: NDArray[np.intp],
+        kinds: tuple[tuple[str, ...], ...],
+        shown: NDArray[np.intp],
+    ) -> TileGroups:
+        """Sort tiles by the number of their kind, and those of a kind by what they show."""
+        order = np.lexsort((shown, kind))
+        ends = np.cumsum(np.bincount(kind, minlength=len(kinds)))
+        return cls(
+            tiles=tiles[order],
+            groups={
+                features: (int(end - many), int(many))
+                for features, end, many in zip(kinds, ends, np.diff(ends, prepend=0), strict=True)
+            },
+            shown=shown[order],
+        )
+
+    def of(self, features: tuple[str, ...], shown: tuple[int, int]) -> tuple[int, int]:
+        """First tile of a group, and how many, that show something between two of `DepthRange.shown`."""
+        first, count = self.groups[features]
+        low, high = np.searchsorted(self.shown[first : first + count], (shown[0], shown[1] + 1))
+        return first + int(low), int(high - low)
+
+
+def every_tile(shape: tuple[int, ...]) -> NDArray[np.void]:
+    """All tiles of a picture of (R, C) of them, row by row, without lists."""
+    rows, columns = shape
+    tiles = np.zeros(rows * columns, dtype=TILE)
+    tiles["place"][:, 0] = np.tile(np.arange(columns), rows)
+    tiles["place"][:, 1] = np.repeat(np.arange(rows), columns)
+    return tiles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,10 +130,8 @@ class LightGrid:
     lights: Lights
     glow_range_m: Array
     """How far from each light the air round it is seen to glow [m], shape (N,)."""
-    tiles: NDArray[np.void]
-    """`TILE` rows, sorted by the loops that they need."""
-    groups: dict[tuple[str, ...], tuple[int, int]]
-    """By the loops: first tile and how many."""
+    groups: TileGroups
+    """Tiles by the loops that they need."""
     entries: NDArray[np.intp]
     """Indices of lights, all lists in one, first those of glows; the very first is −1, which is none."""
     glow_count: int
@@ -100,6 +157,7 @@ def light_grid(
     depth_m: NDArray[np.float32] | None = None,
     exposure: float = 0.0,
     normal_codes: NDArray[np.uint16] | None = None,
+    wet: bool = False,
 ) -> LightGrid:
     """Lists of the lights that reach the surfaces and the air in every tile.
 
@@ -113,6 +171,7 @@ def light_grid(
         exposure: Picture value per luminance [m²/cd].
         normal_codes: Octahedral world normals, shape (H, W, 2); with them, lamps that surfaces turn away
             from are left out, too.
+        wet: Tell tiles with level ground from those without, too; needs depths and normals.
     """
     centre = (
         lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
@@ -129,7 +188,10 @@ def light_grid(
     sky = ~np.isfinite(near) | (far > 200.0)
     air = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
     air &= sky | (_along(view, lights.position_m) - glow < far)
-    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, air)
+    level = np.zeros(depths.near_m.shape, bool)
+    if wet and depth_m is not None and normal_codes is not None:
+        level_tiles(level, depth_m, normal_codes, TILE_PX, LEVEL_MARGIN_PX, LEVEL_UP)
+    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, air, level, depths.shown)
 
 
 def _keep_lit(
@@ -144,7 +206,7 @@ def _keep_lit(
     camera = view.camera
     keep_lit(
         surface,
-        np.empty((TILE_PX * TILE_PX, 6)),
+        np.empty((7, TILE_PX * TILE_PX)),
         TILE_PX,
         depth_m,
         np.zeros((0, 0, 2), np.uint16) if normal_codes is None else normal_codes,
@@ -197,36 +259,38 @@ def _packed(
     lamps: NDArray[np.bool_],
     beams: NDArray[np.bool_],
     air: NDArray[np.bool_],
+    level: NDArray[np.bool_],
+    shown: NDArray[np.intp],
 ) -> LightGrid:
-    rows, columns = lamps.shape[:2]
-    tiles = np.zeros(rows * columns, dtype=TILE)
-    tiles["place"][:, 0] = np.tile(np.arange(columns), rows)
-    tiles["place"][:, 1] = np.repeat(np.arange(rows), columns)
+    tiles = every_tile(lamps.shape[:2])
     entries = [np.array([-1], dtype=np.intp)]
+    used = np.flatnonzero((lamps | beams | air).any(axis=(0, 1)))
     kind, begin = np.zeros(len(tiles), dtype=np.intp), 1
     for bit, (name, mask) in enumerate((("glows", air), ("lamps", lamps), ("beams", beams))):
-        flat = mask.reshape(rows * columns, len(lights))
+        flat = mask[..., used].reshape(len(tiles), len(used))
         count = np.count_nonzero(flat, axis=1)
         end = begin + np.cumsum(count)
         tiles[name] = np.column_stack([end - count, end])
-        entries.append(np.nonzero(flat)[1])
+        entries.append(used[np.nonzero(flat)[1]])
         begin = int(end[-1])
         kind |= (count > 0).astype(np.intp) << bit
     # Few tiles cost less with loops that they do not need than a program more does.
-    kind[np.bincount(kind, minlength=len(LOOPS))[kind] < FEW_TILES] = len(LOOPS) - 1
+    every = len(LOOPS) - 1
+    kind[np.bincount(kind, minlength=len(LOOPS))[kind] < FEW_TILES] = every
     # A loop that is run without need finds the entry of no light.
     for name in ("glows", "lamps", "beams"):
-        idle = (tiles[name][:, 0] == tiles[name][:, 1]) & (kind == len(LOOPS) - 1)
+        idle = (tiles[name][:, 0] == tiles[name][:, 1]) & (kind == every)
         tiles[name][idle] = (0, 1)
-    ends = np.cumsum(np.bincount(kind, minlength=len(LOOPS)))
+    flat_level = level.ravel().copy()
+    for loops in range(len(LOOPS)):
+        dry = (kind == loops) & ~flat_level
+        if np.count_nonzero(dry) < FEW_TILES:
+            flat_level |= dry & level.any()
+    kind += len(LOOPS) * flat_level
     return LightGrid(
         lights=lights,
         glow_range_m=glow,
-        tiles=tiles[np.argsort(kind, kind="stable")],
-        groups={
-            loops: (int(end - many), int(many))
-            for loops, end, many in zip(LOOPS, ends, np.diff(ends, prepend=0), strict=True)
-        },
+        groups=TileGroups.sorted_by(tiles, kind, NIGHT_KINDS, shown.ravel()),
         entries=np.concatenate(entries),
         glow_count=len(entries[0]) + len(entries[1]),
     )

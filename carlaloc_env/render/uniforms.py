@@ -19,7 +19,7 @@ from carlaloc_env.weather import WeatherParameters
 
 RIPPLES_NS = 1_000_000_000_000
 """Period of the rings on puddles [ns]; shaders count time in single precision."""
-ALBEDO, NORMAL, SURFACE, DEPTH, SKY, STATIC, ACTORS, ROOFS, MIRROR = range(9)
+ALBEDO, NORMAL, SURFACE, DEPTH, SKY, STATIC, ACTORS, ROOFS, MIRROR, SHEEN = range(10)
 """Slots of the textures."""
 
 
@@ -58,47 +58,60 @@ def tell_samples(program: moderngl.Program, targets: Targets) -> None:
 def tell_view(program: moderngl.Program, view: View) -> None:
     """Where the rays of the pixels go."""
     c = view.camera
+    right, down, ahead = view.R_camera_world
+    right, down = right / c.fx_px, down / c.fy_px
+    # Pixels are counted at their centres by cameras, at their corners by the shaders.
+    first = ahead - (c.cx_px + 0.5) * right - (c.cy_px + 0.5) * down
     set_uniforms(
         program,
         u_unproject=(1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px),
         u_size=(float(c.width_px), float(c.height_px)),
         u_rotation=view.R_camera_world.astype("<f4").tobytes(),
         u_eye=tuple(view.position_m),
+        u_ray_first=tuple(first),
+        u_ray_right=tuple(right),
+        u_ray_down=tuple(down),
     )
 
 
-def tell_light(program: moderngl.Program, scene: Scene, roofs: Roofs) -> None:
-    """Sky, air, wetness and exposure of a weather."""
+def light_values(scene: Scene, roofs: Roofs) -> dict[str, object]:
+    """Uniforms by name: sky, air, wetness and exposure of a weather."""
     weather, light = scene.weather, scene.sky.light
     e = light.exposure
     ambient = scene.sky.polynomial * (e / np.pi)
     ripples = 1.0 + scene.stamp_ns % RIPPLES_NS * 1e-9 if weather.precipitation > 0.0 else 0.0
-    scene.sky.texture.use(SKY)
-    roofs.texture.use(ROOFS)
-    set_uniforms(
-        program,
-        u_sky=SKY,
-        u_roofs=ROOFS,
-        u_mirror=MIRROR,
-        u_fog_light=tuple(light.fog_cd_m2 * e),
-        u_air=(
+    return {
+        "u_sky": SKY,
+        "u_sheen": SHEEN,
+        "u_brightest": scene.sky.brightest,
+        "u_roofs": ROOFS,
+        "u_mirror": MIRROR,
+        "u_fog_light": tuple(light.fog_cd_m2 * e),
+        "u_air": (
             weather.fog_extinction_per_m,
             1.0 / weather.fog_scale_height_m,
             weather.fog_distance,
             weather.uniform_extinction_per_m,
         ),
-        u_dither=scene.key,
-        u_electrons=(electrons(e), READ_NOISE_E),
-        u_ambient=ambient.astype("<f4").tobytes(),
-        u_wall_light=tuple(ambient[0]),
-        u_ground=tuple(light.ground_cd_m2 * e),
-        u_exposure=e,
-        u_sun=tuple(light.sun_direction),
-        u_sun_light=tuple(light.sun_lx * (e / np.pi)),
-        u_ripples=ripples,
-        u_roofs_frame=roofs.frame(scene.view.position_m),
-        u_wet=(weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
-    )
+        "u_dither": scene.key,
+        "u_noise": (1.0 / electrons(e), (READ_NOISE_E / electrons(e)) ** 2),
+        "u_ambient": ambient.astype("<f4").tobytes(),
+        "u_wall_light": tuple(ambient[0]),
+        "u_ground": tuple(light.ground_cd_m2 * e),
+        "u_exposure": e,
+        "u_sun": tuple(light.sun_direction),
+        "u_sun_light": tuple(light.sun_lx * (e / np.pi)),
+        "u_ripples": ripples,
+        "u_roofs_frame": roofs.frame(scene.view.position_m),
+        "u_wet": (weather.surface_wetness, 0.80 - 0.30 * weather.precipitation_deposits / 100.0),
+    }
+
+
+def bind_light(scene: Scene, roofs: Roofs) -> None:
+    """Put the textures of a weather's light into their slots."""
+    scene.sky.texture.use(SKY)
+    scene.sky.mirrored.use(SHEEN)
+    roofs.texture.use(ROOFS)
 
 
 def tell_shadows(

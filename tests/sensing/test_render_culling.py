@@ -207,7 +207,7 @@ def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
     beam = np.minimum(1.0 / (np.maximum(cosine, 0.0) ** 3 + 1e-3), 3.5) * t * t * (3 - 2 * t)
     fade = np.maximum(1.0 - (far2 / lights.range_m**2) ** 2, 0.0) ** 2
     light = lights.colour_cd.max() * exposure / math.pi * beam * fade / far2
-    for tile in grid.tiles:
+    for tile in grid.groups.tiles:
         column, row = tile["place"]
         box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
         listed = set(grid.entries[tile["lamps"][0] : tile["lamps"][1]])

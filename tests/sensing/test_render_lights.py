@@ -73,7 +73,7 @@ def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
     gap = np.sqrt(np.sum((points[..., None, :] - lights.position_m) ** 2, axis=-1))
     reached = (gap < lights.range_m) & (depth[..., None] > 0)
     visited, needed = 0, 0
-    for tile in grid.tiles:
+    for tile in grid.groups.tiles:
         column, row = tile["place"]
         box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
         listed = set(grid.entries[tile["lamps"][0] : tile["lamps"][1]])
@@ -82,7 +82,7 @@ def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
         needed += np.count_nonzero(reached[box].any(axis=(0, 1)))
     assert needed > 500
     # A street has few lamps per tile; here the reliefs of 90 m make the tiles deep.
-    assert visited < 0.25 * len(grid.tiles) * len(lights)
+    assert visited < 0.25 * len(grid.groups.tiles) * len(lights)
 
 
 def test_depth_ranges_of_tiles_leave_the_sky_out() -> None:
@@ -98,6 +98,8 @@ def test_depth_ranges_of_tiles_leave_the_sky_out() -> None:
             solid = square[square > 0.0]
             assert found.near_m[row, column] == solid.min(initial=np.inf)
             assert found.far_m[row, column] == solid.max(initial=0.0)
+            assert found.sky[row, column] == (square == 0.0).any()
+            assert found.shown[row, column] == (0 if (square > 0.0).all() else 2 if not len(solid) else 1)
 
 
 def test_tiles_run_the_loops_of_all_their_lists() -> None:
@@ -112,13 +114,13 @@ def test_tiles_run_the_loops_of_all_their_lists() -> None:
     names = {"LAMPS": "lamps", "BEAMS": "beams", "GLOWS": "glows"}
     seen = 0
     for loops in LOOPS:
-        first, many = grid.groups[loops]
+        first, many = grid.groups.groups[loops]
         seen += many
-        for tile in grid.tiles[first : first + many]:
+        for tile in grid.groups.tiles[first : first + many]:
             needed = {name for name, key in names.items() if tile[key][1] > tile[key][0]}
             assert needed <= set(loops)
-    assert seen == len(grid.tiles)
-    assert sum(many > 0 for _, many in grid.groups.values()) > 2
+    assert seen == len(grid.groups.tiles)
+    assert sum(many > 0 for _, many in grid.groups.groups.values()) > 2
 
 
 def test_lamps_are_found_on_models_by_their_materials() -> None:

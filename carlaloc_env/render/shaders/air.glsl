@@ -34,19 +34,38 @@ vec3 through_air(vec3 light, vec3 direction, float length_m) {
 #include "lamps.glsl"
 #endif
 
+uint pixel_key(int factor_x, int factor_y) {
+    return uint(int(gl_FragCoord.x) * factor_x + int(gl_FragCoord.y) * factor_y) ^ u_dither;
+}
+
+// Three whole numbers below 1024 from the bits of one.
+ivec3 thirds(uint h) {
+    return ivec3(int(h & 1023u), int((h >> 10) & 1023u), int((h >> 20) & 1023u));
+}
+
 #ifdef NIGHT
-uniform vec2 u_electrons;   // of a pixel at value 1; noise of reading it [electrons]
+uniform vec2 u_noise;   // variance of photon noise at value 1, and of reading a pixel
 
 // Few photons make a picture by night: their noise, as a sum of two even ones, and that of reading.
 vec3 grainy(vec3 exposed) {
-    uint h = mix_bits(uint(gl_FragCoord.x) * 40503u + uint(gl_FragCoord.y) * 65599u ^ u_dither);
-    uint k = mix_bits(h + 0x9e3779b9u);
-    vec3 a = vec3(float(h & 1023u), float((h >> 10) & 1023u), float((h >> 20) & 1023u));
-    vec3 b = vec3(float(k & 1023u), float((k >> 10) & 1023u), float((k >> 20) & 1023u));
-    vec3 lot = (a + b) * (2.4495 / 1024.0) - 2.4471;
-    return exposed + lot * sqrt(max(exposed, 0.0) * u_electrons.x + u_electrons.y * u_electrons.y) / u_electrons.x;
+    uint h = mix_bits(pixel_key(40503, 65599));
+    vec3 lot = vec3(thirds(h) + thirds(mix_bits(h + 0x9e3779b9u))) * (2.4495 / 1024.0) - 2.4471;
+    return exposed + lot * sqrt(max(exposed, 0.0) * u_noise.x + u_noise.y);
 }
 #endif
+
+// As in rain_layer.py: linear up to 0.6, a soft shoulder above; then sRGB and half a step of dither. Both parts of
+// the curve are polynomials, of the fourth root below and of what the shoulder bends above, which are within
+// 0.012 steps of the formulas; logarithms would wait for each other.
+vec3 coded(vec3 exposed) {
+    vec3 x = max(exposed, 0.0);
+    vec3 low = min(x, 0.6);
+    vec3 q = sqrt(sqrt(low));
+    vec3 dark = (((0.10021731 * q - 0.37593190) * q + 1.15321771) * q + 0.18656585) * q - 0.06356571;
+    dark = mix(dark, 12.92 * low, lessThan(low, vec3(0.0031308)));
+    vec3 bent = 1.0 - exp2(min((0.6 - x) * 3.6067376, 0.0));
+    return dark + ((0.00828239 * bent - 0.04231894) * bent + 0.23632364) * bent;
+}
 
 vec4 develop(vec3 exposed) {
 #ifdef LINEAR
@@ -55,12 +74,7 @@ vec4 develop(vec3 exposed) {
 #ifdef NIGHT
     exposed = grainy(exposed);
 #endif
-    // As in rain_layer.py: linear up to 0.6, a soft shoulder above; then exact sRGB and half a step of dither.
-    vec3 x = max(exposed, 0.0);
-    vec3 toned = min(x, 0.6) + 0.4 * (1.0 - exp(-max(x - 0.6, 0.0) * 2.5));
-    vec3 code = mix(1.055 * pow(toned, vec3(1.0 / 2.4)) - 0.055, 12.92 * toned, lessThan(toned, vec3(0.0031308)));
-    uint h = mix_bits(uint(gl_FragCoord.x) + uint(gl_FragCoord.y) * 65536u ^ u_dither);
-    vec3 grain = vec3(float(h & 1023u), float((h >> 10) & 1023u), float((h >> 20) & 1023u)) / 1024.0 - 0.4995;
-    return vec4(code + grain / 255.0, 1.0);
+    vec3 grain = vec3(thirds(mix_bits(pixel_key(1, 65536)))) * (1.0 / (1024.0 * 255.0)) - 0.4995 / 255.0;
+    return vec4(coded(exposed) + grain, 1.0);
 #endif
 }

@@ -1,6 +1,6 @@
 #include "air.glsl"
 #include "sky.glsl"
-in vec3 v_ray;
+#include "ray.glsl"
 
 uniform vec2 u_size;
 uniform sampler2D u_albedo;
@@ -10,6 +10,8 @@ uniform sampler2D u_depth;
 uniform vec3 u_ambient[9];     // exposed irradiance / pi as a polynomial in the normal
 uniform vec3 u_ground;         // exposed radiance of the ground far away
 uniform float u_exposure;
+uniform sampler2D u_sheen;     // the sky for reflections: root of its light as a share of u_brightest
+uniform float u_brightest;
 uniform sampler2D u_roofs;     // blurred height of the highest surfaces [m]
 uniform vec4 u_roofs_frame;    // its coordinates: xy * u_roofs_frame.xy + u_roofs_frame.zw, relative to the eye
 #ifdef ACTORS
@@ -86,6 +88,7 @@ float gloss(float nl, float nv, float lv, float alpha, float f0, float limit) {
 }
 
 #ifdef OVERCAST
+#ifdef ACTORS
 // Share of the overcast sky that cars and walkers leave: their outline from above, blurred.
 float uncovered(vec3 offset, vec3 n) {
     vec3 a = u_light_actors * (offset + n * 0.15) + u_light_actors_eye;
@@ -100,13 +103,17 @@ float uncovered(vec3 offset, vec3 n) {
 #endif
     return any(greaterThan(abs(a.xy - 0.5), vec2(0.495))) ? 1.0 : lit;
 }
+#else
+float uncovered(vec3 offset, vec3 n) {
+    return 1.0;
+}
+#endif
 #endif
 
 #ifdef SUN
 float sunlit(vec3 offset, vec3 n) {
     vec3 p = offset + n * (1.5 * u_texel);
     vec3 s = u_light * p + u_light_eye;
-    vec3 a = u_light_actors * p + u_light_actors_eye;
     // Four bilinear taps blur the edge over three texels, about the sun's penumbra behind a house.
 #ifdef FEW_TAPS
     float lit = texture(u_shadow, s);
@@ -116,9 +123,14 @@ float sunlit(vec3 offset, vec3 n) {
         + texture(u_shadow, s + vec3(-r, -0.4 * r, 0.0)) + texture(u_shadow, s + vec3(0.4 * r, -r, 0.0)));
 #endif
     bool outside = any(greaterThan(abs(s.xy - 0.5), vec2(0.4995)));
+    lit = outside ? 1.0 : lit;
+#ifdef ACTORS
+    vec3 a = u_light_actors * p + u_light_actors_eye;
     float near = texture(u_shadow_actors, a);
     bool far = any(greaterThan(abs(a.xy - 0.5), vec2(0.499)));
-    return min(outside ? 1.0 : lit, far ? 1.0 : near);
+    lit = min(lit, far ? 1.0 : near);
+#endif
+    return lit;
 }
 #endif
 
@@ -137,7 +149,7 @@ void main() {
 #endif
     vec3 albedo = base.rgb * base.rgb;
     float roughness = surface.x;
-    vec3 offset = v_ray * depth;
+    vec3 offset = pixel_ray() * depth;
     float length_m = length(offset);
     vec3 direction = offset / length_m;
     vec3 v = -direction;
@@ -160,6 +172,7 @@ void main() {
     roughness = mix(roughness, 0.20 + 1.3 * min(grey, 0.25), soak);
     vec2 ground = (u_eye + offset).xy;
     float footprint = length_m * length_m * 0.0011;
+#ifdef LEVEL
     float hollow = 0.56 * noise(ground * 0.17) + 0.29 * noise(ground * 0.71 + 5.1)
         + 0.15 * mix(0.5, noise(ground * 3.1), band(footprint, 3.1));
     float water = smoothstep(u_wet.y, u_wet.y + 0.045, hollow)
@@ -167,10 +180,13 @@ void main() {
     albedo *= 1.0 - 0.45 * water;
     roughness = mix(roughness, 0.06, water);
     n = normalize(mix(n, vec3(0.0, 0.0, 1.0), water));
+    f0 = mix(f0, 0.02, water);
+#else
+    const float water = 0.0;
+#endif
     // Grains on the film, rings of drops on puddles.
     float grain = (noise(ground * 41.0 + u_ripples * 9.0 * water) - 0.5) * band(footprint, 41.0);
     n = normalize(n - vec3(direction.xy * (grain * mix(0.22 * soak, 0.05 * min(u_ripples, 1.0), water)), 0.0));
-    f0 = mix(f0, 0.02, water);
 #endif
 
     // What lies below its surroundings sees less of the sky: foot of walls, courts, underpasses.
@@ -245,7 +261,8 @@ void main() {
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
     float fresnel = f0 * (1.0 - roughness) + smooth_part * fifth(1.0 - nv);
     vec3 mirror = reflect(direction, n);
-    vec3 above = textureLod(u_sky, sky_uv(mirror), roughness * 6.0).rgb;
+    vec3 root = textureLod(u_sheen, sky_uv(mirror), roughness * 6.0).rgb;
+    vec3 above = root * root * u_brightest;
     // Walls across the street stand before the lowest part of the sky.
     vec3 reflection = mix(u_ground, above, smoothstep(-0.05, 0.30, mirror.z)) * open;
 #ifdef MIRROR

@@ -1,10 +1,10 @@
 #include "air.glsl"
 #include "sky.glsl"
-in vec3 v_ray;
+#include "ray.glsl"
 layout(location = 0) out vec4 o_colour;
 
 void main() {
-    vec3 direction = normalize(v_ray);
+    vec3 direction = normalize(pixel_ray());
     vec3 exposed = sky_through_air(textureLod(u_sky, sky_uv(direction), 0.0).rgb, direction);
 #ifdef GLOWS
     exposed += lamp_glow(direction, SKY_M);

@@ -1,0 +1,109 @@
+"""The passes that shade a picture: in one piece, or tile by tile with what each tile needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+
+from carlaloc_env.render.context import Programs
+from carlaloc_env.render.projection import View
+from carlaloc_env.render.tiles import TILE_PX, TileGroups
+
+_SKY_FEATURES = ("TILES", "NIGHT", "LINEAR", "GLOWS")
+"""What the sky's program knows of."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cover:
+    """Tiles of a picture and what draws them."""
+
+    groups: TileGroups
+    draw: Callable[[moderngl.Program, int, int], None]
+    """Draws tiles of `groups`: program, first tile, how many."""
+    by_tile: tuple[str, ...]
+    """Features that only groups have which name them; level ground alone mirrors."""
+    view: View
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of all tiles together."""
+        camera = self.view.camera
+        return -(-camera.width_px // TILE_PX) * TILE_PX, -(-camera.height_px // TILE_PX) * TILE_PX
+
+    def features(self, shared: tuple[str, ...], kind: tuple[str, ...]) -> tuple[str, ...]:
+        """Features of the program for a group of tiles, of those that some of the picture needs."""
+        wanted = {*kind, "MIRROR"} if "LEVEL" in kind else set(kind)
+        used = tuple(name for name in shared if name not in self.by_tile or name in wanted)
+        return (*used, "TILES", *(name for name in kind if name not in self.by_tile))
+
+
+class Passes:
+    """Draws surfaces and the sky of one picture."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        programs: Programs,
+        features: tuple[str, ...],
+        prepare: Callable[[moderngl.Program], None],
+        *,
+        splits: bool,
+    ) -> None:
+        """Make ready.
+
+        Args:
+            context: Where it is drawn; the picture's framebuffer is bound.
+            programs: Shader programs of the context.
+            features: What the picture's surfaces need.
+            prepare: Sets the uniforms of a program.
+            splits: Whether a pixel is either surface or sky; otherwise surfaces are laid over their sky.
+        """
+        self._context = context
+        self._programs = programs
+        self._features = features
+        self._prepare = prepare
+        self._splits = splits
+
+    def whole(self, triangle: Callable[[moderngl.Program], None]) -> None:
+        """Draw all in one piece."""
+        # The depth test splits the picture: surfaces lie before the triangle, the sky on it.
+        self._test(">" if self._splits else "")
+        triangle(self._program("shade.frag", self._features))
+        if self._splits:
+            self._test("==")
+            triangle(self._program("sky.frag", self._features))
+
+    def tiles(self, cover: Cover) -> None:
+        """Draw tile by tile; tiles without sky, or of nothing else, need no test."""
+        for kind, (first, count) in cover.groups.groups.items():
+            if not count:
+                continue
+            features = cover.features(self._features, kind)
+            program = self._program("shade.frag", features)
+            self._test("")
+            if not self._splits:
+                cover.draw(program, first, count)
+                continue
+            cover.draw(program, *cover.groups.of(kind, (0, 0)))
+            self._test(">")
+            cover.draw(program, *cover.groups.of(kind, (1, 1)))
+            first, count = cover.groups.of(kind, (1, 2))
+            if count:
+                self._test("==")
+                cover.draw(self._program("sky.frag", features), first, count)
+
+    def _program(self, fragment: str, features: tuple[str, ...]) -> moderngl.Program:
+        if fragment == "sky.frag":
+            features = tuple(name for name in features if name in _SKY_FEATURES)
+        program = self._programs.get("screen.vert", fragment, *features)
+        self._prepare(program)
+        return program
+
+    def _test(self, function: str) -> None:
+        """Compare with the depths of surfaces before shading a pixel, or with '' do not."""
+        test = moderngl.DEPTH_TEST if function else moderngl.NOTHING
+        self._context.enable_only(test | moderngl.PROGRAM_POINT_SIZE)
+        if function:
+            self._context.depth_func = function
