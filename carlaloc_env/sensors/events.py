@@ -226,10 +226,15 @@ def fire(
 
     def band(first: int, end: int) -> None:
         # Not anew for every band: memory that has not been used before costs time.
-        desk = desks.pop() if desks else _new_desk(_ROOM * BAND_ROWS * width)
+        try:
+            desk = desks.pop()
+        except IndexError:
+            desk = _new_desk(_ROOM * BAND_ROWS * width)
         scratch, t_us, code = desk
         while True:
-            scratch[-1][:] = 0
+            # Nor with what another band has left there.
+            for notes in scratch:
+                notes[...] = 0
             count = fire_rows(pictures, fields, device, noise, numbers, scratch, t_us, code, first, end)
             if count <= len(t_us):
                 break
