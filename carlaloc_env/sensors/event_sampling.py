@@ -165,7 +165,9 @@ def _mix(typing: Any, weight: Any, lanes: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         room = Room(context, builder, signature.args[1], arguments[1])
         first, second = room[END + FIRST_SAYS], room[END + SECOND_SAYS]
-        room[END + SIGNAL] = first + spread(builder, arguments[0]) * (second - first)
+        weight = spread(builder, arguments[0])
+        # Without weight the second picture may not have been looked at.
+        room[END + SIGNAL] = (weight > 0.0).pick(first + weight * (second - first), first)
         return context.get_dummy_value()
 
     return types.void(types.float32, lanes), generate
