@@ -18,21 +18,36 @@ from carlaloc_env.render.occlusion import Depths, box_corners
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
 from carlaloc_env.render.scenery import Scenery
 from carlaloc_env.render.shadow import Casters
+from carlaloc_env.render.sieve import Sieve
 from carlaloc_env.render.surfaces import surface_table, upload_textures
 from carlaloc_env.scene import Instances, Mesh, ModelLibrary
 
-ROUNDS_M = (25.0, 60.0)
-"""Bounds of the rounds in which the scene is drawn [m]."""
+NEAR_ROUND_M = 25.0
+"""All that is nearer is drawn before large walls and roads, so that these are not shaded behind it [m]."""
+MIDDLE_ROUND_M = 60.0
+"""Bound between the two last rounds, in which only what is not hidden by then is drawn [m]."""
 LEAST_PX = 3.0
 """Clusters that look smaller are left out of live pictures [px]."""
 LARGE_M = 120.0
-"""Walls and roads nearer than this are drawn in the first round, since they hide much [m]."""
+"""Walls and roads nearer than this are drawn before other things, since they hide much [m]."""
 DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
 """Clip depth = first · z + second."""
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Sway = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Round:
+    """What is drawn of the scene in one go."""
+
+    clusters: Index
+    """Clusters of scenery, nearest first."""
+    instances: Index
+    """Movable models, nearest first; drawn before the scenery."""
+    looks: bool
+    """Whether what has been drawn so far is read back before, to leave out what it hides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,12 +58,8 @@ class Plan:
     """Camera."""
     instances: Instances
     """Movable models."""
-    seen: Index
-    """Those that may be seen, nearest first."""
-    rounds: list[Index]
-    """Clusters of scenery; the movable models come after the first round."""
-    is_final: bool
-    """Whether what hides has been left out; else each round is held against the ones before it."""
+    rounds: list[Round]
+    """What of them and of the scenery is drawn when."""
 
 
 class Filler:
@@ -77,7 +88,7 @@ class Filler:
     ) -> None:
         self._context, self._programs = context, programs
         self.scenery = Scenery(context, chunks, FAR_LOW if live else FAR)
-        self._library = Geometry(context, library.meshes)
+        self._library = Geometry(context, library.meshes, models=True)
         self._live = live
         self._unit_m = unit_m
         self._distant = Distant(library) if live else None
@@ -120,12 +131,23 @@ class Filler:
             found, away = found[shown], away[shown]
             seen = seen[known.shown(self._corners_m(instances, seen))]
         table = self.scenery.clusters
-        first = np.where(table.large[found], away < LARGE_M, table.culled[found] & (away < ROUNDS_M[0]))
-        # With nothing to be learnt from what is drawn already there is one round of the rest.
-        bounds = ROUNDS_M if known is None else ()
-        turn = np.where(first, 0, 1 + np.searchsorted(bounds, away))
-        rounds = [found[turn == now] for now in range(len(bounds) + 2)]
-        return Plan(view=view, instances=instances, seen=seen, rounds=rounds, is_final=known is not None)
+        large, culled = table.large[found], table.culled[found]
+        if known is not None:
+            # With nothing to be learnt from what is drawn already there is one round of the rest.
+            first = np.where(large, away < LARGE_M, culled & (away < NEAR_ROUND_M))
+            none = np.zeros(0, np.intp)
+            rounds = [
+                Round(clusters=found[first], instances=none, looks=False),
+                Round(clusters=found[~first], instances=seen, looks=False),
+            ]
+            return Plan(view=view, instances=instances, rounds=rounds)
+        turn = np.where(large & (away < LARGE_M), 1, _turn(away))
+        later = _turn(distance_m(instances, view)[seen])
+        rounds = [
+            Round(clusters=found[turn == now], instances=seen[later == now], looks=now > 1)
+            for now in range(4)
+        ]
+        return Plan(view=view, instances=instances, rounds=rounds)
 
     def fill(self, plan: Plan, targets: Targets, sway: Sway) -> None:
         """Draw what has been planned.
@@ -146,26 +168,29 @@ class Filler:
         programs = {
             layer.features: self._program(plan.view, sway, *layer.features) for layer in self.scenery.layers
         }
-        self._draw_layers(programs, plan.rounds[0])
-        if plan.is_final:
-            self.wake()
-            targets.framebuffer.use()
-        for now, clusters in enumerate(plan.rounds[1:]):
-            hidden = None if plan.is_final else Depths(plan.view, _read_depth(targets))
-            if now == 0:
-                self._draw_instances(plan, sway, hidden)
-            shown = clusters if hidden is None else clusters[self._shown(hidden, clusters)]
-            self._draw_layers(programs, shown)
+        hidden: Depths | None = None
+        sieve = Sieve(plan.view)
+        for now, part in enumerate(plan.rounds):
+            if now == 1 and not part.looks:
+                self.wake()
+                targets.framebuffer.use()
+            if part.looks:
+                hidden = Depths(plan.view, _read_depth(targets))
+                sieve = Sieve(plan.view, hidden)
+            self._draw_instances(plan, part.instances, sway, hidden, sieve)
+            shown = part.clusters if hidden is None else part.clusters[self._shown(hidden, part.clusters)]
+            self._draw_layers(programs, shown, sieve, still=not any(sway[:3]))
         context.front_face = "ccw"
 
-    def _draw_instances(self, plan: Plan, sway: Sway, hidden: Depths | None) -> None:
-        seen = plan.seen
+    def _draw_instances(
+        self, plan: Plan, which: Index, sway: Sway, hidden: Depths | None, sieve: Sieve
+    ) -> None:
         if hidden is not None:
-            seen = seen[hidden.shown(self._corners_m(plan.instances, seen))]
-        if len(seen):
-            self._poses.fill(plan.instances, seen)
+            which = which[hidden.shown(self._corners_m(plan.instances, which))]
+        if len(which):
+            self._poses.fill(plan.instances, which)
             program = self._program(plan.view, sway, "INSTANCED")
-            self._library.draw(program, self._poses.used, instances=self._poses)
+            self._library.draw(program, self._poses.used, instances=self._poses, sieve=sieve)
 
     def casters(self, instances: Instances) -> Casters:
         """Instances as what throws shadows."""
@@ -188,7 +213,9 @@ class Filler:
         boxes = box_corners(table.low_m[clusters], table.high_m[clusters])
         return hidden.shown(boxes, least_px=self._least_px)
 
-    def _draw_layers(self, programs: dict[tuple[str, ...], moderngl.Program], clusters: Index) -> None:
+    def _draw_layers(
+        self, programs: dict[tuple[str, ...], moderngl.Program], clusters: Index, sieve: Sieve, *, still: bool
+    ) -> None:
         which = self.scenery.by_layer(clusters)
         for layer, some in zip(self.scenery.layers, which, strict=True):
             if not len(some):
@@ -197,7 +224,9 @@ class Filler:
                 self._context.enable(moderngl.CULL_FACE)
             else:
                 self._context.disable(moderngl.CULL_FACE)
-            layer.geometry.draw(programs[layer.features], some)
+            # Leaves that sway are not where they are in memory.
+            may_sway = not still and not layer.culled
+            layer.geometry.draw(programs[layer.features], some, sieve=None if may_sway else sieve)
         self._context.disable(moderngl.CULL_FACE)
 
     def _corners_m(self, instances: Instances, which: Index) -> Array:
@@ -250,6 +279,11 @@ class Filler:
         self._poses.buffer.release()
         self._textures.release()
         self._aside.release()
+
+
+def _turn(away_m: Array) -> Index:
+    """Rounds of small things at a distance (N,); large walls and roads are drawn in the second."""
+    return np.array([0, 2, 3])[np.searchsorted((NEAR_ROUND_M, MIDDLE_ROUND_M), away_m, side="right")]
 
 
 def distance_m(instances: Instances, view: View) -> Array:

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env import materials
+from carlaloc_env.geometry import cross
 from carlaloc_env.materials import Material
+from carlaloc_env.render.context import is_software
+from carlaloc_env.render.sieve import Body, Sieve
 from carlaloc_env.render.surfaces import LOG_SCALE
 from carlaloc_env.scene import Instances, Mesh, merge
 
@@ -32,19 +35,22 @@ _BARE = ("3f4 24x", "in_position")
 _POSES = ("4f4 4f4 4f4 4f1 1u4/i", "in_row0", "in_row1", "in_row2", "in_tint", "in_instance")
 _BARE_POSES = ("4f4 4f4 4f4 8x/i", "in_row0", "in_row1", "in_row2")
 
-_SOLID = np.zeros(256, dtype=bool)
-_SOLID[
-    [
-        Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY,
-        Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW,
-        Material.PAVEMENT, Material.KERB, Material.SOIL, Material.GRAVEL, Material.BRICK_RED,
-        Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR, Material.CONCRETE_PANEL,
-        Material.CURTAIN_WALL, Material.WINDOW, Material.WINDOW_WIDE, Material.SHOP_FRONT,
-        Material.SHOP_FRONT_B, Material.DOOR, Material.ROOF_TILE,
-        Material.ROOF_FLAT, Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD,
-    ]
-] = True  # fmt: skip
+_SOLID_SCENERY = (
+    Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY,
+    Material.ROAD_PAINT_WHITE, Material.ROAD_PAINT_YELLOW,
+    Material.PAVEMENT, Material.KERB, Material.SOIL, Material.GRAVEL, Material.BRICK_RED,
+    Material.BRICK_BROWN, Material.PLASTER, Material.ASHLAR, Material.CONCRETE_PANEL, Material.SIDING,
+    Material.CURTAIN_WALL, Material.WINDOW, Material.WINDOW_WIDE, Material.SHOP_FRONT,
+    Material.SHOP_FRONT_B, Material.SHOP_SIGN, Material.DOOR, Material.ROOF_TILE,
+    Material.ROOF_FLAT, Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Material.BARK,
+)  # fmt: skip
 """Materials of closed bodies and of roads: their backs are never seen and need not be drawn."""
+_SOLID_MODELS = (
+    Material.CAR_PAINT, Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.CLOTH, Material.SKIN,
+)  # fmt: skip
+"""The same of closed movable models; their plastic, rubber and glass are sheets too."""
+_OPEN_SHARE = 0.1
+"""Share of a body's area that may be missing."""
 
 
 def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
@@ -85,11 +91,26 @@ def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
     return code
 
 
+def _closed(mesh: Mesh, count: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether bodies of so many triangles (N,) are closed, shape (N,): then their areas add up to nothing."""
+    a, b, c = (np.take(mesh.vertices_m, mesh.triangles[:, k], axis=0) for k in range(3))
+    across = cross(b - a, c - a)
+    body = np.repeat(np.arange(len(count)), count)
+    total = [np.bincount(body, across[:, axis], len(count)) for axis in range(3)]
+    area = np.bincount(body, np.sqrt(sum(axis**2 for axis in across.T)), len(count))
+    return np.asarray(np.sqrt(sum(part**2 for part in total)) < _OPEN_SHARE * area)
+
+
 class Geometry:
     """Triangles in one vertex and one index buffer, drawn in ranges by one indirect call."""
 
     def __init__(
-        self, context: moderngl.Context, meshes: Sequence[Mesh], triangles: NDArray[np.int64] | None = None
+        self,
+        context: moderngl.Context,
+        meshes: Sequence[Mesh],
+        triangles: NDArray[np.int64] | None = None,
+        *,
+        models: bool = False,
     ) -> None:
         """Upload meshes.
 
@@ -98,9 +119,12 @@ class Geometry:
             meshes: All triangles.
             triangles: Number of them in each range that can be drawn alone, shape (N,); a range for
                 every mesh when left out.
+            models: Whether these are movable models.
         """
         self._context = context
-        counts = np.array([len(mesh.triangles) for mesh in meshes]) if triangles is None else triangles
+        counts = (
+            np.array([len(mesh.triangles) for mesh in meshes], np.int64) if triangles is None else triangles
+        )
         self.count = (3 * counts).astype(np.uint32)
         """Number of indices of each range, shape (N,)."""
         self.first = (np.cumsum(3 * counts) - 3 * counts).astype(np.uint32)
@@ -112,7 +136,15 @@ class Geometry:
         self.vertices = context.buffer(vertices.tobytes())
         self.indices = context.buffer(indices.tobytes())
         self._commands = context.buffer(reserve=20 * (len(self.count) + 1), dynamic=True)
-        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
+        self._arrays: dict[tuple[int, int, int], moderngl.VertexArray] = {}
+        # A graphics card is done with a triangle sooner than a CPU has found out that it does not show.
+        self._body: Body | None = None
+        if is_software(context):
+            solid = seen_from_front(models=models)[whole.material[whole.triangles[:, 2]]]
+            if models:
+                solid &= np.repeat(_closed(whole, counts), counts)
+            self._body = Body(vertices_m=whole.vertices_m, triangles=whole.triangles, solid=solid)
+            self._picked = context.buffer(reserve=12, dynamic=True)
 
     def draw(
         self,
@@ -121,9 +153,21 @@ class Geometry:
         *,
         bare: bool = False,
         instances: InstanceBuffer | None = None,
+        sieve: Sieve | None = None,
     ) -> None:
-        """Draw some of the ranges in the given order, once or once per instance."""
+        """Draw some of the ranges in the given order, once or once per instance.
+
+        Args:
+            program: Shaders.
+            which: Ranges.
+            bare: Hand over nothing but positions.
+            instances: Where the ranges stand; once where they are when left out.
+            sieve: Leaves triangles out that do not show, if the context draws on a CPU.
+        """
         if len(which) == 0:
+            return
+        if sieve is not None and self._body is not None:
+            self._draw_sifted(program, which, sieve, self._body, instances)
             return
         commands = np.zeros((len(which), 5), dtype=np.uint32)
         commands[:, 0] = self.count[which]
@@ -131,20 +175,60 @@ class Geometry:
         commands[:, 1] = 1 if instances is None else instances.number[which]
         if instances is not None:
             commands[:, 4] = instances.begin[which]
+        self._run(self._array(program, self.indices, bare, instances), commands)
+
+    def _draw_sifted(
+        self,
+        program: moderngl.Program,
+        which: NDArray[np.intp],
+        sieve: Sieve,
+        body: Body,
+        instances: InstanceBuffer | None,
+    ) -> None:
+        if instances is None:
+            picked, kept = sieve.keep(body, self.first[which], self.count[which])
+        else:
+            model = instances.model
+            picked, kept = sieve.keep(body, self.first[model], self.count[model], instances.rows)
+        if not len(picked):
+            return
+        if picked.nbytes > self._picked.size:
+            # The old buffer stays alive in the vertex arrays that name it.
+            self._picked = self._context.buffer(reserve=2 * picked.nbytes, dynamic=True)
+        self._picked.orphan()
+        self._picked.write(picked)
+        array = self._array(program, self._picked, False, instances)
+        if instances is None:
+            array.render(moderngl.TRIANGLES, vertices=len(picked))
+            return
+        commands = np.zeros((len(kept), 5), dtype=np.uint32)
+        commands[:, 0] = kept
+        commands[:, 1] = 1
+        commands[:, 2] = np.cumsum(kept) - kept
+        commands[:, 4] = np.arange(len(kept))
+        self._run(array, commands[kept > 0])
+
+    def _run(self, array: moderngl.VertexArray, commands: NDArray[np.uint32]) -> None:
+        data = commands.tobytes()
+        if len(data) > self._commands.size:
+            self._commands = self._context.buffer(reserve=2 * len(data), dynamic=True)
         self._commands.orphan()
-        self._commands.write(commands.tobytes())
-        array = self._array(program, bare, instances)
-        array.render_indirect(self._commands, mode=moderngl.TRIANGLES, count=len(which))
+        self._commands.write(data)
+        array.render_indirect(self._commands, mode=moderngl.TRIANGLES, count=len(commands))
 
     def _array(
-        self, program: moderngl.Program, bare: bool, instances: InstanceBuffer | None
+        self,
+        program: moderngl.Program,
+        indices: moderngl.Buffer,
+        bare: bool,
+        instances: InstanceBuffer | None,
     ) -> moderngl.VertexArray:
-        key = (program.glo, 0 if instances is None else instances.buffer.glo)
+        key = (program.glo, indices.glo, 0 if instances is None else instances.buffer.glo)
         if key not in self._arrays:
             content = [(self.vertices, *(_BARE if bare else _FULL))]
             if instances is not None:
                 content.append((instances.buffer, *(_BARE_POSES if bare else _POSES)))
-            self._arrays[key] = self._context.vertex_array(program, content, self.indices)
+            self._arrays[key] = self._context.vertex_array(program, content, indices)
         return self._arrays[key]
 
     def release(self) -> None:
@@ -153,6 +237,8 @@ class Geometry:
             array.release()
         for buffer in (self.vertices, self.indices, self._commands):
             buffer.release()
+        if self._body is not None:
+            self._picked.release()
 
 
 class InstanceBuffer:
@@ -165,6 +251,10 @@ class InstanceBuffer:
         """Instances of each model, shape (M,)."""
         self.begin = np.zeros(models, dtype=np.int64)
         """First row of each model, shape (M,)."""
+        self.model = np.zeros(0, dtype=np.int32)
+        """Model of each row, shape (N,)."""
+        self.rows = np.zeros((0, 3, 4), dtype=np.float32)
+        """Pose of each row, shape (N, 3, 4)."""
 
     @property
     def used(self) -> NDArray[np.intp]:
@@ -176,8 +266,10 @@ class InstanceBuffer:
         order = which[np.argsort(instances.model[which], kind="stable")]
         self.number = np.bincount(instances.model[order], minlength=len(self.number))
         self.begin = np.cumsum(self.number) - self.number
+        self.model = instances.model[order]
+        self.rows = np.ascontiguousarray(instances.T_world_model[order, :3, :], dtype=np.float32)
         out = np.zeros(max(len(order), 1), dtype=INSTANCE)
-        out["rows"][: len(order)] = instances.T_world_model[order, :3, :]
+        out["rows"][: len(order)] = self.rows
         out["tint"][: len(order), :3] = instances.tint[order]
         out["id"][: len(order)] = instances.instance[order]
         data = out.tobytes()
@@ -188,6 +280,8 @@ class InstanceBuffer:
         self.buffer.write(data)
 
 
-def seen_from_front() -> NDArray[np.bool_]:
-    """Whether the backs of a material's triangles need no drawing, shape (M,)."""
-    return _SOLID[: len(Material)].copy()
+def seen_from_front(*, models: bool = False) -> NDArray[np.bool_]:
+    """Whether the backs of a material's triangles need no drawing, on scenery or on models, shape (M,)."""
+    solid = np.zeros(len(Material), dtype=bool)
+    solid[list(_SOLID_MODELS if models else _SOLID_SCENERY)] = True
+    return solid

@@ -20,8 +20,8 @@ from carlaloc_env.scene import EGO_INSTANCE
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
 
-TILES = 80
-"""Tiles across a picture."""
+TILE_PX = 4
+"""Edge of a tile; `_farthest` has it written out [px]."""
 CELL_PX = 2
 """Edge of the cells that a surface must be carried into to hide anything [px]."""
 MOVING_FROM = EGO_INSTANCE
@@ -41,12 +41,12 @@ class Depths:
             depth_m: Planar depth of the drawn samples [m], 0 = nothing yet, shape (H, W).
         """
         self._view = view
-        self._tile_px = max(4, depth_m.shape[1] // TILES)
-        rows, columns = (-(-size // self._tile_px) for size in depth_m.shape)
+        self.tile_px = TILE_PX
+        rows, columns = (-(-size // self.tile_px) for size in depth_m.shape)
         bits = np.empty((rows, columns), np.uint32)
-        _farthest(bits, depth_m.view(np.uint32), self._tile_px)
+        _farthest(bits, depth_m.view(np.uint32), np.empty(depth_m.shape[1], np.uint32))
         bits += np.uint32(1)
-        self._far_m = np.where(bits == 0, np.float32(np.inf), bits.view(np.float32))
+        self.far_m = np.where(bits == 0, np.float32(np.inf), bits.view(np.float32))
 
     @classmethod
     def carried(cls, view: View, earlier: View, depth_m: F32, instance: NDArray[np.uint32]) -> Depths:
@@ -60,15 +60,15 @@ class Depths:
         """
         depths = cls.__new__(cls)
         width, height = view.size_px
-        depths._view, depths._tile_px = view, CELL_PX
-        depths._far_m = np.empty((-(-height // CELL_PX), -(-width // CELL_PX)), np.float32)
+        depths._view, depths.tile_px = view, CELL_PX
+        depths.far_m = np.empty((-(-height // CELL_PX), -(-width // CELL_PX)), np.float32)
         turn = np.sum(view.R_camera_world[:, None] * earlier.R_camera_world[None], axis=2)
         shift = np.sum(view.R_camera_world * (earlier.position_m - view.position_m), axis=1)
         to = np.column_stack([turn, shift])
         sx, sy, ox, oy = view.clip_scale
         to[0] = 0.5 * width / CELL_PX * (sx * to[0] + (ox + 1.0) * to[2])
         to[1] = 0.5 * height / CELL_PX * (sy * to[1] + (oy + 1.0) * to[2])
-        _carry(depths._far_m, depth_m, instance, to, np.array(earlier.clip_scale))
+        _carry(depths.far_m, depth_m, instance, to, np.array(earlier.clip_scale))
         return depths
 
     def shown(self, corners_m: Array, *, least_px: float = 0.0) -> NDArray[np.bool_]:
@@ -89,8 +89,8 @@ class Depths:
             view.R_camera_world,
             np.array(view.clip_scale),
             shape,
-            self._far_m,
-            self._tile_px,
+            self.far_m,
+            self.tile_px,
         )
         return out
 
@@ -102,20 +102,29 @@ def box_corners(low_m: Array, high_m: Array) -> Array:
 
 
 @compiled
-def _farthest(out: NDArray[np.uint32], depth_bits: NDArray[np.uint32], tile_px: int) -> None:
-    """Bits of the farthest depth of every tile less one, all set where there is sky.
+def _farthest(out: NDArray[np.uint32], depth_bits: NDArray[np.uint32], row: NDArray[np.uint32]) -> None:
+    """Bits of the farthest depth of every tile less one, all set where there is sky; `row`: scratch.
 
     Bits of positive numbers are in their order, and whole numbers go through the processor's wide
     registers; the sky's zero less one becomes the largest of all.
     """
-    out[:] = 0
     height, width = depth_bits.shape
-    for v in range(height):
-        for column in range(out.shape[1]):
-            far = out[v // tile_px, column]
-            for u in range(column * tile_px, min(column * tile_px + tile_px, width)):
-                far = max(far, np.uint32(depth_bits[v, u] - np.uint32(1)))
-            out[v // tile_px, column] = far
+    whole = width // TILE_PX
+    for tile in range(out.shape[0]):
+        first = tile * TILE_PX
+        for u in range(width):
+            row[u] = np.uint32(depth_bits[first, u] - np.uint32(1))
+        for v in range(first + 1, min(first + TILE_PX, height)):
+            for u in range(width):
+                row[u] = max(row[u], np.uint32(depth_bits[v, u] - np.uint32(1)))
+        for column in range(whole):
+            u = column * TILE_PX
+            out[tile, column] = max(max(row[u], row[u + 1]), max(row[u + 2], row[u + 3]))
+        if whole < out.shape[1]:
+            far = row[width - 1]
+            for u in range(whole * TILE_PX, width - 1):
+                far = max(far, row[u])
+            out[tile, whole] = far
 
 
 @compiled

@@ -25,8 +25,8 @@ _LEVEL_FROM = 0.9
 """Upward part of the normal from which ground bears spots, as in ``gbuffer.frag``."""
 _SORTS: tuple[tuple[str, ...], ...] = ((), ("WORN",), ("WORN", "LEVEL"))
 """Features of the shader for smooth things, worn ones and worn level ground."""
-_LAYERS = tuple((culled, sort) for culled in (True, False) for sort in range(len(_SORTS)))
-"""Whether backs are culled, and the place in `_SORTS`."""
+_LAYERS = tuple((culled, sort) for culled in (False, True) for sort in range(len(_SORTS)))
+"""Whether backs are culled, and the place in `_SORTS`; leaves first, since they stand before walls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,7 +181,7 @@ def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
     triangles = np.array([len(chunk.triangles) for chunk in chunks], dtype=np.intp)
     of = np.repeat(np.arange(len(chunks)), triangles)
     front, sort = _sorts(whole)
-    layer = np.where(front, 0, len(_SORTS)) + sort
+    layer = np.where(front, len(_SORTS), 0) + sort
     found = cut(whole, layer * len(chunks) + of)
     owner = found.group // max(len(chunks), 1)
     end = np.cumsum(found.count)

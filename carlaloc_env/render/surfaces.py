@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env import materials
 from carlaloc_env.materials import Material
+from carlaloc_env.render.context import shader_source
 
 _LIT_AT_NIGHT = (Material.LAMP_WHITE, Material.LAMP_TAIL)
 """Lamps that are off by day; signals and brake lights are lit whenever they are drawn."""
@@ -35,9 +36,9 @@ def surface_table() -> NDArray[np.float32]:
 def upload_textures(
     context: moderngl.Context, albedo: NDArray[np.float16], *, trilinear: bool
 ) -> moderngl.TextureArray:
-    """Texture array with one layer per material and mip-maps.
+    """Texture array with one layer per material and mip-maps: square root of the albedo, and roughness.
 
-    Half floats in linear light, since the driver averages the stored values for the mip-maps.
+    Bytes take half as long to fetch as half floats. Mip-maps are averaged in linear light first.
 
     Args:
         context: Where it is drawn.
@@ -45,10 +46,23 @@ def upload_textures(
         trilinear: Blend between mip levels; on a CPU it costs as much as the fetch itself.
     """
     layers, height, width = albedo.shape[:3]
-    data = np.ascontiguousarray(albedo, dtype=np.float16)
-    array = context.texture_array((width, height, layers), 4, data.tobytes(), dtype="f2")
+    linear = context.texture_array(
+        (width, height, layers), 4, np.ascontiguousarray(albedo, np.float16).tobytes(), dtype="f2"
+    )
+    linear.build_mipmaps()
+    linear.filter = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
+    array = context.texture_array((width, height, layers), 4)
     array.repeat_x = array.repeat_y = True
     array.build_mipmaps()
+    program = context.compute_shader(shader_source("roots.comp"))
+    linear.use(0)
+    for level in range(max(width, height).bit_length()):
+        array.bind_to_image(0, read=False, write=True, level=level)
+        program["u_level"] = level
+        program.run(-(-max(width >> level, 1) // 8), -(-max(height >> level, 1) // 8), layers)
+    context.memory_barrier()
+    program.release()
+    linear.release()
     array.filter = (
         moderngl.LINEAR_MIPMAP_LINEAR if trilinear else moderngl.LINEAR_MIPMAP_NEAREST,
         moderngl.LINEAR,

@@ -8,7 +8,7 @@ in vec2 v_uv;
 in vec3 v_world;
 #endif
 
-uniform sampler2DArray u_textures;
+uniform sampler2DArray u_textures;  // square root of the linear albedo, roughness
 
 const float LITTER_M = 0.64;
 
@@ -73,7 +73,7 @@ float slab_tone(float amount) {
 
 void main() {
     vec4 texel = texture(u_textures, vec3(v_uv, v_layer));
-    vec3 albedo = texel.rgb * v_colour;
+    vec3 albedo = texel.rgb * texel.rgb * v_colour;
     float porosity = v_surface.y;
 #ifdef WORN
     // Dirt and wear at scales the repeating textures lack; none on paint, glass and metal.

@@ -1,0 +1,182 @@
+"""Triangles that are left out one by one show in no pixel."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from carlaloc_env import geometry
+from carlaloc_env.errors import RenderError
+from carlaloc_env.materials import Material
+from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.render.context import create_context
+from carlaloc_env.render.gbuffer import GBuffer
+from carlaloc_env.render.geometry import Geometry
+from carlaloc_env.render.occlusion import Depths
+from carlaloc_env.render.projection import NEAR_M, View
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.render.sieve import STILL, Body, Sieve
+from carlaloc_env.render.surfaces import plain_albedo
+from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.semantics import Tag
+from carlaloc_env.weather import PRESETS
+
+CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
+TURN = geometry.quat_to_matrix(geometry.rpy_to_quat(0.1, -0.2, 1.0))
+POSE = geometry.from_rotation(TURN @ geometry.R_FLU_OPTICAL, (5.0, -3.0, 1.6))
+FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+
+
+def shown(
+    corners_m: NDArray[np.float64], view: View, depth_m: NDArray[np.float32], solid: bool
+) -> NDArray[np.bool_]:
+    """Whether triangles (N, 3, 3) are before a relief at any pixel's centre, ray by ray."""
+    v, u = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
+    rays = np.stack(
+        [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones_like(u)], -1
+    )
+    p = (corners_m - view.position_m) @ view.R_camera_world.T
+    out = np.zeros(len(p), bool)
+    for k, (a, b, c) in enumerate(p):
+        normal = np.cross(b - a, c - a)
+        if solid and normal @ a > 0.0:
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = (normal @ a) / (rays @ normal)
+        point = rays * z[..., None]
+        sides = [np.cross(q - o, point - o) @ normal >= 0.0 for o, q in ((a, b), (b, c), (c, a))]
+        before = (depth_m == 0.0) | (z < depth_m - 0.1 - 0.01 * depth_m)
+        out[k] = np.any(sides[0] & sides[1] & sides[2] & (z > NEAR_M) & before)
+    return out
+
+
+@pytest.mark.parametrize("solid", [False, True])
+def test_what_is_left_out_shows_at_no_centre_of_a_pixel(solid: bool) -> None:
+    random = np.random.default_rng(5)
+    view = View.of(CAMERA, POSE)
+    depth = np.kron(random.uniform(4.0, 60.0, (9, 16)), np.ones((20, 20))).astype(np.float32)
+    depth[:20, :60] = 0.0
+    middle = view.position_m + random.uniform(-40.0, 40.0, (1500, 1, 3))
+    size = np.exp(random.uniform(-4.0, 1.0, (1500, 1, 1)))
+    corners = (middle + size * random.normal(0.0, 1.0, (1500, 3, 3))).astype(np.float32)
+    body = Body(
+        vertices_m=corners.reshape(-1, 3),
+        triangles=np.arange(4500, dtype=np.uint32).reshape(-1, 3),
+        solid=np.full(1500, solid),
+    )
+    first, count = np.array([0, 900], np.uint32), np.array([900, 3600], np.uint32)
+    picked, kept = Sieve(view, Depths(view, depth)).keep(body, first, count)
+    chosen = np.zeros(1500, bool)
+    chosen[picked[::3] // 3] = True
+    np.testing.assert_array_equal(picked.reshape(-1, 3), body.triangles[chosen])
+    assert kept.tolist() == [3 * chosen[:300].sum(), 3 * chosen[300:].sum()]
+    seen = shown(corners.astype(np.float64), view, depth, solid)
+    assert seen.sum() > 20
+    assert np.all(chosen[seen])
+    assert chosen.sum() < 3 * seen.sum(), "most of the others are left out"
+
+
+def test_a_moved_body_is_picked_from_as_one_that_stands_there() -> None:
+    random = np.random.default_rng(6)
+    view = View.of(CAMERA, POSE)
+    T = geometry.from_rotation(TURN, (20.0, 9.0, 1.0))
+    corners = random.normal(0.0, 2.0, (600, 3))
+    triangles = np.arange(600, dtype=np.uint32).reshape(-1, 3)
+    there = corners @ T[:3, :3].T + T[:3, 3]
+    whole = np.array([0], np.uint32), np.array([600], np.uint32)
+    picked = [
+        Sieve(view).keep(
+            Body(vertices_m=m.astype(np.float32), triangles=triangles, solid=np.ones(200, bool)), *whole, pose
+        )[0]
+        for m, pose in ((corners, T[None, :3].astype(np.float32)), (there, STILL))
+    ]
+    assert 100 < len(picked[0]) < 600
+    np.testing.assert_array_equal(picked[0], picked[1])
+
+
+def crumbs(
+    count: int, seed: int, at_m: tuple[float, float, float], spread_m: float, material: Material
+) -> Mesh:
+    """Closed tetrahedra of random sizes."""
+    random = np.random.default_rng(seed)
+    size = np.exp(random.uniform(-4.0, 0.3, (count, 1, 1)))
+    middle = np.array(at_m) + random.uniform(-spread_m, spread_m, (count, 1, 3))
+    corners = middle + size * (random.normal(0.0, 0.3, (count, 4, 3)) + np.vstack([np.zeros(3), np.eye(3)]))
+    a, b, c, d = np.moveaxis(corners, 1, 0)
+    inside_out = np.sum(np.cross(b - a, c - a) * (d - a), axis=1) > 0.0
+    corners[inside_out, :2] = corners[inside_out, 1::-1]
+    sides = np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2], [0, 2, 3]])
+    triangles = (4 * np.arange(count)[:, None, None] + sides).reshape(-1, 3)
+    return make_mesh(corners.reshape(-1, 3), triangles, material=material, tag=Tag.STATIC, instance=seed)
+
+
+@pytest.mark.parametrize("quality", ["low", "medium", "high"])
+def test_the_picture_is_the_same_without_them(quality: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Heaps of closed bodies behind each other and moved ones, with all triangles and with the picked."""
+    try:
+        create_context().release()
+    except RenderError as no_opengl:
+        pytest.skip(str(no_opengl))
+    chunks = [crumbs(700, k + 1, (6.0 + 7.0 * k, 0.0, 2.0), 4.0, Material.BRICK_RED) for k in range(6)]
+    library = ModelLibrary({"heap": crumbs(700, 9, (0.0, 0.0, 0.0), 2.0, Material.CAR_PAINT)})
+    instances = Instances(
+        model=np.zeros(2, np.int32),
+        T_world_model=np.stack([geometry.from_rotation(TURN, (x, 1.0, 1.5)) for x in (9.0, 30.0)]),
+        instance=np.array([EGO_INSTANCE + 1, EGO_INSTANCE + 2], np.uint32),
+        tint=np.full((2, 3), 255, np.uint8),
+    )
+
+    def picture() -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.uint8]]:
+        with SceneRenderer(chunks, library, quality=quality, albedo=plain_albedo()) as renderer:
+            gbuffer: GBuffer = renderer.draw(CAMERA, FORWARD, instances)
+            rgb = renderer.shade(gbuffer, PRESETS["ClearNoon"])
+            return gbuffer.depth_m(), gbuffer.labels()[1], rgb
+
+    counts = np.zeros(2, int)
+    plain = Geometry.draw
+
+    def keep(self: Sieve, body: Body, first: object, count: NDArray[np.uint32], *pose: object) -> object:
+        picked, kept = sifted(self, body, first, count, *pose)  # type: ignore[arg-type]
+        counts[:] += (int(count.sum()), len(picked))
+        return picked, kept
+
+    sifted = Sieve.keep
+    monkeypatch.setattr(Sieve, "keep", keep)
+    few = picture()
+    assert 0 < counts[1] < 0.5 * counts[0]
+
+    def whole(self: Geometry, *rest: object, sieve: object = None, **more: object) -> None:
+        plain(self, *rest, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Geometry, "draw", whole)
+    all_of_them = picture()
+    np.testing.assert_array_equal(few[0], all_of_them[0])
+    np.testing.assert_array_equal(few[1], all_of_them[1])
+    # At an outline front and back lie equally deep, and without the back the front is sure to show.
+    off = np.abs(few[2].astype(int) - all_of_them[2]).max(axis=2)
+    assert np.mean(off > 0) < 5e-4
+
+
+def test_mip_maps_keep_the_light_of_a_texture() -> None:
+    """Dark and bright texels from afar look as bright as their mean in linear light."""
+    try:
+        create_context().release()
+    except RenderError as no_opengl:
+        pytest.skip(str(no_opengl))
+    wall = [[40.0, 30.0, 0.0], [40.0, -30.0, 0.0], [40.0, -30.0, 30.0], [40.0, 30.0, 30.0]]
+    uv = [[30.0, 0.0], [-30.0, 0.0], [-30.0, 30.0], [30.0, 30.0]]
+    mesh = make_mesh(wall, [[0, 1, 2], [0, 2, 3]], material=Material.GLASS, tag=Tag.WALL, uv_m=uv)
+
+    def light(texels: NDArray[np.float16]) -> float:
+        albedo = np.zeros((len(Material), 64, 64, 4), np.float16)
+        albedo[..., :3] = texels[..., None]
+        albedo[..., 3] = 1.0
+        with SceneRenderer([mesh], ModelLibrary({}), quality="medium", albedo=albedo) as renderer:
+            gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
+            assert np.all(gbuffer.depth_m()[60:80, 140:180] > 0.0)
+            return float(renderer.radiance_cd_m2(gbuffer, PRESETS["CloudyNoon"])[60:80, 140:180].mean())
+
+    checks = np.where(np.indices((64, 64)).sum(axis=0) % 2 == 0, 0.02, 0.62).astype(np.float16)
+    plain = light(np.full((64, 64), 0.32, np.float16))
+    assert light(checks) == pytest.approx(plain, rel=0.02)
