@@ -128,16 +128,16 @@ def _lattice(view: View, drift_m: Array, density: float, reach_m: float, key: in
     home = view.position_m - drift_m
     low = np.floor((home + corners.min(axis=0) - _AROUND_M) / CELL_M).astype(np.int64)
     high = np.floor((home + corners.max(axis=0) + _AROUND_M) / CELL_M).astype(np.int64)
-    axes = [np.arange(a, b + 1) for a, b in zip(low, high, strict=True)]
-    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    middle = (cells + 0.5) * CELL_M - home
-    gap = np.sum(middle[:, None, :] * normals[None], axis=2) + offsets
-    cells = cells[(gap > -0.87 * CELL_M).all(axis=1)]
     most = math.ceil(density)
-    places = np.empty((len(cells) * most, 3))
     share = np.uint32(min(density / max(most, 1), 1.0) * (2**32 - 1))
-    count = _fill(places, cells, most, share, np.uint32(key), home, normals, offsets)
-    return places[:count]
+    # Half as many again as the pyramid and its margin hold on average, and more when that is not enough.
+    room = math.ceil(2.0 * density * (reach_m + 2.0 * _AROUND_M) ** 3 / (sx * sy)) + 256
+    while True:
+        places = np.empty((room, 3))
+        count = _fill(places, low, high, most, share, np.uint32(key), home, normals, offsets)
+        if count <= room:
+            return places[:count]
+        room *= 2
 
 
 def lit(streaks: Streaks, eye_m: Array, sky_cd_m2: Array, lights: Lights) -> Array:

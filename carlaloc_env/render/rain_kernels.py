@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import compiled, inlined
 
 Array = NDArray[np.float64]
 
@@ -22,10 +22,20 @@ def mixed(x: np.uint32) -> np.uint32:
     return np.uint32(x ^ (x >> np.uint32(16)))
 
 
+@inlined
+def _reaches(x: float, y: float, z: float, normals: Array, offsets: Array) -> bool:
+    """Whether a cell with its middle there may reach inside all planes; 0.87 is half its diagonal."""
+    for p in range(len(offsets)):
+        if normals[p, 0] * x + normals[p, 1] * y + normals[p, 2] * z + offsets[p] <= -0.87:
+            return False
+    return True
+
+
 @compiled
 def fill(
     out: Array,
-    cells: NDArray[np.int64],
+    low: NDArray[np.int64],
+    high: NDArray[np.int64],
     most: int,
     share: np.uint32,
     key: np.uint32,
@@ -33,11 +43,14 @@ def fill(
     normals: Array,
     offsets: Array,
 ) -> int:
-    """Write the drops of some cells that lie inside all planes to `out` and count them.
+    """Write the drops of a box of cells that lie inside all planes to `out`, and count them.
+
+    Without room for all of them it stops at the first that finds none, which it counts, too.
 
     Args:
-        out: Places from the eye in units of cells of 1 m, shape (len(cells) · most, 3).
-        cells: Shape (C, 3).
+        out: Places from the eye in units of cells of 1 m, shape (N, 3).
+        low: First cell along x, y and z, shape (3,).
+        high: Last cell, shape (3,).
         most: Drops that a cell may have.
         share: Share of them that it has, of 2**32.
         key: Chooses the pattern.
@@ -46,25 +59,34 @@ def fill(
         offsets: Their offsets from the eye [m], shape (P,).
     """
     count = 0
-    for c in range(len(cells)):
-        h = key
-        for axis in range(3):
-            h = mixed(np.uint32(h ^ np.uint32(cells[c, axis] & 0xFFFFFFFF)))
-        for k in range(most):
-            lot = mixed(np.uint32(h + np.uint32(k) * np.uint32(0x9E3779B9)))
-            if lot >= share:
-                continue
-            for axis in range(3):
-                lot = mixed(np.uint32(lot + np.uint32(0x85EBCA6B)))
-                out[count, axis] = (cells[c, axis] + lot * 2.0**-32) - home[axis]
-            inside = True
-            for p in range(len(offsets)):
-                gap = offsets[p]
-                for axis in range(3):
-                    gap += normals[p, axis] * out[count, axis]
-                inside = inside and gap > 0.0
-            if inside:
-                count += 1
+    for i in range(low[0], high[0] + 1):
+        for j in range(low[1], high[1] + 1):
+            for k in range(low[2], high[2] + 1):
+                if not _reaches(
+                    (i + 0.5) - home[0], (j + 0.5) - home[1], (k + 0.5) - home[2], normals, offsets
+                ):
+                    continue
+                h = mixed(np.uint32(key ^ np.uint32(i & 0xFFFFFFFF)))
+                h = mixed(np.uint32(h ^ np.uint32(j & 0xFFFFFFFF)))
+                h = mixed(np.uint32(h ^ np.uint32(k & 0xFFFFFFFF)))
+                for drop in range(most):
+                    lot = mixed(np.uint32(h + np.uint32(drop) * np.uint32(0x9E3779B9)))
+                    if lot >= share:
+                        continue
+                    if count == len(out):
+                        return count + 1
+                    for axis in range(3):
+                        cell = i if axis == 0 else j if axis == 1 else k
+                        lot = mixed(np.uint32(lot + np.uint32(0x85EBCA6B)))
+                        out[count, axis] = (cell + lot * 2.0**-32) - home[axis]
+                    inside = True
+                    for p in range(len(offsets)):
+                        gap = offsets[p]
+                        for axis in range(3):
+                            gap += normals[p, axis] * out[count, axis]
+                        inside = inside and gap > 0.0
+                    if inside:
+                        count += 1
     return count
 
 
@@ -108,6 +130,13 @@ def shine(
                 out[i, channel] += gain * phase * fade / r2 * colours[k, channel]
 
 
+@inlined
+def _bell(x: float, y: float) -> float:
+    """Normal curve of height 1; nothing where it is below 1e-13."""
+    far = 0.5 * (x * x + y * y)
+    return math.exp(-far) if far < 30.0 else 0.0
+
+
 @compiled
 def low_beam(ahead: float, left: float, up: float) -> float:
     """Intensity of a low beam [cd], as in ``shade.frag``; components of a direction from the lamp."""
@@ -115,10 +144,13 @@ def low_beam(ahead: float, left: float, up: float) -> float:
         return 0.0
     h, v = -57.29578 * left / ahead, 57.29578 * up / ahead
     cut = min(-0.57 + max(h, 0.0) * 0.268, 1.0)
-    below = 1.0 / (1.0 + math.exp(min(9.0 * (v - cut), 60.0)))
-    narrow = 26000.0 * math.exp(-0.5 * (((h - 1.5) / 2.3) ** 2 + ((v + 1.0) / 0.9) ** 2))
-    wide = 8000.0 * math.exp(-0.5 * ((h / 9.0) ** 2 + ((v + 1.8) / 1.8) ** 2))
-    floor = 4200.0 * math.exp(-0.5 * ((h / 20.0) ** 2 + ((v + 4.5) / 3.5) ** 2))
-    halo = 180.0 * math.exp(-0.5 * ((h / 25.0) ** 2 + (v / 12.0) ** 2))
+    halo = 180.0 * _bell(h / 25.0, v / 12.0)
+    above = 9.0 * (v - cut)
+    if above > 30.0:
+        return halo
+    below = 1.0 / (1.0 + math.exp(above))
+    narrow = 26000.0 * _bell((h - 1.5) / 2.3, (v + 1.0) / 0.9)
+    wide = 8000.0 * _bell(h / 9.0, (v + 1.8) / 1.8)
+    floor = 4200.0 * _bell(h / 20.0, (v + 4.5) / 3.5)
     result: float = below * (narrow + wide + floor) + halo
     return result
