@@ -186,3 +186,14 @@ def test_mirrored_skies_are_the_skies() -> None:
                 light = light.reshape(size // 2, 2, size // 2, 2, 3).mean(axis=(1, 3))
         skies.release()
     context.release()
+
+
+def test_days_by_tiles_shaded_together_are_what_each_is_alone() -> None:
+    """Byte by byte, though the tiles of one are sorted while those of another are shaded."""
+    library, three = boards()
+    weathers = [PRESETS[name] for name in ("ClearNoon", "FoggyNoon", "RainyNight", "WetNoon")]
+    with SceneRenderer(street(), library, quality="medium", albedo=plain_albedo()) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, three)
+        together = renderer.shade_all(gbuffer, weathers, stamp_ns=9, seed=2)
+        for weather, picture in zip(weathers, together, strict=True):
+            np.testing.assert_array_equal(picture, renderer.shade(gbuffer, weather, stamp_ns=9, seed=2))
