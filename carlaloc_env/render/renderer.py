@@ -325,14 +325,6 @@ class SceneRenderer:
         self.close()
 
 
-def _read_ahead(gbuffer: GBuffer, weather: WeatherParameters) -> None:
-    """Read back what shading needs, outside the context: an inner `with` would leave none current."""
-    if weather.is_night or weather.precipitation > 0.0:
-        gbuffer.shaded_depth_m()
-    if weather.is_night:
-        gbuffer.shaded_normal_codes()
-
-
 def _take(instances: Instances, which: NDArray[np.intp]) -> Instances:
     return Instances(
         model=instances.model[which],
