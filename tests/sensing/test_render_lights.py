@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from carlaloc_env import geometry
 from carlaloc_env.errors import RenderError
@@ -26,7 +27,7 @@ from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.render.tiles import LOOPS, TILE_PX, DepthRange, light_grid
 from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather import PRESETS, WeatherParameters
 
 try:
     create_context().release()
@@ -245,3 +246,26 @@ def test_headlamps_light_the_road_ahead_up_to_their_cut_off() -> None:
     )
     across_lx = intensity_cd / 30.0**2 * (1.0 - (30.0 / BEAM_RANGE_M) ** 4) ** 2
     assert 0.005 < luminance(30.0) / across_lx < 0.020
+
+
+def test_a_glow_is_whole_where_its_lamp_comes_abreast() -> None:
+    """A lamp beside the eye: its glow goes over from rays that lead away to rays that lead past it."""
+    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+    ends = make_mesh(
+        [[900, 0, 0], [900, 1, 0], [900, 0, 1]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.WALL
+    )
+    camera = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=159.5, cy_px=179.0)
+
+    def sky(*lamps_m: tuple[float, float, float]) -> NDArray[np.float32]:
+        lamps = np.array(lamps_m).reshape(-1, 3)
+        with SceneRenderer(
+            [ends], ModelLibrary({}), quality="medium", lamps_m=lamps, albedo=plain_albedo()
+        ) as renderer:
+            gbuffer = renderer.draw(camera, eye, Instances())
+            return renderer.radiance_cd_m2(gbuffer, PRESETS["RainyNight"])[40:60, :, 1]
+
+    glow = (sky((0.0, 2.5, 3.2)) - sky()).mean(axis=0)
+    # Rays at right angles to the lamp's direction lie near column 240 of these rows.
+    assert (glow > 0.0).all()
+    assert glow[:40].mean() > 1.5 * glow[-40:].mean()
+    assert np.abs(np.diff(glow)).max() < 0.03 * glow.mean()

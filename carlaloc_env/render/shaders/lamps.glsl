@@ -51,7 +51,10 @@ float angle_of(float x, float y) {
 // Light of the lamps round here scattered once towards the eye along a ray, by one equi-angular sample
 // (single scattering with an isotropic phase function; Sun et al. 2005).
 vec3 lamp_glow(vec3 direction, float length_m) {
-    float fog = u_air.x * exp(-max(u_eye.z, -50.0) * u_air.y);
+    float beta = u_air.w + u_air.x * exp(-max(u_eye.z, -50.0) * u_air.y);
+    // As in `through_air`, all air before its start is clear.
+    float start = min(u_air.z, length_m);
+    float path = length_m - start;
     vec3 sum = vec3(0.0);
     uint i = v_glows.x;
     do {
@@ -64,9 +67,8 @@ vec3 lamp_glow(vec3 direction, float length_m) {
         float h2 = max(dot(lamp, lamp) - t0 * t0, 0.0);
         float per_h = inversesqrt(h2 + 0.09);
         float h = (h2 + 0.09) * per_h;
-        float angle = angle_of(h * h + t0 * t0 - t0 * length_m, h * length_m);
-        float t = clamp(t0, 0.0, length_m);
-        float beta = u_air.w + (t > u_air.z ? fog : 0.0);
+        float angle = angle_of(h * h + (start - t0) * (length_m - t0), h * path);
+        float t = clamp(t0, start, length_m);
         vec3 nearest = direction * t - lamp;
         float r2 = max(dot(nearest, nearest), 0.0025);
         float per_r = inversesqrt(r2);
@@ -74,7 +76,7 @@ vec3 lamp_glow(vec3 direction, float length_m) {
         float beam = 0.15 + 1.6 * edge * edge * (3.0 - 2.0 * edge);
         float fade = max(1.0 - h2 * blue_reach.y, 0.0);
         sum += vec3(pair(first.w), blue_reach.x)
-            * (fade * fade * beam * beta * angle * per_h * exp(-beta * (t + r2 * per_r)));
+            * (fade * fade * beam * beta * angle * per_h * exp(-beta * (t - start + r2 * per_r)));
     } while (++i < v_glows.y);
     return sum * 0.25;
 }
