@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.geometry import cross
 from carlaloc_env.render.lights import Lights
+from carlaloc_env.render.lit_tiles import keep_lit
 from carlaloc_env.render.projection import View
-from carlaloc_env.render.tile_kernels import depth_ranges, keep_lit, level_tiles
+from carlaloc_env.render.tile_kernels import depth_ranges, level_tiles
 
 Array = NDArray[np.float64]
 

@@ -23,7 +23,8 @@ from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.camera_shot import Optics, Shot
 from carlaloc_env.sensors.events import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
 from carlaloc_env.sensors.memory import Chain
-from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
+from carlaloc_env.sensors.passing_surfaces import passing_surfaces
+from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.timeline import Timeline
 from carlaloc_env.weather_schedule import Weather
 

@@ -20,7 +20,8 @@ from carlaloc_env.sensors.event_kernels import fire_rows
 from carlaloc_env.sensors.event_lanes import float_of, word_of
 from carlaloc_env.sensors.event_order import Slots
 from carlaloc_env.sensors.event_tiles import Scratch, new_scratch
-from carlaloc_env.sensors.pixel_motion import TILE_PX, passing_surfaces
+from carlaloc_env.sensors.passing_surfaces import passing_surfaces
+from carlaloc_env.sensors.pixel_motion import TILE_PX
 from carlaloc_env.sensors.pixel_ways import tile_ranges
 
 F32 = NDArray[np.float32]

@@ -37,7 +37,8 @@ from carlaloc_env.sensors.events import (
     limit_rate,
     log_intensity,
 )
-from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
+from carlaloc_env.sensors.passing_surfaces import passing_surfaces
+from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 
 F32 = NDArray[np.float32]
 SHAPE = (32, 48)
