@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene import VERTEX_FIELDS, Mesh
 
-_FIELDS = ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance")
+_FIELDS = ("triangles", *VERTEX_FIELDS)
 
 
 def to_arrays(meshes: Sequence[Mesh]) -> dict[str, NDArray[Any]]:

@@ -16,6 +16,8 @@ F32 = NDArray[np.float32]
 
 EGO_INSTANCE = 1 << 23
 """Instance id of the ego's own body; static things lie below, other actors above."""
+VERTEX_FIELDS = ("vertices_m", "normals", "uv_m", "colour", "material", "tag", "instance")
+"""Attributes of a mesh that have a row for every vertex."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,7 +43,7 @@ class Mesh:
 
     def __post_init__(self) -> None:
         count = len(self.vertices_m)
-        for name in ("normals", "uv_m", "colour", "material", "tag", "instance"):
+        for name in VERTEX_FIELDS[1:]:
             if len(getattr(self, name)) != count:
                 raise ValueError(f"Mesh.{name} has {len(getattr(self, name))} rows, vertices_m has {count}")
 
@@ -71,6 +73,12 @@ class Mesh:
             tag=self.tag,
             instance=np.full(len(self.vertices_m), instance, dtype=np.uint32),
         )
+
+    def taking(self, vertices: NDArray[np.integer], triangles: NDArray[np.uint32]) -> Mesh:
+        """Some of the vertices by number, shape (V,), and triangles (T, 3) between these."""
+        # Rows are taken several times faster by their numbers than by a mask.
+        taken = {name: np.take(getattr(self, name), vertices, axis=0) for name in VERTEX_FIELDS}
+        return Mesh(triangles=triangles, **taken)
 
     @property
     def bounds_m(self) -> F32:

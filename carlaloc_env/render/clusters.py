@@ -6,7 +6,7 @@ costs as much as one that is seen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +105,4 @@ def in_order(mesh: Mesh, order: Index) -> Mesh:
     rows = used[np.argsort(first[used], kind="stable")]
     place = np.empty(len(mesh.vertices_m), np.uint32)
     place[rows] = np.arange(len(rows), dtype=np.uint32)
-    names = ("vertices_m", "normals", "uv_m", "colour", "material", "tag", "instance")
-    taken = {name: np.take(getattr(mesh, name), rows, axis=0) for name in names}
-    return replace(mesh, triangles=np.take(place, triangles), **taken)
+    return mesh.taking(rows, np.take(place, triangles))

@@ -63,15 +63,9 @@ def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
     own = leaves.vertices_m[leaves.triangles]
     centre = own.mean(axis=1, keepdims=True)
     flat = leaves.triangles.reshape(-1)
-    grown = replace(
-        leaves,
-        **{
-            name: getattr(leaves, name)[flat]
-            for name in ("normals", "uv_m", "colour", "material", "tag", "instance")
-        },
-        vertices_m=(centre + np.sqrt(how.leaf_share) * (own - centre)).reshape(-1, 3).astype(np.float32),
-        triangles=np.arange(len(flat), dtype=np.uint32).reshape(-1, 3),
-    )
+    apart = leaves.taking(flat, np.arange(len(flat), dtype=np.uint32).reshape(-1, 3))
+    larger = centre + np.sqrt(how.leaf_share) * (own - centre)
+    grown = replace(apart, vertices_m=larger.reshape(-1, 3).astype(np.float32))
     rest = part(mesh, ~leaf & ~crumb)
     return merge([rest if how.edge_m == 0.0 else gathered(rest, how), grown])
 
@@ -138,7 +132,4 @@ def part(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     rows = np.flatnonzero(used)
     renumber = np.empty(len(used), np.uint32)
     renumber[rows] = np.arange(len(rows), dtype=np.uint32)
-    names = ("vertices_m", "normals", "uv_m", "colour", "material", "tag", "instance")
-    # Rows are taken several times faster by their numbers than by a mask.
-    taken = {name: np.take(getattr(mesh, name), rows, axis=0) for name in names}
-    return Mesh(triangles=np.take(renumber, triangles), **taken)
+    return mesh.taking(rows, np.take(renumber, triangles))

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.array_files import default_cache_dir
 from carlaloc_env.assets import atlas, plate_text
 from carlaloc_env.materials import Material
 from carlaloc_env.render.textures import (
@@ -149,7 +150,7 @@ def build_textures(size_px: int = 512, *, cache_dir: Path | None = None) -> Text
         size_px: Edge of a layer [px], a multiple of 8.
         cache_dir: Folder of the cache; $CARLALOC_CACHE or ~/.cache/carlaloc when left out.
     """
-    folder = cache_dir or Path(os.environ.get("CARLALOC_CACHE") or Path.home() / ".cache" / "carlaloc")
+    folder = cache_dir or default_cache_dir()
     path = folder / f"textures-{size_px}-{_version()}.npz"
     cached = _load(path, size_px)
     if cached is not None:
