@@ -19,7 +19,8 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.events import Motion
 from carlaloc_env.sensors.exposure import Imager, ImagerConfig
-from carlaloc_env.sensors.pixel_motion import Moment, motion_field, passing_surfaces
+from carlaloc_env.sensors.passing_surfaces import passing_surfaces
+from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.sensors.shutter import ShutterConfig, exposed, picked
 from carlaloc_env.weather import PRESETS
 
