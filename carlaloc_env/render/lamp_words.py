@@ -1,7 +1,7 @@
 """The lights of a night as the shaders read them: eight words each, since every word read costs time.
 
-Places are in single precision, directions within 1/65534; what else there is has seven bits and an
-exponent, which is within 0.4 %.
+Places and what low beams have alone are in single precision, directions within 1/65534; what else there
+is has seven bits and an exponent, which is within 0.4 %.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.lights import Lights
+from carlaloc_env.render.lights import HEADLAMP_COLOUR, Lights
 
 Array = NDArray[np.float64]
 Words = NDArray[np.uint32]
@@ -24,8 +24,8 @@ def surface_words(lights: Lights, eye_m: Array, exposure: float) -> Words:
     word  lamps                                    low beams
     ====  =======================================  =====================================
     0–2   place relative to the eye [m]            the same
-    3     exposed intensity / π, red and green     the same
-    4     blue; gain towards the beam's edge       blue; 1 / range² [1/m²]
+    3     exposed intensity / π, red and green     that of the beam, as a factor
+    4     blue; gain towards the beam's edge       1 / range² [1/m²]
     5     axis, x and y                            the same
     6     axis z; 1 / range² [1/m²]                axis z; left x
     7     cosine to the axis where the beam ends;  left y and z
@@ -43,8 +43,12 @@ def surface_words(lights: Lights, eye_m: Array, exposure: float) -> Words:
     per_range2 = 1.0 / lights.range_m**2
     axis, left = _fixed(lights.axis), _fixed(lights.left)
     begin, full = lights.edge.T
-    rows[:, 3] = _joined(_short(strength[:, 0]), _short(strength[:, 1]))
-    rows[:, 4] = _joined(_short(strength[:, 2]), _short(np.where(lights.beam, per_range2, lights.cap)))
+    # All headlamps have one colour, which the shader knows.
+    factor = (strength[:, 1] / HEADLAMP_COLOUR[1]).astype("<f4").view(np.uint32)
+    red_green = _joined(_short(strength[:, 0]), _short(strength[:, 1]))
+    blue_gain = _joined(_short(strength[:, 2]), _short(lights.cap))
+    rows[:, 3] = np.where(lights.beam, factor, red_green)
+    rows[:, 4] = np.where(lights.beam, per_range2.astype("<f4").view(np.uint32), blue_gain)
     rows[:, 5] = _joined(axis[:, 0], axis[:, 1])
     rows[:, 6] = _joined(axis[:, 2], np.where(lights.beam, left[:, 0], _short(per_range2)))
     edge = _joined(_short(begin), _short(1.0 / (full - begin)))

@@ -17,9 +17,6 @@ STEP_U, STEP_V, SHIFT = 8, 2, 5
 TILT = 0.03
 """Sine by which a surface may lean towards a lamp more than its normal says."""
 
-BEAM_MOST_CD = 38380.0
-"""No more than this is the sum of what a low beam's formula adds up [cd]."""
-
 
 @compiled
 def keep_lit(
@@ -44,7 +41,7 @@ def keep_lit(
 
     Args:
         mask: Candidates, rows and columns of tiles by lamps, shape (R, C, N).
-        points_m: Room for the samples of a tile, their normals and a mark, shape (7, K).
+        points_m: Room for the samples of a tile, their normals and a lamp's light, shape (7, K).
         tile_px: Edge of a tile [px].
         depth_m: Planar depth, 0 = sky, shape (H, W).
         normal_codes: Octahedral world normals, shape (H, W, 2), or none of them.
@@ -65,46 +62,65 @@ def keep_lit(
             for n in range(mask.shape[2]):
                 if not mask[row, column, n]:
                     continue
-                _within(points_m, count, n, lamps, axes, light, beams)
+                if beams[n]:
+                    _lit_by_beam(points_m, count, n, lamps, axes, lefts, ups, light)
+                else:
+                    _lit_by_lamp(points_m, count, n, lamps, axes, light)
                 lit = False
                 for k in range(count):
-                    if points_m[6, k] == 0.0:
+                    if points_m[6, k] <= least:
                         continue
-                    x, y = points_m[0, k] - lamps[n, 0], points_m[1, k] - lamps[n, 1]
-                    z = points_m[2, k] - lamps[n, 2]
-                    light_k = _light(x, y, z, n, axes, lefts, ups, light, beams, least)
-                    if light_k > least and normal_codes.size:
-                        light_k *= _shown(points_m, k, x, y, z)
-                    if light_k > least:
+                    if not normal_codes.size or points_m[6, k] * _shown(points_m, k, lamps, n) > least:
                         lit = True
                         break
                 mask[row, column, n] = lit
 
 
 @inlined
-def _within(
-    points_m: Array,
-    count: int,
-    n: int,
-    lamps: Array,
-    axes: Array,
-    light: Array,
-    beams: NDArray[np.bool_],
-) -> None:
-    """Mark samples in a lamp's range and cone that face it; eight at a time, since nothing branches."""
+def _lit_by_lamp(points_m: Array, count: int, n: int, lamps: Array, axes: Array, light: Array) -> None:
+    """Write the exposed light of a lamp at all samples, 0 where they turn away, as in ``shade.frag``.
+
+    Several at a time, since nothing branches and what the loop reads is not what it writes.
+    """
     lamp_x, lamp_y, lamp_z = lamps[n, 0], lamps[n, 1], lamps[n, 2]
     axis_x, axis_y, axis_z = axes[n, 0], axes[n, 1], axes[n, 2]
-    range2 = light[n, 4] * light[n, 4]
-    cone = 0.0 if beams[n] else max(light[n, 2], 0.0)
+    strength, most, begin = light[n, 0], light[n, 1], light[n, 2]
+    per_way, per_range2 = 1.0 / (light[n, 3] - light[n, 2]), 1.0 / (light[n, 4] * light[n, 4])
     for k in range(count):
         x, y, z = points_m[0, k] - lamp_x, points_m[1, k] - lamp_y, points_m[2, k] - lamp_z
-        far2 = x * x + y * y + z * z
-        away = points_m[3, k] * x + points_m[4, k] * y + points_m[5, k] * z
-        ahead = x * axis_x + y * axis_y + z * axis_z
-        # A product of differences each of which is positive where the light can get.
-        turned = TILT * TILT * far2 - max(away, 0.0) * max(away, 0.0)
-        inside = max(ahead, 0.0) * max(ahead, 0.0) - cone * cone * far2
-        points_m[6, k] = 1.0 if min(min(turned, inside), range2 - far2) >= 0.0 else 0.0
+        far2 = max(x * x + y * y + z * z, 0.25)
+        away = max(points_m[3, k] * x + points_m[4, k] * y + points_m[5, k] * z, 0.0)
+        cosine = (x * axis_x + y * axis_y + z * axis_z) / math.sqrt(far2)
+        share = min(max((cosine - begin) * per_way, 0.0), 1.0)
+        above = max(cosine, 0.0)
+        gain = min(1.0 / (above * above * above + 1e-3), most)
+        fade = max(1.0 - far2 * per_range2 * far2 * per_range2, 0.0)
+        found = strength * fade * fade / far2 * gain * share * share * (3.0 - 2.0 * share)
+        points_m[6, k] = found if away * away <= TILT * TILT * far2 else 0.0
+
+
+@inlined
+def _lit_by_beam(
+    points_m: Array, count: int, n: int, lamps: Array, axes: Array, lefts: Array, ups: Array, light: Array
+) -> None:
+    """The same of a low beam."""
+    lamp_x, lamp_y, lamp_z = lamps[n, 0], lamps[n, 1], lamps[n, 2]
+    axis_x, axis_y, axis_z = axes[n, 0], axes[n, 1], axes[n, 2]
+    left_x, left_y, left_z = lefts[n, 0], lefts[n, 1], lefts[n, 2]
+    up_x, up_y, up_z = ups[n, 0], ups[n, 1], ups[n, 2]
+    strength, per_range2 = light[n, 0], 1.0 / (light[n, 4] * light[n, 4])
+    for k in range(count):
+        x, y, z = points_m[0, k] - lamp_x, points_m[1, k] - lamp_y, points_m[2, k] - lamp_z
+        far2 = max(x * x + y * y + z * z, 0.25)
+        away = max(points_m[3, k] * x + points_m[4, k] * y + points_m[5, k] * z, 0.0)
+        fade = max(1.0 - far2 * per_range2 * far2 * per_range2, 0.0)
+        beam = low_beam(
+            x * axis_x + y * axis_y + z * axis_z,
+            x * left_x + y * left_y + z * left_z,
+            x * up_x + y * up_y + z * up_z,
+        )
+        found = strength * fade * fade / far2 * beam
+        points_m[6, k] = found if away * away <= TILT * TILT * far2 else 0.0
 
 
 @compiled
@@ -152,12 +168,13 @@ def _decode(out: Array, row: int, code_x: int, code_y: int) -> None:
 
 
 @inlined
-def _shown(points_m: Array, k: int, x: float, y: float, z: float) -> float:
-    """Twice the share that a surface shows at most of light along (x, y, z), as in ``shade.frag``.
+def _shown(points_m: Array, k: int, lamps: Array, n: int) -> float:
+    """Twice the share that a sample shows at most of a lamp's light, as in ``shade.frag``.
 
     By albedo 0.5, light thrown back by rough surfaces, and the microfacet lobe at whatever roughness
     makes it brightest there.
     """
+    x, y, z = points_m[0, k] - lamps[n, 0], points_m[1, k] - lamps[n, 1], points_m[2, k] - lamps[n, 2]
     far = math.sqrt(x * x + y * y + z * z)
     away = math.sqrt(points_m[0, k] ** 2 + points_m[1, k] ** 2 + points_m[2, k] ** 2)
     nl = nv = 0.0
@@ -181,40 +198,4 @@ def _shown(points_m: Array, k: int, x: float, y: float, z: float) -> float:
     gloss = alpha2 / (d * d) * fresnel / (4.0 * lh2 * (0.5 + math.sqrt(alpha2)))
     back = 0.45 * max(lv - nl * nv, 0.0) / max(nl, nv, 0.01)
     result: float = nl * (1.0 + back + 2.0 * min(gloss, 40.0))
-    return result
-
-
-@inlined
-def _light(
-    x: float,
-    y: float,
-    z: float,
-    n: int,
-    axes: Array,
-    lefts: Array,
-    ups: Array,
-    light: Array,
-    beams: NDArray[np.bool_],
-    least: float,
-) -> float:
-    """Exposed light of a lamp at a way from it [m], as in ``shade.frag``; any below `least` may be 0."""
-    near2 = max(x * x + y * y + z * z, 0.25)
-    ratio = near2 / (light[n, 4] * light[n, 4])
-    if ratio >= 1.0:
-        return 0.0
-    ahead = x * axes[n, 0] + y * axes[n, 1] + z * axes[n, 2]
-    full = light[n, 0] * (1.0 - ratio * ratio) ** 2 / near2
-    if beams[n]:
-        if full * BEAM_MOST_CD <= least:
-            return 0.0
-        left = x * lefts[n, 0] + y * lefts[n, 1] + z * lefts[n, 2]
-        up = x * ups[n, 0] + y * ups[n, 1] + z * ups[n, 2]
-        result: float = full * low_beam(ahead, left, up)
-        return result
-    cosine = ahead / math.sqrt(near2)
-    if cosine <= light[n, 2]:
-        return 0.0
-    share = min((cosine - light[n, 2]) / (light[n, 3] - light[n, 2]), 1.0)
-    gain = min(1.0 / (max(cosine, 0.0) ** 3 + 1e-3), light[n, 1])
-    result = full * gain * share * share * (3.0 - 2.0 * share)
     return result

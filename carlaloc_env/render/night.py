@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,10 @@ from carlaloc_env.render.context import set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.lamp_words import air_words, surface_words
 from carlaloc_env.render.lights import Emitters, Lights, concatenate_lights, nearest, street_lamps
+from carlaloc_env.render.sky import READ_NOISE_E, electrons
+from carlaloc_env.render.streak_kernels import UNSEEN_NOISE
 from carlaloc_env.render.tile_quads import TileQuads
-from carlaloc_env.render.tiles import DepthRange, LightGrid, light_grid
+from carlaloc_env.render.tiles import LIGHT_CUTOFF, Air, DepthRange, LightGrid, light_grid
 from carlaloc_env.render.uniforms import Scene
 from carlaloc_env.scene import ModelLibrary
 
@@ -38,19 +42,32 @@ class Night:
         lights = concatenate_lights([self._street, self._emitters.lights(gbuffer.actors)])
         return nearest(lights, gbuffer.view.position_m)
 
-    def prepare(self, scene: Scene, depths: DepthRange, *, wet: bool) -> LightGrid:
-        """Find the lights of a picture and hold them for the next drawing; needs the depths of its tiles."""
-        eye_m, exposure = scene.view.position_m, scene.sky.light.exposure
+    def prepare(self, scene: Scene, depths: DepthRange, *, wet: bool, noisy: bool) -> LightGrid:
+        """Find the lights of a picture and hold them for the next drawing.
+
+        Args:
+            scene: The picture.
+            depths: Of its tiles.
+            wet: Whether level ground is told from other ground.
+            noisy: Whether what is drawn has the noise of a camera, which hides faint light.
+        """
+        eye_m, exposure, weather = scene.view.position_m, scene.sky.light.exposure, scene.weather
+        noise = READ_NOISE_E / electrons(exposure) if noisy else 0.0
+        thinned = math.exp(-max(float(eye_m[2]), -50.0) / weather.fog_scale_height_m)
         lights, depth_m = self.lights(scene.gbuffer), scene.depth_m()
         grid = light_grid(
             scene.view,
             lights,
             depths,
-            scene.weather.extinction_per_m * exposure / 4.0,
-            depth_m=depth_m,
             exposure=exposure,
+            air=Air(
+                extinction_per_m=weather.uniform_extinction_per_m + weather.fog_extinction_per_m * thinned,
+                start_m=weather.fog_distance,
+            ),
+            depth_m=depth_m,
             normal_codes=scene.normal_codes(),
             wet=wet,
+            least=max(LIGHT_CUTOFF, UNSEEN_NOISE * noise),
         )
         words = np.concatenate(
             [

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain import Streaks
-from carlaloc_env.render.streak_kernels import noticeable, over_codes, over_light, streak_pixels
+from carlaloc_env.render.streak_kernels import (
+    UNSEEN_NOISE,
+    UNSEEN_STEP,
+    noticeable,
+    over_codes,
+    over_light,
+    streak_pixels,
+)
 
 Array = NDArray[np.float64]
 
@@ -79,7 +86,8 @@ class RainLayer:
         """
         seen = _seen_by(view, streaks, light)
         shown = np.empty(len(streaks), bool)
-        noticeable(shown, picture, *seen, _LIGHT_OF_CODE, *electrons)
+        unseen = _unseen(*electrons)
+        noticeable(shown, picture, *seen, _LIGHT_OF_CODE, unseen)
         canvas, count = self._drawn(depth_m, seen.take(shown))
         over_codes(
             picture.reshape(-1, 4),
@@ -87,6 +95,7 @@ class RainLayer:
             canvas.touched,
             count,
             _LIGHT_OF_CODE,
+            unseen,
             _CODE_OF_ROOT,
             np.uint32(key),
             *electrons,
@@ -164,6 +173,15 @@ def undeveloped(code: Array) -> Array:
     # White is any light that is bright enough; three quarters of a step below it stands for all.
     over = np.minimum((toned - SHOULDER) / ROOM, 1.0 - 0.25 / 255.0)
     return np.asarray(np.where(toned > SHOULDER, SHOULDER - ROOM * np.log1p(-np.maximum(over, 0.0)), toned))
+
+
+def _unseen(electrons: float, read_noise_e: float) -> Array:
+    """Change of exposed light that nobody sees at every code, shape (256,)."""
+    step = np.diff(_LIGHT_OF_CODE, append=_LIGHT_OF_CODE[-1:])
+    if electrons <= 0.0:
+        return UNSEEN_STEP * step
+    noise = np.sqrt(_LIGHT_OF_CODE * electrons + read_noise_e**2) / electrons
+    return np.asarray(np.maximum(UNSEEN_STEP * step, UNSEEN_NOISE * noise))
 
 
 _LIGHT_OF_CODE = undeveloped(np.arange(256) / 255.0)

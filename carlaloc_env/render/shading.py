@@ -201,7 +201,9 @@ class Shader:
     ) -> tuple[Lights, Cover | None]:
         """The lamps of a night, and the tiles by which a picture is shaded; None for one in a piece."""
         if scene.weather.is_night:
-            grid = self._night.prepare(scene, self._depths_of(scene), wet="WET" in features)
+            grid = self._night.prepare(
+                scene, self._depths_of(scene), wet="WET" in features, noisy="LINEAR" not in features
+            )
             return grid.lights, Cover(
                 groups=grid.groups, draw=self._night.draw, by_tile=("LEVEL", "MIRROR"), view=scene.view
             )

@@ -29,8 +29,7 @@ def noticeable(
     light: Array,
     intrinsics: Array,
     light_of_code: Array,
-    electrons: float,
-    read_noise_e: float,
+    unseen_of_code: Array,
 ) -> None:
     """Mark streaks that show before what lies behind their ends or their middle.
 
@@ -43,8 +42,7 @@ def noticeable(
         light: Exposed light and opacity, shape (N, 4).
         intrinsics: Focal lengths and principal point [px], shape (4,).
         light_of_code: Exposed light of every code, shape (256,).
-        electrons: Of a pixel at value 1; 0 without noise.
-        read_noise_e: Noise of reading it.
+        unseen_of_code: Change of it that nobody sees, shape (256,).
     """
     for n in range(len(ends)):
         nearest = max(min(begins[n, 2], ends[n, 2]), _NEAREST_M)
@@ -61,12 +59,7 @@ def noticeable(
             v = min(max(int(intrinsics[1] * y / z + intrinsics[3]), 0), picture.shape[0] - 1)
             for channel in range(3):
                 code = picture[v, u, channel]
-                behind = light_of_code[code]
-                least = UNSEEN_STEP * (light_of_code[min(code + 1, 255)] - behind)
-                if electrons > 0.0:
-                    noise = math.sqrt(behind * electrons + read_noise_e * read_noise_e) / electrons
-                    least = max(least, UNSEEN_NOISE * noise)
-                if strongest * abs(light[n, channel] - behind) > least:
+                if strongest * abs(light[n, channel] - light_of_code[code]) > unseen_of_code[code]:
                     mask[n] = True
                     break
             if mask[n]:
@@ -169,6 +162,7 @@ def over_codes(
     touched: NDArray[np.int32],
     count: int,
     light_of_code: Array,
+    unseen_of_code: Array,
     code_of_root: Array,
     key: np.uint32,
     electrons: float,
@@ -182,6 +176,7 @@ def over_codes(
         touched: Which pixels it touches.
         count: How many they are.
         light_of_code: Exposed light of every code, shape (256,).
+        unseen_of_code: Change of it that nobody sees, shape (256,).
         code_of_root: Values 0–1 by even steps of the root of exposed light up to 2.
         key: Of dither and noise.
         electrons: Of a pixel at value 1; 0 leaves the noise out.
@@ -195,10 +190,10 @@ def over_codes(
         lot = mixed(np.uint32(key ^ np.uint32(pixel)))
         for channel in range(3):
             code = picture[pixel, channel]
-            behind, more = light_of_code[code], light_of_code[min(code + 1, 255)]
+            behind = light_of_code[code]
             added = layer[pixel, channel] - hidden * behind
             layer[pixel, channel] = 0.0
-            if abs(added) < UNSEEN_STEP * (more - behind):
+            if abs(added) < unseen_of_code[code]:
                 continue
             light = behind + added
             lot = mixed(np.uint32(lot + np.uint32(0x9E3779B9)))

@@ -80,6 +80,27 @@ def level_tiles(
 
 
 @compiled
+def list_lights(
+    entries: NDArray[np.intp], ends: NDArray[np.uint32], mask: NDArray[np.bool_], begin: int
+) -> None:
+    """Write the lists of all tiles, one after the other.
+
+    Args:
+        entries: Indices of lights, written from `begin` on.
+        ends: Where the list of every tile begins, and the end of the last one, shape (tiles + 1,).
+        mask: Which light belongs to which tile, shape (tiles, N).
+        begin: First entry of the first list.
+    """
+    for tile in range(mask.shape[0]):
+        ends[tile] = begin
+        for n in range(mask.shape[1]):
+            if mask[tile, n]:
+                entries[begin] = n
+                begin += 1
+    ends[mask.shape[0]] = begin
+
+
+@compiled
 def shaded_by(out: NDArray[np.bool_], low: Array, high: Array, middles: Array, radii: Array) -> None:
     """Whether boxes reach into the shadows of spheres, along the light's right, up and away.
 

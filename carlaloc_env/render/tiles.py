@@ -13,17 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.geometry import cross
+from carlaloc_env.render.glowing_tiles import keep_glowing
 from carlaloc_env.render.lights import Lights
 from carlaloc_env.render.lit_tiles import keep_lit
 from carlaloc_env.render.projection import View
-from carlaloc_env.render.tile_kernels import depth_ranges, level_tiles
+from carlaloc_env.render.tile_kernels import depth_ranges, level_tiles, list_lights
 
 Array = NDArray[np.float64]
 
 TILE_PX = 32
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""
-GLOW_MOST_M = 8.0
+GLOW_LEAST_M, GLOW_MOST_M = 0.3, 8.0
+SKY_M = 1000.0
+"""How far the air glows before the sky, as in ``lamps.glsl`` [m]."""
 LIGHT_CUTOFF = 3e-4
 """Exposed light of a lamp that no picture shows: half a step of 8 bits at what is dark in a town."""
 
@@ -124,6 +127,21 @@ def every_tile(shape: tuple[int, ...]) -> NDArray[np.void]:
     return tiles
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Air:
+    """What scatters the light of lamps on its way."""
+
+    extinction_per_m: float
+    """Where the eye is [1/m]."""
+    start_m: float
+    """All air nearer than this is clear [m]."""
+
+    def reach_m(self, lights: Lights, exposure: float) -> Array:
+        """How far from each lamp the air is followed [m], 0 for lamps too faint, shape (N,)."""
+        reach = lights.glow_cd * (0.25 * self.extinction_per_m * exposure / GLOW_CUTOFF)
+        return np.where(reach < GLOW_LEAST_M, 0.0, np.minimum(reach, GLOW_MOST_M))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LightGrid:
     """Lights of a picture and, tile by tile, which of them to visit."""
@@ -153,12 +171,13 @@ def light_grid(
     view: View,
     lights: Lights,
     depths: DepthRange,
-    glow_per_cd: float,
     *,
-    depth_m: NDArray[np.float32] | None = None,
     exposure: float = 0.0,
+    air: Air | None = None,
+    depth_m: NDArray[np.float32] | None = None,
     normal_codes: NDArray[np.uint16] | None = None,
     wet: bool = False,
+    least: float = LIGHT_CUTOFF,
 ) -> LightGrid:
     """Lists of the lights that reach the surfaces and the air in every tile.
 
@@ -166,33 +185,35 @@ def light_grid(
         view: Camera.
         lights: At most as many as the shaders hold.
         depths: What the tiles show.
-        glow_per_cd: Exposed radiance at 1 m beside a lamp of 1 cd, seen through endless air.
+        exposure: Picture value per luminance [m²/cd].
+        air: What glows round the lamps; nothing when left out.
         depth_m: Planar depth, 0 = sky, shape (H, W); with it, lamps that light nothing in a tile are
             left out of its lists.
-        exposure: Picture value per luminance [m²/cd].
         normal_codes: Octahedral world normals, shape (H, W, 2); with them, lamps that surfaces turn away
             from are left out, too.
         wet: Tell tiles with level ground from those without, too; needs depths and normals.
+        least: Exposed light of one lamp that is not seen.
     """
     centre = (
         lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
     )
     radius = np.where(lights.beam, 0.55, 1.0) * lights.range_m
-    glow = np.minimum(lights.glow_cd * glow_per_cd / GLOW_CUTOFF, GLOW_MOST_M)
-    glow = np.where(glow < 0.3, 0.0, glow)
+    glow = np.zeros(len(lights)) if air is None else air.reach_m(lights, exposure)
     near, far = depths.near_m[..., None], depths.far_m[..., None]
     z = _along(view, centre)
     surface = _touched(view, centre, radius, near.shape) & (z + radius > near) & (z - radius < far)
     if depth_m is not None:
-        _keep_lit(surface, view, lights, depth_m, exposure, normal_codes)
+        _keep_lit(surface, view, lights, depth_m, exposure, normal_codes, least)
     # The air of a tile reaches from the eye to its farthest surface, or on where there is sky.
-    sky = ~np.isfinite(near) | (far > 200.0)
-    air = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
-    air &= sky | (_along(view, lights.position_m) - glow < far)
+    far = np.where(depths.sky[..., None], SKY_M, far)
+    glowing = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
+    glowing &= _along(view, lights.position_m) - glow < far
+    if air is not None:
+        _keep_glowing(glowing, view, lights, far[..., 0], glow, exposure, air, least)
     level = np.zeros(depths.near_m.shape, bool)
     if wet and depth_m is not None and normal_codes is not None:
         level_tiles(level, depth_m, normal_codes, TILE_PX, LEVEL_MARGIN_PX, LEVEL_UP)
-    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, air, level, depths.shown)
+    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, glowing, level, depths.shown)
 
 
 def _keep_lit(
@@ -202,18 +223,16 @@ def _keep_lit(
     depth_m: NDArray[np.float32],
     exposure: float,
     normal_codes: NDArray[np.uint16] | None,
+    least: float,
 ) -> None:
     """Leave only lamps in the lists of tiles (R, C, N) that light what these show."""
-    camera = view.camera
     keep_lit(
         surface,
         np.empty((7, TILE_PX * TILE_PX)),
         TILE_PX,
         depth_m,
         np.zeros((0, 0, 2), np.uint16) if normal_codes is None else normal_codes,
-        np.array(
-            [1 / camera.fx_px, 1 / camera.fy_px, -camera.cx_px / camera.fx_px, -camera.cy_px / camera.fy_px]
-        ),
+        _unproject(view),
         view.R_camera_world,
         lights.position_m - view.position_m,
         lights.axis,
@@ -228,8 +247,39 @@ def _keep_lit(
             ]
         ),
         lights.beam,
-        LIGHT_CUTOFF,
+        least,
     )
+
+
+def _keep_glowing(
+    glowing: NDArray[np.bool_],
+    view: View,
+    lights: Lights,
+    far_m: Array,
+    reach_m: Array,
+    exposure: float,
+    air: Air,
+    least: float,
+) -> None:
+    """Leave only lamps in the lists of tiles (R, C, N) whose glow shows there."""
+    keep_glowing(
+        glowing,
+        np.ascontiguousarray(far_m),
+        np.array([TILE_PX, view.camera.width_px, view.camera.height_px]),
+        _unproject(view),
+        view.R_camera_world,
+        lights.position_m - view.position_m,
+        lights.axis,
+        np.column_stack([lights.glow_cd * (exposure / math.pi), np.maximum(reach_m, 1e-3) ** -2.0]),
+        np.array([air.extinction_per_m, air.start_m]),
+        least,
+    )
+
+
+def _unproject(view: View) -> Array:
+    """What makes pixels rays of planar depth 1: x · [0] + [2], y · [1] + [3]."""
+    c = view.camera
+    return np.array([1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px])
 
 
 def _along(view: View, points_m: Array) -> Array:
@@ -264,17 +314,16 @@ def _packed(
     shown: NDArray[np.intp],
 ) -> LightGrid:
     tiles = every_tile(lamps.shape[:2])
-    entries = [np.array([-1], dtype=np.intp)]
-    used = np.flatnonzero((lamps | beams | air).any(axis=(0, 1)))
+    masks = (("glows", air), ("lamps", lamps), ("beams", beams))
+    count = [int(np.count_nonzero(mask)) for _, mask in masks]
+    entries = np.full(1 + sum(count), -1, dtype=np.intp)
     kind, begin = np.zeros(len(tiles), dtype=np.intp), 1
-    for bit, (name, mask) in enumerate((("glows", air), ("lamps", lamps), ("beams", beams))):
-        flat = mask[..., used].reshape(len(tiles), len(used))
-        count = np.count_nonzero(flat, axis=1)
-        end = begin + np.cumsum(count)
-        tiles[name] = np.column_stack([end - count, end])
-        entries.append(used[np.nonzero(flat)[1]])
-        begin = int(end[-1])
-        kind |= (count > 0).astype(np.intp) << bit
+    for bit, (name, mask) in enumerate(masks):
+        ends = np.empty(len(tiles) + 1, dtype=np.uint32)
+        list_lights(entries, ends, mask.reshape(len(tiles), -1), begin)
+        tiles[name] = np.column_stack([ends[:-1], ends[1:]])
+        begin = int(ends[-1])
+        kind |= (ends[1:] > ends[:-1]).astype(np.intp) << bit
     # Few tiles cost less with loops that they do not need than a program more does.
     every = len(LOOPS) - 1
     kind[np.bincount(kind, minlength=len(LOOPS))[kind] < FEW_TILES] = every
@@ -292,6 +341,6 @@ def _packed(
         lights=lights,
         glow_range_m=glow,
         groups=TileGroups.sorted_by(tiles, kind, NIGHT_KINDS, shown.ravel()),
-        entries=np.concatenate(entries),
-        glow_count=len(entries[0]) + len(entries[1]),
+        entries=entries,
+        glow_count=1 + count[0],
     )

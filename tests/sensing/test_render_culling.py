@@ -195,8 +195,8 @@ def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
     lamps = street_lamps(random.uniform([-5, -40, 2], [60, 40, 9], (60, 3)))
     lights = nearest(lamps, view.position_m)
     exposure = 0.02
-    grid = light_grid(view, lights, DepthRange.of(depth), 0.0, depth_m=depth, exposure=exposure)
-    whole = light_grid(view, lights, DepthRange.of(depth), 0.0)
+    grid = light_grid(view, lights, DepthRange.of(depth), depth_m=depth, exposure=exposure)
+    whole = light_grid(view, lights, DepthRange.of(depth))
     v, u = np.mgrid[:180, :320]
     rays = np.stack([(u - 160.0) / 160.0, (v - 90.0) / 160.0, np.ones_like(u)], -1)
     points = view.position_m + (rays * depth[..., None]) @ view.R_camera_world

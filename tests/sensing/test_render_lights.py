@@ -24,7 +24,7 @@ from carlaloc_env.render.lights import (
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.render.tiles import LOOPS, TILE_PX, DepthRange, light_grid
+from carlaloc_env.render.tiles import LOOPS, TILE_PX, Air, DepthRange, light_grid
 from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.weather import PRESETS, WeatherParameters
@@ -65,7 +65,7 @@ def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
     ahead = view.position_m + 45.0 * view.R_camera_world[2]
     lamps = street_lamps(random.uniform(-60, 60, (300, 3)) + ahead)
     lights = nearest(lamps, view.position_m)
-    grid = light_grid(view, lights, DepthRange.of(depth), 0.0)
+    grid = light_grid(view, lights, DepthRange.of(depth))
     v, u = np.mgrid[:180, :320]
     rays = np.stack(
         [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones_like(u)], -1
@@ -111,7 +111,8 @@ def test_tiles_run_the_loops_of_all_their_lists() -> None:
     lamps = street_lamps(random.uniform([5, -60, 0], [50, 60, 9], (count, 3)))
     lights = replace(lamps, beam=np.arange(count) % 3 == 0, range_m=np.full(count, 9.0))
     depth = np.full((180, 320), 50.0, np.float32)
-    grid = light_grid(view, lights, DepthRange.of(depth), 1e-4)
+    air = Air(extinction_per_m=0.02, start_m=0.0)
+    grid = light_grid(view, lights, DepthRange.of(depth), exposure=0.02, air=air)
     names = {"LAMPS": "lamps", "BEAMS": "beams", "GLOWS": "glows"}
     seen = 0
     for loops in LOOPS:

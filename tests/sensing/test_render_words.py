@@ -12,7 +12,7 @@ from carlaloc_env.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.hoisting import hoisted
 from carlaloc_env.render.lamp_words import air_words, surface_words
-from carlaloc_env.render.lights import street_lamps
+from carlaloc_env.render.lights import HEADLAMP_COLOUR, street_lamps
 
 VERTEX = """uniform vec2 u_both;
 void main() {
@@ -100,12 +100,15 @@ def test_words_hold_what_lights_are() -> None:
     np.testing.assert_array_equal(row[:, :3].view("<f4"), (lights.position_m - eye).astype("<f4"))
     strength = lights.colour_cd * exposure / np.pi
     (red, green), (blue, last) = _halves(row[:, 3]), _halves(row[:, 4])
-    np.testing.assert_allclose(np.column_stack([red, green, blue]), strength, rtol=2.0**-8)
+    beam, lamp = lights.beam, ~lights.beam
+    np.testing.assert_allclose(np.column_stack([red, green, blue])[lamp], strength[lamp], rtol=2.0**-8)
+    np.testing.assert_allclose(last[lamp], lights.cap[lamp], rtol=2.0**-8)
     per_range2 = 1.0 / lights.range_m**2
-    np.testing.assert_allclose(last, np.where(lights.beam, per_range2, lights.cap), rtol=2.0**-8)
+    alone = row[beam, 3:5].view("<f4")
+    np.testing.assert_allclose(alone[:, 0], strength[beam, 1] / HEADLAMP_COLOUR[1], rtol=1e-6)
+    np.testing.assert_allclose(alone[:, 1], per_range2[beam], rtol=1e-6)
     (x, y), (z, left_x) = _fixed(row[:, 5]), _fixed(row[:, 6])
     np.testing.assert_allclose(np.column_stack([x, y, z]), axis, atol=1 / 65534)
-    beam, lamp = lights.beam, ~lights.beam
     np.testing.assert_allclose(left_x[beam], left[beam, 0], atol=1 / 65534)
     np.testing.assert_allclose(np.column_stack(_fixed(row[:, 7]))[beam], left[beam, 1:], atol=1 / 65534)
     np.testing.assert_allclose(_halves(row[:, 6])[1][lamp], per_range2[lamp], rtol=2.0**-8)

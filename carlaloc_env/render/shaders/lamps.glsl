@@ -38,13 +38,15 @@ float window(float share2) {
 }
 
 #ifdef GLOWS
-// Angle 0…pi of a vector with a positive second part; off by 1e-4 at most (Abramowitz and Stegun 4.4.49).
+// Angle 0…pi of a vector with a positive second part; off by 6e-4 at most (minimax polynomial of the arc
+// tangent in 0…1). A driver asks of every least of two values whether one of them is no number.
 float angle_of(float x, float y) {
-    float least = min(abs(x), y);
-    float q = least / max(max(abs(x), y), 1e-9);
+    float wide = abs(x);
+    bool steep = y > wide;
+    float q = (steep ? wide : y) / max(steep ? y : wide, 1e-9);
     float q2 = q * q;
-    float a = q * (0.9998660 + q2 * (-0.3302995 + q2 * (0.1801410 + q2 * (-0.0851330 + q2 * 0.0208351))));
-    a = y > abs(x) ? 1.5707963 - a : a;
+    float a = q * (0.995354 + q2 * (-0.288690 + q2 * 0.079340));
+    a = steep ? 1.5707963 - a : a;
     return x < 0.0 ? 3.1415927 - a : a;
 }
 
@@ -68,7 +70,8 @@ vec3 lamp_glow(vec3 direction, float length_m) {
         float per_h = inversesqrt(h2 + 0.09);
         float h = (h2 + 0.09) * per_h;
         float angle = angle_of(h * h + (start - t0) * (length_m - t0), h * path);
-        float t = clamp(t0, start, length_m);
+        float t = t0 < start ? start : t0;
+        t = t > length_m ? length_m : t;
         vec3 nearest = direction * t - lamp;
         float r2 = max(dot(nearest, nearest), 0.0025);
         float per_r = inversesqrt(r2);
@@ -76,8 +79,8 @@ vec3 lamp_glow(vec3 direction, float length_m) {
         float beam = 0.15 + 1.6 * edge * edge * (3.0 - 2.0 * edge);
         float fade = max(1.0 - h2 * blue_reach.y, 0.0);
         sum += vec3(pair(first.w), blue_reach.x)
-            * (fade * fade * beam * beta * angle * per_h * exp(-beta * (t - start + r2 * per_r)));
+            * (fade * fade * beam * angle * per_h * dimmed(beta * (t - start + r2 * per_r)));
     } while (++i < v_glows.y);
-    return sum * 0.25;
+    return sum * (0.25 * beta);
 }
 #endif

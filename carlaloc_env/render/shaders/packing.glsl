@@ -2,7 +2,7 @@
 
 // Octahedral unit vectors (Cigolle et al., JCGT 3(2) 2014), 0..1 per channel.
 vec2 encode_normal(vec3 n) {
-    vec2 p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+    vec2 p = n.xy * (1.0 / (abs(n.x) + abs(n.y) + abs(n.z)));
     vec2 s = vec2(p.x >= 0.0 ? 1.0 : -1.0, p.y >= 0.0 ? 1.0 : -1.0);
     p = n.z < 0.0 ? (1.0 - abs(p.yx)) * s : p;
     return p * 0.5 + 0.5;

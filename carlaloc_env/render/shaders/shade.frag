@@ -34,9 +34,14 @@ uniform float u_ripples;       // time of the ripples, 0 without rain
 uniform sampler2D u_mirror;    // what level ground mirrors of the scene, see mirror.frag
 #endif
 #ifdef BEAMS
+// (1 - x²/32)^16, which is a normal curve but for its end and takes no exponential.
 float bell(float h, float v, vec2 centre, vec2 per_width) {
-    vec2 x = (vec2(h, v) - centre) * per_width;
-    return exp2(-0.7213475 * dot(x, x));
+    vec2 x = (vec2(h, v) - centre) * (per_width * 0.1767767);
+    float share = max(1.0 - dot(x, x), 0.0);
+    share *= share;
+    share *= share;
+    share *= share;
+    return share * share;
 }
 
 // Intensity [cd] of a low beam for right-hand traffic; degrees right and up.
@@ -45,7 +50,8 @@ float low_beam(vec3 way) {
     float h = -way.y * per_ahead;
     float v = way.z * per_ahead;
     float cut = min(-0.57 + max(h, 0.0) * 0.268, 1.0);
-    float below = 1.0 / (1.0 + exp2(min(12.984255 * (v - cut), 86.0)));
+    float below = clamp(1.5 * (cut - v) + 0.5, 0.0, 1.0);
+    below *= below * (3.0 - 2.0 * below);
     float beam = 26000.0 * bell(h, v, vec2(1.5, -1.0), vec2(0.4347826, 1.1111111))
         + 8000.0 * bell(h, v, vec2(0.0, -1.8), vec2(0.1111111, 0.5555556))
         + 4200.0 * bell(h, v, vec2(0.0, -4.5), vec2(0.05, 0.2857143));
@@ -57,6 +63,8 @@ layout(location = 0) out vec4 o_colour;
 
 // Lamp light of about 3000 K with unit luminance.
 const vec3 WARM = vec3(1.28, 0.97, 0.50);
+// That of headlamps, as in lights.py.
+const vec3 HEADLAMP = vec3(1.10, 0.99, 0.80);
 
 // Exposed light of a lamp, cut where a picture would lose its colour.
 float glare(float code) {
@@ -74,17 +82,29 @@ float fifth(float x) {
     return max(square * square * x, 0.0);
 }
 
-// Microfacet reflection of one light, without the light: GGX with Karis' cheap visibility, times pi, bent
-// towards a limit that it never passes. Cosines between normal and light, normal and view, light and view.
-// Fractions are multiplied out to a single one: divisions are what it costs.
-float gloss(float nl, float nv, float lv, float alpha, float f0, float limit) {
+// What the reflection of lights takes from a surface.
+struct Film {
+    float alpha2;      // squared GGX roughness
+    float visible;     // Karis' cheap visibility
+    float f0;
+    float edge;        // what is added where light grazes: rough surfaces shade themselves there (Lagarde 2011)
+};
+
+Film film(float alpha, float f0) {
+    return Film(alpha * alpha, 0.5 + alpha, f0, max(1.0 - f0 - sqrt(alpha), 0.0));
+}
+
+// Microfacet reflection of one light, without the light: GGX, times pi, bent towards a limit that it never
+// passes. Cosines between normal and light, normal and view, light and view. Fractions are multiplied out to a
+// single one: divisions are what it costs.
+float gloss(float nl, float nv, float lv, Film film, float limit) {
     float s = max(2.0 + 2.0 * lv, 0.01);    // squared length of the half vector
-    float a2 = alpha * alpha;
-    float d = max((nl + nv) * (nl + nv) * (a2 - 1.0) + s, a2 * s);
-    // Rough surfaces shade themselves where they would mirror most (Lagarde 2011).
-    float fresnel = f0 + max(1.0 - f0 - sqrt(alpha), 0.0) * fifth(1.0 - 0.5 * sqrt(s));
-    float top = a2 * s * fresnel;
-    return top * limit / (d * d * (0.5 + alpha) * limit + top);
+    float least = film.alpha2 * s;
+    float d = (nl + nv) * (nl + nv) * (film.alpha2 - 1.0) + s;
+    d = d > least ? d : least;
+    float away = 1.0 - 0.5 * sqrt(s);
+    float top = least * (film.f0 + film.edge * away * away * away * away * away);
+    return top * limit / (d * d * film.visible * limit + top);
 }
 
 #ifdef OVERCAST
@@ -150,12 +170,15 @@ void main() {
     vec3 albedo = base.rgb * base.rgb;
     float roughness = surface.x;
     vec3 offset = pixel_ray() * depth;
-    float length_m = length(offset);
-    vec3 direction = offset / length_m;
+    float length2 = dot(offset, offset);
+    float per_length = inversesqrt(length2);
+    float length_m = length2 * per_length;
+    vec3 direction = offset * per_length;
     vec3 v = -direction;
     float f0 = 0.04;
 
-    vec3 emitted = albedo / max(max(albedo.r, max(albedo.g, albedo.b)), 0.02);
+    float brightest = max(albedo.r, max(albedo.g, max(albedo.b, 0.02)));
+    vec3 emitted = albedo * (1.0 / brightest);
 #ifdef NIGHT
     // Lamps that burn at night: warm white, or the colour of a red glass.
     vec3 hue = albedo.g < 0.2 * albedo.r ? emitted : WARM * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0));
@@ -179,7 +202,7 @@ void main() {
         * smoothstep(0.93, 0.97, n.z) * smoothstep(0.5, 0.7, surface.y);
     albedo *= 1.0 - 0.45 * water;
     roughness = mix(roughness, 0.06, water);
-    n = normalize(mix(n, vec3(0.0, 0.0, 1.0), water));
+    n = mix(n, vec3(0.0, 0.0, 1.0), water);
     f0 = mix(f0, 0.02, water);
 #else
     const float water = 0.0;
@@ -193,9 +216,9 @@ void main() {
     float below = texture(u_roofs, offset.xy * u_roofs_frame.xy + u_roofs_frame.zw).x - u_eye.z - offset.z;
 #ifdef SUN
     // Sunlit walls and roads throw light into it.
-    float open = 0.58 + 0.42 * exp(-0.22 * max(below, 0.0));
+    float open = 0.58 + 0.42 * dimmed(0.22 * max(below, 0.0));
 #else
-    float open = 0.35 + 0.65 * exp(-0.22 * max(below, 0.0));
+    float open = 0.35 + 0.65 * dimmed(0.22 * max(below, 0.0));
 #endif
 #ifdef OVERCAST
     open *= 0.35 + 0.65 * uncovered(offset, n);
@@ -208,9 +231,10 @@ void main() {
     float facing = max(dot(n, u_sun), 0.0);
     vec3 sun = u_sun_light * facing * sunlit(offset, n);
     light += sun;
-    shine += sun * gloss(facing, nv, dot(u_sun, v), max(alpha, 0.02), f0, 40.0);
+    shine += sun * gloss(facing, nv, dot(u_sun, v), film(max(alpha, 0.02), f0), 40.0);
 #endif
 #ifdef LAMPS
+    Film lamp_film = film(max(alpha, 0.01), f0);
     uint i = v_lamps.x;
     do {
         uvec4 first = light_words(i, 0);
@@ -225,22 +249,25 @@ void main() {
         float cosine = -dot(l, vec3(fixed_pair(second.y), fixed_pair(second.z).x));
         float edge = clamp((cosine - end.x) * end.y, 0.0, 1.0);
         // Batwing of a full cut-off luminaire; plain lamps have no gain.
-        float beam = min(1.0 / (cosine * cosine * cosine + 1e-3), blue_gain.y) * edge * edge * (3.0 - 2.0 * edge);
+        float gain = 1.0 / (cosine * cosine * cosine + 1e-3);
+        float beam = (gain < blue_gain.y ? gain : blue_gain.y) * edge * edge * (3.0 - 2.0 * edge);
         vec3 e = vec3(pair(first.w), blue_gain.x)
             * (window(near2 * pair(second.z).y) * beam * nl * per_r * per_r);
         light += e;
-        shine += e * gloss(nl, nv, dot(l, v), max(alpha, 0.01), f0, 40.0);
+        shine += e * gloss(nl, nv, dot(l, v), lamp_film, 40.0);
     } while (++i < v_lamps.y);
 #endif
 #ifdef BEAMS
     // Rough surfaces throw light back to where it came from, most when it grazes them (Oren and Nayar
     // 1994): dry asphalt 0.008 cd/m2 per lx across the beam, which EN 1436 puts at about 0.01.
     float thrown_back = 0.45 * roughness * roughness / (roughness * roughness + 0.09);
+    Film beam_film = film(max(alpha, 0.02), f0);
+    float direct = 0.0;
+    float glint = 0.0;
     uint j = v_beams.x;
     do {
         uvec4 first = light_words(j, 0);
         uvec4 second = light_words(j, 1);
-        vec2 blue_range = pair(second.x);
         vec2 turn = fixed_pair(second.z);
         vec3 axis = vec3(fixed_pair(second.y), turn.x);
         vec3 left = vec3(turn.y, fixed_pair(second.w));
@@ -250,12 +277,14 @@ void main() {
         vec3 l = -way * per_r;
         float nl = max(dot(n, l), 0.0);
         vec3 turned = vec3(dot(axis, way), dot(left, way), dot(cross(axis, left), way));
-        vec3 e = vec3(pair(first.w), blue_range.x)
-            * (low_beam(turned) * window(near2 * blue_range.y) * nl * per_r * per_r);
+        float e = uintBitsToFloat(first.w) * low_beam(turned)
+            * window(near2 * uintBitsToFloat(second.x)) * nl * per_r * per_r;
         float lv = dot(l, v);
-        light += e * (1.0 + thrown_back * max(lv - nl * nv, 0.0) / max(max(nl, nv), 0.01));
-        shine += e * gloss(nl, nv, lv, max(alpha, 0.02), f0, 5.0);
+        direct += e + e * thrown_back * max(lv - nl * nv, 0.0) / max(max(nl, nv), 0.01);
+        glint += e * gloss(nl, nv, lv, beam_film, 5.0);
     } while (++j < v_beams.y);
+    light += HEADLAMP * direct;
+    shine += HEADLAMP * glint;
 #endif
 
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
