@@ -1,6 +1,6 @@
-"""Reflections of the scene in wet level ground, at half the picture's columns and a third of its rows.
+"""Reflections of the scene in wet level ground, at a third of the picture's columns and rows.
 
-Grains of the ground smear them upwards and downwards, so that rows need not be as fine as columns.
+Grains of the ground smear them, so that they need not be as fine as the picture.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from carlaloc_env.render.context import Programs
 from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.projection import View
 
-COLUMN_PX, ROW_PX = 2, 3
+COLUMN_PX, ROW_PX = 3, 3
 """Pixels of the picture for one of the mirror's."""
 _MARGIN = 0.03
 """How far above the horizon ground is still looked for, as a share of the picture's height."""

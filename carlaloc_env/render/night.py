@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from carlaloc_env.render.context import set_uniforms
 from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.lamp_words import air_words, surface_words
+from carlaloc_env.render.light_grid import LIGHT_CUTOFF, Air, LightGrid, light_grid
 from carlaloc_env.render.lights import Emitters, Lights, concatenate_lights, nearest, street_lamps
 from carlaloc_env.render.sky import READ_NOISE_E, electrons
 from carlaloc_env.render.streak_kernels import UNSEEN_NOISE
 from carlaloc_env.render.tile_quads import TileQuads
-from carlaloc_env.render.tiles import LIGHT_CUTOFF, Air, DepthRange, LightGrid, light_grid
+from carlaloc_env.render.tiles import DepthRange
 from carlaloc_env.render.uniforms import Scene
 from carlaloc_env.scene import ModelLibrary
 

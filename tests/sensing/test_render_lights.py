@@ -13,6 +13,7 @@ from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
+from carlaloc_env.render.light_grid import LOOPS, Air, light_grid
 from carlaloc_env.render.lights import (
     BEAM_RANGE_M,
     HEADLAMP_COLOUR,
@@ -24,7 +25,7 @@ from carlaloc_env.render.lights import (
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.render.tiles import LOOPS, TILE_PX, Air, DepthRange, light_grid
+from carlaloc_env.render.tiles import TILE_PX, DepthRange
 from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.semantics import Tag
 from carlaloc_env.weather import PRESETS, WeatherParameters
@@ -240,9 +241,9 @@ def test_headlamps_light_the_road_ahead_up_to_their_cut_off() -> None:
         2.0
         * HEADLAMP_COLOUR[1]
         * (
-            26000 * np.exp(-0.5 * ((-1.5 / 2.3) ** 2 + (0.24 / 0.9) ** 2))
-            + 8000 * np.exp(-0.5 * (0.56 / 1.8) ** 2)
-            + 4200 * np.exp(-0.5 * (3.26 / 3.5) ** 2)
+            26000 * (1.0 - ((-1.5 / 2.3) ** 2 + (0.24 / 0.9) ** 2) / 32.0) ** 16
+            + 8000 * (1.0 - (0.56 / 1.8) ** 2 / 32.0) ** 16
+            + 4200 * (1.0 - (3.26 / 3.5) ** 2 / 32.0) ** 16
         )
     )
     across_lx = intensity_cd / 30.0**2 * (1.0 - (30.0 / BEAM_RANGE_M) ** 4) ** 2

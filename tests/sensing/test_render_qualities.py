@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from carlaloc_env import geometry
 from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.render import tiles
+from carlaloc_env.render import light_grid
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import QUALITIES, SceneRenderer
 from carlaloc_env.render.sky import READ_NOISE_E, electrons, sky_light
@@ -112,20 +114,21 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
     ) as renderer:
         gbuffer = renderer.draw(CAMERA, FORWARD, one)
         sparse = renderer.radiance_cd_m2(gbuffer, night) * exposure
-        kept: list[int] = []
-        search = tiles.keep_lit
+        shares: list[float] = []
+        for name in ("keep_lit", "keep_glowing"):
+            search = getattr(light_grid, name)
 
-        def counting(mask: NDArray[np.bool_], *rest: object) -> None:
-            before = np.count_nonzero(mask)
-            whole = mask.copy()
-            search(mask, *rest)  # type: ignore[arg-type]
-            kept.extend([before, np.count_nonzero(mask)])
-            mask[:] = whole
+            def counting(mask: NDArray[np.bool_], *rest: object, search: Any = search) -> None:
+                whole = mask.copy()
+                search(mask, *rest)
+                shares.append(np.count_nonzero(mask) / np.count_nonzero(whole))
+                mask[:] = whole
 
-        monkeypatch.setattr(tiles, "keep_lit", counting)
+            monkeypatch.setattr(light_grid, name, counting)
         whole = renderer.radiance_cd_m2(gbuffer, night) * exposure
-    assert kept[1] < 0.8 * kept[0]
-    assert np.abs(sparse - whole).mean() < 0.2 * tiles.LIGHT_CUTOFF
+    assert len(shares) == 2
+    assert max(shares) < 0.8
+    assert np.abs(sparse - whole).mean() < 0.2 * light_grid.LIGHT_CUTOFF
     # The noise of reading the darkest pixel hides the rest, but for some pixels of thin posts.
     noise = READ_NOISE_E / electrons(exposure)
     assert np.quantile(np.abs(sparse - whole), 0.9995) < noise

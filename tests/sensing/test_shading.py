@@ -12,6 +12,7 @@ from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render import shading, tiles
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.day_tiles import under
+from carlaloc_env.render.light_grid import LEVEL_UP
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain_layer import developed
 from carlaloc_env.render.renderer import SceneRenderer
@@ -20,7 +21,7 @@ from carlaloc_env.render.skies import Skies
 from carlaloc_env.render.sky import sky_light
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.render.tile_kernels import level_tiles
-from carlaloc_env.render.tiles import LEVEL_UP, TILE_PX, DepthRange
+from carlaloc_env.render.tiles import TILE_PX, DepthRange
 from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.semantics import Tag
 from carlaloc_env.weather import PRESETS

@@ -116,10 +116,9 @@ float uncovered(vec3 offset, vec3 n) {
 #ifdef FEW_TAPS
     float lit = texture(u_shadow_actors, a);
 #else
-    float lit = 0.25 * (texture(u_shadow_actors, a + vec3(r, 0.4 * r, 0.0))
-        + texture(u_shadow_actors, a + vec3(-0.4 * r, r, 0.0))
-        + texture(u_shadow_actors, a + vec3(-r, -0.4 * r, 0.0))
-        + texture(u_shadow_actors, a + vec3(0.4 * r, -r, 0.0)));
+    float lit = (texture(u_shadow_actors, a + vec3(r, 0.3 * r, 0.0))
+        + texture(u_shadow_actors, a + vec3(-0.75 * r, 0.7 * r, 0.0))
+        + texture(u_shadow_actors, a + vec3(-0.25 * r, -r, 0.0))) * 0.3333333;
 #endif
     return any(greaterThan(abs(a.xy - 0.5), vec2(0.495))) ? 1.0 : lit;
 }
@@ -134,13 +133,13 @@ float uncovered(vec3 offset, vec3 n) {
 float sunlit(vec3 offset, vec3 n) {
     vec3 p = offset + n * (1.5 * u_texel);
     vec3 s = u_light * p + u_light_eye;
-    // Four bilinear taps blur the edge over three texels, about the sun's penumbra behind a house.
+    // Three bilinear taps blur the edge over three texels, about the sun's penumbra behind a house.
 #ifdef FEW_TAPS
     float lit = texture(u_shadow, s);
 #else
-    float r = 0.9 * u_shadow_step;
-    float lit = 0.25 * (texture(u_shadow, s + vec3(r, 0.4 * r, 0.0)) + texture(u_shadow, s + vec3(-0.4 * r, r, 0.0))
-        + texture(u_shadow, s + vec3(-r, -0.4 * r, 0.0)) + texture(u_shadow, s + vec3(0.4 * r, -r, 0.0)));
+    float r = 0.95 * u_shadow_step;
+    float lit = (texture(u_shadow, s + vec3(r, 0.3 * r, 0.0)) + texture(u_shadow, s + vec3(-0.75 * r, 0.7 * r, 0.0))
+        + texture(u_shadow, s + vec3(-0.25 * r, -r, 0.0))) * 0.3333333;
 #endif
     bool outside = any(greaterThan(abs(s.xy - 0.5), vec2(0.4995)));
     lit = outside ? 1.0 : lit;

@@ -1,0 +1,267 @@
+"""Which lights reach which part of a picture: lists by tile, so that a pixel visits few of many lights.
+
+Tiles with the nearest and farthest depth in them are tested against each light's sphere (tiled shading,
+Olsson and Assarsson 2011), then against what the light gives to samples of what the tile shows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.geometry import cross
+from carlaloc_env.render.glowing_tiles import keep_glowing
+from carlaloc_env.render.lights import Lights
+from carlaloc_env.render.lit_tiles import keep_lit
+from carlaloc_env.render.projection import View
+from carlaloc_env.render.tile_kernels import level_tiles, list_lights
+from carlaloc_env.render.tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
+
+Array = NDArray[np.float64]
+
+GLOW_CUTOFF = 0.004
+"""Exposed radiance below which the glow of a lamp in the air is not followed."""
+GLOW_LEAST_M, GLOW_MOST_M = 0.3, 8.0
+SKY_M = 1000.0
+"""How far the air glows before the sky, as in ``lamps.glsl`` [m]."""
+LIGHT_CUTOFF = 3e-4
+"""Exposed light of a lamp that no picture shows: half a step of 8 bits at what is dark in a town."""
+
+LOOPS: tuple[tuple[str, ...], ...] = (
+    (),
+    ("GLOWS",),
+    ("LAMPS",),
+    ("GLOWS", "LAMPS"),
+    ("BEAMS",),
+    ("GLOWS", "BEAMS"),
+    ("LAMPS", "BEAMS"),
+    ("GLOWS", "LAMPS", "BEAMS"),
+)
+"""Kinds of tiles by the loops that they run, a bit each: a loop without entries costs as one with one."""
+NIGHT_KINDS = LOOPS + tuple((*loops, "LEVEL") for loops in LOOPS)
+"""The same without and with level ground, which holds puddles and mirrors when it is wet."""
+LEVEL_UP, LEVEL_MARGIN_PX = 0.899, 5
+"""Upward part of normals from which ``shade.frag`` and ``mirror.frag`` look for water, and how far beside a
+tile the mirrored light is smoothed [px]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Air:
+    """What scatters the light of lamps on its way."""
+
+    extinction_per_m: float
+    """Where the eye is [1/m]."""
+    start_m: float
+    """All air nearer than this is clear [m]."""
+
+    def reach_m(self, lights: Lights, exposure: float) -> Array:
+        """How far from each lamp the air is followed [m], 0 for lamps too faint, shape (N,)."""
+        reach = lights.glow_cd * (0.25 * self.extinction_per_m * exposure / GLOW_CUTOFF)
+        return np.where(reach < GLOW_LEAST_M, 0.0, np.minimum(reach, GLOW_MOST_M))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LightGrid:
+    """Lights of a picture and, tile by tile, which of them to visit."""
+
+    lights: Lights
+    glow_range_m: Array
+    """How far from each light the air round it is seen to glow [m], shape (N,)."""
+    groups: TileGroups
+    """Tiles by the loops that they need."""
+    entries: NDArray[np.intp]
+    """Indices of lights, all lists in one, first those of glows; the very first is −1, which is none."""
+    glow_count: int
+    """Entries of lists of glows, that of no light among them."""
+
+    @property
+    def glows(self) -> NDArray[np.intp]:
+        """Entries of what lights the air."""
+        return self.entries[: self.glow_count]
+
+    @property
+    def lamps(self) -> NDArray[np.intp]:
+        """Entries of what lights surfaces."""
+        return self.entries[self.glow_count :]
+
+
+def light_grid(
+    view: View,
+    lights: Lights,
+    depths: DepthRange,
+    *,
+    exposure: float = 0.0,
+    air: Air | None = None,
+    depth_m: NDArray[np.float32] | None = None,
+    normal_codes: NDArray[np.uint16] | None = None,
+    wet: bool = False,
+    least: float = LIGHT_CUTOFF,
+) -> LightGrid:
+    """Lists of the lights that reach the surfaces and the air in every tile.
+
+    Args:
+        view: Camera.
+        lights: At most as many as the shaders hold.
+        depths: What the tiles show.
+        exposure: Picture value per luminance [m²/cd].
+        air: What glows round the lamps; nothing when left out.
+        depth_m: Planar depth, 0 = sky, shape (H, W); with it, lamps that light nothing in a tile are
+            left out of its lists.
+        normal_codes: Octahedral world normals, shape (H, W, 2); with them, lamps that surfaces turn away
+            from are left out, too.
+        wet: Tell tiles with level ground from those without, too; needs depths and normals.
+        least: Exposed light of one lamp that is not seen.
+    """
+    centre = (
+        lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
+    )
+    radius = np.where(lights.beam, 0.55, 1.0) * lights.range_m
+    glow = np.zeros(len(lights)) if air is None else air.reach_m(lights, exposure)
+    near, far = depths.near_m[..., None], depths.far_m[..., None]
+    z = _along(view, centre)
+    surface = _touched(view, centre, radius, near.shape) & (z + radius > near) & (z - radius < far)
+    if depth_m is not None:
+        _keep_lit(surface, view, lights, depth_m, exposure, normal_codes, least)
+    # The air of a tile reaches from the eye to its farthest surface, or on where there is sky.
+    far = np.where(depths.sky[..., None], SKY_M, far)
+    glowing = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
+    glowing &= _along(view, lights.position_m) - glow < far
+    if air is not None:
+        _keep_glowing(glowing, view, lights, far[..., 0], glow, exposure, air, least)
+    level = np.zeros(depths.near_m.shape, bool)
+    if wet and depth_m is not None and normal_codes is not None:
+        level_tiles(level, depth_m, normal_codes, TILE_PX, LEVEL_MARGIN_PX, LEVEL_UP)
+    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, glowing, level, depths.shown)
+
+
+def _keep_lit(
+    surface: NDArray[np.bool_],
+    view: View,
+    lights: Lights,
+    depth_m: NDArray[np.float32],
+    exposure: float,
+    normal_codes: NDArray[np.uint16] | None,
+    least: float,
+) -> None:
+    """Leave only lamps in the lists of tiles (R, C, N) that light what these show."""
+    keep_lit(
+        surface,
+        np.empty((7, TILE_PX * TILE_PX)),
+        TILE_PX,
+        depth_m,
+        np.zeros((0, 0, 2), np.uint16) if normal_codes is None else normal_codes,
+        _unproject(view),
+        view.R_camera_world,
+        lights.position_m - view.position_m,
+        lights.axis,
+        lights.left,
+        cross(lights.axis, lights.left),
+        np.column_stack(
+            [
+                lights.colour_cd.max(axis=1, initial=0.0) * (exposure / math.pi),
+                lights.cap,
+                lights.edge,
+                lights.range_m,
+            ]
+        ),
+        lights.beam,
+        least,
+    )
+
+
+def _keep_glowing(
+    glowing: NDArray[np.bool_],
+    view: View,
+    lights: Lights,
+    far_m: Array,
+    reach_m: Array,
+    exposure: float,
+    air: Air,
+    least: float,
+) -> None:
+    """Leave only lamps in the lists of tiles (R, C, N) whose glow shows there."""
+    keep_glowing(
+        glowing,
+        np.ascontiguousarray(far_m),
+        np.array([TILE_PX, view.camera.width_px, view.camera.height_px]),
+        _unproject(view),
+        view.R_camera_world,
+        lights.position_m - view.position_m,
+        lights.axis,
+        np.column_stack([lights.glow_cd * (exposure / math.pi), np.maximum(reach_m, 1e-3) ** -2.0]),
+        np.array([air.extinction_per_m, air.start_m]),
+        least,
+    )
+
+
+def _unproject(view: View) -> Array:
+    """What makes pixels rays of planar depth 1: x · [0] + [2], y · [1] + [3]."""
+    c = view.camera
+    return np.array([1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px])
+
+
+def _along(view: View, points_m: Array) -> Array:
+    """Planar depth of points [m], shape (N,)."""
+    return np.asarray(np.sum((points_m - view.position_m) * view.R_camera_world[2], axis=1))
+
+
+def _touched(view: View, centre_m: Array, radius_m: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Whether spheres reach into the pyramids of the tiles, shape (R, C, N)."""
+    camera = view.camera
+    p = np.sum((centre_m - view.position_m)[:, None, :] * view.R_camera_world[None], axis=2)
+    masks = []
+    for count, axis, size, f, c in (
+        (shape[0], 1, camera.height_px, camera.fy_px, camera.cy_px),
+        (shape[1], 0, camera.width_px, camera.fx_px, camera.cx_px),
+    ):
+        edge = (np.minimum(np.arange(count + 1) * TILE_PX, size) - 0.5 - c) / f
+        # Distance from the planes x = edge · z, positive towards larger x.
+        away = (p[None, :, axis] - edge[:, None] * p[None, :, 2]) / np.sqrt(1.0 + edge[:, None] ** 2)
+        masks.append((away[:-1] > -radius_m) & (away[1:] < radius_m))
+    ahead = p[:, 2] > -radius_m
+    return np.asarray(masks[0][:, None, :] & masks[1][None, :, :] & ahead)
+
+
+def _packed(
+    lights: Lights,
+    glow: Array,
+    lamps: NDArray[np.bool_],
+    beams: NDArray[np.bool_],
+    air: NDArray[np.bool_],
+    level: NDArray[np.bool_],
+    shown: NDArray[np.intp],
+) -> LightGrid:
+    tiles = every_tile(lamps.shape[:2])
+    masks = (("glows", air), ("lamps", lamps), ("beams", beams))
+    count = [int(np.count_nonzero(mask)) for _, mask in masks]
+    entries = np.full(1 + sum(count), -1, dtype=np.intp)
+    kind, begin = np.zeros(len(tiles), dtype=np.intp), 1
+    for bit, (name, mask) in enumerate(masks):
+        ends = np.empty(len(tiles) + 1, dtype=np.uint32)
+        list_lights(entries, ends, mask.reshape(len(tiles), -1), begin)
+        tiles[name] = np.column_stack([ends[:-1], ends[1:]])
+        begin = int(ends[-1])
+        kind |= (ends[1:] > ends[:-1]).astype(np.intp) << bit
+    # Few tiles cost less with loops that they do not need than a program more does.
+    every = len(LOOPS) - 1
+    kind[np.bincount(kind, minlength=len(LOOPS))[kind] < FEW_TILES] = every
+    # A loop that is run without need finds the entry of no light.
+    for name in ("glows", "lamps", "beams"):
+        idle = (tiles[name][:, 0] == tiles[name][:, 1]) & (kind == every)
+        tiles[name][idle] = (0, 1)
+    flat_level = level.ravel().copy()
+    for loops in range(len(LOOPS)):
+        dry = (kind == loops) & ~flat_level
+        if np.count_nonzero(dry) < FEW_TILES:
+            flat_level |= dry & level.any()
+    kind += len(LOOPS) * flat_level
+    return LightGrid(
+        lights=lights,
+        glow_range_m=glow,
+        groups=TileGroups.sorted_by(tiles, kind, NIGHT_KINDS, shown.ravel()),
+        entries=entries,
+        glow_count=1 + count[0],
+    )
