@@ -65,6 +65,7 @@ class Passes:
         self._features = features
         self._prepare = prepare
         self._splits = splits
+        self._prepared: set[int] = set()
 
     def whole(self, triangle: Callable[[moderngl.Program], None]) -> None:
         """Draw all in one piece."""
@@ -98,7 +99,9 @@ class Passes:
         if fragment == "sky.frag":
             features = tuple(name for name in features if name in _SKY_FEATURES)
         program = self._programs.get("screen.vert", fragment, *features)
-        self._prepare(program)
+        if program.glo not in self._prepared:
+            self._prepare(program)
+            self._prepared.add(program.glo)
         return program
 
     def _test(self, function: str) -> None:

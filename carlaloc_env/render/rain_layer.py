@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 SHOULDER, ROOM = 0.6, 0.4
 """Value up to which the tone curve is straight, and what lies above it, as in ``air.glsl``."""
 _STEPS = 4096
+_UNKNOWN = np.zeros((0, 4), np.uint8)
+_NOTHING_UNSEEN = np.zeros(256)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,7 +90,7 @@ class RainLayer:
         shown = np.empty(len(streaks), bool)
         unseen = _unseen(*electrons)
         noticeable(shown, picture, *seen, _LIGHT_OF_CODE, unseen)
-        canvas, count = self._drawn(depth_m, seen.take(shown))
+        canvas, count = self._drawn(depth_m, seen.take(shown), picture.reshape(-1, 4), unseen)
         over_codes(
             picture.reshape(-1, 4),
             canvas.light,
@@ -113,7 +115,14 @@ class RainLayer:
         canvas, count = self._drawn(depth_m, _seen_by(view, streaks, light))
         over_light(picture.reshape(-1, 4), canvas.light, canvas.touched, count)
 
-    def _drawn(self, depth_m: NDArray[np.float32], seen: _Seen) -> tuple[_Canvas, int]:
+    def _drawn(
+        self,
+        depth_m: NDArray[np.float32],
+        seen: _Seen,
+        picture: NDArray[np.uint8] = _UNKNOWN,
+        unseen: Array = _NOTHING_UNSEEN,
+    ) -> tuple[_Canvas, int]:
+        """Room with the streaks in it, and how many pixels they touch that show them."""
         size = (depth_m.shape[0], depth_m.shape[1])
         if size not in self._canvases:
             pixels = size[0] * size[1]
@@ -121,7 +130,8 @@ class RainLayer:
                 light=np.zeros((pixels, 4), np.float32), touched=np.zeros(pixels, np.int32)
             )
         canvas = self._canvases[size]
-        return canvas, streak_pixels(canvas.light, canvas.touched, depth_m, *seen)
+        count = streak_pixels(canvas.light, canvas.touched, depth_m, *seen, picture, _LIGHT_OF_CODE, unseen)
+        return canvas, count
 
 
 class _Seen(NamedTuple):

@@ -76,6 +76,9 @@ def streak_pixels(
     diameters: Array,
     light: Array,
     intrinsics: Array,
+    picture: NDArray[np.uint8],
+    light_of_code: Array,
+    unseen_of_code: Array,
 ) -> int:
     """Draw streaks, one over the other, and write down which pixels they touch.
 
@@ -88,6 +91,9 @@ def streak_pixels(
         diameters: [m], shape (N,).
         light: Light and opacity, shape (N, 4).
         intrinsics: Focal lengths and principal point [px], shape (4,).
+        picture: sRGB codes of what lies behind, shape (H·W, 4), or none where it is not known.
+        light_of_code: Exposed light of every code, shape (256,).
+        unseen_of_code: Change of it that nobody sees, shape (256,).
 
     Returns:
         Number of touched pixels.
@@ -134,6 +140,14 @@ def streak_pixels(
                     continue
                 keep = 1.0 - share
                 if layer[pixel, 3] == 0.0:
+                    shows = not picture.size
+                    for channel in range(3):
+                        if not shows:
+                            code = picture[pixel, channel]
+                            change = share * abs(light[n, channel] - light_of_code[code])
+                            shows = change >= unseen_of_code[code]
+                    if not shows:
+                        continue
                     touched[count] = pixel
                     count += 1
                 for channel in range(3):
