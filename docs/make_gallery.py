@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.presets import rig_by_name
+from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.scene import concatenate_instances
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import known_towns, load_town
+from carlaloc_env.town.town import Town
 from carlaloc_env.weather import weather_by_name
 from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_preview import street_poses, town_sheet
@@ -33,6 +35,8 @@ PANEL_PX = (480, 270)
 VEHICLES = 260
 CLEAR_M = 9.0
 """No car stands nearer to the camera than this [m]."""
+LEAST_SKY = 0.12
+"""Share of a picture that is sky, so that none shows the inside of an underpass."""
 
 
 def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
@@ -55,30 +59,39 @@ def draw_weathers(names: list[str], folder: Path = GALLERY, quality: str = "high
 
 def street_in_weathers(name: str, quality: str) -> list[NDArray[np.uint8]]:
     """One street with standing traffic under each of `WEATHERS`, sRGB."""
-    town, camera = load_town(name), Pinhole()
+    town = load_town(name)
     stage = SensorStage(town, seed=0, weather=weather_by_name(WEATHERS[0]), quality=quality)
-    renderer = stage.renderer()
+    first, *others = street_poses(town, 4)
+    for T in (*others, first):
+        gbuffer = _busy_street(stage, town, T)
+        if np.mean(gbuffer.depth_m() == 0.0) > LEAST_SKY:
+            break
+    pictures = []
+    for weather in WEATHERS:
+        rgb = stage.renderer().shade(gbuffer, weather_by_name(weather), stamp_ns=10**9)
+        small = np.asarray(cv2.resize(rgb, PANEL_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        for grey, thick in ((0, 3), (255, 1)):
+            words = f"{name} {weather}"
+            cv2.putText(small, words, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (grey,) * 3, thick, cv2.LINE_AA)
+        pictures.append(small)
+    stage.close()
+    return pictures
+
+
+def _busy_street(stage: SensorStage, town: Town, T_world_camera: NDArray[np.float64]) -> GBuffer:
+    """What the camera of a car sees among standing traffic."""
     catalog, frame = standing_traffic(town.network, VEHICLES)
-    T = street_poses(town, 4)[1]
-    far = np.flatnonzero(np.hypot(*(frame.position_m[:, :2] - T[:2, 3]).T) > CLEAR_M)
-    catalog, frame, eye = catalog.take(far), frame.take(far), T[:3, 3]
+    far = np.flatnonzero(np.hypot(*(frame.position_m[:, :2] - T_world_camera[:2, 3]).T) > CLEAR_M)
+    catalog, frame, eye = catalog.take(far), frame.take(far), T_world_camera[:3, 3]
     green = np.full(int(town.lenses.signal.max(initial=-1)) + 1, 3, np.uint8)
     mount = next(c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)).mount
     seen = [
-        place_ego(T @ np.linalg.inv(mount.T_base_sensor), stage.library),
+        place_ego(T_world_camera @ np.linalg.inv(mount.T_base_sensor), stage.library),
         place_actors(catalog, frame, stage.library, eye_m=eye),
         place_lights(catalog, frame, stage.library, 0, eye_m=eye),
         place_signals(town.lenses, green, stage.library),
     ]
-    gbuffer = renderer.draw(camera, T, concatenate_instances(seen))
-    pictures = []
-    for weather in WEATHERS:
-        rgb = renderer.shade(gbuffer, weather_by_name(weather), stamp_ns=10**9)
-        small = np.asarray(cv2.resize(rgb, PANEL_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        cv2.putText(small, f"{name} {weather}", (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 1)
-        pictures.append(small)
-    stage.close()
-    return pictures
+    return stage.renderer().draw(Pinhole(), T_world_camera, concatenate_instances(seen))
 
 
 def _write(sheet: NDArray[Any], out: Path) -> Path:
