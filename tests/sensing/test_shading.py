@@ -9,7 +9,7 @@ from carlaloc_env import geometry
 from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.render import shading, tiles
+from carlaloc_env.render import light_grid, shading
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.day_tiles import under
 from carlaloc_env.render.light_grid import LEVEL_UP
@@ -152,7 +152,7 @@ def test_walls_need_no_puddles(quality: str, monkeypatch: pytest.MonkeyPatch) ->
     ) as renderer:
         gbuffer = renderer.draw(camera, FORWARD, Instances())
         found = renderer.radiance_cd_m2(gbuffer, PRESETS["RainyNight"])
-        monkeypatch.setattr(tiles, "LEVEL_MARGIN_PX", 1000)
+        monkeypatch.setattr(light_grid, "LEVEL_MARGIN_PX", 1000)
         everywhere = renderer.radiance_cd_m2(gbuffer, PRESETS["RainyNight"])
     np.testing.assert_allclose(found, everywhere, rtol=1e-3, atol=1e-4 * float(everywhere.max()))
 
