@@ -70,9 +70,10 @@ def street_in_weathers(name: str, quality: str) -> list[NDArray[np.uint8]]:
     for weather in WEATHERS:
         rgb = stage.renderer().shade(gbuffer, weather_by_name(weather), stamp_ns=10**9)
         small = np.asarray(cv2.resize(rgb, PANEL_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        for grey, thick in ((0, 3), (255, 1)):
-            words = f"{name} {weather}"
-            cv2.putText(small, words, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (grey,) * 3, thick, cv2.LINE_AA)
+        words, font = f"{name} {weather}", cv2.FONT_HERSHEY_SIMPLEX
+        (width, _), _ = cv2.getTextSize(words, font, 0.5, 1)
+        small[2:28, 4 : 12 + width] = 0
+        cv2.putText(small, words, (8, 20), font, 0.5, (255, 255, 255), 1)
         pictures.append(small)
     stage.close()
     return pictures
