@@ -153,7 +153,7 @@ def _keep_lit(
         TILE_PX,
         depth_m,
         np.zeros((0, 0, 2), np.uint16) if normal_codes is None else normal_codes,
-        _unproject(view),
+        np.array(view.unproject),
         view.R_camera_world,
         lights.position_m - view.position_m,
         lights.axis,
@@ -187,7 +187,7 @@ def _keep_glowing(
         glowing,
         np.ascontiguousarray(far_m),
         np.array([TILE_PX, view.camera.width_px, view.camera.height_px]),
-        _unproject(view),
+        np.array(view.unproject),
         view.R_camera_world,
         lights.position_m - view.position_m,
         lights.axis,
@@ -195,12 +195,6 @@ def _keep_glowing(
         np.array([air.extinction_per_m, air.start_m]),
         least,
     )
-
-
-def _unproject(view: View) -> Array:
-    """What makes pixels rays of planar depth 1: x · [0] + [2], y · [1] + [3]."""
-    c = view.camera
-    return np.array([1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px])
 
 
 def _along(view: View, points_m: Array) -> Array:

@@ -56,6 +56,12 @@ class View:
         return self.camera.width_px * self.subsamples, self.camera.height_px * self.subsamples
 
     @property
+    def unproject(self) -> tuple[float, float, float, float]:
+        """(ax, ay, bx, by): pixel (u, v) looks along the ray (ax · u + bx, ay · v + by, 1)."""
+        c = self.camera
+        return 1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px
+
+    @property
     def clip_scale(self) -> tuple[float, float, float, float]:
         """(sx, sy, ox, oy): clip.xy = s · (x, y) + o · z of a point in the optical frame.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.compiled import compiled, inlined
 from carlaloc_env.render.rain_kernels import mixed
 
 Array = NDArray[np.float64]
@@ -140,13 +140,9 @@ def streak_pixels(
                     continue
                 keep = 1.0 - share
                 if layer[pixel, 3] == 0.0:
-                    shows = not picture.size
-                    for channel in range(3):
-                        if not shows:
-                            code = picture[pixel, channel]
-                            change = share * abs(light[n, channel] - light_of_code[code])
-                            shows = change >= unseen_of_code[code]
-                    if not shows:
+                    if picture.size and not _shows(
+                        picture, pixel, light, n, share, light_of_code, unseen_of_code
+                    ):
                         continue
                     touched[count] = pixel
                     count += 1
@@ -154,6 +150,24 @@ def streak_pixels(
                     layer[pixel, channel] = light[n, channel] * share + layer[pixel, channel] * keep
                 layer[pixel, 3] = share + layer[pixel, 3] * keep
     return count
+
+
+@inlined
+def _shows(
+    picture: NDArray[np.uint8],
+    pixel: int,
+    light: Array,
+    n: int,
+    share: float,
+    light_of_code: Array,
+    unseen_of_code: Array,
+) -> bool:
+    """Whether a share of a streak's light in place of what lies behind it changes a pixel visibly."""
+    for channel in range(3):
+        code = picture[pixel, channel]
+        if share * abs(light[n, channel] - light_of_code[code]) >= unseen_of_code[code]:
+            return True
+    return False
 
 
 @compiled

@@ -64,7 +64,7 @@ def tell_view(program: moderngl.Program, view: View) -> None:
     first = ahead - (c.cx_px + 0.5) * right - (c.cy_px + 0.5) * down
     set_uniforms(
         program,
-        u_unproject=(1 / c.fx_px, 1 / c.fy_px, -c.cx_px / c.fx_px, -c.cy_px / c.fy_px),
+        u_unproject=view.unproject,
         u_size=(float(c.width_px), float(c.height_px)),
         u_rotation=view.R_camera_world.astype("<f4").tobytes(),
         u_eye=tuple(view.position_m),

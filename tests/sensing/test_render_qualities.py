@@ -12,7 +12,7 @@ from carlaloc_env import geometry
 from carlaloc_env.errors import RenderError
 from carlaloc_env.materials import Material
 from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.render import light_grid
+from carlaloc_env.render import light_grid, night
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import QUALITIES, SceneRenderer
 from carlaloc_env.render.sky import READ_NOISE_E, electrons, sky_light
@@ -133,3 +133,19 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
     noise = READ_NOISE_E / electrons(exposure)
     assert np.quantile(np.abs(sparse - whole), 0.9995) < noise
     assert np.quantile(np.abs(sparse - whole), 0.99) < 0.05 * noise
+
+
+def test_light_that_the_noise_hides_is_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A night's picture with and without it differs by a tenth of what two exposures differ by, or less."""
+    library, one = ego()
+    lamps_m = np.random.default_rng(6).uniform([5, -25, 3], [70, 25, 9], (30, 3))
+    weather = PRESETS["ClearNight"]
+    with SceneRenderer(street(), library, quality="low", lamps_m=lamps_m, albedo=plain_albedo()) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, one)
+        sparse = renderer.shade(gbuffer, weather).astype(float)
+        monkeypatch.setattr(night, "UNSEEN_NOISE", 0.0)
+        whole = renderer.shade(gbuffer, weather).astype(float)
+        again = renderer.shade(gbuffer, weather, seed=1).astype(float)
+    missed, noise = (np.sqrt(np.mean((picture - whole) ** 2)) for picture in (sparse, again))
+    assert 0.0 < missed < 0.1 * noise
+    assert abs(np.mean(sparse - whole)) < 0.02 * noise

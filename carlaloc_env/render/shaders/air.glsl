@@ -4,14 +4,17 @@ uniform vec3 u_fog_light;   // exposed radiance of endless fog
 uniform vec4 u_air;         // fog extinction at height 0 [1/m], 1/scale height [1/m], start [m], uniform extinction [1/m]
 uniform uint u_dither;
 
+float sixteenth_power(float x) {
+    x *= x;
+    x *= x;
+    x *= x;
+    return x * x;
+}
+
 // exp(-x) of x from 0 on, off by x³/1536 of itself at most; an exponential costs twice as much.
 float dimmed(float x) {
     float part = min(x * 0.0625, 1.0);
-    float share = 1.0 - part + 0.5 * part * part;
-    share *= share;
-    share *= share;
-    share *= share;
-    return share * share;
+    return sixteenth_power(1.0 - part + 0.5 * part * part);
 }
 
 // Share of the light that passes a ray of unit direction from the eye; Koschmieder's law with a fog

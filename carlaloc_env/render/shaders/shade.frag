@@ -37,11 +37,7 @@ uniform sampler2D u_mirror;    // what level ground mirrors of the scene, see mi
 // (1 - x²/32)^16, which is a normal curve but for its end and takes no exponential.
 float bell(float h, float v, vec2 centre, vec2 per_width) {
     vec2 x = (vec2(h, v) - centre) * (per_width * 0.1767767);
-    float share = max(1.0 - dot(x, x), 0.0);
-    share *= share;
-    share *= share;
-    share *= share;
-    return share * share;
+    return sixteenth_power(max(1.0 - dot(x, x), 0.0));
 }
 
 // Intensity [cd] of a low beam for right-hand traffic; degrees right and up.
@@ -102,8 +98,7 @@ float gloss(float nl, float nv, float lv, Film film, float limit) {
     float least = film.alpha2 * s;
     float d = (nl + nv) * (nl + nv) * (film.alpha2 - 1.0) + s;
     d = d > least ? d : least;
-    float away = 1.0 - 0.5 * sqrt(s);
-    float top = least * (film.f0 + film.edge * away * away * away * away * away);
+    float top = least * (film.f0 + film.edge * fifth(1.0 - 0.5 * sqrt(s)));
     return top * limit / (d * d * film.visible * limit + top);
 }
 
