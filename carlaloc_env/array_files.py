@@ -1,28 +1,37 @@
-"""Arrays kept on disk: written under another name first, checked on reading, made anew when damaged."""
+"""Arrays kept on disk: written under another name first, checked on reading, made anew when damaged.
+
+Their files are named after all that they come from, so that a change of the code, of a library or of the
+content makes a new file; the oldest ones go.
+"""
 
 from __future__ import annotations
 
 import hashlib
-import importlib.resources
 import json
 import logging
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+import re
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.source_digest import source_digest
+
 _log = logging.getLogger(__name__)
 
 Arrays = dict[str, NDArray[Any]]
+T = TypeVar("T")
 
 SIGNATURE = b"carlaloc arrays 1\n"
 """First bytes of a file of arrays."""
 ALIGNED_BYTES = 64
 """Values of each array begin at a multiple of this, so that they can be used where they lie."""
+_KEY = re.compile(r"-[0-9a-f]+")
 
 
 def default_cache_dir() -> Path:
@@ -40,19 +49,61 @@ def content_hash(*parts: bytes) -> str:
     return digest.hexdigest()
 
 
-def code_of(names: Sequence[str], folders: Sequence[str]) -> bytes:
-    """Sources of some modules and of all in some folders of `carlaloc_env`, whose change outdates a file."""
-    package = importlib.resources.files("carlaloc_env")
-    files = [package / name for name in names]
-    for folder in folders:
-        files += [entry for entry in (package / folder).iterdir() if entry.name.endswith(".py")]
-    return b"".join(entry.read_bytes() for entry in sorted(files, key=str))
+def cached(
+    name: str,
+    kind: str,
+    *,
+    module: str,
+    make: Callable[[], T],
+    to_arrays: Callable[[T], Arrays],
+    from_arrays: Callable[[Arrays], T],
+    content: str = "",
+    kept_files: int,
+    folder: Path | None = None,
+) -> T:
+    """What a module makes, from the cache when the same code made it of the same content before.
+
+    A cache that cannot be read is a miss, one that cannot be written is done without; the log tells.
+
+    Args:
+        name: Beginning of the file's name, such as ``Town03``.
+        kind: Its suffix without the dot, such as ``town``.
+        module: Module that makes it; a change in its imports outdates the file.
+        make: Makes it anew.
+        to_arrays: Turns it into named arrays.
+        from_arrays: Turns named arrays into it; KeyError, ValueError and IndexError say that they do not fit.
+        content: What else it is made of.
+        kept_files: Files of this name and kind that are kept, of this version and earlier ones.
+        folder: Where files lie; `$CARLALOC_CACHE` or `~/.cache/carlaloc` when left out.
+    """
+    key = content_hash(content.encode(), source_digest(module).encode())
+    stored = (folder or default_cache_dir()) / f"{name}-{key}.{kind}"
+    arrays = load(stored)
+    if arrays is not None:
+        try:
+            return from_arrays(arrays)
+        except (KeyError, ValueError, IndexError) as error:
+            _log.warning("cached file %s cannot be used (%s) and will be made again", stored, error)
+    begin = time.perf_counter()
+    made = make()
+    _log.info("made %s in %.1f s", stored.name, time.perf_counter() - begin)
+    try:
+        save(stored, to_arrays(made))
+        _drop_old(stored, kept_files)
+    except OSError as error:
+        _log.warning("%s cannot be cached in %s (%s)", name, stored.parent, error)
+    return made
 
 
-def drop_old(kept: Path, others: Iterable[Path], count: int) -> None:
+def _drop_old(kept: Path, count: int) -> None:
     """Delete the oldest files of earlier versions, until with the one that is kept `count` are left."""
-    older = sorted((path for path in others if path != kept), key=lambda path: path.stat().st_mtime)
-    for path in older[: max(len(older) - count + 1, 0)]:
+    name = kept.stem.rpartition("-")[0]
+    others = [
+        path
+        for path in kept.parent.glob(f"{name}-*")
+        if path != kept and _KEY.fullmatch(path.stem, len(name))
+    ]
+    for path in sorted(others, key=lambda path: path.stat().st_mtime)[: max(len(others) - count + 1, 0)]:
         path.unlink(missing_ok=True)
 
 

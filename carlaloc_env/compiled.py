@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-import hashlib
 import os
 import threading
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+
+from carlaloc_env.source_digest import source_digest
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -22,7 +21,7 @@ BAND_ROWS = 24
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function on its first call and keep the machine code on disk.
 
-    It may call other compiled functions of its own folder, of other folders none. Without fast-math:
+    It is compiled anew when its module or anything that this imports changes. Without fast-math:
     only then are + − × ÷ and √ the same bits on every CPU. Without reference counts, for which
     threads would wait on each other: compiled functions create no arrays.
     """
@@ -38,12 +37,16 @@ def inlined(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def _compiled(function: Callable[P, R], *, forceinline: bool) -> Callable[P, R]:
-    options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "_nrt": False}
     made: Any = numba.njit(**options, forceinline=forceinline)(function)
-    # Numba forgets what it kept when the function's own file changes, but not when one that it calls does.
+    made.enable_caching()
     kept: Any = getattr(getattr(made, "_cache", None), "_cache_file", None)
-    if kept is not None and hasattr(kept, "_source_stamp"):
-        kept._source_stamp = _stamp(Path(made.py_func.__code__.co_filename).parent)
+    if hasattr(kept, "_source_stamp"):
+        # Numba's own stamp is that of the function's file: it would miss a change in a function called.
+        kept._source_stamp = source_digest(function.__module__)
+    else:
+        # A numba that keeps its stamp elsewhere must not lend machine code of older sources.
+        made = numba.njit(**options, forceinline=forceinline)(function)
     return cast(Callable[P, R], made)
 
 
@@ -74,12 +77,3 @@ def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BA
     if failed:
         raise failed[0]
     return [found[turn] for turn in range(len(bands))]
-
-
-@functools.cache
-def _stamp(folder: Path) -> str:
-    """Digest of all sources in a folder."""
-    digest = hashlib.blake2b(digest_size=16)
-    for source in sorted(folder.glob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()

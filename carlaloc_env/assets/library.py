@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
 from carlaloc_env import mesh_arrays
-from carlaloc_env.array_files import code_of, content_hash, default_cache_dir, drop_old, load, save
+from carlaloc_env.array_files import Arrays, cached
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.ego import ego_body
 from carlaloc_env.assets.lamps import lit_lamps
@@ -31,13 +29,6 @@ LENS_LIFT_M = 0.012
 DETAILS = ("low", "high")
 KEPT_FILES = 3
 """Cached files of models kept, of this version and earlier ones."""
-
-_log = logging.getLogger(__name__)
-_SHAPES_MODELS = (
-    ("materials.py", "scene.py", "semantics.py", "rng.py", "geometry.py"),
-    ("assets",),
-)
-"""Modules and folders of everything that shapes a model."""
 _LENSES = {
     "signal_red": Material.LAMP_RED,
     "signal_yellow": Material.LAMP_AMBER,
@@ -61,35 +52,26 @@ def build_library() -> ModelLibrary:
     its lit lamps ``ego/brake``, ``ego/left``, ``ego/right`` and ``ego/reverse``, ``signal_red``,
     ``signal_yellow``, ``signal_green``.
     """
-    code = content_hash(code_of(*_SHAPES_MODELS))
-    stored = default_cache_dir() / f"models-{code}.models"
-    models = _kept(stored)
-    if models is None:
-        models = make_models()
-        _keep(stored, models)
+    models = cached(
+        "models",
+        "models",
+        module=__name__,
+        make=lambda: make_models(),
+        to_arrays=_to_arrays,
+        from_arrays=_from_arrays,
+        kept_files=KEPT_FILES,
+    )
     return ModelLibrary(models)
 
 
-def _kept(stored: Path) -> dict[str, Mesh] | None:
-    """Models of a file by name; None when it is missing or cannot be used."""
-    arrays = load(stored)
-    if arrays is None:
-        return None
-    try:
-        names = arrays["names"].tobytes().decode().split("\n")
-        return dict(zip(names, mesh_arrays.from_arrays(arrays), strict=True))
-    except (KeyError, ValueError, IndexError) as error:
-        _log.warning("cached models %s cannot be used (%s) and will be made again", stored, error)
-        return None
-
-
-def _keep(stored: Path, models: Mapping[str, Mesh]) -> None:
+def _to_arrays(models: Mapping[str, Mesh]) -> Arrays:
     names = np.frombuffer("\n".join(models).encode(), np.uint8)
-    try:
-        save(stored, {"names": names, **mesh_arrays.to_arrays(list(models.values()))})
-        drop_old(stored, stored.parent.glob("models-*.models"), KEPT_FILES)
-    except OSError as error:
-        _log.warning("the models cannot be cached in %s (%s)", stored.parent, error)
+    return {"names": names, **mesh_arrays.to_arrays(list(models.values()))}
+
+
+def _from_arrays(arrays: Arrays) -> dict[str, Mesh]:
+    names = arrays["names"].tobytes().decode().split("\n")
+    return dict(zip(names, mesh_arrays.from_arrays(arrays), strict=True))
 
 
 def make_models() -> dict[str, Mesh]:

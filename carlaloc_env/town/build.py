@@ -3,21 +3,11 @@
 from __future__ import annotations
 
 import importlib.resources
-import logging
 import os
-import time
 from pathlib import Path
 
 from carlaloc_env import mesh_arrays
-from carlaloc_env.array_files import (
-    Arrays,
-    code_of,
-    content_hash,
-    default_cache_dir,
-    drop_old,
-    load,
-    save,
-)
+from carlaloc_env.array_files import Arrays, cached, content_hash
 from carlaloc_env.assets.placing import SignalLenses
 from carlaloc_env.errors import MapError, unknown_name
 from carlaloc_env.geodesy import GeoReference
@@ -31,19 +21,12 @@ from carlaloc_env.town.town import Town
 from carlaloc_env.town.traffic_choice import choose_traffic
 from carlaloc_env.town.zoning import choose_zones
 
-_log = logging.getLogger(__name__)
-
 BUILDER_VERSION = 1
 """Raised whenever the same map gives another town, so that cached towns are built again."""
 KEPT_FILES = 4
 """Cached files kept of each town."""
 ALIASES = {"Town10HD": "Town10"}
 """Other names of towns."""
-_SHAPES_TOWNS = (
-    ("materials.py", "scene.py", "semantics.py", "rng.py"),
-    ("town", "town/opendrive", "assets"),
-)
-"""Modules and folders of everything that shapes a town."""
 
 
 def find_town(name: str) -> Path:
@@ -91,10 +74,18 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     network = LaneNetwork(read_opendrive(source))
     if not has_toml:
         config = choose_traffic(network, choose_zones(network, config))
-    build_key = content_hash(key.encode(), code_of(*_SHAPES_TOWNS))
-    stored = (cache_dir or default_cache_dir()) / f"{name}-{build_key}.town"
     route = _route(network, config)
-    scenery = _scenery(network, config, route, key, stored)
+    scenery = cached(
+        name,
+        "town",
+        module=__name__,
+        make=lambda: _build(network, config, route, key),
+        to_arrays=_to_arrays,
+        from_arrays=_from_arrays,
+        content=key,
+        kept_files=KEPT_FILES,
+        folder=cache_dir,
+    )
     return Town(
         name=name,
         network=network,
@@ -129,34 +120,10 @@ def _map_folders() -> list[Path]:
     return [folder for folder in folders if folder.is_dir()]
 
 
-def _scenery(
-    network: LaneNetwork, config: TownConfig, route: Route | None, key: str, stored: Path
-) -> Scenery:
-    arrays = load(stored)
-    if arrays is not None:
-        try:
-            return _from_arrays(arrays)
-        except (KeyError, ValueError, IndexError) as error:
-            _log.warning("cached town %s cannot be used (%s) and will be built again", stored, error)
-    begin = time.perf_counter()
+def _build(network: LaneNetwork, config: TownConfig, route: Route | None, key: str) -> Scenery:
     route_m = None if route is None else route.position_m[:, :2]
     seed = int(key[:12], 16) if config.scenery_seed is None else config.scenery_seed
-    scenery = build_scenery(network, config, seed, route_m)
-    arrays = _to_arrays(scenery)
-    _log.info("built %s in %.1f s", stored.name, time.perf_counter() - begin)
-    try:
-        save(stored, arrays)
-        drop_old(stored, _earlier(stored), KEPT_FILES)
-    except OSError as error:
-        _log.warning("the town cannot be cached in %s (%s)", stored.parent, error)
-    return scenery
-
-
-def _earlier(stored: Path) -> list[Path]:
-    """Files of a town."""
-    name = stored.name[: -len("-.town") - 32]
-    # Earlier versions kept .npz files.
-    return [path for kind in ("npz", "town") for path in stored.parent.glob(f"{name}-*.{kind}")]
+    return build_scenery(network, config, seed, route_m)
 
 
 def _to_arrays(scenery: Scenery) -> Arrays:

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env import compiled
+from carlaloc_env.source_digest import source_digest
 
 _CALLER = """
 from carlaloc_env.compiled import compiled
-from kept.callee import shift
+from kept.inner.callee import shift
 
 @compiled
 def moved(x):
@@ -29,17 +30,25 @@ def _run(folder: Path) -> tuple[float, int]:
     return float(value), int(hits)
 
 
-def test_machine_code_is_kept_until_a_neighbouring_source_changes(tmp_path: Path) -> None:
+def test_machine_code_is_kept_until_a_source_that_it_calls_changes(tmp_path: Path) -> None:
     """A second process compiles nothing; after an edit of the function that is called, it does."""
-    package = tmp_path / "kept"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "caller.py").write_text(_CALLER)
-    (package / "callee.py").write_text(_CALLEE.format(2.0))
+    callee = tmp_path / "kept" / "inner" / "callee.py"
+    callee.parent.mkdir(parents=True)
+    for folder in (callee.parent, callee.parents[1]):
+        (folder / "__init__.py").write_text("")
+    (tmp_path / "kept" / "caller.py").write_text(_CALLER)
+    callee.write_text(_CALLEE.format(2.0))
     assert _run(tmp_path) == (3.0, 0)
     assert _run(tmp_path) == (3.0, 1)
-    (package / "callee.py").write_text(_CALLEE.format(5.0))
+    callee.write_text(_CALLEE.format(5.0))
     assert _run(tmp_path) == (6.0, 0)
+
+
+def test_numba_still_keeps_its_stamp_where_ours_replaces_it() -> None:
+    """Without the attribute nothing would be kept on disk any more: every start would compile for minutes."""
+    from carlaloc_env.sensors import events
+
+    assert events.log_of._cache._cache_file._source_stamp == source_digest(events.__name__)
 
 
 def test_bands_cover_every_row_once_and_in_order() -> None:

@@ -12,28 +12,17 @@ from pathlib import Path
 
 import pytest
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 ROOT = Path(__file__).parents[2]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-SHADERS = [
-    str(path.relative_to(ROOT)) for path in (ROOT / "carlaloc_env/render/shaders").iterdir() if path.is_file()
+MAPS = [
+    f"carlaloc_env/{path.relative_to(ROOT)}" for path in (ROOT / "maps").glob("*/*.*") if path.suffix != ".py"
 ]
-MAPS = [f"carlaloc_env/{path.relative_to(ROOT)}" for path in (ROOT / "maps").glob("*/town.*")]
 
 
-def test_every_package_is_listed() -> None:
-    """Packages of pyproject.toml are those on disk; `carlaloc_env.maps` is the folder maps/."""
-    on_disk = {
-        ".".join(path.parent.relative_to(ROOT).parts)
-        for top in ("carlaloc_env", "recorder")
-        for path in (ROOT / top).rglob("__init__.py")
-    }
-    assert set(PROJECT["tool"]["setuptools"]["packages"]) == on_disk | {"carlaloc_env.maps"}
-    assert PROJECT["tool"]["setuptools"]["package-dir"] == {"carlaloc_env.maps": "maps"}
+def test_every_folder_with_code_is_a_package() -> None:
+    """A folder without `__init__.py` would be left out of the wheel without a word."""
+    for top in ("carlaloc_env", "recorder"):
+        for source in (ROOT / top).rglob("*.py"):
+            assert (source.parent / "__init__.py").is_file(), source
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +32,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source = folder / "source"
     for name in ("carlaloc_env", "recorder", "maps"):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source / name)
     pip = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--quiet", "--wheel-dir", str(folder)]
     command = [*pip, str(source)]
@@ -58,14 +47,17 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_wheel_holds_code_and_data(wheel: Path) -> None:
-    """Every module, shader, map and marker; not the authoring tool, tests or examples."""
+    """Every module, shader, device profile, marker and map; not the authoring tool, tests or examples."""
     names = set(zipfile.ZipFile(wheel).namelist())
-    modules = {
+    ours = {
         str(path.relative_to(ROOT))
         for top in ("carlaloc_env", "recorder")
-        for path in (ROOT / top).rglob("*.py")
+        for path in (ROOT / top).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts
     }
-    assert modules | {*SHADERS, *MAPS, "carlaloc_env/py.typed", "recorder/py.typed"} <= names
+    kinds = {Path(name).suffix for name in ours}
+    assert {".py", ".frag", ".glsl", ".yaml", ".typed"} <= kinds, "the checkout is not what this test expects"
+    assert ours | {*MAPS} <= names
     assert "carlaloc_env/maps/Town03/town.xodr" in names
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"carlaloc_env", "recorder"}
     assert not [name for name in names if "authoring" in name]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from carlaloc_env.array_files import save
 from carlaloc_env.assets.atlas import (
     BILLBOARDS,
     GRID,
@@ -192,10 +193,10 @@ def test_windows_are_glossy_and_frames_are_not(albedo: NDArray[np.float32]) -> N
 def test_cache_is_used_and_rebuilt_when_damaged(tmp_path: Path) -> None:
     first = build_textures(32, cache_dir=tmp_path)
     files = list(tmp_path.iterdir())
-    assert [f.suffix for f in files] == [".npz"], "nothing half-written stays behind"
+    assert [f.suffix for f in files] == [".textures"], "nothing half-written stays behind"
     changed = np.array(first.albedo)
     changed[0, 0, 0, 0] = 0.125
-    np.savez(files[0], albedo=changed)
+    save(files[0], {"albedo": changed})
     assert build_textures(32, cache_dir=tmp_path).albedo[0, 0, 0, 0] == np.float16(0.125)
     files[0].write_bytes(files[0].read_bytes()[:1000])
     again = build_textures(32, cache_dir=tmp_path)

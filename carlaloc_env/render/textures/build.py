@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import logging
-import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -14,12 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.array_files import default_cache_dir
-from carlaloc_env.assets import atlas, plate_text
+from carlaloc_env.array_files import Arrays, cached
 from carlaloc_env.materials import Material
 from carlaloc_env.render.textures import (
     adverts,
-    canvas,
     cladding,
     crops,
     ground,
@@ -33,7 +27,6 @@ from carlaloc_env.render.textures import (
 from carlaloc_env.render.textures.noise import Layer
 from carlaloc_env.rng import stream
 
-_LOG = logging.getLogger(__name__)
 _Recipe = Callable[[np.random.Generator, int], Layer]
 
 RECIPES: dict[Material, _Recipe] = {
@@ -130,6 +123,10 @@ FACADE_CONTRAST = 0.66
 """Exponent of the façades' albedo about its mean."""
 
 
+KEPT_FILES = 2
+"""Cached files kept of each size."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TextureSet:
     """One square layer per `Material`; row 0 is v = 0, column 0 is u = 0, v grows upwards on a wall."""
@@ -150,13 +147,23 @@ def build_textures(size_px: int = 512, *, cache_dir: Path | None = None) -> Text
         size_px: Edge of a layer [px], a multiple of 8.
         cache_dir: Folder of the cache; $CARLALOC_CACHE or ~/.cache/carlaloc when left out.
     """
-    folder = cache_dir or default_cache_dir()
-    path = folder / f"textures-{size_px}-{_version()}.npz"
-    cached = _load(path, size_px)
-    if cached is not None:
-        return TextureSet(albedo=cached)
-    albedo = make_albedo(size_px)
-    _store(path, albedo)
+
+    def from_arrays(arrays: Arrays) -> NDArray[np.float16]:
+        albedo = arrays["albedo"]
+        if albedo.shape != (len(Material), size_px, size_px, 4) or albedo.dtype != np.float16:
+            raise ValueError(f"albedo is {albedo.dtype} of shape {albedo.shape}")
+        return albedo
+
+    albedo = cached(
+        f"textures-{size_px}",
+        "textures",
+        module=__name__,
+        make=lambda: make_albedo(size_px),
+        to_arrays=lambda made: {"albedo": made},
+        from_arrays=from_arrays,
+        kept_files=KEPT_FILES,
+        folder=cache_dir,
+    )
     return TextureSet(albedo=albedo)
 
 
@@ -169,60 +176,3 @@ def make_albedo(size_px: int) -> NDArray[np.float16]:
             layer = noise.levelled(layer, WIDE[material])
         out[material] = noise.softened(layer, FACADE_CONTRAST) if material in FACADES else layer
     return out
-
-
-def _version() -> str:
-    """Hash of the code that makes the layers."""
-    digest = hashlib.blake2b(digest_size=8)
-    for module in (
-        noise,
-        adverts,
-        cladding,
-        crops,
-        ground,
-        walls,
-        stuffs,
-        canvas,
-        openings,
-        lettering,
-        plates,
-        plate_text,
-        atlas,
-    ):
-        digest.update(Path(str(module.__file__)).read_bytes())
-    digest.update(Path(__file__).read_bytes())
-    return digest.hexdigest()
-
-
-def _load(path: Path, size_px: int) -> NDArray[np.float16] | None:
-    """Layers from the cache; None when there are none or the file is damaged."""
-    if not path.is_file():
-        return None
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            albedo = archive["albedo"]
-    except Exception as error:  # a damaged archive raises errors of many kinds
-        _LOG.warning("texture cache %s is damaged (%s); it is built anew", path, error)
-        return None
-    if albedo.shape != (len(Material), size_px, size_px, 4) or albedo.dtype != np.float16:
-        return None
-    result: NDArray[np.float16] = albedo
-    return result
-
-
-def _store(path: Path, albedo: NDArray[np.float16]) -> None:
-    """Write under a temporary name, then rename; a full or read-only disk is no failure."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
-    except OSError as error:
-        _LOG.warning("textures are not cached: %s", error)
-        return
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez(file, albedo=albedo)
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        _LOG.warning("textures are not cached: %s", error)
