@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from . import furniture
-from .curves import turning_bulb
-from .gores import Gore, build_gore, gore_lines
-from .idents import JUNCTION, Numbers
-from .junctions import Movement, build_junction, connect
-from .layout import Laid, lay_out
-from .newton import PlanError
-from .parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, leg_of
-from .paths import u_turn
-from .plan import Node, TownPlan
-from .road_parts import road_parts
-from .roundabouts import RoundaboutShape, build_roundabout
-from .writer import opendrive_text
+from maps.authoring import furniture
+from maps.authoring.curves import turning_bulb
+from maps.authoring.gores import Gore, build_gore, gore_lines
+from maps.authoring.idents import JUNCTION, Numbers
+from maps.authoring.junctions import Movement, build_junction, connect
+from maps.authoring.layout import Laid, lay_out
+from maps.authoring.newton import PlanError
+from maps.authoring.parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, leg_of
+from maps.authoring.paths import u_turn
+from maps.authoring.plan import Node, TownPlan
+from maps.authoring.road_parts import road_parts
+from maps.authoring.roundabouts import RoundaboutShape, build_roundabout
+from maps.authoring.writer import opendrive_text
 
 SIGNED_M = 60.0
 """Shorter parts between gores carry no speed signs [m]."""

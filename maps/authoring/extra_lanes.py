@@ -6,8 +6,8 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from .newton import PlanError
-from .sections import (
+from maps.authoring.newton import PlanError
+from maps.authoring.sections import (
     CrossSection,
     LanePlan,
     Records,

@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .idents import CONTROLLER, OBJECT, SIGNAL, Numbers
-from .junctions import Movement, turn_angle
-from .parts import Border, ControllerPart, JunctionPart, Leg, ObjectPart, RoadPart, SignalPart
+from maps.authoring.idents import CONTROLLER, OBJECT, SIGNAL, Numbers
+from maps.authoring.junctions import Movement, turn_angle
+from maps.authoring.parts import Border, ControllerPart, JunctionPart, Leg, ObjectPart, RoadPart, SignalPart
 
 LIGHT, STOP, YIELD, SPEED = "1000001", "206", "205", "274"
 CROSSWALK_INSET_M = 1.5

@@ -15,15 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from .curves import Path, Piece, Pose
-from .extra_lanes import ExtraLane
-from .idents import Numbers
-from .junctions import connect
-from .newton import PlanError
-from .parts import JunctionPart, Leg, RoadPart
-from .paths import backwards, curvature, cut, shifted
-from .planes import Plane
-from .sections import CrossSection, Mark
+from maps.authoring.curves import Path, Piece, Pose
+from maps.authoring.extra_lanes import ExtraLane
+from maps.authoring.idents import Numbers
+from maps.authoring.junctions import connect
+from maps.authoring.newton import PlanError
+from maps.authoring.parts import JunctionPart, Leg, RoadPart
+from maps.authoring.paths import backwards, curvature, cut, shifted
+from maps.authoring.planes import Plane
+from maps.authoring.sections import CrossSection, Mark
 
 NOSE_GAP_M = 0.1
 """Clear distance between the shoulders of road and ramp where they part [m]."""

@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .curves import Path, curve_between, wrap
-from .idents import Numbers
-from .newton import PlanError
-from .parts import Border, ConnectionPart, JunctionPart, Leg, Link, RoadPart
-from .planes import Plane, in_plane
-from .profiles import Record, hermite, level
-from .sections import NONE, LanePlan, Mark, SectionPlan, blend, border_mark
+from maps.authoring.curves import Path, curve_between, wrap
+from maps.authoring.idents import Numbers
+from maps.authoring.newton import PlanError
+from maps.authoring.parts import Border, ConnectionPart, JunctionPart, Leg, Link, RoadPart
+from maps.authoring.planes import Plane, in_plane
+from maps.authoring.profiles import Record, hermite, level
+from maps.authoring.sections import NONE, LanePlan, Mark, SectionPlan, blend, border_mark
 
 _STRAIGHT_RAD = math.radians(40)
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from .curves import Path, Pose, curve_between, fillet
-from .gores import Gore, OnRay, RampEnd, ramp_end
-from .junctions import setbacks
-from .newton import PlanError
-from .paths import meeting
-from .planes import leaning
-from .profiles import (
+from maps.authoring.curves import Path, Pose, curve_between, fillet
+from maps.authoring.gores import Gore, OnRay, RampEnd, ramp_end
+from maps.authoring.junctions import setbacks
+from maps.authoring.newton import PlanError
+from maps.authoring.paths import meeting
+from maps.authoring.planes import leaning
+from maps.authoring.profiles import (
     Climb,
     Dip,
     Profile,
@@ -29,7 +29,7 @@ from .profiles import (
 )
 
 if TYPE_CHECKING:
-    from .plan import Road, TownPlan
+    from maps.authoring.plan import Road, TownPlan
 
 WALKERS_SETBACK_M = 1.5
 """Half the length of the junction that stands for a crosswalk with lights between junctions [m]."""

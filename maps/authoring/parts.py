@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from .curves import Path, Pose
-from .profiles import Record, height_at
-from .sections import LanePlan, SectionPlan
+from maps.authoring.curves import Path, Pose
+from maps.authoring.profiles import Record, height_at
+from maps.authoring.sections import LanePlan, SectionPlan
 
 _OUTER = ("shoulder", "sidewalk", "biking", "parking")
 

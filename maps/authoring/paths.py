@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from .curves import Path, Piece, Pose, wrap
-from .newton import PlanError
+from maps.authoring.curves import Path, Piece, Pose, wrap
+from maps.authoring.newton import PlanError
 
 
 def curvature(path: Path, s: float) -> float:

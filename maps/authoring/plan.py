@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from .curves import Path
-from .extra_lanes import ExtraLane
-from .gores import Gore, OnRay
-from .planes import Plane
-from .profiles import Climb, Dip, Profile
-from .roundabouts import RoundaboutShape
-from .sections import CrossSection
+from maps.authoring.curves import Path
+from maps.authoring.extra_lanes import ExtraLane
+from maps.authoring.gores import Gore, OnRay
+from maps.authoring.planes import Plane
+from maps.authoring.profiles import Climb, Dip, Profile
+from maps.authoring.roundabouts import RoundaboutShape
+from maps.authoring.sections import CrossSection
 
 
 @dataclass(slots=True, kw_only=True)
@@ -123,6 +123,6 @@ class TownPlan:
         Raises:
             PlanError: the geometry does not fit.
         """
-        from .builder import Builder
+        from maps.authoring.builder import Builder
 
         return Builder(self).build()

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .curves import Path, Pose
-from .newton import PlanError
-from .paths import curvature
-from .profiles import Record, height_at, hermite
+from maps.authoring.curves import Path, Pose
+from maps.authoring.newton import PlanError
+from maps.authoring.paths import curvature
+from maps.authoring.profiles import Record, height_at, hermite
 
 STEP_M = 0.5
 """Distance of the points at which a bend is compared with the plane [m]."""

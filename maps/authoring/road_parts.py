@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from .curves import Path
-from .extra_lanes import add_extra_lanes
-from .gores import Gore, auxiliary_lanes
-from .idents import OBJECT, ROAD, Numbers
-from .layout import Laid, along, nearest
-from .newton import PlanError
-from .parts import BridgePart, RoadPart, TunnelPart
-from .paths import cut
-from .profiles import Record, cut_profile
-from .sections import road_sections
+from maps.authoring.curves import Path
+from maps.authoring.extra_lanes import add_extra_lanes
+from maps.authoring.gores import Gore, auxiliary_lanes
+from maps.authoring.idents import OBJECT, ROAD, Numbers
+from maps.authoring.layout import Laid, along, nearest
+from maps.authoring.newton import PlanError
+from maps.authoring.parts import BridgePart, RoadPart, TunnelPart
+from maps.authoring.paths import cut
+from maps.authoring.profiles import Record, cut_profile
+from maps.authoring.sections import road_sections
 
 
 def road_parts(laid: Laid, numbers: Numbers) -> list[RoadPart]:

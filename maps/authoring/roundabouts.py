@@ -6,13 +6,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .curves import Path, Piece, Pose, mirrored, ring_entry, wrap
-from .idents import JUNCTION, ROAD, Numbers
-from .junctions import connect
-from .parts import JunctionPart, Leg, Link, RoadPart, leg_of
-from .planes import Plane
-from .profiles import level
-from .sections import NONE, SIDEWALK_HEIGHT_M, LanePlan, Mark, SectionPlan, border_mark, constant
+from maps.authoring.curves import Path, Piece, Pose, mirrored, ring_entry, wrap
+from maps.authoring.idents import JUNCTION, ROAD, Numbers
+from maps.authoring.junctions import connect
+from maps.authoring.parts import JunctionPart, Leg, Link, RoadPart, leg_of
+from maps.authoring.planes import Plane
+from maps.authoring.profiles import level
+from maps.authoring.sections import (
+    NONE,
+    SIDEWALK_HEIGHT_M,
+    LanePlan,
+    Mark,
+    SectionPlan,
+    border_mark,
+    constant,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,13 +19,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from .curves import Path, Piece, Pose
-from .gores import Exit, Gore, Merge, OnRay
-from .newton import solve
-from .paths import meeting
-from .plan import TownPlan
-from .profiles import Climb, Profile
-from .sections import CrossSection
+from maps.authoring.curves import Path, Piece, Pose
+from maps.authoring.gores import Exit, Gore, Merge, OnRay
+from maps.authoring.newton import solve
+from maps.authoring.paths import meeting
+from maps.authoring.plan import TownPlan
+from maps.authoring.profiles import Climb, Profile
+from maps.authoring.sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 

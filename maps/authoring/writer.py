@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr
 
-from .curves import Piece, Pose
-from .parts import ControllerPart, JunctionPart, Link, ObjectPart, RoadPart, SignalPart
-from .sections import Cubic, LanePlan, Mark, SectionPlan
+from maps.authoring.curves import Piece, Pose
+from maps.authoring.parts import ControllerPart, JunctionPart, Link, ObjectPart, RoadPart, SignalPart
+from maps.authoring.sections import Cubic, LanePlan, Mark, SectionPlan
 
 DATE = "2025-01-01T00:00:00"
 _DIGITS = {"length": 10, "curvature": 14, "angle": 12}
