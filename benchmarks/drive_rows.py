@@ -13,12 +13,12 @@ from typing import Any
 from bench import Bench, Row
 from scenario import SEED, TOWN
 
-from carlaloc_env.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import CarlaLocError
-from carlaloc_env.timeline import ActorCatalog
+from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.world import TrafficConfig
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather.parameters import weather_by_name
 from recorder.devices.registry import open_device
 from recorder.drive_log import DriveLog
 from recorder.drive_status import DriveStatus

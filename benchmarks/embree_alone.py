@@ -9,8 +9,8 @@ import open3d
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.placing import place_actors
-from carlaloc_env.scene import Mesh, ModelLibrary, merge
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.scene.mesh import Mesh, ModelLibrary, merge
+from carlaloc_env.timeline.timeline import Timeline
 
 
 def embree_alone(

@@ -9,17 +9,17 @@ from bench import Bench, Row
 from scenario import SEED, TOWN
 from timing import time_calls
 
-from carlaloc_env import geometry
-from carlaloc_env.clock import STEP_NS, TICK_S
-from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import STEP_NS, TICK_S
+from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
 from carlaloc_env.sensors.camera_shot import Optics
 from carlaloc_env.sensors.event_camera import EventCamera, Glance
 from carlaloc_env.sensors.events import F32, log_intensity
-from carlaloc_env.timeline import Timeline, empty_catalog, empty_frame
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.town import Town
-from carlaloc_env.trajectory import EgoTrack
 
 SPEED_MPS = 12.0
 SHARE = 0.3
@@ -77,7 +77,7 @@ def _along(town: Town) -> Timeline:
     assert route is not None
     ticks = np.arange(round(4 * STEP_NS * 1e-9 / TICK_S) + 1)
     way = route.at(SHARE * route.length_m + SPEED_MPS * TICK_S * ticks)
-    turned = geometry.rpy_to_quat(np.zeros(len(ticks)), -way.pitch_rad, way.heading_rad)
+    turned = transforms.rpy_to_quat(np.zeros(len(ticks)), -way.pitch_rad, way.heading_rad)
     timeline = Timeline(empty_catalog(), ego=EgoTrack.from_arrays(way.position_m, turned))
     for _ in range(5):
         timeline.append_step(empty_frame(), np.ones(64, np.uint8))

@@ -13,10 +13,10 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import TICK_S
-from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 Array = NDArray[np.float64]
 

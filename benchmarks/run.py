@@ -16,7 +16,7 @@ from pathlib import Path
 from bench import Bench, Row
 from rows import ROWS
 
-from carlaloc_env.errors import CarlaLocError, unknown_name
+from carlaloc_env.core.errors import CarlaLocError, unknown_name
 
 
 def main(names: list[str], repeat: int, *, quick: bool, out: Path | None) -> list[Row]:

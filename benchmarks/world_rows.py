@@ -14,11 +14,11 @@ from memory import can_measure, peak_memory_bytes
 from scenario import SEED, TOWN, advance
 from timing import time_calls
 
-from carlaloc_env.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.env import CarlaLocEnv
-from carlaloc_env.errors import CarlaLocError
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.traffic.world import TrafficConfig

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.geometry import wrap_angle
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.route import Route
 
 Array = NDArray[np.float64]

@@ -13,17 +13,17 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.actor_grid import on_grid
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.driver_view import DriverView
-from carlaloc_env.errors import ConfigError
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road_ahead import RoadAhead
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline.actor_quantisation import on_grid
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.ego_view import EgoView

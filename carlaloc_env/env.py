@@ -11,14 +11,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.clock import STEP_TICKS
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import STEP_TICKS
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import ActionError, ConfigError, unknown_name
-from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.observation import Observation, Observer
 from carlaloc_env.physics.contacts import Contact
-from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
@@ -28,7 +28,7 @@ from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather_schedule import Weather, weather_of
+from carlaloc_env.weather.schedule import Weather, weather_of
 
 KEEP_NS = 2_000_000_000
 """How much of the past a live run keeps [ns]."""

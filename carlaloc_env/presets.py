@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.camera import CameraConfig

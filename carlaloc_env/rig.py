@@ -12,12 +12,12 @@ import yaml
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core.config_mapping import from_mapping, to_mapping
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.sensors.registry import SENSOR_KINDS
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.yaml_config import from_mapping, to_mapping
+from carlaloc_env.timeline.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

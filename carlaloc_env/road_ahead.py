@@ -11,7 +11,7 @@ from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.crossing_traffic import crossing_traffic
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoState
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.route import Route
 

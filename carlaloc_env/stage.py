@@ -6,11 +6,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from carlaloc_env.assets.library import build_library
-from carlaloc_env.errors import RenderError
-from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.scene import Mesh, ModelLibrary
+from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.scene.mesh import Mesh, ModelLibrary
 from carlaloc_env.town.town import SignalLenses, Town
-from carlaloc_env.weather_schedule import Weather
+from carlaloc_env.weather.schedule import Weather
 
 if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene

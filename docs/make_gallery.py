@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.render.gbuffer import GBuffer
-from carlaloc_env.scene import concatenate_instances
+from carlaloc_env.scene.mesh import concatenate_instances
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather.parameters import weather_by_name
 from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_preview import street_poses, town_sheet
 

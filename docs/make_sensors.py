@@ -13,11 +13,11 @@ from typing import Any
 from gymnasium import spaces
 
 from carlaloc_env import samples
-from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.config_mapping import to_mapping
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
-from carlaloc_env.yaml_config import to_mapping
 
 PAGE = Path(__file__).with_name("sensors.md")
 HEAD = """\

@@ -11,7 +11,7 @@ from carlaloc_env.presets import state_rig
 from carlaloc_env.samples import GnssFix
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather.parameters import weather_by_name
 from recorder.episode import Episode
 from recorder.evaluation.align import Alignment
 from recorder.evaluation.evaluate import EvaluationResult, evaluate

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.core.errors import CarlaLocError
 from recorder.evaluation.evaluate import EvaluationResult, evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory import read_tum, write_tum

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather_schedule import Weather, weather_of
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.schedule import Weather, weather_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

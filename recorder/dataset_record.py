@@ -11,9 +11,9 @@ from typing import Any
 
 import yaml
 
-from carlaloc_env.errors import WriterError
+from carlaloc_env.core.config_mapping import to_mapping
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.rig import SensorRig
-from carlaloc_env.yaml_config import to_mapping
 from recorder.episode import Episode
 
 FILE_NAME = "dataset.yaml"

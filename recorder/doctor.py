@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from carlaloc_env.clock import TICK_S
-from carlaloc_env.controls import Controls
-from carlaloc_env.errors import CarlaLocError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import weather_by_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,8 +123,8 @@ def _guarded_graphics() -> tuple[Finding, str]:
 
 def _rays() -> tuple[bool, str]:
     from carlaloc_env.raycast import RayScene
-    from carlaloc_env.timeline import Timeline, empty_catalog
-    from carlaloc_env.trajectory import EgoTrack
+    from carlaloc_env.timeline.ego_spline import EgoTrack
+    from carlaloc_env.timeline.timeline import Timeline, empty_catalog
 
     scene = RayScene([_ground()], ModelLibrary({}))
     count = 66_496

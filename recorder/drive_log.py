@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.controls import Controls
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from recorder.episode import EgoRow, EpisodeWriter
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.controls import Controls
 
 
 @dataclass(slots=True)

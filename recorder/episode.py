@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.car_track import CarTrack
-from carlaloc_env.clock import TICK_S
-from carlaloc_env.controls import Controls
-from carlaloc_env.errors import EpisodeError
-from carlaloc_env.timeline import ActorFrame, Timeline
-from carlaloc_env.trajectory import EgoTrack
+from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.timeline import ActorFrame, Timeline
+from carlaloc_env.timeline.vehicle_track import CarTrack
 from recorder.episode_actors import ACTORS_TOPIC, actor_states, unpack_actors
 from recorder.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode_mcap import Container, is_container, read_container

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.actor_grid import ActorCodes, decode_actors, encode_actors
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.timeline.actor_quantisation import ActorCodes, decode_actors, encode_actors
+from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.episode_messages import CDR_LITTLE_ENDIAN, message_rows
 
 ACTORS_TOPIC = "/actors"

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import STEP_TICKS, TICK_HZ, TICK_S
-from carlaloc_env.errors import ConfigError, EpisodeError, unknown_name
-from carlaloc_env.geometry import quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
+from carlaloc_env.core.errors import ConfigError, EpisodeError, unknown_name
+from carlaloc_env.core.transforms import quat_conjugate, quat_multiply, quat_to_rotvec, rotvec_to_quat
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.conditions import TrafficLevel
 from recorder.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, Event
 from recorder.episode_actors import actor_states

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.errors import EpisodeError
-from carlaloc_env.timeline import ActorCatalog, empty_catalog
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.timeline.timeline import ActorCatalog, empty_catalog
 
 HEADER_RECORD = "carlaloc_episode"
 """Name of the MCAP metadata record that holds the header."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.clock import stamp_ns
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.clock import stamp_ns
+from carlaloc_env.core.controls import Controls
 
 EGO_TOPIC, EVENTS_TOPIC = "/ego/state", "/events"
 EGO_TYPE, EVENT_TYPE = "carlaloc_msgs/msg/EgoState", "carlaloc_msgs/msg/Event"

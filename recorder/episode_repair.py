@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 from pathlib import Path
 
-from carlaloc_env.errors import EpisodeError
+from carlaloc_env.core.errors import EpisodeError
 from recorder.episode import Episode, read_episode_file
 from recorder.episode_actors import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE
 from recorder.episode_mcap import ContainerWriter

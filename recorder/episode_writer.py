@@ -11,9 +11,9 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import STEP_NS, stamp_ns
-from carlaloc_env.errors import EpisodeError
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.core.clock import STEP_NS, stamp_ns
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.episode_actors import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE, pack_actors
 from recorder.episode_header import HEADER_RECORD, EpisodeHeader
 from recorder.episode_mcap import ContainerWriter

@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from carlaloc_env.clock import TICK_S
+from carlaloc_env.core.clock import TICK_S
 
 MOST_TICKS = 10
 """Most ticks between two pictures: beyond it the world runs slower than real time."""

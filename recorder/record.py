@@ -12,14 +12,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from carlaloc_env.clock import TICK_HZ
+from carlaloc_env.core.clock import TICK_HZ
+from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import ConfigError, DeviceError, unknown_name
-from carlaloc_env.timeline import ActorCatalog
+from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather_schedule import weather_of
+from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.base import Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs

@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.clock import STEP_NS, TICK_NS
-from carlaloc_env.errors import ConfigError, EpisodeError, WriterError
+from carlaloc_env.core.clock import STEP_NS, TICK_NS
+from carlaloc_env.core.errors import ConfigError, EpisodeError, WriterError
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.rig import Rig, SensorRig
 from carlaloc_env.samples import Sample
@@ -27,9 +27,9 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.objects import objects_at
 from carlaloc_env.sensors.truth import truth_at
 from carlaloc_env.stage import SensorStage
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather_schedule import Weather
+from carlaloc_env.weather.schedule import Weather
 from recorder.conditions import TrafficLevel, conditions_of
 from recorder.dataset_record import TownId, is_begun, origin_of, write_record
 from recorder.episode import Episode

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.config_mapping import from_mapping
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.driving import DriveListener, DrivingWorld
-from carlaloc_env.errors import EpisodeError
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import TrafficConfig
-from carlaloc_env.yaml_config import from_mapping
 from recorder.drive_log import ego_row
 from recorder.episode import Episode, EpisodeWriter
 from recorder.episode_actors import pack_actors

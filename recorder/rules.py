@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from carlaloc_env.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.signal_plan import SignalState

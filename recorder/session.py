@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
-from carlaloc_env.clock import STEP_TICKS, TICK_HZ
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ
+from carlaloc_env.core.controls import Controls
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.timeline import ActorCatalog
+from carlaloc_env.timeline.timeline import ActorCatalog
 from recorder.devices.base import Device
 from recorder.devices.commands import Command
 from recorder.devices.human import HumanDevice

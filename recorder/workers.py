@@ -9,7 +9,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from typing import TypeVar
 
-from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.core.errors import CarlaLocError
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from carlaloc_env.assets.atlas import PosterCell, atlas_uv, cell_corners
 from carlaloc_env.assets.shapes import Look, quad
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def advert(

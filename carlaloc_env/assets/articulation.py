@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.assets.vehicle_parts import VehicleParts
 from carlaloc_env.assets.vehicles import vehicle
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.scene import Mesh, ModelLibrary
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.scene.mesh import Mesh, ModelLibrary
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -11,8 +11,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.materials import MATERIALS, Material
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.scene.materials import MATERIALS, Material
 
 Rect = tuple[float, float, float, float]
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from carlaloc_env.assets.atlas import atlas_uv, cell_corners
 from carlaloc_env.assets.shapes import Look, box, panel, placed, tube
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def billboard(

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.facets import crease
 from carlaloc_env.assets.shapes import Look, grid_triangles, mirrored
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, make_mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 Points = tuple[tuple[float, float], ...]

@@ -12,9 +12,9 @@ from carlaloc_env.assets.decals import Decals
 from carlaloc_env.assets.shapes import Look, box, ellipsoid, mirrored
 from carlaloc_env.assets.vehicle_parts import LampPlace, PlatePlace, VehicleParts, assemble
 from carlaloc_env.assets.wheels import arch_liner, car_wheels, plain_wheel, wheel
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _COACH = BodyShape(
     length_m=12.0, width_m=2.55,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.body import DARK
 from carlaloc_env.assets.decals import Decals
 from carlaloc_env.assets.shapes import Look
-from carlaloc_env.materials import Material
+from carlaloc_env.scene.materials import Material
 
 if TYPE_CHECKING:
     from carlaloc_env.assets.cars import CarSpec

@@ -14,9 +14,9 @@ from carlaloc_env.assets.skeleton import Joints
 from carlaloc_env.assets.tailor import Build
 from carlaloc_env.assets.vehicle_parts import LampPlace, PlatePlace, VehicleParts, assemble
 from carlaloc_env.assets.wheels import WheelPlace, plain_wheel, wheel
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 PEDAL_PHASES = 24
 """Postures in which a turn of the cranks is stored."""

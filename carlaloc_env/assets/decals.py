@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.shapes import Look, mirrored
-from carlaloc_env.geometry import cross
-from carlaloc_env.scene import Mesh, make_mesh
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.scene.mesh import Mesh, make_mesh
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from carlaloc_env.assets.body import BodyShape
 from carlaloc_env.assets.cars import CarSpec, car
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M, EGO_TINT, EGO_WHEELBASE_M
 from carlaloc_env.assets.shapes import placed
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
 
 _NOSE_D = EGO_SIZE_M[0] + EGO_REAR_M
 """Distance of the rear axle from the nose [m]."""

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.geometry import cross
-from carlaloc_env.scene import Mesh
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from carlaloc_env.assets.heads import face, head
 from carlaloc_env.assets.luggage import skirt, things
 from carlaloc_env.assets.skeleton import Joints, Skin
 from carlaloc_env.assets.tailor import Build, Tailor
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def figure(joints: Joints, build: Build, tag: Tag, *, low: bool = False) -> Mesh:

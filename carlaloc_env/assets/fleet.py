@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from carlaloc_env.assets.body import BodyShape
 from carlaloc_env.assets.cars import CarSpec
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 
 SALOON = CarSpec(
     shape=BodyShape(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import cross
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, make_mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 Tint = tuple[int, int, int]

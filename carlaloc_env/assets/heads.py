@@ -5,7 +5,7 @@ from __future__ import annotations
 from carlaloc_env.assets.shapes import Look, ellipsoid
 from carlaloc_env.assets.skeleton import Array
 from carlaloc_env.assets.tailor import Hang, Tailor, by, up
-from carlaloc_env.materials import Material
+from carlaloc_env.scene.materials import Material
 
 
 def head(person: Tailor) -> None:

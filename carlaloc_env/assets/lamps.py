@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.car_faces import AMBER_TINT, REVERSE_TINT, STOP_TINT
 from carlaloc_env.assets.shapes import Look
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, make_mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 LAMPS = ("brake", "left", "right", "reverse")
 _LIFT_M = 0.004

@@ -7,8 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from carlaloc_env import mesh_arrays
-from carlaloc_env.array_files import Arrays, cached
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.ego import ego_body
 from carlaloc_env.assets.lamps import lit_lamps
@@ -17,10 +15,12 @@ from carlaloc_env.assets.shapes import Colour, Look, disc
 from carlaloc_env.assets.vehicle_parts import PlatePlace, plate
 from carlaloc_env.assets.vehicles import vehicle
 from carlaloc_env.assets.walkers import walker_models
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, ModelLibrary
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.array_cache import Arrays, cached
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.scene import mesh_arrays
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
 
 LENS_RADIUS_M = 0.15
 """Radius of a traffic light's lens [m]."""

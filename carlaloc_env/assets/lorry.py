@@ -10,9 +10,9 @@ from carlaloc_env.assets.decals import Decals
 from carlaloc_env.assets.shapes import Look, box, placed
 from carlaloc_env.assets.vehicle_parts import LampPlace, PlatePlace, VehicleParts, assemble
 from carlaloc_env.assets.wheels import WheelPlace, arch_liner, plain_wheel, wheel
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _CAB = BodyShape(
     length_m=2.10, width_m=2.44,

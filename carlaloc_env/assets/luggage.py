@@ -7,8 +7,8 @@ import numpy as np
 from carlaloc_env.assets.shapes import Look, rings, tube
 from carlaloc_env.assets.skeleton import BONES, Array
 from carlaloc_env.assets.tailor import Tailor, by, up
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
 
 
 def skirt(person: Tailor) -> None:

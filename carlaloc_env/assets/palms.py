@@ -7,9 +7,9 @@ import numpy as np
 from carlaloc_env.assets.foliage import GREEN
 from carlaloc_env.assets.shapes import Look, tube
 from carlaloc_env.assets.tree_forms import TreeForm
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, make_mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def palm(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.gait import SHANK, THIGH
 from carlaloc_env.assets.shapes import Look, box, tube
 from carlaloc_env.assets.skeleton import Joints
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 

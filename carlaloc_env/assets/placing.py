@@ -18,11 +18,10 @@ from carlaloc_env.assets.articulation import (
 from carlaloc_env.assets.catalog import EGO_TINT, VEHICLES
 from carlaloc_env.assets.plate_text import plate_of
 from carlaloc_env.assets.wheels import wheel_pose
-from carlaloc_env.car_track import CarTrack
-from carlaloc_env.errors import EpisodeError
-from carlaloc_env.scene import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import (
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import (
     LIGHT_BRAKE,
     LIGHT_LEFT,
     LIGHT_REVERSE,
@@ -30,6 +29,7 @@ from carlaloc_env.timeline import (
     ActorCatalog,
     ActorFrame,
 )
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 BRAKE_SHARE = 0.02
 """The pedal's way from which the ego's brake lamps are lit."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.atlas import Rect
-from carlaloc_env.materials import MATERIALS, Material
+from carlaloc_env.scene.materials import MATERIALS, Material
 
 PLATE_COLUMNS, PLATE_ROWS = 4, 16
 """Cells of the texture, each four times as wide as high; plate 0 lies at the lower left."""

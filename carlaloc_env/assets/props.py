@@ -9,8 +9,8 @@ from carlaloc_env.assets.shrubs import hedge, shrub
 from carlaloc_env.assets.signals import pedestrian_head, traffic_light
 from carlaloc_env.assets.signs import sign
 from carlaloc_env.assets.trees import tree
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.scene import Mesh
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.scene.mesh import Mesh
 
 PROPS: dict[str, Callable[[], Mesh]] = {
     "lamp": street.lamp,

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.articulation import STANDING_MPS, far_away, steer_step, tables_of, walker_models
-from carlaloc_env.scene import ModelLibrary
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.scene.mesh import ModelLibrary
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 
 def ray_models(

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.shapes import Look, box, extrude, lathe, rings, tube
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 def utility_pole(height_m: float = 10.5) -> Mesh:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.facets import crease
-from carlaloc_env.geometry import apply, cross
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, make_mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.transforms import apply, cross
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 Colour = tuple[int, int, int]

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.foliage import GREEN, clumps, directions, leaf_triangles
 from carlaloc_env.assets.shapes import Look, box, tube
-from carlaloc_env.materials import Material
-from carlaloc_env.rng import stream
-from carlaloc_env.scene import Mesh, make_mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.rng import stream
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 

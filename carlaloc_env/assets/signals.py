@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.shapes import Look, box, disc, lathe, placed, pose, rings, tube
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _POST = Look(Material.METAL_GALVANISED, Tag.POLE)
 _CASE = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (10, 11, 10))

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.atlas import STREET_NAMES, SignCell, atlas_uv, cell_corners, street_name_uv
 from carlaloc_env.assets.shapes import Look, box, placed, surface, tube
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _POST = Look(Material.METAL_GALVANISED, Tag.POLE)
 _FACE = Look(Material.SIGN, Tag.TRAFFIC_SIGN)

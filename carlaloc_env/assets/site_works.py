@@ -6,9 +6,9 @@ import numpy as np
 
 from carlaloc_env.assets.roadside import fence
 from carlaloc_env.assets.shapes import Look, box, lathe, placed, tube
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _CONCRETE = Look(Material.CONCRETE, Tag.BUILDING, (205, 202, 194))
 _YELLOW = Look(Material.METAL_PAINTED, Tag.STATIC, (190, 120, 8))

@@ -19,9 +19,9 @@ from carlaloc_env.assets.shapes import (
     surface,
     tube,
 )
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 _STATIC = Tag.STATIC
 _STEEL = Look(Material.METAL_GALVANISED, _STATIC)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.gait import standing
 from carlaloc_env.assets.shapes import Colour, Look, ellipsoid, rings, surface
 from carlaloc_env.assets.skeleton import BONES, Joints, Skin, shoe_sole
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 Hang = tuple[str, str, float]

@@ -13,12 +13,12 @@ from carlaloc_env.assets.foliage import CLUMP_AREA, TRIANGLE_AREA, clumps, direc
 from carlaloc_env.assets.palms import palm
 from carlaloc_env.assets.shapes import Look, tube
 from carlaloc_env.assets.tree_forms import DETAILS, FORMS, TreeForm
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.geometry import cross
-from carlaloc_env.materials import Material
-from carlaloc_env.rng import stream
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.rng import stream
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from carlaloc_env.assets.atlas import cell_corners
 from carlaloc_env.assets.plate_text import PLATE_SIZE_M, plate_uv
 from carlaloc_env.assets.shapes import Look, quad
 from carlaloc_env.assets.wheels import WheelPlace
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

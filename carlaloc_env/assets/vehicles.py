@@ -12,7 +12,7 @@ from carlaloc_env.assets.cycles import bicycle, motorcycle
 from carlaloc_env.assets.fleet import CARS
 from carlaloc_env.assets.lorry import lorry
 from carlaloc_env.assets.vehicle_parts import VehicleParts
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core.errors import ConfigError, unknown_name
 
 _OTHERS: dict[str, Callable[[], VehicleParts]] = {
     "lorry": lorry,

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.shapes import Look, mirrored, placed, rings, surface
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 
 TYRE = (190, 190, 190)
 RIM = (150, 152, 155)

@@ -8,8 +8,8 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import STEP_NS, TICK_S
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.core.clock import STEP_NS, TICK_S
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 MAX_BOXES = 32
 """Actors that exist in the collision world at once."""

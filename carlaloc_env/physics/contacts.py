@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from carlaloc_env.clock import TICK_S
+from carlaloc_env.core.clock import TICK_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,10 +9,10 @@ import numpy as np
 import pybullet
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.clock import TICK_S
-from carlaloc_env.controls import Controls
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain
 from carlaloc_env.physics.wheel import BodyMotion, Wheel, wet_at_speed
@@ -98,7 +98,7 @@ class EgoCar:
         """
         wanted = np.asarray(position_m, dtype=np.float64)
         base, quat = self._place_on_road(wanted, float(heading_rad))
-        com = base + geometry.quat_rotate(quat, [-o for o in self._offset])
+        com = base + transforms.quat_rotate(quat, [-o for o in self._offset])
         self._renew_body(com, quat)
         self._powertrain.release()
         self._steer_rad = 0.0
@@ -287,8 +287,8 @@ class EgoCar:
         forward = np.array([c * p.wheelbase_m, s * p.wheelbase_m, 0.5 * (fl + fr - rl - rr)])
         left = np.array([-s * p.track_m, c * p.track_m, 0.5 * (fl + rl - fr - rr)])
         x_axis = forward / np.sqrt(np.sum(forward * forward))
-        up = geometry.cross(x_axis, left)
+        up = transforms.cross(x_axis, left)
         up = up / np.sqrt(np.sum(up * up))
-        R = np.stack([x_axis, geometry.cross(up, x_axis), up], axis=-1)
+        R = np.stack([x_axis, transforms.cross(up, x_axis), up], axis=-1)
         base = np.array([wanted_m[0], wanted_m[1], 0.5 * (rl + rr)])
-        return base, geometry.matrix_to_quat(R)
+        return base, transforms.matrix_to_quat(R)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from carlaloc_env.clock import TICK_S
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.controls import Controls
 from carlaloc_env.physics.params import VehicleParams
 
 

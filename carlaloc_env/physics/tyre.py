@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import atan, exp, sin, sqrt
 
-from carlaloc_env.clock import TICK_S
+from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.physics.params import VehicleParams
 
 _C, _E = 1.4, -0.2

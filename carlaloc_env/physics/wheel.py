@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import cos, sin, sqrt
 from typing import Any
 
-from carlaloc_env.clock import TICK_S
+from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.physics.params import GRAVITY_MPS2, VehicleParams
 from carlaloc_env.physics.tyre import Tyre, lateral_mu
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]

@@ -15,15 +15,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
 from carlaloc_env.assets.articulation import steered_mesh
 from carlaloc_env.assets.ray_placing import ray_models, ray_postures
+from carlaloc_env.core import transforms
 from carlaloc_env.raycast.culling import Cylinders, candidates
 from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.raycast.surface import Surface, import_open3d
-from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, merge
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorFrame, Timeline
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, merge
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
@@ -127,10 +127,10 @@ class RayScene:
     ) -> None:
         times, back = np.unique(stamps_ns, return_inverse=True)
         motion = timeline.ego_motion(times)
-        turn = geometry.quat_conjugate(motion.quat_xyzw)[back]
+        turn = transforms.quat_conjugate(motion.quat_xyzw)[back]
         found = self.cast_ego(
-            geometry.quat_rotate(turn, origins_m - motion.position_m[back]),
-            geometry.quat_rotate(turn, directions),
+            transforms.quat_rotate(turn, origins_m - motion.position_m[back]),
+            transforms.quat_rotate(turn, directions),
             range_max_m,
         )
         rows = np.flatnonzero(found.range_m < hits.range_m)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
-from carlaloc_env.errors import RaycastError
+from carlaloc_env.core.errors import RaycastError
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast.hits import Hits
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 
 F32 = NDArray[np.float32]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -9,7 +9,7 @@ from typing import Any
 
 import moderngl
 
-from carlaloc_env.errors import RenderError
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.hoisting import hoisted
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"

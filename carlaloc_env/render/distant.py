@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.scene import Instances, ModelLibrary
+from carlaloc_env.scene.mesh import Instances, ModelLibrary
 
 SIMPLE_FROM_M = 18.0
 """Distance from which cars are simpler in pictures of `detail.FAR_LOW_FOCAL_PX` [m]."""

@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.materials import Material
 from carlaloc_env.render.context import Programs, is_software, set_uniforms
 from carlaloc_env.render.detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
 from carlaloc_env.render.distant import SIMPLE_FROM_M, Distant
@@ -20,7 +19,8 @@ from carlaloc_env.render.scenery import Scenery
 from carlaloc_env.render.shadow import Casters
 from carlaloc_env.render.sieve import Sieve
 from carlaloc_env.render.surfaces import surface_table, upload_textures
-from carlaloc_env.scene import Instances, Mesh, ModelLibrary
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 
 NEAR_ROUND_M = 25.0
 """All that is nearer is drawn before large walls and roads, so that these are not shaded behind it [m]."""

@@ -10,10 +10,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.projection import View
-from carlaloc_env.scene import Instances
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.mesh import Instances
+from carlaloc_env.scene.semantic_tags import Tag
 
 _T = TypeVar("_T", np.float32, np.uint32)
 

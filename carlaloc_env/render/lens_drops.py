@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.core import rng
+from carlaloc_env.weather.parameters import WeatherParameters
 
 MOST = 90
 """Drops on the lens in rain of 50 mm/h."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import cross
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.glowing_tiles import keep_glowing
 from carlaloc_env.render.lights import Lights
 from carlaloc_env.render.lit_tiles import keep_lit

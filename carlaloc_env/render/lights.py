@@ -11,8 +11,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled, inlined
+from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.render.rain_kernels import low_beam
 
 Array = NDArray[np.float64]

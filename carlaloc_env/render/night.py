@@ -18,7 +18,7 @@ from carlaloc_env.render.streak_kernels import UNSEEN_NOISE
 from carlaloc_env.render.tile_quads import TileQuads
 from carlaloc_env.render.tiles import DepthRange
 from carlaloc_env.render.uniforms import Scene
-from carlaloc_env.scene import ModelLibrary
+from carlaloc_env.scene.mesh import ModelLibrary
 
 _LISTS = 0
 """Slot of the image of the lists."""

@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.render.projection import NEAR_M, View
-from carlaloc_env.scene import EGO_INSTANCE
+from carlaloc_env.scene.mesh import EGO_INSTANCE
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.compiled import compiled
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.jit import compiled
 
 Array = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.geometry import cross
+from carlaloc_env.core import rng
+from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.lights import Lights
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.rain_kernels import fill as _fill
 from carlaloc_env.render.rain_kernels import shine as _shine
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
 
 Array = NDArray[np.float64]
 

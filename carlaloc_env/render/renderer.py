@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.render.context import Programs, create_context
 from carlaloc_env.render.fill import Filler, distance_m
 from carlaloc_env.render.gbuffer import GBuffer, TargetPool
@@ -18,8 +18,8 @@ from carlaloc_env.render.occlusion import Depths
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
-from carlaloc_env.scene import Instances, Mesh, ModelLibrary
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
+from carlaloc_env.weather.parameters import WeatherParameters
 
 QUALITIES = ("low", "medium", "high")
 """One sample per pixel; the same with a lens blur of 0.5 px; 2×2 samples resolved before shading."""

@@ -9,12 +9,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import materials
 from carlaloc_env.render.clusters import cut, in_order
 from carlaloc_env.render.detail import Coarseness, coarse
 from carlaloc_env.render.geometry import Geometry, seen_from_front
 from carlaloc_env.render.projection import View
-from carlaloc_env.scene import Mesh, merge
+from carlaloc_env.scene import materials
+from carlaloc_env.scene.mesh import Mesh, merge
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

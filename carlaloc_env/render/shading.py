@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
+from carlaloc_env.core import rng
 from carlaloc_env.render.context import Programs, set_uniforms
 from carlaloc_env.render.covering import Cover, Passes
 from carlaloc_env.render.day_tiles import LEAST_PX, day_groups
@@ -36,8 +36,8 @@ from carlaloc_env.render.uniforms import (
     tell_shadows,
     tell_view,
 )
-from carlaloc_env.scene import ModelLibrary
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.scene.mesh import ModelLibrary
+from carlaloc_env.weather.parameters import WeatherParameters
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.render.context import is_software
 from carlaloc_env.render.sky import SkyLight, sky_light
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.core import rng
+from carlaloc_env.weather.parameters import WeatherParameters
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import materials
-from carlaloc_env.materials import Material
 from carlaloc_env.render.context import shader_source
+from carlaloc_env.scene import materials
+from carlaloc_env.scene.materials import Material
 
 _LIT_AT_NIGHT = (Material.LAMP_WHITE, Material.LAMP_TAIL)
 """Lamps that are off by day; signals and brake lights are lit whenever they are drawn."""

@@ -15,7 +15,7 @@ from carlaloc_env.render.roofs import Roofs
 from carlaloc_env.render.shadow import STATIC_EXTENT_M, ShadowMap
 from carlaloc_env.render.skies import Sky
 from carlaloc_env.render.sky import READ_NOISE_E, electrons
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
 
 RIPPLES_NS = 1_000_000_000_000
 """Period of the rings on puddles [ns]; shaders count time in single precision."""

@@ -5,8 +5,8 @@ of measurement since the drive began.
 """
 
 from carlaloc_env.samples.base import Sample
-from carlaloc_env.samples.clouds import PointCloud, RadarScan
-from carlaloc_env.samples.pictures import (
+from carlaloc_env.samples.ground_truth import ObjectList, Odometry
+from carlaloc_env.samples.images import (
     EVENT,
     DepthImage,
     Events,
@@ -15,8 +15,8 @@ from carlaloc_env.samples.pictures import (
     NormalImage,
     SemanticImage,
 )
-from carlaloc_env.samples.states import CanState, GnssFix, Imu, Speed, WheelTicks
-from carlaloc_env.samples.truth import ObjectList, Odometry
+from carlaloc_env.samples.point_clouds import PointCloud, RadarScan
+from carlaloc_env.samples.vehicle_states import CanState, GnssFix, Imu, Speed, WheelTicks
 
 __all__ = [
     "EVENT",

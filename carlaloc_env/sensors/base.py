@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.clock import STEP_NS, Schedule
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import STEP_NS, Schedule
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.samples import Sample
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
     from gymnasium import spaces
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from carlaloc_env.assets.placing import SignalLenses
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
-    from carlaloc_env.scene import ModelLibrary
-    from carlaloc_env.weather import WeatherParameters
-    from carlaloc_env.weather_schedule import Weather
+    from carlaloc_env.scene.mesh import ModelLibrary
+    from carlaloc_env.weather.parameters import WeatherParameters
+    from carlaloc_env.weather.schedule import Weather
 
 
 class World(Protocol):
@@ -76,15 +76,15 @@ class Mount:
     @property
     def T_base_sensor(self) -> NDArray[np.float64]:
         """Maps sensor coordinates to `base_link`, shape (4, 4)."""
-        turn = geometry.quat_to_matrix(geometry.rpy_to_quat(*np.radians(self.rpy_deg)))
-        axes = geometry.apply(geometry.from_rotation(turn), _AXES[self.axes].T).T
-        return geometry.from_rotation(axes, self.position_m)
+        turn = transforms.quat_to_matrix(transforms.rpy_to_quat(*np.radians(self.rpy_deg)))
+        axes = transforms.apply(transforms.from_rotation(turn), _AXES[self.axes].T).T
+        return transforms.from_rotation(axes, self.position_m)
 
 
 _AXES = {
     "flu": np.eye(3),
-    "optical": geometry.R_FLU_OPTICAL,
-    "paper_imu": geometry.R_FLU_PAPER_IMU,
+    "optical": transforms.R_FLU_OPTICAL,
+    "paper_imu": transforms.R_FLU_PAPER_IMU,
 }
 
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.geometry import wrap_angle
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import Timeline
 
 Array = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from carlaloc_env.assets.placing import (
     place_lights,
     place_signals,
 )
-from carlaloc_env.clock import TICK_NS
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.lens import Lens
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.lens_distortion import Lens
 from carlaloc_env.render.lens_drops import with_lens_drops
 from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.samples import (
@@ -32,8 +32,8 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
 )
-from carlaloc_env.scene import Instances, concatenate_instances
-from carlaloc_env.semantics import TAG_TABLES, Tag, tags_in
+from carlaloc_env.scene.mesh import Instances, concatenate_instances
+from carlaloc_env.scene.semantic_tags import TAG_TABLES, Tag, tags_in
 from carlaloc_env.sensors.base import Camera, Mount, SensorConfig, World
 from carlaloc_env.sensors.camera_imaging import Draw, Imaging, Swept
 from carlaloc_env.sensors.camera_shot import Optics, Shot
@@ -42,9 +42,9 @@ from carlaloc_env.sensors.events import F32, log_intensity
 from carlaloc_env.sensors.exposure import ImagerConfig
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.sensors.shutter import ShutterConfig
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather import WIND_DIRECTION
-from carlaloc_env.weather_schedule import Weather
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.parameters import WIND_DIRECTION
+from carlaloc_env.weather.schedule import Weather
 
 OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
 """What a camera can give; stream names are ``<output>_<name>``."""

@@ -15,8 +15,8 @@ from carlaloc_env.sensors.exposure import Imager, ImagerConfig
 from carlaloc_env.sensors.memory import Chain
 from carlaloc_env.sensors.pixel_motion import Moment
 from carlaloc_env.sensors.shutter import ShutterConfig, exposed, picked
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather_schedule import Weather
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.schedule import Weather
 
 Draw = Callable[[int], tuple[Shot, Moment]]
 """Draws what the camera sees at a time [ns]."""

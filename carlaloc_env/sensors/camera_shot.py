@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.lens import Lens, LensView
-from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.lens_distortion import Lens, LensView
+from carlaloc_env.weather.parameters import WeatherParameters
 
 if TYPE_CHECKING:
     from carlaloc_env.render.gbuffer import GBuffer

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.compiled import inlined
+from carlaloc_env.core.jit import inlined
 from carlaloc_env.sensors.event_crossing import fire_samples, settle
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import CHUNK, LEVELS, U, V, arrive, repeat

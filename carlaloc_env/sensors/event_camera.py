@@ -17,16 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import over_bands
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.jit import over_bands
 from carlaloc_env.samples import EVENT
 from carlaloc_env.sensors.camera_shot import Optics, Shot
 from carlaloc_env.sensors.events import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
 from carlaloc_env.sensors.memory import Chain
 from carlaloc_env.sensors.passing_surfaces import passing_surfaces
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather_schedule import Weather
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.schedule import Weather
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled, inlined
+from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import (
     DRIFT,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from carlaloc_env.compiled import compiled, inlined
+from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.sensors.event_alone import fire_alone
 from carlaloc_env.sensors.event_crossing import COUNT, EVENTS, NEXT_SHOT, PIXEL_ROWS, put_down, take_up
 from carlaloc_env.sensors.event_sampling import reaches

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled, over_bands
+from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.samples import EVENT
 
 SLOT_BITS = 8

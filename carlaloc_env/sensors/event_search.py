@@ -13,7 +13,7 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
-from carlaloc_env.compiled import inlined
+from carlaloc_env.core.jit import inlined
 from carlaloc_env.sensors.event_between import between
 from carlaloc_env.sensors.event_lanes import (
     FLOATS,

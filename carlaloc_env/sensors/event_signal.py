@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.compiled import inlined
+from carlaloc_env.core.jit import inlined
 from carlaloc_env.sensors.event_crossing import fire_samples, settle
 from carlaloc_env.sensors.event_sampling import CHUNK, arrive, look, mix, place, reaches
 from carlaloc_env.sensors.event_travel import follow, travel

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import inlined
+from carlaloc_env.core.jit import inlined
 from carlaloc_env.sensors.event_lanes import FLOATS, I32, I64, LANES, WORDS, Wide, data_of, spread
 from carlaloc_env.sensors.event_sampling import CHUNK, U, V
 from carlaloc_env.sensors.event_search import (

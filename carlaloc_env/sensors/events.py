@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.compiled import BAND_ROWS, compiled, over_bands
+from carlaloc_env.core import rng
+from carlaloc_env.core.jit import BAND_ROWS, compiled, over_bands
 from carlaloc_env.sensors.event_crossing import NEVER_US
 from carlaloc_env.sensors.event_kernels import fire_rows
 from carlaloc_env.sensors.event_lanes import float_of, word_of

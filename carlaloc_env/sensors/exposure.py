@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core import rng
+from carlaloc_env.core.errors import ConfigError
 
 F32 = NDArray[np.float32]
 

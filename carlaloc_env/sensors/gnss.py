@@ -11,14 +11,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import TICK_NS
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import GnssFix, Sample
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.noise import GaussMarkov, white
 from carlaloc_env.sensors.satellites import CONSTELLATIONS, dilution, least_squares, sky_directions
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 Array = NDArray[np.float64]
 

@@ -11,15 +11,15 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry, rng
-from carlaloc_env.clock import TICK_NS
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core import rng, transforms
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.noise import Flicker, RandomWalk, WhiteSequence
 from carlaloc_env.sensors.vibration import ROAD_CLASSES, MotorShake, RoadShake
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.trajectory import Motion
+from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.timeline import Timeline
 
 Array = NDArray[np.float64]
 
@@ -222,7 +222,7 @@ class ImuSensor(Sensor):
             truth[:, :3] += self._shake(timeline, stamps_ns)
         if self._mixing is not None:
             truth = np.concatenate(
-                [geometry.apply(geometry.from_rotation(M), truth[:, k : k + 3])
+                [transforms.apply(transforms.from_rotation(M), truth[:, k : k + 3])
                  for M, k in zip(self._mixing, (0, 3), strict=True)], axis=-1
             )  # fmt: skip
         white = self._white_scale * self._white.rows(self._numbers(stamps_ns))
@@ -263,8 +263,8 @@ class ImuSensor(Sensor):
         if self.config.orientation_noise_rad:
             name = f"{self.config.name}/attitude"
             tilt = [rng.stream(self._seed, name, int(s)).standard_normal(3) for s in motion.stamp_ns]
-            error = geometry.rotvec_to_quat(self.config.orientation_noise_rad * np.array(tilt))
-            quats = geometry.quat_multiply(quats, error)
+            error = transforms.rotvec_to_quat(self.config.orientation_noise_rad * np.array(tilt))
+            quats = transforms.quat_multiply(quats, error)
         return [quat.copy() for quat in quats]
 
     def _numbers(self, stamps_ns: Sequence[int]) -> NDArray[np.int64]:
@@ -274,7 +274,7 @@ class ImuSensor(Sensor):
 def ideal(motion: Motion) -> Array:
     """What a perfect IMU with this motion reads: R_WBᵀ(a − g) [m/s²] and ω_B [rad/s], shape (M, 6)."""
     force = motion.acceleration_world_mps2 + np.array([0.0, 0.0, GRAVITY_MPS2])
-    body = geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), force)
+    body = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), force)
     return np.concatenate([body, motion.omega_body_radps], axis=-1)
 
 

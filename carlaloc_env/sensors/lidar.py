@@ -15,11 +15,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core import rng
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
-from carlaloc_env.semantics import TAG_TABLES, tags_in
+from carlaloc_env.scene.semantic_tags import TAG_TABLES, tags_in
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.lidar_air import air_at
 from carlaloc_env.sensors.lidar_echoes import Echoes
@@ -28,8 +28,8 @@ from carlaloc_env.sensors.lidar_models import HDL32E_ELEVATIONS_DEG, HDL32E_FIRI
 from carlaloc_env.sensors.lidar_spray import spray_ranges
 from carlaloc_env.sensors.lidar_turn import Revolution
 from carlaloc_env.sensors.noise import white
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.parameters import WeatherParameters
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import MOR_CONTRAST, WeatherParameters
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import MOR_CONTRAST, WeatherParameters
 
 Array = NDArray[np.float64]
 

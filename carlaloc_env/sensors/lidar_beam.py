@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
+from carlaloc_env.core import transforms
 from carlaloc_env.raycast import Hits
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ def sub_rays(directions: Array, divergence_rad: float) -> Iterator[Array]:
     flat = np.stack([-directions[:, 1], directions[:, 0], np.zeros(len(directions))], axis=-1)
     size = np.sqrt(np.sum(flat * flat, axis=-1))[:, None]
     aside = np.where(size > 1e-9, flat / np.maximum(size, 1e-9), np.array([0.0, 1.0, 0.0]))
-    above = geometry.cross(directions, aside)
+    above = transforms.cross(directions, aside)
     for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         moved = directions + _RING * divergence_rad * (right * aside + up * above)
         yield moved / np.sqrt(np.sum(moved * moved, axis=-1))[:, None]

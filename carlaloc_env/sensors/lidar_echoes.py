@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import materials
 from carlaloc_env.raycast import Hits
+from carlaloc_env.scene import materials
 from carlaloc_env.sensors.lidar_air import GROUND_TAGS, Air
 from carlaloc_env.sensors.lidar_kernels import strengths
 from carlaloc_env.sensors.lidar_weather import BEAM_MRAD, SolidEchoes, strongest_echoes

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.raycast import Cylinders, candidates, into_actor_frame
 from carlaloc_env.sensors.boxes import boxes_at
 from carlaloc_env.sensors.lidar_air import spray_density_per_m
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 Array = NDArray[np.float64]
 

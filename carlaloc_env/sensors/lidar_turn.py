@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
+from carlaloc_env.core import transforms
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.lidar_beam import sub_rays, weigh
 from carlaloc_env.sensors.lidar_kernels import aim
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
     from carlaloc_env.sensors.lidar import LidarConfig
@@ -47,8 +47,8 @@ class Revolution:
         self._column = np.repeat(columns, len(firing))
         self.ring = np.tile(order.astype(np.uint16), config.columns)
         self.directions = self._make_directions(order)
-        self._directions_base = geometry.apply(
-            geometry.from_rotation(self._T_base_lidar[:3, :3]), self.directions
+        self._directions_base = transforms.apply(
+            transforms.from_rotation(self._T_base_lidar[:3, :3]), self.directions
         )
         if config.sectors:
             self._column_ns = columns * config.sectors // config.columns * config.sweep_ns // config.sectors

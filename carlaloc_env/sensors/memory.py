@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 S = TypeVar("S")
 

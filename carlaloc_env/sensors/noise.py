@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from carlaloc_env import rng
+from carlaloc_env.core import rng
 
 Array = NDArray[np.float64]
 

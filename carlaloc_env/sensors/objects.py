@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import quat_rotate
+from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.samples import ObjectList
 from carlaloc_env.sensors.boxes import Boxes, boxes_at
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.sensors.pixel_motion import SKY_M, SURFACE_RATIO, TILE_PX
 
 F32 = NDArray[np.float32]

@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
 from carlaloc_env.assets.placing import ground_poses
-from carlaloc_env.compiled import compiled, over_bands
-from carlaloc_env.lens import MODELS, Lens
-from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.jit import compiled, over_bands
+from carlaloc_env.core.lens_distortion import MODELS, Lens
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import Timeline
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
@@ -93,9 +93,9 @@ def motion_field(
     Returns:
         du, dv [px], ratio of the depths then/now, depth now [m]; shape (H, W, 4).
     """
-    T_then_world = geometry.invert(then.T_world_camera)
+    T_then_world = transforms.invert(then.T_world_camera)
     still = _times(T_then_world, now.T_world_camera)
-    undone = np.stack([geometry.invert(T) for T in now.T_world_actor]) if len(now.actor_id) else _NONE
+    undone = np.stack([transforms.invert(T) for T in now.T_world_actor]) if len(now.actor_id) else _NONE
     moved = _times(_times(T_then_world[None], then.T_world_actor), _times(undone, now.T_world_camera[None]))
     # Row 0: what stands still; row 1: the ego's own body, fixed to the camera; then the actors.
     maps = np.concatenate([still[None], np.eye(4)[None], moved])[:, :3].astype(np.float64)

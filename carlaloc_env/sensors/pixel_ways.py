@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled, over_bands
+from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.sensors.pixel_motion import TILE_PX, bilinear, motion_at, source_of
 
 F32 = NDArray[np.float32]

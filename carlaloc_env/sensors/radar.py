@@ -14,14 +14,14 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import RadarScan, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.radar_detector import Detector
 from carlaloc_env.sensors.radar_echo import join, merge_cells
 from carlaloc_env.sensors.radar_view import View
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.parameters import WeatherParameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
+from carlaloc_env.core import rng
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.radar_echo import Echoes, detect, errors, mean_snr, rain_loss_db_per_m, snr_at
 from carlaloc_env.sensors.radar_geometry import dot, out_of
-from carlaloc_env.trajectory import Motion
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.weather.parameters import WeatherParameters
 
 if TYPE_CHECKING:
     from carlaloc_env.sensors.radar import RadarConfig

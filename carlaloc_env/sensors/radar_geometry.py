@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.trajectory import Motion
+from carlaloc_env.core import transforms
+from carlaloc_env.timeline.ego_spline import Motion
 
 Array = NDArray[np.float64]
 
@@ -20,12 +20,12 @@ def polar(local_m: Array) -> tuple[Array, Array, Array]:
 
 def into(motion: Motion, vectors: Array) -> Array:
     """Vectors (N, 3) from world axes to those of the radar."""
-    return geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), vectors)
+    return transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), vectors)
 
 
 def out_of(motion: Motion, vectors: Array) -> Array:
     """Vectors (N, 3) from the axes of the radar to those of the world."""
-    return geometry.quat_rotate(motion.quat_xyzw, vectors)
+    return transforms.quat_rotate(motion.quat_xyzw, vectors)
 
 
 def dot(vectors: Array, other: Array) -> Array:

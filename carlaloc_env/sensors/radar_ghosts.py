@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
+from carlaloc_env.core import transforms
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.boxes import Boxes
 from carlaloc_env.sensors.radar_echo import Echoes
 from carlaloc_env.sensors.radar_targets import REFLECTORS
-from carlaloc_env.trajectory import Motion
+from carlaloc_env.timeline.ego_spline import Motion
 
 Array = NDArray[np.float64]
 Cast = Callable[[Array, Array], Hits]
@@ -104,7 +104,7 @@ def _mirrors(
     beside the one that met it.
     """
     origin = motion.position_m[0]
-    up = geometry.quat_rotate(motion.quat_xyzw, np.array([[0.0, 0.0, 1.0]]))[0]
+    up = transforms.quat_rotate(motion.quat_xyzw, np.array([[0.0, 0.0, 1.0]]))[0]
     count = len(choice)
     road = np.arange(count) % 4 == 0
     below = cast(origin[None], -up[None]).range_m[0]
@@ -115,14 +115,14 @@ def _mirrors(
         else np.zeros(count, np.intp)
     )
     along = directions[wall] if len(walls) else np.broadcast_to(up, (count, 3))
-    aside = geometry.cross(along, np.broadcast_to(up, along.shape))
-    above = geometry.cross(aside, along)
+    aside = transforms.cross(along, np.broadcast_to(up, along.shape))
+    above = transforms.cross(aside, along)
     rays = np.concatenate([along + 0.01 * aside, along + 0.01 * above, along])
     rays = rays / np.sqrt(_dot(rays, rays))[:, None]
     ranges = cast(np.broadcast_to(origin, rays.shape), rays).range_m.astype(np.float64)
     with np.errstate(invalid="ignore"):  # rays into the sky have no end, and their mirrors none either
         ends = (origin + ranges[:, None] * rays).reshape(3, count, 3)
-        normal = geometry.cross(ends[0] - ends[2], ends[1] - ends[2])
+        normal = transforms.cross(ends[0] - ends[2], ends[1] - ends[2])
         size = np.sqrt(_dot(normal, normal))
         normal = normal / size[:, None]
     if not len(walls):
@@ -149,7 +149,7 @@ def _images(
     towards = image - motion.position_m[0]
     distance = np.sqrt(_dot(towards, towards))
     along = towards / np.maximum(distance, 1e-6)[:, None]
-    local = geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), along)
+    local = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), along)
     flat = np.sqrt(local[:, 0] * local[:, 0] + local[:, 1] * local[:, 1])
     return Echoes(
         range_m=distance,
@@ -172,7 +172,7 @@ def _directions_of(echoes: Echoes, motion: Motion) -> Array:
         ],
         axis=-1,
     )
-    return geometry.quat_rotate(motion.quat_xyzw, local)
+    return transforms.quat_rotate(motion.quat_xyzw, local)
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
+from carlaloc_env.core import rng
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.boxes import Boxes, boxes_at
@@ -16,8 +16,8 @@ from carlaloc_env.sensors.radar_echo import Echoes
 from carlaloc_env.sensors.radar_geometry import dot, into, out_of, polar
 from carlaloc_env.sensors.radar_ghosts import mirror_images
 from carlaloc_env.sensors.radar_targets import actor_rcs_dbsm, scenery_db, texture
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.trajectory import Motion
+from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
     from carlaloc_env.sensors.radar import RadarConfig

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.core.geodesy import GeoReference
 
 Array = NDArray[np.float64]
 

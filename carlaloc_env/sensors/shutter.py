@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled, over_bands
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.sensors.events import Motion
 from carlaloc_env.sensors.pixel_ways import BOTH, FIRST, NOWHERE, SECOND, sources
 

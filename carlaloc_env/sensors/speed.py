@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import Sample, Speed
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.noise import white
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,9 +61,9 @@ class SpeedSensor(Sensor):
         if not stamps_ns:
             return []
         motion = timeline.ego_motion(stamps_ns).at_mount(self._T_base_sensor)
-        ahead = geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), motion.velocity_world_mps)[
-            :, 0
-        ]
+        ahead = transforms.quat_rotate(
+            transforms.quat_conjugate(motion.quat_xyzw), motion.velocity_world_mps
+        )[:, 0]
         sigma, name = self.config.noise_mps, f"{self.config.name}/speed"
         return [
             Speed(

@@ -10,8 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.car_track import CarState
+from carlaloc_env.core import rng
+from carlaloc_env.timeline.vehicle_track import CarState
 
 Array = NDArray[np.float64]
 

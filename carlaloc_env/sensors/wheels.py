@@ -10,12 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env import rng
-from carlaloc_env.clock import TICK_NS
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core import rng
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import Sample, WheelTicks
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.fields import EdgeField
 from carlaloc_env.town.levels import Levels
 from carlaloc_env.town.meshing import MeshBuilder

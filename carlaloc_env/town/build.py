@@ -6,11 +6,11 @@ import importlib.resources
 import os
 from pathlib import Path
 
-from carlaloc_env import mesh_arrays
-from carlaloc_env.array_files import Arrays, cached, content_hash
 from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.errors import MapError, unknown_name
-from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.core.array_cache import Arrays, cached, content_hash
+from carlaloc_env.core.errors import MapError, unknown_name
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive

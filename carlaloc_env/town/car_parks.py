@@ -9,12 +9,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.roadside import fence
 from carlaloc_env.assets.signs import sign
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.levels import State
 from carlaloc_env.town.meshing import MeshBuilder

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.atlas import GRID
-from carlaloc_env.materials import MATERIALS, Material
+from carlaloc_env.scene.materials import MATERIALS, Material
 
 Array = NDArray[np.float64]
 

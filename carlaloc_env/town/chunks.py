@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 
 CHUNK_M = 60.0
 """Side of a square [m]."""

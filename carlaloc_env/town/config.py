@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.geodesy import GeoReference
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.geodesy import GeoReference
 
 if sys.version_info >= (3, 11):
     import tomllib

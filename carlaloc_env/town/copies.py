@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.assets.placing import SignalLenses
 from carlaloc_env.assets.tree_forms import FORMS
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.collision import posts
 from carlaloc_env.town.features import feature_lamps, feature_mesh, roofed_sites
 from carlaloc_env.town.furniture import Furnisher

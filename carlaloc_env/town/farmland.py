@@ -10,12 +10,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.farm_things import bale, fence_panel, maize, stalks
 from carlaloc_env.assets.tree_forms import DETAILS
 from carlaloc_env.assets.trees import tree
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.meshing import MeshBuilder, extrude
 from carlaloc_env.town.planting import PROTOTYPES, put_bushes, tree_detail

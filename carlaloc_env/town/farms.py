@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.farm_things import bale
 from carlaloc_env.assets.shapes import Look as Stuff
 from carlaloc_env.assets.shapes import lathe
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings import BuildingPlan, building_mesh, draw_look
 from carlaloc_env.town.cells import cell_uv
 from carlaloc_env.town.copies import copies, poses

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from carlaloc_env.materials import Material
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.town.areas import JunctionArea
 from carlaloc_env.town.opendrive.model import Road
 from carlaloc_env.town.road_edges import road_limit_mps

@@ -9,13 +9,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.billboard import billboard
 from carlaloc_env.assets.site_works import construction_site
 from carlaloc_env.assets.street import bus_shelter
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings import BuildingPlan, building_mesh, draw_look
 from carlaloc_env.town.car_parks import BAY_M, DEPTH_M, CarPark
 from carlaloc_env.town.config import Feature

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.cells import cell_uv
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
 

@@ -9,8 +9,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env import rng
-from carlaloc_env.scene import Mesh
+from carlaloc_env.core import rng
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.pavements import raised_runs, run_edges
 from carlaloc_env.town.polygons import Area

@@ -8,14 +8,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.farm_things import picket_panel
 from carlaloc_env.assets.roadside import fence
 from carlaloc_env.assets.shapes import Look, box
 from carlaloc_env.assets.shrubs import shrub
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.lots import Lot
 from carlaloc_env.town.meshing import MeshBuilder

@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings import FOUNDATION_M, draw_look
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.copies import copies, poses

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.geometry import cross
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge, vertex_normals
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge, vertex_normals
+from carlaloc_env.scene.semantic_tags import Tag
 
 Array = NDArray[np.float64]
 

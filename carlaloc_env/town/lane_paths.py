@@ -7,7 +7,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from carlaloc_env.errors import MapError
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.lane_links import DRIVABLE_TYPES
 from carlaloc_env.town.network import LaneNetwork
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import from_rotation
+from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.town.opendrive.model import Road, RoadObject, Signal, Validity
 from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
 

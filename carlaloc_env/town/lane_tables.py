@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import MapError
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.opendrive.profiles import Array, Index, last_at_or_before
 from carlaloc_env.town.opendrive.surface import RoadSurface, SurfaceCurve
 

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
+from carlaloc_env.core import rng
 from carlaloc_env.town.buildings import BuildingPlan, draw_plan
 from carlaloc_env.town.fields import densify
 from carlaloc_env.town.polygons import Area

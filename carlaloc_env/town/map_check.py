@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from carlaloc_env.errors import MapError
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.map_graph_checks import graph_problems, link_problems, reciprocity_problems
 from carlaloc_env.town.map_road_checks import clearance_problems, plan_view_problems, road_problems
 from carlaloc_env.town.map_signal_checks import signal_problems

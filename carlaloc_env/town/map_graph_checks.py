@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lane_links import DRIVABLE_TYPES
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.model import OpenDrive, Road

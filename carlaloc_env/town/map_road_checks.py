@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.model import OpenDrive, Road
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from carlaloc_env.assets.shapes import Look as Stuff
 from carlaloc_env.assets.shapes import lathe
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
 from carlaloc_env.town.walls import around
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.errors import MapError
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lane_crosswalks import Crosswalk, find_crosswalks
 from carlaloc_env.town.lane_links import DRIVABLE_TYPES, BrokenLink, LaneLinks
 from carlaloc_env.town.lane_search import LaneSearch, NearestLane

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.shapes import Look as Stuff
 from carlaloc_env.assets.shapes import lathe
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.cells import cell_uv
 from carlaloc_env.town.looks import Look, trim_faces, wall_faces
 from carlaloc_env.town.meshing import MeshBuilder

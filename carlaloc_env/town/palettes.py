@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carlaloc_env.materials import Material
+from carlaloc_env.scene.materials import Material
 
 Tint = tuple[int, int, int]
 Choice = tuple[Material, Tint]

@@ -9,8 +9,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.levels import WALL_M
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.raised import DECK_M, DIM, FOOTING_M, GREY, Array, Floor, Mask, RaisedParts

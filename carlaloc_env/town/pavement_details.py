@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.opendrive.model import Road
 from carlaloc_env.town.pavements import FLARE_M, KERB_STONE_M, raised_runs, run_edges

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.levels import Levels, State
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
 from carlaloc_env.town.polygons import Area

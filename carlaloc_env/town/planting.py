@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.shrubs import shrub, tufts
 from carlaloc_env.assets.tree_forms import DETAILS
 from carlaloc_env.assets.trees import tree
+from carlaloc_env.core import rng
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.lots import frontages
 from carlaloc_env.town.polygons import Area

@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.scene import Mesh
+from carlaloc_env.core import rng
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.buildings import building_mesh
 from carlaloc_env.town.car_parks import CarPark, place_car_parks
 from carlaloc_env.town.config import TownConfig

@@ -8,13 +8,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.shapes import Look, box, lathe
 from carlaloc_env.assets.shrubs import shrub
 from carlaloc_env.assets.street import bench, planter
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.fields import densify
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.planting import put_trees, rights

@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.copies import copies, poses
 
 Array = NDArray[np.float64]

@@ -12,9 +12,9 @@ from carlaloc_env.assets.atlas import cell_corners, street_name_uv
 from carlaloc_env.assets.shapes import Look, box, placed, tube
 from carlaloc_env.assets.signs import board
 from carlaloc_env.assets.street import bench, bollard, lamp
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import Feature
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.polygons import Area

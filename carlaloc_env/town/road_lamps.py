@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets import street
 from carlaloc_env.assets.shapes import placed
-from carlaloc_env.scene import Mesh, merge
+from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.guard_rails import FAST_MPS
 from carlaloc_env.town.levels import WALL_M, State

@@ -10,9 +10,9 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.roadside import delineator
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.areas import TownAreas
 from carlaloc_env.town.car_parks import CarPark, add_car_park
 from carlaloc_env.town.collision import posts

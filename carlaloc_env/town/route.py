@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.errors import MapError
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lane_paths import Place, path_through
 from carlaloc_env.town.lane_tables import TABLE_STEP_M
 from carlaloc_env.town.network import LaneNetwork

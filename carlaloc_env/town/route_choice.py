@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import MapError
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.profiles import Array
 from carlaloc_env.town.route import Route, cut_start, plan_route

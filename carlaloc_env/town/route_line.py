@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lane_paths import Span
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.profiles import Array, Index

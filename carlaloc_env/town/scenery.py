@@ -9,9 +9,9 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.chunks import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.collision import lot_boxes, weld
 from carlaloc_env.town.config import TownConfig

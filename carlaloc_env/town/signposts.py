@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.placing import SignalLenses
 from carlaloc_env.assets.signals import traffic_light
 from carlaloc_env.assets.signs import sign
-from carlaloc_env.geometry import apply
-from carlaloc_env.scene import Mesh
+from carlaloc_env.core.transforms import apply
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.lane_signals import SignalHead, StaticSign
 from carlaloc_env.town.network import LaneNetwork

@@ -8,11 +8,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.trees import tree
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.meshing import MeshBuilder, box_quads
 from carlaloc_env.town.polygons import Area

@@ -13,7 +13,7 @@ from carlaloc_env.assets.atlas import STREET_NAMES
 from carlaloc_env.assets.shrubs import hedge
 from carlaloc_env.assets.signs import sign
 from carlaloc_env.assets.trees import tree
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 

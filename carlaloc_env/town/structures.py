@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.cuttings import ROOF_M
 from carlaloc_env.town.level_graph import grown, runs
 from carlaloc_env.town.levels import WALL_M, Levels, Stretch

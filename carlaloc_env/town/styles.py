@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carlaloc_env.materials import Material
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.town.palettes import (
     ACCENTS,
     BOARDS,

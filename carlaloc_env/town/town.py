@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.scene import Mesh
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.route import Route

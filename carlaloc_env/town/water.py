@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.level_graph import grown, runs
 from carlaloc_env.town.meshing import MeshBuilder, extrude
 from carlaloc_env.town.polygons import Area, areas_only, polygons_of, rings, triangulate

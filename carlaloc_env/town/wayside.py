@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.billboard import billboard
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.fields import densify
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.lots import frontages

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.ego_view import EgoView
 from carlaloc_env.traffic.signal_plan import SignalState

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.crossings import WANTED
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.roads import Roads

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carlaloc_env.assets.catalog import EGO_SIZE_M
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns
 from carlaloc_env.traffic.presence import Presence, add_body
 from carlaloc_env.traffic.roads import Roads

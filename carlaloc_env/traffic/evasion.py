@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.people import RADIUS_M, Boxes, Walking
 
 _VEHICLE_NEAR_M = 9.0

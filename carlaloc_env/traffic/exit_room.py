@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.presence import Presence
 from carlaloc_env.traffic.requests import Requests
 from carlaloc_env.traffic.roads import Roads

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorCatalog
+from carlaloc_env.core import rng
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.columns import fill
 from carlaloc_env.traffic.config import TrafficConfig
 from carlaloc_env.traffic.ego_view import EgoView

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.evasion import dodge, vehicle_ahead
 from carlaloc_env.traffic.footway_tables import Ground
 from carlaloc_env.traffic.people import RADIUS_M, STEP_S, Boxes, Walking

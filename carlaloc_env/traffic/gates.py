@@ -6,7 +6,7 @@ single crossing or a piece of motorway, only what may leave can drive there at a
 
 from __future__ import annotations
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.columns import Array, Index
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.leaders import find_ahead

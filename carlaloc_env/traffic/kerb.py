@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.columns import Array
 from carlaloc_env.traffic.crossings import TAKEN, WANTED
 from carlaloc_env.traffic.footway_tables import Ground

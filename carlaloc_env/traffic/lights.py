@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
-from carlaloc_env.timeline import LIGHT_BRAKE, LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT
+from carlaloc_env.core.jit import compiled
+from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT
 from carlaloc_env.traffic.roads import Roads
 from carlaloc_env.traffic.state import PLAN, Fleet
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.car_following import COMFORT_BRAKING_MPS2, idm_plus
 from carlaloc_env.traffic.dice import chance
 from carlaloc_env.traffic.leaders import find_ahead, find_beside, find_leader

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns, fill, starts
 from carlaloc_env.traffic.junctions import Links

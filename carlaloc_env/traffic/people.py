@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from carlaloc_env.clock import STEP_NS
+from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.traffic.columns import Array, Flags, Index
 
 STEP_S = STEP_NS / 1e9

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.roads import Roads, bank_at, put_point, sample
 from carlaloc_env.traffic.state import PAST, PLAN, Drivers, Fleet
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.columns import Array, Index, columns
 from carlaloc_env.traffic.state import HELD, Fleet
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.approach import PATIENCE_S
 from carlaloc_env.traffic.exit_room import claim_rooms, has_room
 from carlaloc_env.traffic.junctions import PARTING

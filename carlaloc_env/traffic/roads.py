@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.car_following import allowed_speeds
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns, fill, starts

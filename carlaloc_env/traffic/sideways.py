@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.roads import Roads, station_beside, width_at
 from carlaloc_env.traffic.state import Drivers, Fleet
 

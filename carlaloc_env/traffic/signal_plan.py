@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.roads import Roads
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
+from carlaloc_env.core import rng
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.ego_view import build_cells
 from carlaloc_env.traffic.footways import build_ground

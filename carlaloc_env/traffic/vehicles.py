@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.approach import collect
 from carlaloc_env.traffic.courtesy import mind_walkers
 from carlaloc_env.traffic.ego_view import Cells, place_ego

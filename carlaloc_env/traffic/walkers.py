@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import rng
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core import rng
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.traffic.columns import Array, columns
 from carlaloc_env.traffic.footway_tables import PAVEMENT, Ground
 from carlaloc_env.traffic.people import Boxes, Walking

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.junctions import MERGING, PARTING
 from carlaloc_env.traffic.requests import Requests
 from carlaloc_env.traffic.roads import Roads

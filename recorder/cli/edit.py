@@ -14,7 +14,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from carlaloc_env.errors import UsageError
+from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import path_argument, shared_options
 
 

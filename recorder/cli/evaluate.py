@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core.errors import ConfigError, unknown_name
 from recorder.cli.arguments import path_argument
 
 

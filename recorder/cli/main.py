@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import Any
 
 from carlaloc_env import __version__
-from carlaloc_env.errors import CarlaLocError, UsageError
+from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import shared_options
 
 COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate")

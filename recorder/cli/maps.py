@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 from recorder.cli.arguments import path_argument, positive_seconds, shared_options
 
 

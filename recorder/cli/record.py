@@ -15,7 +15,7 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
-from carlaloc_env.errors import UsageError
+from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import path_argument, positive_seconds
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

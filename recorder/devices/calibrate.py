@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from carlaloc_env.errors import DeviceError
+from carlaloc_env.core.errors import DeviceError
 from recorder.devices.axes import AxisShape
 from recorder.devices.inputs import Inputs, Stick
 from recorder.devices.profile import DeviceProfile, known_profiles, match_profile, save_profile

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import Enum
 
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core.errors import ConfigError, unknown_name
 
 
 class Command(Enum):

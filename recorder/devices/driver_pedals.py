@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carlaloc_env.clock import TICK_HZ, TICK_S
+from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.physics.params import GRAVITY_MPS2, VehicleParams
 from carlaloc_env.physics.powertrain import motor_force_n
 

@@ -7,7 +7,7 @@ from math import cos, floor, pi, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.inside_line import EASE_M, wanted_inside
 from carlaloc_env.town.route import Route
 

@@ -12,7 +12,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from carlaloc_env.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from recorder.devices.driver_route import DriverRoute
 
 _SIGHT_M = 130.0

@@ -11,8 +11,8 @@ from collections import deque
 from dataclasses import dataclass
 from math import atan, degrees, exp, sqrt
 
-from carlaloc_env import rng
-from carlaloc_env.clock import STEP_TICKS, TICK_HZ, TICK_S
+from carlaloc_env.core import rng
+from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.driver_route import DriverRoute
 

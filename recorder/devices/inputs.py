@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from carlaloc_env.errors import MissingDependencyError
+from carlaloc_env.core.errors import MissingDependencyError
 
 _MOVED = 0.02
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import yaml
 
-from carlaloc_env.errors import ConfigError, DeviceError
-from carlaloc_env.yaml_config import from_mapping, to_mapping
+from carlaloc_env.core.config_mapping import from_mapping, to_mapping
+from carlaloc_env.core.errors import ConfigError, DeviceError
 from recorder.devices.axes import AxisShape
 from recorder.devices.commands import Command
 

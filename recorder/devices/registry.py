@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carlaloc_env.errors import DeviceError, unknown_name
+from carlaloc_env.core.errors import DeviceError, unknown_name
 from recorder.devices.base import Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs

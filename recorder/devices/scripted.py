@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from carlaloc_env import rng
-from carlaloc_env.clock import TICK_HZ, TICK_S
-from carlaloc_env.controls import Controls
+from carlaloc_env.core import rng
+from carlaloc_env.core.clock import TICK_HZ, TICK_S
+from carlaloc_env.core.controls import Controls
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.route import Route

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from carlaloc_env.clock import TICK_S
+from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.physics.params import VehicleParams
 
 KEYBOARD_LATERAL_MPS2 = 4.0

@@ -8,8 +8,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import EvaluationError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -40,7 +40,7 @@ class Similarity:
         return replace(
             trajectory,
             position_m=self.scale * (trajectory.position_m @ self.R.T) + self.t,
-            quat_xyzw=geometry.quat_multiply(geometry.matrix_to_quat(self.R), trajectory.quat_xyzw),
+            quat_xyzw=transforms.quat_multiply(transforms.matrix_to_quat(self.R), trajectory.quat_xyzw),
         )
 
 
@@ -112,5 +112,5 @@ def _posyaw(estimate: Trajectory, truth: Trajectory) -> Similarity:
             "Use a longer stretch or no alignment"
         )
     yaw = np.arctan2(sine, cosine)
-    R = geometry.quat_to_matrix(geometry.rpy_to_quat(0.0, 0.0, yaw))
+    R = transforms.quat_to_matrix(transforms.rpy_to_quat(0.0, 0.0, yaw))
     return Similarity(R=R, t=mean_y - R @ mean_x)

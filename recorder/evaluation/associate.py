@@ -7,8 +7,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import EvaluationError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.trajectory import Trajectory
 
 MAX_GAP_NS = 10_000_000
@@ -92,7 +92,7 @@ def _interpolated(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> t
         Trajectory(
             stamp_ns=matched.stamp_ns,
             position_m=start + fraction[:, None] * (truth.position_m[after] - start),
-            quat_xyzw=geometry.quat_slerp(truth.quat_xyzw[before], truth.quat_xyzw[after], fraction),
+            quat_xyzw=transforms.quat_slerp(truth.quat_xyzw[before], truth.quat_xyzw[after], fraction),
             name=truth.name,
         ),
         matched,

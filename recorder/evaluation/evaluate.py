@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.errors import EvaluationError
+from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.align import Alignment, Similarity, align
 from recorder.evaluation.associate import MAX_GAP_NS, Association, associate
 from recorder.evaluation.metrics import Metric, SegmentError, Statistics, errors, segment_errors

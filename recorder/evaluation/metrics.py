@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
+from carlaloc_env.core import transforms
 from recorder.evaluation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -128,11 +128,13 @@ def segment_errors(
         if not len(a):
             continue
         move = [
-            geometry.quat_rotate(geometry.quat_conjugate(t.quat_xyzw[a]), t.position_m[b] - t.position_m[a])
+            transforms.quat_rotate(
+                transforms.quat_conjugate(t.quat_xyzw[a]), t.position_m[b] - t.position_m[a]
+            )
             for t in (truth, estimate)
         ]
         turn = [
-            geometry.quat_multiply(geometry.quat_conjugate(t.quat_xyzw[a]), t.quat_xyzw[b])
+            transforms.quat_multiply(transforms.quat_conjugate(t.quat_xyzw[a]), t.quat_xyzw[b])
             for t in (truth, estimate)
         ]
         found.append(
@@ -152,14 +154,14 @@ def _norm(vectors: Array) -> Array:
 
 
 def _angle_deg(a_xyzw: Array, b_xyzw: Array) -> Array:
-    turn = geometry.quat_multiply(geometry.quat_conjugate(a_xyzw), b_xyzw)
-    return np.degrees(_norm(geometry.quat_to_rotvec(turn)))
+    turn = transforms.quat_multiply(transforms.quat_conjugate(a_xyzw), b_xyzw)
+    return np.degrees(_norm(transforms.quat_to_rotvec(turn)))
 
 
 def _in_first(trajectory: Trajectory, steps: Array) -> Array:
-    return geometry.quat_rotate(geometry.quat_conjugate(trajectory.quat_xyzw[:-1]), steps)
+    return transforms.quat_rotate(transforms.quat_conjugate(trajectory.quat_xyzw[:-1]), steps)
 
 
 def _turns(trajectory: Trajectory) -> Array:
     q = trajectory.quat_xyzw
-    return geometry.quat_multiply(geometry.quat_conjugate(q[:-1]), q[1:])
+    return transforms.quat_multiply(transforms.quat_conjugate(q[:-1]), q[1:])

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import EvaluationError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import EvaluationError
 
 Array = NDArray[np.float64]
 
@@ -81,8 +81,8 @@ class Trajectory:
         lever = np.broadcast_to(T[:3, 3], self.position_m.shape)
         return replace(
             self,
-            position_m=self.position_m + geometry.quat_rotate(self.quat_xyzw, lever),
-            quat_xyzw=geometry.quat_multiply(self.quat_xyzw, geometry.matrix_to_quat(T[:3, :3])),
+            position_m=self.position_m + transforms.quat_rotate(self.quat_xyzw, lever),
+            quat_xyzw=transforms.quat_multiply(self.quat_xyzw, transforms.matrix_to_quat(T[:3, :3])),
         )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
-from carlaloc_env.semantics import DYNAMIC_TAGS, colourise
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, colourise
 
 Picture = NDArray[np.uint8]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env import rng
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.core import rng
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.tables import TrafficTables
 

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import apply, invert
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import apply, invert
 from carlaloc_env.town.town import Town
 
 Picture = NDArray[np.uint8]

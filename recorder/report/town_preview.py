@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.placing import place_actors
-from carlaloc_env.errors import WriterError
-from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.scene import Instances, ModelLibrary
+from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.stage import SensorStage
-from carlaloc_env.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.tables import TrafficTables
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather.parameters import weather_by_name
 from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_map import STRIP_PX, MapView, draw_map
 

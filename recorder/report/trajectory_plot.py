@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from carlaloc_env.errors import EvaluationError, MissingDependencyError
+from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
 

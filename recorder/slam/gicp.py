@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import MissingDependencyError
+from carlaloc_env.core.errors import MissingDependencyError
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.scans import Progress, read_scans, trajectory_of
 

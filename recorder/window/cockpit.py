@@ -8,11 +8,11 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import TICK_HZ
+from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.town import Town
-from carlaloc_env.weather_schedule import Weather
+from carlaloc_env.weather.schedule import Weather
 from recorder.drive_status import DriveStatus
 from recorder.window.hud import HudState
 from recorder.window.minimap import MiniMap

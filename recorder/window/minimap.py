@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.route import Route
 

@@ -16,9 +16,9 @@ from carlaloc_env.assets.placing import (
     place_signals,
 )
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.scene import Instances, concatenate_instances
+from carlaloc_env.scene.mesh import Instances, concatenate_instances
 from carlaloc_env.stage import SensorStage
-from carlaloc_env.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame
 from recorder.drive_status import DriveStatus
 
 VIEWS = ("seat", "chase", "above")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import CarlaLocError, RenderError
+from carlaloc_env.core.errors import CarlaLocError, RenderError
 from carlaloc_env.stage import SensorStage
 from recorder.window.moment import Moment
 from recorder.window.resolution import SIZES_PX

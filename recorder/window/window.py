@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import DeviceError, MissingDependencyError
+from carlaloc_env.core.errors import DeviceError, MissingDependencyError
 from recorder.window.hud import Hud, HudState
 
 WINDOW_PX = (960, 540)

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
 
-from carlaloc_env.errors import WriterError
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Sample
 
 DEFAULT_EPOCH_NS = 1_672_531_200_000_000_000

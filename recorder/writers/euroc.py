@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import WriterError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
 from recorder.writers.camera_messages import grey
@@ -112,9 +112,11 @@ class EurocWriter(Writer):
         if sample.frame_id == BASE_FRAME:
             T_base_imu = self._imu.T_base_imu
             lever = T_base_imu[:3, 3]
-            velocity = velocity + geometry.quat_rotate(quat, geometry.cross(sample.angular_rate_radps, lever))
-            position = position + geometry.quat_rotate(quat, lever)
-            quat = geometry.quat_multiply(quat, geometry.matrix_to_quat(T_base_imu[:3, :3]))
+            velocity = velocity + transforms.quat_rotate(
+                quat, transforms.cross(sample.angular_rate_radps, lever)
+            )
+            position = position + transforms.quat_rotate(quat, lever)
+            quat = transforms.quat_multiply(quat, transforms.matrix_to_quat(T_base_imu[:3, :3]))
         elif sample.frame_id != self._imu.name:
             raise WriterError(f"truth of frame '{sample.frame_id}'; give that of '{self._imu.name}'")
         bias = np.zeros(6) if self._biases is None else self._biases([sample.stamp_ns])[0]

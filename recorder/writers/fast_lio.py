@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carlaloc_env.errors import WriterError
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Imu, PointCloud
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.topics import TopicProfile

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import WriterError
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from recorder.report.mosaic import mosaic
 from recorder.writers.base import Writer

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import WriterError
-from carlaloc_env.lens import Lens
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.lens_distortion import Lens
 from carlaloc_env.sensors.base import SensorConfig
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ class RigCalibration:
         Raises:
             WriterError: a frame is unknown.
         """
-        return geometry.invert(self._T_base(to_frame)) @ self._T_base(from_frame)
+        return transforms.invert(self._T_base(to_frame)) @ self._T_base(from_frame)
 
     def _T_base(self, frame: str) -> Array:
         if frame == BASE_FRAME:

@@ -10,7 +10,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as BagFile
 from rosbags.typesys import Stores
 
-from carlaloc_env.errors import WriterError, unknown_name
+from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
 from recorder.writers.event_messages import ros1_with_events

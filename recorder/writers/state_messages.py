@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env import geometry
-from carlaloc_env.car_track import WHEELS
+from carlaloc_env.core import transforms
 from carlaloc_env.samples import CanState, GnssFix, Imu, ObjectList, Odometry, Speed, WheelTicks
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.vehicle_track import WHEELS
 from recorder.writers import can_bus
 from recorder.writers.message_parts import Message, MessageParts
 
@@ -131,15 +131,15 @@ def objects(maker: MessageParts, header: Message, sample: ObjectList) -> Message
 
 def acceleration(maker: MessageParts, header: Message, sample: Odometry) -> Message:
     """In the axes of the frame itself, gravity not included."""
-    turn = geometry.quat_conjugate(sample.quat_xyzw)
-    linear = maker.vector(geometry.quat_rotate(turn, sample.acceleration_world_mps2))
+    turn = transforms.quat_conjugate(sample.quat_xyzw)
+    linear = maker.vector(transforms.quat_rotate(turn, sample.acceleration_world_mps2))
     accel = maker.new("geometry_msgs/Accel", linear=linear, angular=maker.vector(np.zeros(3)))
     return maker.new("geometry_msgs/AccelStamped", header=header, accel=accel)
 
 
 def odometry(maker: MessageParts, header: Message, sample: Odometry) -> Message:
     """The pose is in the header's frame, the twist in the child's (nav_msgs/Odometry)."""
-    velocity = geometry.quat_rotate(geometry.quat_conjugate(sample.quat_xyzw), sample.velocity_world_mps)
+    velocity = transforms.quat_rotate(transforms.quat_conjugate(sample.quat_xyzw), sample.velocity_world_mps)
     twist = maker.new(
         "geometry_msgs/Twist",
         linear=maker.vector(velocity),

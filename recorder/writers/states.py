@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.errors import WriterError
-from carlaloc_env.trajectory import Motion
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.timeline.ego_spline import Motion
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 STATE_HEADER = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from carlaloc_env.errors import WriterError, unknown_name
+from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import (
     CanState,
     DepthImage,

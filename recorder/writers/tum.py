@@ -7,8 +7,8 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.trajectory import Motion
+from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.timeline import Timeline
 from recorder.evaluation.trajectory import tum_text
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.states import write_text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carlaloc_env.errors import WriterError
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 from recorder.writers.topics import TopicProfile

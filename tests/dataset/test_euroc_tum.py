@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import WriterError
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.timeline import Timeline, empty_catalog
-from carlaloc_env.trajectory import EgoTrack, Motion
+from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
+from carlaloc_env.timeline.timeline import Timeline, empty_catalog
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.euroc import EurocWriter
 from recorder.writers.rig_calibration import CameraCalibration, ImuCalibration, RigCalibration
@@ -45,7 +45,7 @@ def timeline() -> Timeline:
     """A turn with pitch and roll."""
     t = np.arange(100)[:, None] * 0.005
     position = np.concatenate([20 * np.cos(t), 20 * np.sin(t), 0.3 * t], axis=1)
-    quat = geometry.rpy_to_quat(0.1 * t[:, 0], 0.05 + 0.02 * t[:, 0], t[:, 0] + 1.5)
+    quat = transforms.rpy_to_quat(0.1 * t[:, 0], 0.05 + 0.02 * t[:, 0], t[:, 0] + 1.5)
     return Timeline(empty_catalog(), ego=EgoTrack.from_arrays(position, quat))
 
 

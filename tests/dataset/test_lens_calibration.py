@@ -11,20 +11,20 @@ import numpy as np
 import pytest
 import yaml
 
-from carlaloc_env.errors import ConfigError, RenderError
-from carlaloc_env.lens import Lens
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, RenderError
+from carlaloc_env.core.lens_distortion import Lens
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.scene import Instances, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.camera_shot import Optics, Shot
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.weather.parameters import PRESETS
 from recorder.writers.calibration import write_calibration
 from recorder.writers.rig_calibration import RigCalibration
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import WriterError
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms as geometry
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import (
     DepthImage,
     GnssFix,

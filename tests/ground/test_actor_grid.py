@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.actor_grid import decode_actors, encode_actors, on_grid
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.timeline.actor_quantisation import decode_actors, encode_actors, on_grid
+from carlaloc_env.timeline.timeline import ActorFrame
 
 
 def frame(count: int, extent_m: float) -> ActorFrame:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.car_track import CarTrack
-from carlaloc_env.clock import TICK_NS
-from carlaloc_env.controls import Controls
-from carlaloc_env.errors import EpisodeError
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 SPINS = np.random.default_rng(1).normal(30.0, 5.0, (900, 4))
 STEER = 0.3 * np.sin(np.arange(900) / 70.0)

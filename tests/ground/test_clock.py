@@ -5,8 +5,8 @@ from fractions import Fraction
 
 import pytest
 
-from carlaloc_env.clock import TICK_NS, Schedule, stamp_ns
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.clock import TICK_NS, Schedule, stamp_ns
+from carlaloc_env.core.errors import ConfigError
 
 
 @pytest.mark.parametrize("rate_hz", [200, 100, 40, 20, 10, 5, 1, 0.5])

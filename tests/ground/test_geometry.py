@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from carlaloc_env import geometry as g
+from carlaloc_env.core import transforms as g
 
 RNG = np.random.default_rng(5)
 QUATS = Rotation.random(500, rng=5).as_quat()

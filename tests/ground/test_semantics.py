@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.semantics import (
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.scene.semantic_tags import (
     LEGACY_PALETTE_RGB,
     PALETTE_RGB,
     TAG_TABLES,

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env import source_digest as module
-from carlaloc_env.source_digest import imported_by, source_digest
+from carlaloc_env.core import source_digest as module
+from carlaloc_env.core.source_digest import imported_by, source_digest
 
 ROOT = Path(__file__).parents[2]
 BUILDERS = ("carlaloc_env.town.build", "carlaloc_env.assets.library", "carlaloc_env.render.textures.build")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from carlaloc_env.clock import STEP_NS, STEP_TICKS, TICK_NS
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
-from carlaloc_env.trajectory import EgoTrack
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_NS
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 
 COUNT = 3
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.clock import TICK_NS, TICK_S
-from carlaloc_env.trajectory import EgoTrack
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import TICK_NS, TICK_S
+from carlaloc_env.timeline.ego_spline import EgoTrack
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 def wild_track(count: int = 400) -> EgoTrack:
     t = np.arange(count) * TICK_S
     position = np.stack([300 + 9 * t + np.sin(3 * t), -200 + 2 * np.cos(2 * t), 0.1 * np.sin(9 * t)], axis=-1)
-    quat = geometry.rpy_to_quat(0.05 * np.sin(4 * t), 0.04 * np.cos(5 * t), 1.5 * np.sin(0.9 * t) + 2)
+    quat = transforms.rpy_to_quat(0.05 * np.sin(4 * t), 0.04 * np.cos(5 * t), 1.5 * np.sin(0.9 * t) + 2)
     return EgoTrack.from_arrays(position, quat)
 
 
@@ -22,7 +22,7 @@ def circle(radius_m: float, rate_radps: float, seconds: float) -> EgoTrack:
     t = np.arange(int(seconds / TICK_S) + 3) * TICK_S
     a = rate_radps * t
     position = np.stack([radius_m * np.sin(a), radius_m * (1 - np.cos(a)), 0 * a], axis=-1)
-    return EgoTrack.from_arrays(position, geometry.rpy_to_quat(0 * a, 0 * a, a))
+    return EgoTrack.from_arrays(position, transforms.rpy_to_quat(0 * a, 0 * a, a))
 
 
 def test_derivatives_equal_finite_differences() -> None:
@@ -36,8 +36,8 @@ def test_derivatives_equal_finite_differences() -> None:
     assert np.allclose(velocity, here.velocity_world_mps, atol=2e-6)
     acceleration = (after.velocity_world_mps - before.velocity_world_mps) / dt
     assert np.allclose(acceleration, here.acceleration_world_mps2, atol=1e-2)
-    turn = geometry.quat_multiply(geometry.quat_conjugate(before.quat_xyzw), after.quat_xyzw)
-    assert np.allclose(geometry.quat_to_rotvec(turn) / dt, here.omega_body_radps, atol=1e-7)
+    turn = transforms.quat_multiply(transforms.quat_conjugate(before.quat_xyzw), after.quat_xyzw)
+    assert np.allclose(transforms.quat_to_rotvec(turn) / dt, here.omega_body_radps, atol=1e-7)
     alpha = (after.omega_body_radps - before.omega_body_radps) / dt
     assert np.allclose(alpha, here.alpha_body_radps2, atol=1e-2)
 
@@ -57,7 +57,7 @@ def test_circle_has_centripetal_acceleration() -> None:
     radius, rate = 20.0, 0.5
     motion = circle(radius, rate, 4.0).motion(np.arange(20, 700) * TICK_NS + 1_234_567)
     assert np.allclose(np.linalg.norm(motion.velocity_world_mps, axis=1), radius * rate, rtol=1e-5)
-    body = geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), motion.acceleration_world_mps2)
+    body = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), motion.acceleration_world_mps2)
     assert np.allclose(body, [0, radius * rate**2, 0], atol=1e-4)
     assert np.allclose(motion.omega_body_radps, [0, 0, rate], atol=1e-10)
     assert np.allclose(motion.alpha_body_radps2, 0, atol=1e-7)
@@ -67,7 +67,7 @@ def test_pendulum_about_a_tilted_axis() -> None:
     """θ = A·sin(kt) about one axis: rate A·k·cos(kt), angular acceleration −A·k²·sin(kt)."""
     axis, amplitude, k = np.array([0.48, 0.6, 0.64]), 0.7, 3.0
     t = np.arange(800) * TICK_S
-    quat = geometry.rotvec_to_quat(amplitude * np.sin(k * t)[:, None] * axis)
+    quat = transforms.rotvec_to_quat(amplitude * np.sin(k * t)[:, None] * axis)
     stamps = np.random.default_rng(1).integers(5 * TICK_NS, 790 * TICK_NS, 300)
     motion = EgoTrack.from_arrays(np.zeros((800, 3)), quat).motion(stamps)
     s = stamps * 1e-9
@@ -104,26 +104,26 @@ def test_spline_of_a_far_steady_drive_is_quiet() -> None:
 def test_lever_arm_closed_form() -> None:
     """On a circle a point ahead of the centre feels r·ω² sideways and l·ω² backwards."""
     radius, rate, ahead = 15.0, 0.8, 2.0
-    mount = geometry.from_rotation(np.eye(3), [ahead, 0.0, 1.0])
+    mount = transforms.from_rotation(np.eye(3), [ahead, 0.0, 1.0])
     motion = circle(radius, rate, 3.0).motion(np.arange(50, 500) * TICK_NS).at_mount(mount)
-    body = geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), motion.acceleration_world_mps2)
+    body = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), motion.acceleration_world_mps2)
     assert np.allclose(body, [-ahead * rate**2, radius * rate**2, 0], atol=2e-4)
-    speed = geometry.quat_rotate(geometry.quat_conjugate(motion.quat_xyzw), motion.velocity_world_mps)
+    speed = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), motion.velocity_world_mps)
     assert np.allclose(speed, [radius * rate, ahead * rate, 0], atol=2e-4)
 
 
 def test_mount_motion_is_the_derivative_of_mount_position() -> None:
     """Lever arm terms agree with differences of the mounted point itself, in a wild motion."""
     track, h = wild_track(), 20_000
-    mount = geometry.transform([1.2, -0.4, 1.8], geometry.rpy_to_quat(0.1, 0.2, -2.0))
+    mount = transforms.transform([1.2, -0.4, 1.8], transforms.rpy_to_quat(0.1, 0.2, -2.0))
     t = np.random.default_rng(3).integers(10 * TICK_NS, 380 * TICK_NS, 300)
     a, b, c = (track.motion(t + k).at_mount(mount) for k in (-h, 0, h))
     dt = h * 1e-9
     assert np.allclose((c.position_m - a.position_m) / (2 * dt), b.velocity_world_mps, atol=1e-5)
     second = (c.velocity_world_mps - a.velocity_world_mps) / (2 * dt)
     assert np.allclose(second, b.acceleration_world_mps2, atol=1e-2)
-    turn = geometry.quat_multiply(geometry.quat_conjugate(a.quat_xyzw), c.quat_xyzw)
-    assert np.allclose(geometry.quat_to_rotvec(turn) / (2 * dt), b.omega_body_radps, atol=1e-5)
+    turn = transforms.quat_multiply(transforms.quat_conjugate(a.quat_xyzw), c.quat_xyzw)
+    assert np.allclose(transforms.quat_to_rotvec(turn) / (2 * dt), b.omega_body_radps, atol=1e-5)
 
 
 def test_live_window_equals_the_whole_track_to_the_byte() -> None:

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from carlaloc_env.clock import TICK_HZ, TICK_S
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.clock import TICK_HZ, TICK_S
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.axes import AxisShape, shape_axis
 from recorder.devices.calibrate import find_axis, make_profile

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import ConfigError, EpisodeError
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.errors import ConfigError, EpisodeError
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.cli.main import main
 from recorder.conditions import traffic_level
 from recorder.episode import EgoRow, Episode, EpisodeWriter

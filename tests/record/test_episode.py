@@ -17,10 +17,10 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from carlaloc_env.actor_grid import on_grid
-from carlaloc_env.controls import Controls
-from carlaloc_env.errors import EpisodeError
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.timeline.actor_quantisation import on_grid
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from recorder import episode_actors, episode_messages
 from recorder.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, open_episode
 from recorder.episode_mcap import ContainerWriter

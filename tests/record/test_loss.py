@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env.errors import EpisodeError
+from carlaloc_env.core.errors import EpisodeError
 from recorder.episode import open_episode
 from recorder.episode_repair import repair_episode
 from recorder.record import RecordConfig, record

@@ -15,13 +15,13 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.placing import is_blink
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import RenderError
 from carlaloc_env.render.lights import Emitters
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive_status import DriveStatus
 from recorder.window.moment import Moment
 from recorder.window.painter import Painter

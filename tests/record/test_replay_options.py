@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.sensors.camera import CameraConfig
 from recorder.cli import replay as command

@@ -11,10 +11,10 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_SIZE_M
-from carlaloc_env.clock import STEP_TICKS, TICK_HZ, TICK_S
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.driver_view import DriverView
-from carlaloc_env.errors import DeviceError
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld

@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import ConfigError, EpisodeError
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import ConfigError, EpisodeError
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signal_plan import SignalState

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import EvaluationError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.align import Alignment, umeyama
 from recorder.evaluation.associate import Association, associate
 from recorder.evaluation.evaluate import evaluate
@@ -28,7 +28,7 @@ def drive(count: int = 4000, step_ns: int = 5_000_000) -> Trajectory:
     yaw = 0.8 * np.sin(0.3 * t)
     velocity = np.stack([10 * np.cos(yaw), 10 * np.sin(yaw), np.sin(0.5 * t)], axis=1)
     position = np.cumsum(velocity, axis=0) * step_ns * 1e-9 + [300.0, -200.0, 12.0]
-    quat = geometry.rpy_to_quat(0.02 * np.sin(t), -0.1 * np.sin(0.5 * t), yaw)
+    quat = transforms.rpy_to_quat(0.02 * np.sin(t), -0.1 * np.sin(0.5 * t), yaw)
     stamps = EPOCH_NS + np.arange(count, dtype=np.int64) * step_ns
     return Trajectory(stamp_ns=stamps, position_m=position, quat_xyzw=quat, name="truth")
 
@@ -37,19 +37,19 @@ def moved(trajectory: Trajectory, T: np.ndarray, scale: float = 1.0) -> Trajecto
     """The trajectory in another world: x = scale · R p + t."""
     return Trajectory(
         stamp_ns=trajectory.stamp_ns,
-        position_m=geometry.apply(T, scale * trajectory.position_m),
-        quat_xyzw=geometry.quat_multiply(geometry.matrix_to_quat(T[:3, :3]), trajectory.quat_xyzw),
+        position_m=transforms.apply(T, scale * trajectory.position_m),
+        quat_xyzw=transforms.quat_multiply(transforms.matrix_to_quat(T[:3, :3]), trajectory.quat_xyzw),
         name="estimate",
     )
 
 
 def noisy(trajectory: Trajectory, seed: int = 0) -> Trajectory:
     rng = np.random.default_rng(seed)
-    turn = geometry.rotvec_to_quat(rng.normal(0, 0.02, (len(trajectory), 3)))
+    turn = transforms.rotvec_to_quat(rng.normal(0, 0.02, (len(trajectory), 3)))
     return Trajectory(
         stamp_ns=trajectory.stamp_ns,
         position_m=trajectory.position_m + rng.normal(0, 0.1, (len(trajectory), 3)),
-        quat_xyzw=geometry.quat_multiply(trajectory.quat_xyzw, turn),
+        quat_xyzw=transforms.quat_multiply(trajectory.quat_xyzw, turn),
         name="noisy",
     )
 
@@ -84,7 +84,7 @@ def test_known_transform_is_recovered(
     rotvec: tuple[float, float, float], shift: tuple[float, float, float], scale: float
 ) -> None:
     truth = drive(400, 50_000_000)
-    T = geometry.transform(shift, geometry.rotvec_to_quat(rotvec))
+    T = transforms.transform(shift, transforms.rotvec_to_quat(rotvec))
     rigid = evaluate(truth, moved(truth, T))
     assert rigid.statistics[Metric.APE_TRANSLATION].max < 1e-7
     assert rigid.statistics[Metric.APE_ROTATION].max < 1e-5
@@ -98,10 +98,10 @@ def test_known_transform_is_recovered(
 def test_yaw_alignment_leaves_a_tilt() -> None:
     """Rules out an SE(3) fit under the name of a fit in position and yaw."""
     truth = drive(400, 50_000_000)
-    T_yaw = geometry.transform((5.0, 6.0, 7.0), geometry.rpy_to_quat(0.0, 0.0, 2.0))
+    T_yaw = transforms.transform((5.0, 6.0, 7.0), transforms.rpy_to_quat(0.0, 0.0, 2.0))
     result = evaluate(truth, moved(truth, T_yaw), alignment=Alignment.POSYAW)
     assert result.statistics[Metric.APE_TRANSLATION].max < 1e-9
-    T_tilt = geometry.transform((0.0, 0.0, 0.0), geometry.rpy_to_quat(0.1, 0.0, 0.0))
+    T_tilt = transforms.transform((0.0, 0.0, 0.0), transforms.rpy_to_quat(0.1, 0.0, 0.0))
     tilted = evaluate(truth, moved(truth, T_tilt), alignment=Alignment.POSYAW)
     assert tilted.statistics[Metric.APE_ROTATION].median == pytest.approx(np.degrees(0.1), abs=0.5)
     assert tilted.statistics[Metric.APE_TRANSLATION].max > 0.5
@@ -110,7 +110,7 @@ def test_yaw_alignment_leaves_a_tilt() -> None:
 def test_known_errors_without_alignment() -> None:
     """A shift is all APE and no RPE; a stretch of 1 % is 1 % of every step."""
     truth = drive(400, 50_000_000)
-    T = geometry.transform((3.0, 4.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    T = transforms.transform((3.0, 4.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     shifted = evaluate(truth, moved(truth, T), alignment=Alignment.NONE)
     assert shifted.statistics[Metric.APE_TRANSLATION].rmse == pytest.approx(5.0, abs=1e-9)
     for metric in (Metric.RPE_PAPER, Metric.RPE_TRANSLATION, Metric.RPE_POINT_DISTANCE):
@@ -126,7 +126,7 @@ def test_known_errors_without_alignment() -> None:
 def test_turned_world_separates_the_relative_metrics() -> None:
     """Unaligned, the paper's RPE sees a turned world; evo's definitions do not."""
     truth = drive(400, 50_000_000)
-    T = geometry.transform((0.0, 0.0, 0.0), geometry.rpy_to_quat(0.0, 0.0, np.pi))
+    T = transforms.transform((0.0, 0.0, 0.0), transforms.rpy_to_quat(0.0, 0.0, np.pi))
     result = evaluate(truth, moved(truth, T), alignment=Alignment.NONE)
     assert result.statistics[Metric.RPE_TRANSLATION].max < 1e-9
     assert result.statistics[Metric.RPE_POINT_DISTANCE].max < 1e-9
@@ -137,7 +137,7 @@ def test_turned_world_separates_the_relative_metrics() -> None:
 def test_lever_arm() -> None:
     """An estimate of the camera scores zero when the lever arm is given and does not when it is not."""
     truth = drive(400, 50_000_000)
-    T_body_camera = geometry.transform((1.5, 0.2, 0.8), geometry.rpy_to_quat(0.0, 0.1, 0.3))
+    T_body_camera = transforms.transform((1.5, 0.2, 0.8), transforms.rpy_to_quat(0.0, 0.1, 0.3))
     camera = truth.of_sensor(T_body_camera)
     with_arm = evaluate(truth, camera, alignment=Alignment.NONE, T_body_sensor=T_body_camera)
     assert with_arm.statistics[Metric.APE_TRANSLATION].max < 1e-12
@@ -262,7 +262,7 @@ def test_agrees_with_evo(alignment: Alignment, case: str) -> None:
     metrics = pytest.importorskip("evo.core.metrics")
     sync = pytest.importorskip("evo.core.sync")
     truth = drive(4000)
-    T = geometry.transform((20.0, -7.0, 3.0), geometry.rpy_to_quat(0.1, -0.3, 2.0))
+    T = transforms.transform((20.0, -7.0, 3.0), transforms.rpy_to_quat(0.1, -0.3, 2.0))
     estimate = noisy(moved(truth, T, 1.05)).shifted(1_700_000)
     if case != "dense":
         estimate = estimate.take(np.arange(3, 4000, 10))

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import EvaluationError, MissingDependencyError
+from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from recorder.evaluation.align import Alignment
 from recorder.evaluation.evaluate import EvaluationResult, evaluate
 from recorder.evaluation.metrics import Metric

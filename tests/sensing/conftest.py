@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env import geometry
 from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.clock import STEP_TICKS, TICK_S
-from carlaloc_env.errors import RenderError
-from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline, empty_catalog, empty_frame
-from carlaloc_env.trajectory import EgoTrack
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline, empty_catalog, empty_frame
+from carlaloc_env.weather.parameters import PRESETS
 
 Array = NDArray[np.float64]
 Path = Callable[[Array], tuple[Array, Array]]
@@ -101,7 +101,7 @@ class Scenery:
         """Ego along a path: times [s] (K,) → positions [m] (K, 3), roll-pitch-yaw [rad] (K, 3)."""
         t = np.arange(round(seconds / TICK_S) + 2) * TICK_S
         position, rpy = path(t)
-        return EgoTrack.from_arrays(position, geometry.rpy_to_quat(rpy[:, 0], rpy[:, 1], rpy[:, 2]))
+        return EgoTrack.from_arrays(position, transforms.rpy_to_quat(rpy[:, 0], rpy[:, 1], rpy[:, 2]))
 
     @staticmethod
     def straight(speed_mps: float = 0.0) -> Path:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env import geometry
 from carlaloc_env.assets.articulation import LOW_FROM_M
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.library import build_library
 from carlaloc_env.assets.placing import place_actors
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.scene import EGO_INSTANCE, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 
 pytest.importorskip("open3d", reason="Open3D casts the rays")
 try:
@@ -73,7 +73,7 @@ def test_rays_meet_the_shapes_that_cameras_see() -> None:
         tag=Tag.ROAD,
     )
     library, (catalog, frame) = build_library(), actors()
-    T = geometry.from_rotation(geometry.R_FLU_OPTICAL, EYE_M)
+    T = transforms.from_rotation(transforms.R_FLU_OPTICAL, EYE_M)
     # Quality "low" is for live pictures: it draws far cars in few triangles.
     with SceneRenderer([ground], library, quality="medium", albedo=plain_albedo()) as renderer:
         picture = renderer.draw(CAMERA, T, place_actors(catalog, frame, library, eye_m=EYE_M))

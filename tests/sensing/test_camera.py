@@ -7,23 +7,23 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from carlaloc_env import geometry
 from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.errors import ConfigError, RenderError
-from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, RenderError
+from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.samples import DepthImage, Image, SemanticImage
-from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import TO_LEGACY, Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
-from carlaloc_env.trajectory import EgoTrack
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.weather.parameters import PRESETS
 
 try:
     create_context().release()
@@ -64,7 +64,9 @@ class SmallWorld:
         self.lenses = SignalLenses(
             signal=np.zeros(1, np.int32),
             state=np.array([1], np.uint8),
-            T_world_lens=geometry.transform([[30.0, 4.0, 4.0]], geometry.rpy_to_quat([0.0], [0.0], [np.pi])),
+            T_world_lens=transforms.transform(
+                [[30.0, 4.0, 4.0]], transforms.rpy_to_quat([0.0], [0.0], [np.pi])
+            ),
             instance=np.array([55], np.uint32),
         )
         ground = make_mesh(

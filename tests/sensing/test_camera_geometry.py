@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.lens import Lens
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.lens_distortion import Lens
 from carlaloc_env.render.context import create_context
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
 
 try:
     create_context().release()
@@ -78,19 +78,20 @@ def test_flow_is_the_projection_of_the_points_a_period_later(world: Any, scenery
     now, then = poses(drive, stamp, stamp + STEP_NS)
     seen = points_of(depth.depth_m).reshape(-1, 3)
     ids = semantic.instance.reshape(-1)
-    world_m = geometry.apply(now, seen)
+    world_m = transforms.apply(now, seen)
     place = [drive.actor_poses(0, np.array([t])) for t in (stamp, stamp + STEP_NS)]
     car = [
-        geometry.transform(p[0], geometry.rpy_to_quat(roll[0], -pitch[0], heading[0]))
+        transforms.transform(p[0], transforms.rpy_to_quat(roll[0], -pitch[0], heading[0]))
         for p, heading, pitch, roll in place
     ]
     is_car, is_ego = ids == EGO_INSTANCE + 1, ids == EGO_INSTANCE
-    world_m[is_car] = geometry.apply(car[1] @ geometry.invert(car[0]), world_m[is_car])
-    later = geometry.apply(geometry.invert(then), world_m)
+    world_m[is_car] = transforms.apply(car[1] @ transforms.invert(car[0]), world_m[is_car])
+    later = transforms.apply(transforms.invert(then), world_m)
     later[is_ego] = seen[is_ego]
     is_sky = depth.depth_m.reshape(-1) == 0
-    far = geometry.apply(
-        geometry.from_rotation(then[:3, :3].T @ now[:3, :3]), points_of(depth.depth_m * 0 + 1).reshape(-1, 3)
+    far = transforms.apply(
+        transforms.from_rotation(then[:3, :3].T @ now[:3, :3]),
+        points_of(depth.depth_m * 0 + 1).reshape(-1, 3),
     )
     later[is_sky] = far[is_sky]
     v, u = np.mgrid[: PINHOLE.height_px, : PINHOLE.width_px]
@@ -120,7 +121,7 @@ def test_flow_through_a_lens(world: Any, scenery: Any, lens: Lens) -> None:
     rays = lens.rays(PINHOLE)
     points = np.concatenate([rays, np.ones((*rays.shape[:2], 1))], axis=2) * depth.depth_m[..., None]  # type: ignore[attr-defined]
     road = semantic.tag == Tag.ROAD  # type: ignore[attr-defined]
-    later = geometry.apply(geometry.invert(then) @ now, points[road])
+    later = transforms.apply(transforms.invert(then) @ now, points[road])
     x, y = lens.distort(later[:, 0] / later[:, 2], later[:, 1] / later[:, 2])
     v, u = np.nonzero(road)
     expected = np.stack([PINHOLE.fx_px * x + PINHOLE.cx_px - u, PINHOLE.fy_px * y + PINHOLE.cy_px - v], -1)
@@ -134,7 +135,7 @@ def test_the_next_picture_shows_the_road_where_the_flow_points_to(world: Any, sc
     samples = camera(world, "depth", "semantic", "flow").measure(drive, [stamp, stamp + STEP_NS])
     depth, semantic, flow, later, labels, _ = samples
     now, then = poses(drive, stamp, stamp + STEP_NS)
-    expected = geometry.apply(geometry.invert(then) @ now, points_of(depth.depth_m).reshape(-1, 3))[:, 2]
+    expected = transforms.apply(transforms.invert(then) @ now, points_of(depth.depth_m).reshape(-1, 3))[:, 2]
     v, u = np.mgrid[: PINHOLE.height_px, : PINHOLE.width_px].astype(np.float32)
     x, y = u + flow.flow_px[..., 0], v + flow.flow_px[..., 1]
     inverse = np.where(labels.tag == Tag.ROAD, 1 / np.maximum(later.depth_m, 0.1), np.nan)
@@ -158,7 +159,7 @@ def test_normals_of_ground_and_walls(world: Any, scenery: Any) -> None:
     depth, semantic, normal = camera(world, "depth", "semantic", "normal").measure(drive, [stamp])
     (pose,) = poses(drive, stamp)
     up = pose[:3, :3].T @ [0.0, 0.0, 1.0]
-    world_m = geometry.apply(pose, points_of(depth.depth_m).reshape(-1, 3)).reshape(*depth.depth_m.shape, 3)
+    world_m = transforms.apply(pose, points_of(depth.depth_m).reshape(-1, 3)).reshape(*depth.depth_m.shape, 3)
     ground = semantic.tag == Tag.ROAD
     assert ground.sum() > 5000
     assert np.abs(normal.normal[ground] - up).max() < 1e-4

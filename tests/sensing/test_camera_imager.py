@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import ConfigError, RenderError
-from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, RenderError
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.context import create_context
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.events import Motion
@@ -22,7 +22,7 @@ from carlaloc_env.sensors.exposure import Imager, ImagerConfig
 from carlaloc_env.sensors.passing_surfaces import passing_surfaces
 from carlaloc_env.sensors.pixel_motion import Moment, motion_field
 from carlaloc_env.sensors.shutter import ShutterConfig, exposed, picked
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.weather.parameters import PRESETS
 
 STEP_NS = 50_000_000
 SHAPE = (200, 300)

@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.clock import TICK_S
-from carlaloc_env.errors import CarlaLocError
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.presets import rig_by_name
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.event_camera import EventConfig
 from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.stage import SensorStage
-from carlaloc_env.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.trajectory import EgoTrack
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.weather.parameters import PRESETS
 
 pytestmark = pytest.mark.soak
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ def drive(town: Town) -> Timeline:
     """At 10 m/s along the route, with cars before and beside that keep their distance."""
     ticks = np.arange(int(15.2 / TICK_S))
     way = town.route.at(60.0 + SPEED_MPS * TICK_S * ticks)
-    quat = geometry.rpy_to_quat(np.zeros(len(ticks)), -way.pitch_rad, way.heading_rad)
+    quat = transforms.rpy_to_quat(np.zeros(len(ticks)), -way.pitch_rad, way.heading_rad)
     count = len(CARS)
     catalog = ActorCatalog(
         id=(EGO_INSTANCE + 1 + np.arange(count)).astype(np.uint32),
@@ -151,8 +151,8 @@ def test_lidar_and_camera_call_things_by_the_same_tags(stage: SensorStage, drive
         for middle in range(10_000_000, 40_000_000, 5_000_000):
             which = np.abs(offset - middle) < 500_000
             points = cloud.points_xyz_m[which]  # type: ignore[attr-defined]
-            T = geometry.invert(sensor.config.mount.T_base_sensor) @ mount.T_base_sensor  # type: ignore[attr-defined]
-            seen = geometry.apply(T, points)
+            T = transforms.invert(sensor.config.mount.T_base_sensor) @ mount.T_base_sensor  # type: ignore[attr-defined]
+            seen = transforms.apply(T, points)
             depth, semantic = sensor.measure(drive, [stamp + middle])  # type: ignore[attr-defined]
             uv = SMALL.project(seen)
             inside = np.isfinite(uv).all(axis=1) & (uv > 0).all(axis=1)

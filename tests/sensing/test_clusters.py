@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.materials import Material
 from carlaloc_env.render.clusters import CLUSTER_TRIANGLES, SIZES_M, cut, in_order
-from carlaloc_env.scene import Mesh, make_mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
 
 
 @pytest.fixture(scope="module")

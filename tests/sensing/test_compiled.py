@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env import compiled
-from carlaloc_env.source_digest import source_digest
+from carlaloc_env.core import jit
+from carlaloc_env.core.source_digest import source_digest
 
 _CALLER = """
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core.jit import compiled
 from kept.inner.callee import shift
 
 @compiled
@@ -19,7 +19,7 @@ def moved(x):
 
 print(moved(1.0), sum(moved.stats.cache_hits.values()))
 """
-_CALLEE = "from carlaloc_env.compiled import compiled\n\n@compiled\ndef shift():\n    return {}\n"
+_CALLEE = "from carlaloc_env.core.jit import compiled\n\n@compiled\ndef shift():\n    return {}\n"
 
 
 def _run(folder: Path) -> tuple[float, int]:
@@ -52,16 +52,16 @@ def test_numba_still_keeps_its_stamp_where_ours_replaces_it() -> None:
 
 
 def test_bands_cover_every_row_once_and_in_order() -> None:
-    for rows in (0, 1, compiled.BAND_ROWS, 5 * compiled.BAND_ROWS + 7):
-        bands = compiled.over_bands(lambda first, end: list(range(first, end)), rows)
+    for rows in (0, 1, jit.BAND_ROWS, 5 * jit.BAND_ROWS + 7):
+        bands = jit.over_bands(lambda first, end: list(range(first, end)), rows)
         assert [row for band in bands for row in band] == list(range(rows))
 
 
 def test_a_band_that_fails_fails_the_whole() -> None:
     def half(first: int, end: int) -> int:
-        if first >= 2 * compiled.BAND_ROWS:
+        if first >= 2 * jit.BAND_ROWS:
             raise ValueError("no such rows")
         return end
 
     with pytest.raises(ValueError, match="no such rows"):
-        compiled.over_bands(half, 5 * compiled.BAND_ROWS)
+        jit.over_bands(half, 5 * jit.BAND_ROWS)

@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.car_track import CarTrack
-from carlaloc_env.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
+from carlaloc_env.core.controls import Controls
 from carlaloc_env.observation import Observer
-from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Mount, SensorConfig
@@ -29,7 +28,8 @@ from carlaloc_env.sensors.lidar_models import HDL32E_ELEVATIONS_DEG, HDL32E_FIRI
 from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.speed import SpeedConfig
 from carlaloc_env.sensors.wheels import WheelsConfig
-from carlaloc_env.timeline import Timeline
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 

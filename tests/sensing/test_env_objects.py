@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env import geometry
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.env import CarlaLocEnv
-from carlaloc_env.errors import RaycastError, RenderError
-from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import ObjectList, PointCloud, SemanticImage
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.lidar import LidarConfig
 
@@ -81,11 +81,11 @@ def test_points_lie_in_the_box_of_their_object(steps: list[dict[str, Any]]) -> N
                 continue
             late = 1e-9 * (info["stamp_ns"] - cloud.stamp_ns - cloud.offset_ns[mine].astype(np.float64))
             base = truth.position_m - late[:, None] * truth.velocity_world_mps
-            on_car = geometry.apply(T_base_lidar, cloud.points_xyz_m[mine])
+            on_car = transforms.apply(T_base_lidar, cloud.points_xyz_m[mine])
             attitude = np.broadcast_to(truth.quat_xyzw, (len(on_car), 4))
-            world = base + geometry.quat_rotate(attitude, on_car) + late[:, None] * objects.velocity_mps[k]
-            back = np.broadcast_to(geometry.quat_conjugate(objects.quat_xyzw[k]), (len(world), 4))
-            local = np.abs(geometry.quat_rotate(back, world - objects.position_m[k]))
+            world = base + transforms.quat_rotate(attitude, on_car) + late[:, None] * objects.velocity_mps[k]
+            back = np.broadcast_to(transforms.quat_conjugate(objects.quat_xyzw[k]), (len(world), 4))
+            local = np.abs(transforms.quat_rotate(back, world - objects.position_m[k]))
             shares.append(np.mean(np.all(local < 0.5 * objects.size_m[k] + 0.25, axis=-1)))
     assert len(shares) > 10
     assert np.median(shares) > 0.99

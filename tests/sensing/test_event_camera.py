@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import ConfigError, RenderError
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.observation import Observer
-from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.render.context import create_context
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.sensors.event_camera import EventConfig
-from carlaloc_env.timeline import Timeline
-from carlaloc_env.weather import PRESETS
-from carlaloc_env.weather_schedule import WeatherSchedule
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.parameters import PRESETS
+from carlaloc_env.weather.schedule import WeatherSchedule
 
 try:
     create_context().release()

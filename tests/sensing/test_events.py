@@ -10,8 +10,8 @@ import pytest
 from llvmlite import binding  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.samples import EVENT, Events
 from carlaloc_env.sensors.event_lanes import LANES
 from carlaloc_env.sensors.event_sampling import (

@@ -10,10 +10,9 @@ from scipy.fft import dst
 from scipy.optimize import nnls
 from scipy.signal import welch
 
-from carlaloc_env import geometry
-from carlaloc_env.car_track import CarTrack
-from carlaloc_env.clock import STEP_NS, TICK_NS
-from carlaloc_env.errors import ConfigError, EpisodeError
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import STEP_NS, TICK_NS
+from carlaloc_env.core.errors import ConfigError, EpisodeError
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount
@@ -22,6 +21,7 @@ from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.sensors.noise import Flicker, GaussMarkov, RandomWalk, WhiteSequence
 from carlaloc_env.sensors.speed import SpeedConfig
 from carlaloc_env.sensors.vibration import body_response
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 Array = NDArray[np.float64]
 QUIET = {
@@ -112,12 +112,14 @@ def test_reintegration_returns_the_drive(scenery: Any) -> None:
     q, v, p = truth.quat_xyzw[0], truth.velocity_world_mps[0].copy(), truth.position_m[0].copy()
     g, dt = np.array([0, 0, -9.81]), 0.005
     for a, b in itertools.pairwise(r):
-        following = geometry.quat_multiply(q, geometry.rotvec_to_quat(0.5 * (a[3:] + b[3:]) * dt))
-        force = 0.5 * (geometry.quat_rotate(q, a[:3]) + geometry.quat_rotate(following, b[:3])) + g
+        following = transforms.quat_multiply(q, transforms.rotvec_to_quat(0.5 * (a[3:] + b[3:]) * dt))
+        force = 0.5 * (transforms.quat_rotate(q, a[:3]) + transforms.quat_rotate(following, b[:3])) + g
         p += v * dt + 0.5 * force * dt**2
         v += force * dt
         q = following
-    error = geometry.quat_to_rotvec(geometry.quat_multiply(geometry.quat_conjugate(q), truth.quat_xyzw[-1]))
+    error = transforms.quat_to_rotvec(
+        transforms.quat_multiply(transforms.quat_conjugate(q), truth.quat_xyzw[-1])
+    )
     assert np.linalg.norm(p - truth.position_m[-1]) < 0.05
     assert np.degrees(np.linalg.norm(error)) < 0.01
 
@@ -377,7 +379,7 @@ def test_orientation_on_request(scenery: Any) -> None:
     assert np.array_equal([s.quat_xyzw for s in exact], truth)
     noisy = quiet_imu(mount=mount, orientation="truth", orientation_noise_rad=0.02).build(world)
     quats = np.array([s.quat_xyzw for s in noisy.measure(drive, stamps)])
-    off = geometry.quat_to_rotvec(geometry.quat_multiply(geometry.quat_conjugate(truth), quats))
+    off = transforms.quat_to_rotvec(transforms.quat_multiply(transforms.quat_conjugate(truth), quats))
     assert off.std(axis=0) == pytest.approx([0.02] * 3, rel=0.1)
 
 

@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.materials import MATERIALS, Material
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import PointCloud
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors import lidar_models
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.truth import truth_at
@@ -192,8 +192,8 @@ def test_deskewing_with_truth_flattens_a_wall(scenery: Any, model: dict[str, Any
     sigma_normal = 0.02
 
     def residual(T: Array) -> Array:
-        p = geometry.apply(T, cloud.points_xyz_m)
-        d = geometry.apply(T, cloud.points_xyz_m) - T[:, :3, 3]
+        p = transforms.apply(T, cloud.points_xyz_m)
+        d = transforms.apply(T, cloud.points_xyz_m) - T[:, :3, 3]
         d /= np.linalg.norm(d, axis=-1, keepdims=True)
         to_x, to_y = (p[:, 0] - 60) / d[:, 0], (p[:, 1] - 40) / d[:, 1]
         return np.where(np.abs(to_x) < np.abs(to_y), to_x, to_y) / sigma_normal
@@ -272,7 +272,7 @@ def test_tilted_mount_and_lever_arm(scenery: Any) -> None:
     world = scenery.world([scenery.ground()])
     drive = scenery.drive(scenery.weaving, 0.5)
     cloud, _ = sweep(world, drive, paper(mount=mount, range_noise_m=0.0), 200_000_000)
-    world_points = geometry.apply(poses(drive, cloud, mount), cloud.points_xyz_m)
+    world_points = transforms.apply(poses(drive, cloud, mount), cloud.points_xyz_m)
     assert np.abs(world_points[:, 2]).max() < 1e-3
     truth = truth_at(drive, [200_000_000], mount.T_base_sensor, frame_id="lidar")[0]
     assert truth.position_m == pytest.approx(poses(drive, cloud, mount)[0][:3, 3], abs=1e-9)

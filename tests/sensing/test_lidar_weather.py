@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.materials import MATERIALS, Material
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import PointCloud
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar_air import (
     BACKSCATTER_PER_MOR,
@@ -30,7 +30,7 @@ from carlaloc_env.sensors.lidar_air import (
     wet_reflectance,
 )
 from carlaloc_env.sensors.lidar_weather import SolidEchoes, strongest_echoes
-from carlaloc_env.weather import PRESETS, WeatherParameters
+from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 lidar = pytest.importorskip("carlaloc_env.sensors.lidar")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.geometry import quat_rotate
+from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.samples import PointCloud
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.objects import objects_at
 from carlaloc_env.sensors.truth import truth_at

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.materials import Material
+from carlaloc_env.core import transforms
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import RadarScan
-from carlaloc_env.scene import EGO_INSTANCE
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.radar import RadarConfig
 from carlaloc_env.sensors.radar_detector import CLUTTER, GHOST, THING
@@ -28,7 +28,7 @@ from carlaloc_env.sensors.radar_echo import (
     snr_at,
 )
 from carlaloc_env.sensors.radar_targets import actor_rcs_dbsm, texture
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 
@@ -284,7 +284,7 @@ def test_ego_velocity_from_detections_at_rest(scenery: Any) -> None:
     for k in range(30):
         rows, speeds = [], []
         motion = drive.ego_motion([(k + 1) * STEP])
-        at_mount = motion.at_mount(geometry.from_rotation(np.eye(3), place))
+        at_mount = motion.at_mount(transforms.from_rotation(np.eye(3), place))
         for radar, mine in zip(radars, scans, strict=True):
             scan = mine[k]
             rest = scan.origin == THING
@@ -293,8 +293,8 @@ def test_ego_velocity_from_detections_at_rest(scenery: Any) -> None:
             rows.append(unit @ radar.mount.T_base_sensor[:3, :3].T)
             speeds.append(-scan.doppler_mps[rest])
         estimate = np.linalg.lstsq(np.concatenate(rows), np.concatenate(speeds), rcond=None)[0]
-        truth = geometry.quat_rotate(
-            geometry.quat_conjugate(at_mount.quat_xyzw), at_mount.velocity_world_mps
+        truth = transforms.quat_rotate(
+            transforms.quat_conjugate(at_mount.quat_xyzw), at_mount.velocity_world_mps
         )[0]
         assert np.abs(estimate - truth)[:2].max() < 0.05
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.errors import RaycastError
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import EGO_INSTANCE, ModelLibrary
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import RaycastError
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 raycast = pytest.importorskip("carlaloc_env.raycast")
@@ -72,7 +72,7 @@ def test_moving_turning_climbing_cars(
 
     def frame_at(t: float) -> Any:
         along = np.stack([np.cos(heading), np.sin(heading), 0 * heading], axis=-1)
-        turned = geometry.wrap_angle(heading + rate * t)
+        turned = transforms.wrap_angle(heading + rate * t)
         return scenery.frame(start + (speed * t)[:, None] * along, turned, speed, pitch, roll)
 
     catalog = scenery.catalog(["saloon"] * count)
@@ -88,12 +88,15 @@ def test_moving_turning_climbing_cars(
     f = stamps / STEP_NS
     for k in range(count):
         position = a.position_m[k] + f[:, None] * (b.position_m[k].astype(float) - a.position_m[k])
-        yaw = a.heading_rad[k] + f * geometry.wrap_angle(float(b.heading_rad[k]) - float(a.heading_rad[k]))
-        back = geometry.quat_conjugate(
-            geometry.rpy_to_quat(float(a.roll_rad[k]), -float(a.pitch_rad[k]), yaw)
+        yaw = a.heading_rad[k] + f * transforms.wrap_angle(float(b.heading_rad[k]) - float(a.heading_rad[k]))
+        back = transforms.quat_conjugate(
+            transforms.rpy_to_quat(float(a.roll_rad[k]), -float(a.pitch_rad[k]), yaw)
         )
         r = box_range(
-            geometry.quat_rotate(back, origins - position), geometry.quat_rotate(back, d), CAR_LOW, CAR_HIGH
+            transforms.quat_rotate(back, origins - position),
+            transforms.quat_rotate(back, d),
+            CAR_LOW,
+            CAR_HIGH,
         )
         who, best = np.where(r < best, k, who), np.minimum(r, best)
     best[best > 100.0] = np.inf
@@ -142,7 +145,7 @@ def test_actor_pose_is_the_cameras_pose(scenery: Any) -> None:
     T = place_actors(scenery.catalog(["saloon", "saloon"]), frame, library).T_world_model
     points = np.random.default_rng(0).normal(size=(2, 3))
     seen = raycast.into_actor_frame(
-        geometry.apply(T, points) - frame.position_m.astype(float),
+        transforms.apply(T, points) - frame.position_m.astype(float),
         np.ones((2, 3)),
         frame.heading_rad.astype(float),
         frame.pitch_rad.astype(float),

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.detail import FAR_LOW, gathered
 from carlaloc_env.render.geometry import Geometry
@@ -22,12 +21,13 @@ from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.render.tiles import TILE_PX, DepthRange
-from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 
 
 def soup(count: int, seed: int, low_m: tuple[float, ...], high_m: tuple[float, ...], size_m: float) -> Mesh:
@@ -47,8 +47,8 @@ def soup(count: int, seed: int, low_m: tuple[float, ...], high_m: tuple[float, .
 def test_a_box_that_shows_in_any_pixel_is_not_hidden() -> None:
     """Random boxes before a random relief, against points inside them that lie before it."""
     random = np.random.default_rng(8)
-    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.1, -0.2, 1.0))
-    view = View.of(CAMERA, geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (5.0, -3.0, 1.6)))
+    turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.1, -0.2, 1.0))
+    view = View.of(CAMERA, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, -3.0, 1.6)))
     depth = np.kron(random.uniform(4.0, 60.0, (9, 16)), np.ones((20, 20))).astype(np.float32)
     depth[:20, :60] = 0.0
     low = view.position_m + random.uniform(-40.0, 40.0, (4000, 3))
@@ -139,9 +139,9 @@ def test_the_last_picture_hides_what_the_next_would_hide() -> None:
         with SceneRenderer([*houses, *crumbs], library, quality="low", albedo=plain_albedo()) as renderer:
             earlier, carried, by_rounds, different = None, [], [], []
             for k in range(12):
-                turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.0, 0.0, 0.03 * k))
-                pose = geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (0.8 * k, 0.2 * k, 1.6))
-                lorry = geometry.from_rotation(np.eye(3), (12.0 + 0.8 * k, 0.0 if k < 6 else 9.0, 0.0))
+                turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.0, 0.0, 0.03 * k))
+                pose = transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (0.8 * k, 0.2 * k, 1.6))
+                lorry = transforms.from_rotation(np.eye(3), (12.0 + 0.8 * k, 0.0 if k < 6 else 9.0, 0.0))
                 instances = Instances(
                     model=np.zeros(1, np.int32),
                     T_world_model=lorry[None],

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.light_grid import LOOPS, Air, light_grid
 from carlaloc_env.render.lights import (
@@ -26,9 +25,10 @@ from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.render.tiles import TILE_PX, DepthRange
-from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import PRESETS, WeatherParameters
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 try:
     create_context().release()
@@ -36,7 +36,7 @@ except RenderError as no_opengl:
     pytest.skip(str(no_opengl), allow_module_level=True)
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 NIGHT = WeatherParameters(sun_altitude_angle=-90.0, fog_density=0.0, mie_scattering_scale=0.0)
 
 
@@ -58,8 +58,8 @@ def patch(
 def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
     """Random lamps over a random relief, against the distance of every pixel's point to every lamp."""
     random = np.random.default_rng(4)
-    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.05, -0.1, 2.0))
-    view = View.of(CAMERA, geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
+    turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.05, -0.1, 2.0))
+    view = View.of(CAMERA, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
     coarse = random.uniform(3.0, 90.0, (12, 20))
     depth = np.kron(coarse, np.ones((15, 16))).astype(np.float32)
     depth[:40] = 0.0
@@ -137,7 +137,7 @@ def test_lamps_are_found_on_models_by_their_materials() -> None:
         ]
     )
     emitters = Emitters(ModelLibrary({"car": body}))
-    T = geometry.transform([20.0, 5.0, 0.3], geometry.rpy_to_quat(0.0, 0.0, np.pi / 2))
+    T = transforms.transform([20.0, 5.0, 0.3], transforms.rpy_to_quat(0.0, 0.0, np.pi / 2))
     one = Instances(
         model=np.zeros(1, np.int32),
         T_world_model=T[None],
@@ -178,7 +178,7 @@ def test_low_beam_lights_the_road_and_spares_the_eyes() -> None:
     albedo = plain_albedo()
     albedo[:] = (0.5, 0.5, 0.5, 1.0)
     camera = Pinhole(width_px=400, height_px=200, fx_px=2000.0, fy_px=2000.0, cx_px=200.0, cy_px=100.0)
-    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (3.67, 0.0, 0.65))
+    eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (3.67, 0.0, 0.65))
     library = ModelLibrary({"ego": plate})
     with SceneRenderer([wall], library, quality="low", albedo=albedo) as renderer:
         lit = renderer.radiance_cd_m2(renderer.draw(camera, eye, ego), NIGHT)[..., 1]
@@ -223,7 +223,7 @@ def test_headlamps_light_the_road_ahead_up_to_their_cut_off() -> None:
         instance=np.array([EGO_INSTANCE], np.uint32),
         tint=np.full((1, 3), 9, np.uint8),
     )
-    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (1.4, 0.0, 1.6))
+    eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (1.4, 0.0, 1.6))
     camera = Pinhole(width_px=320, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=160.0, cy_px=20.0)
     with SceneRenderer(
         [road], ModelLibrary({"ego": plate}), quality="low", albedo=plain_albedo()
@@ -252,7 +252,7 @@ def test_headlamps_light_the_road_ahead_up_to_their_cut_off() -> None:
 
 def test_a_glow_is_whole_where_its_lamp_comes_abreast() -> None:
     """A lamp beside the eye: its glow goes over from rays that lead away to rays that lead past it."""
-    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+    eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
     ends = make_mesh(
         [[900, 0, 0], [900, 1, 0], [900, 0, 1]], [[0, 1, 2]], material=Material.PLASTIC, tag=Tag.WALL
     )

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render import light_grid, night
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import QUALITIES, SceneRenderer
 from carlaloc_env.render.sky import READ_NOISE_E, electrons, sky_light
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS
 
 try:
     create_context().release()
@@ -27,7 +27,7 @@ except RenderError as no_opengl:
     pytest.skip(str(no_opengl), allow_module_level=True)
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 LAMP_M = np.array([24.0, 6.0, 8.0])
 
 
@@ -55,7 +55,7 @@ def ego() -> tuple[ModelLibrary, Instances]:
     )
     one = Instances(
         model=np.zeros(1, np.int32),
-        T_world_model=geometry.transform([-1.4, 0.0, 0.0], [0, 0, 0, 1])[None],
+        T_world_model=transforms.transform([-1.4, 0.0, 0.0], [0, 0, 0, 1])[None],
         instance=np.array([EGO_INSTANCE], np.uint32),
         tint=np.full((1, 3), 9, np.uint8),
     )

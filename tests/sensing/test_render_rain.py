@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.lens_drops import with_lens_drops
 from carlaloc_env.render.lights import NO_LIGHTS, street_lamps
@@ -21,9 +20,10 @@ from carlaloc_env.render.rain_layer import RainLayer
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.sky import sky_light
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import PRESETS, WeatherParameters
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 try:
     create_context().release()
@@ -31,7 +31,7 @@ except RenderError as no_opengl:
     pytest.skip(str(no_opengl), allow_module_level=True)
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (3.0, -7.0, 1.6))
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (3.0, -7.0, 1.6))
 RAIN = WeatherParameters(precipitation=60.0, wind_intensity=40.0)
 
 
@@ -127,7 +127,7 @@ def test_drops_shine_near_lamps_most_when_they_lie_before_them() -> None:
 def test_a_streak_hides_what_its_drop_hides_on_its_way() -> None:
     """Sum of the layer over the picture: the streak's area times the share of time it is covered."""
     camera = Pinhole(width_px=640, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=320.0, cy_px=180.0)
-    view = View.of(camera, geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 0.0)))
+    view = View.of(camera, transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 0.0)))
     no_depth = np.zeros((360, 640), np.float32)
     layers = RainLayer()
     hidden = []
@@ -201,7 +201,7 @@ def test_a_wet_road_mirrors_what_stands_behind_it() -> None:
     blueness = {}
     for deposits in (0.0, 100.0):
         weather = WeatherParameters(cloudiness=100.0, precipitation_deposits=deposits)
-        eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+        eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
         with SceneRenderer(
             [ground(), wall], ModelLibrary({}), quality="medium", albedo=plain_albedo()
         ) as renderer:
@@ -230,7 +230,7 @@ def test_wind_sways_leaves_in_all_pictures_alike_and_nothing_else() -> None:
         tag=Tag.WALL,
     )
     camera = Pinhole(width_px=640, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=320.0, cy_px=180.0)
-    eye = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+    eye = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
     wind = (0.0, 15.0, 0.0)
     with SceneRenderer([leaf, wall], ModelLibrary({}), quality="medium", albedo=plain_albedo()) as renderer:
         still = renderer.draw(camera, eye, Instances()).labels()[0]

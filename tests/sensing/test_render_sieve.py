@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.gbuffer import GBuffer
 from carlaloc_env.render.geometry import Geometry
@@ -18,14 +17,15 @@ from carlaloc_env.render.projection import NEAR_M, View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.sieve import STILL, Body, Sieve
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.scene import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-TURN = geometry.quat_to_matrix(geometry.rpy_to_quat(0.1, -0.2, 1.0))
-POSE = geometry.from_rotation(TURN @ geometry.R_FLU_OPTICAL, (5.0, -3.0, 1.6))
-FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+TURN = transforms.quat_to_matrix(transforms.rpy_to_quat(0.1, -0.2, 1.0))
+POSE = transforms.from_rotation(TURN @ transforms.R_FLU_OPTICAL, (5.0, -3.0, 1.6))
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 
 
 def shown(
@@ -80,7 +80,7 @@ def test_what_is_left_out_shows_at_no_centre_of_a_pixel(solid: bool) -> None:
 def test_a_moved_body_is_picked_from_as_one_that_stands_there() -> None:
     random = np.random.default_rng(6)
     view = View.of(CAMERA, POSE)
-    T = geometry.from_rotation(TURN, (20.0, 9.0, 1.0))
+    T = transforms.from_rotation(TURN, (20.0, 9.0, 1.0))
     corners = random.normal(0.0, 2.0, (600, 3))
     triangles = np.arange(600, dtype=np.uint32).reshape(-1, 3)
     there = corners @ T[:3, :3].T + T[:3, 3]
@@ -122,7 +122,7 @@ def test_the_picture_is_the_same_without_them(quality: str, monkeypatch: pytest.
     library = ModelLibrary({"heap": crumbs(700, 9, (0.0, 0.0, 0.0), 2.0, Material.CAR_PAINT)})
     instances = Instances(
         model=np.zeros(2, np.int32),
-        T_world_model=np.stack([geometry.from_rotation(TURN, (x, 1.0, 1.5)) for x in (9.0, 30.0)]),
+        T_world_model=np.stack([transforms.from_rotation(TURN, (x, 1.0, 1.5)) for x in (9.0, 30.0)]),
         instance=np.array([EGO_INSTANCE + 1, EGO_INSTANCE + 2], np.uint32),
         tint=np.full((2, 3), 255, np.uint8),
     )

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import RenderError
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.hoisting import hoisted
 from carlaloc_env.render.lamp_words import air_words, surface_words

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import ConfigError, RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.detail import coarse
 from carlaloc_env.render.geometry import lit_windows
@@ -19,9 +18,10 @@ from carlaloc_env.render.lights import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.render.projection import View
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh, merge
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import PRESETS, WeatherParameters
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 try:
     create_context().release()
@@ -30,7 +30,7 @@ except RenderError as no_opengl:
 
 CAMERA = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
 EYE_M = (0.0, 0.0, 1.6)
-FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, EYE_M)
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, EYE_M)
 """A camera 1.6 m above the origin that looks east."""
 SUNLESS = WeatherParameters(cloudiness=100.0, fog_density=0.0, mie_scattering_scale=0.0)
 
@@ -75,9 +75,9 @@ def test_quad_covers_the_pixels_that_the_pinhole_says(quality: str) -> None:
     """Every pixel whose centre lies inside the projected outline, and no other."""
     low, high = (-1.23, 0.71), (2.37, 2.93)
     camera = Pinhole(width_px=200, height_px=120, fx_px=150.0, fy_px=140.0, cx_px=96.3, cy_px=65.8)
-    T = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.3, 0.1, 1.7))
+    T = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.3, 0.1, 1.7))
     corners = np.array([[9.0, high[0], high[1]], [9.0, low[0], low[1]]])
-    (u0, v0), (u1, v1) = camera.project(geometry.apply(geometry.invert(T), corners))
+    (u0, v0), (u1, v1) = camera.project(transforms.apply(transforms.invert(T), corners))
     with scene(wall(9.0, low, high), quality=quality) as renderer:
         tag, _ = renderer.draw(camera, T, Instances()).labels()
     v, u = np.mgrid[:120, :200]
@@ -87,8 +87,8 @@ def test_quad_covers_the_pixels_that_the_pinhole_says(quality: str) -> None:
 @pytest.mark.parametrize("quality", ["low", "high"])
 def test_depth_of_a_plane_is_exact(quality: str) -> None:
     """Planar depth of the ground under a tilted camera, against the plane equation."""
-    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.1, 0.2, 0.7))
-    T = geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (12.0, -7.0, 1.6))
+    turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.1, 0.2, 0.7))
+    T = transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (12.0, -7.0, 1.6))
     with scene(ground(), quality=quality) as renderer:
         depth = renderer.draw(CAMERA, T, Instances()).depth_m()
     down = -(rays_z1(CAMERA) @ T[:3, :3].T)[..., 2]
@@ -130,9 +130,9 @@ def test_instances_stand_where_their_pose_says() -> None:
         material=Material.CAR_PAINT,
         tag=Tag.CAR,
     )
-    T = geometry.transform([10.0, 1.5, 2.0], geometry.rpy_to_quat(0.0, 0.0, 0.6))
+    T = transforms.transform([10.0, 1.5, 2.0], transforms.rpy_to_quat(0.0, 0.0, 0.6))
     ids = np.array([(1 << 23) + 300, (1 << 23) + 1], np.uint32)
-    away = geometry.transform([-20.0, 0.0, 2.0], [0, 0, 0, 1])
+    away = transforms.transform([-20.0, 0.0, 2.0], [0, 0, 0, 1])
     instances = Instances(
         model=np.zeros(2, np.int32),
         T_world_model=np.stack([T, away]),
@@ -143,14 +143,14 @@ def test_instances_stand_where_their_pose_says() -> None:
         gbuffer = renderer.draw(CAMERA, FORWARD, instances)
         tag, instance = gbuffer.labels()
         depth = gbuffer.depth_m()
-    corners = geometry.apply(geometry.invert(FORWARD) @ T, plate.vertices_m)
+    corners = transforms.apply(transforms.invert(FORWARD) @ T, plate.vertices_m)
     uv = CAMERA.project(corners)
     rows, columns = np.nonzero(tag == Tag.CAR)
     assert np.all(instance[rows, columns] == ids[0])
     assert columns.min() == np.ceil(uv[:, 0].min())
     assert columns.max() == np.floor(uv[:, 0].max())
-    normal = geometry.invert(FORWARD)[:3, :3] @ T[:3, 0]
-    centre = geometry.apply(geometry.invert(FORWARD), T[:3, 3])
+    normal = transforms.invert(FORWARD)[:3, :3] @ T[:3, 0]
+    centre = transforms.apply(transforms.invert(FORWARD), T[:3, 3])
     expected = (normal @ centre) / (rays_z1(CAMERA)[rows, columns] @ normal)
     np.testing.assert_allclose(depth[rows, columns], expected, atol=0.002)
 
@@ -218,7 +218,7 @@ def test_fog_thins_with_height() -> None:
     """Optical depth of a level ray is β0 e^(−z/H) d at the camera's height."""
     fog = WeatherParameters(cloudiness=100.0, fog_density=80.0, fog_distance=0.0, fog_falloff=1.0)
     height_m = 12.0
-    T = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, height_m))
+    T = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, height_m))
     seen = {}
     for distance_m in (40.0, 80.0, 1200.0):
         plain = wall(distance_m, (-900.0, -900.0), (900.0, 900.0), material=Material.METAL_PAINTED)
@@ -241,7 +241,7 @@ def test_level_ground_shows_albedo_times_illuminance() -> None:
     albedo = plain_albedo()
     albedo[:] = (0.4, 0.4, 0.4, 1.0)
     with scene(ground(), albedo=albedo) as renderer:
-        down = geometry.from_rotation(np.diag([1.0, -1.0, -1.0]), (3.0, 4.0, 2.0))
+        down = transforms.from_rotation(np.diag([1.0, -1.0, -1.0]), (3.0, 4.0, 2.0))
         radiance = renderer.radiance_cd_m2(renderer.draw(CAMERA, down, Instances()), SUNLESS)
     mean = radiance.mean(axis=(0, 1))
     np.testing.assert_allclose(mean, 0.4 * sky_lx / np.pi, rtol=0.12)
@@ -251,7 +251,7 @@ def test_sun_throws_a_shadow_where_the_ray_to_it_is_blocked() -> None:
     """A plate above the ground darkens exactly the points whose ray to the sun meets it."""
     sunny = PRESETS["ClearNoon"]
     plate = quad([[8, -2, 3], [8, 2, 3], [6, 2, 3], [6, -2, 3]], Material.LEAF, Tag.STATIC)
-    high = geometry.from_rotation(np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]), (2.0, 0.0, 30.0))
+    high = transforms.from_rotation(np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]), (2.0, 0.0, 30.0))
     camera = Pinhole(width_px=240, height_px=160, fx_px=400.0, fy_px=400.0, cx_px=120.0, cy_px=80.0)
     # Even ground: asphalt has stones and stains of its own.
     with scene(ground(material=Material.PLAIN), plate) as renderer:
@@ -310,7 +310,7 @@ def test_car_paint_takes_the_tint_of_its_instance() -> None:
         return make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=material, tag=Tag.CAR)
 
     library = ModelLibrary({"paint": plate(Material.CAR_PAINT), "plastic": plate(Material.PLASTIC)})
-    T = np.tile(geometry.transform([8.0, 0.0, 1.6], [0, 0, 0, 1]), (1, 1, 1))
+    T = np.tile(transforms.transform([8.0, 0.0, 1.6], [0, 0, 0, 1]), (1, 1, 1))
     red = np.array([[220, 10, 10]], np.uint8)
     hues = {}
     with scene(library=library) as renderer:
@@ -329,7 +329,7 @@ def test_street_lamp_lights_the_ground_by_the_inverse_square() -> None:
     night = WeatherParameters(sun_altitude_angle=-90.0, fog_density=0.0, mie_scattering_scale=0.0)
     albedo = plain_albedo()
     albedo[:] = (0.4, 0.4, 0.4, 1.0)
-    down = geometry.from_rotation(np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]), (2.0, 0.0, 25.0))
+    down = transforms.from_rotation(np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]), (2.0, 0.0, 25.0))
     pictures = []
     for lamps_m in (np.zeros((0, 3)), np.array([[2.0, 0.0, 4.0]]), np.array([[2.0, 0.0, 8.0]])):
         # Nothing stains glass.
@@ -346,8 +346,8 @@ def test_street_lamp_lights_the_ground_by_the_inverse_square() -> None:
 def test_no_visible_box_is_culled() -> None:
     """A box is kept whenever one of its random points projects into the picture."""
     random = np.random.default_rng(11)
-    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.05, -0.1, 2.0))
-    view = View.of(CAMERA, geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
+    turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.05, -0.1, 2.0))
+    view = View.of(CAMERA, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
     low = random.uniform(-150, 150, (400, 3))
     high = low + random.uniform(1, 30, (400, 3))
     points = low[:, None] + random.random((400, 60, 3)) * (high - low)[:, None]
@@ -397,7 +397,7 @@ def test_the_road_under_a_car_is_darker(weather: WeatherParameters, beside_m: fl
     slab = make_mesh(corners, [[0, 1, 2], [0, 2, 3]], material=Material.CAR_PAINT, tag=Tag.CAR)
     one = Instances(
         model=np.zeros(1, np.int32),
-        T_world_model=geometry.transform([[12.0, 0.0, 1.3]], [[0.0, 0.0, 0.0, 1.0]]),
+        T_world_model=transforms.transform([[12.0, 0.0, 1.3]], [[0.0, 0.0, 0.0, 1.0]]),
         instance=np.ones(1, np.uint32),
         tint=np.full((1, 3), 99, np.uint8),
     )
@@ -406,7 +406,7 @@ def test_the_road_under_a_car_is_darker(weather: WeatherParameters, beside_m: fl
             renderer.radiance_cd_m2(renderer.draw(CAMERA, FORWARD, i), weather)[..., 1]
             for i in (Instances(), one)
         )
-    spot = geometry.apply(geometry.invert(FORWARD), [beside_m, 0.0, 0.0])
+    spot = transforms.apply(transforms.invert(FORWARD), [beside_m, 0.0, 0.0])
     u, v = CAMERA.project(spot[None])[0].round().astype(int)
     assert under[v, u] < 0.6 * bare[v, u]
     assert under[170, 160] == pytest.approx(bare[170, 160], rel=1e-3)

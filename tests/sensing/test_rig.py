@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.presets import RIGS, rig_by_name
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.sensors.base import Mount

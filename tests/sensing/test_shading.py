@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render import light_grid, shading
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.day_tiles import under
@@ -22,9 +21,10 @@ from carlaloc_env.render.sky import sky_light
 from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.render.tile_kernels import level_tiles
 from carlaloc_env.render.tiles import TILE_PX, DepthRange
-from carlaloc_env.scene import Instances, Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import PRESETS
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS
 
 try:
     create_context().release()
@@ -33,7 +33,7 @@ except RenderError as no_opengl:
 
 CAMERA = Pinhole(width_px=650, height_px=330, fx_px=330.0, fy_px=330.0, cx_px=325.0, cy_px=120.0)
 """Its last column and row of tiles have their middles outside."""
-FORWARD = geometry.from_rotation(geometry.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 
 
 def quad(corners_m: list[list[float]], material: Material, tag: Tag) -> Mesh:
@@ -54,7 +54,7 @@ def boards() -> tuple[ModelLibrary, Instances]:
     places = [[8.0, 2.0, 0.0], [15.0, -3.0, 0.0], [30.0, 6.0, 0.5]]
     return ModelLibrary({"board": board}), Instances(
         model=np.zeros(3, np.int32),
-        T_world_model=np.stack([geometry.transform(place, [0, 0, 0, 1]) for place in places]),
+        T_world_model=np.stack([transforms.transform(place, [0, 0, 0, 1]) for place in places]),
         instance=np.arange(1, 4, dtype=np.uint32),
         tint=np.full((3, 3), 99, np.uint8),
     )
@@ -96,8 +96,8 @@ def test_shadows_reach_no_tile_that_is_left_out() -> None:
     """Every point of a relief whose ray to the sun meets a sphere, against the tiles that are chosen."""
     random = np.random.default_rng(2)
     camera = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
-    turn = geometry.quat_to_matrix(geometry.rpy_to_quat(0.05, 0.2, 1.0))
-    view = View.of(camera, geometry.from_rotation(turn @ geometry.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
+    turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.05, 0.2, 1.0))
+    view = View.of(camera, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
     depth = np.kron(random.uniform(3.0, 60.0, (12, 20)), np.ones((15, 16))).astype(np.float32)
     depth[:40, 64:] = 0.0
     v, u = np.mgrid[:180, :320]

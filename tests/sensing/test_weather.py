@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.render.sky import hemisphere, sky_light
-from carlaloc_env.weather import PRESETS, WeatherParameters, weather_by_name
+from carlaloc_env.weather.parameters import PRESETS, WeatherParameters, weather_by_name
 
 
 def test_presets_are_those_of_the_carla_package() -> None:

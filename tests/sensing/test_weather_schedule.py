@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.weather import PRESETS, WeatherParameters
-from carlaloc_env.weather_schedule import WeatherSchedule, weather_of
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
+from carlaloc_env.weather.schedule import WeatherSchedule, weather_of
 from recorder.conditions import conditions_of
 
 SECOND = 1_000_000_000

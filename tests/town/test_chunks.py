@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.projection import FAR_M, NEAR_M, View
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.build import load_town
 
 CAMERA = Pinhole.from_fov(640, 360, 90.0)

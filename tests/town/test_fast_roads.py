@@ -7,7 +7,7 @@ import pathlib
 import numpy as np
 import pytest
 
-from carlaloc_env.materials import Material
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.town.fast_roads import is_fast
 from carlaloc_env.town.meshing import MeshBuilder
 from carlaloc_env.town.network import LaneNetwork

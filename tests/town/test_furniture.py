@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from carlaloc_env.materials import MATERIALS, Material
+from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.furniture import Furnisher
 from carlaloc_env.town.meshing import MeshBuilder

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.scene import Mesh
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import Feature, TownConfig
 from carlaloc_env.town.features import feature_lamps, feature_mesh, roofed_sites, sites
 from carlaloc_env.town.gatehouse import ASIDE_M

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import MapError
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.network import Lane, LaneNetwork
 
 CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.network import LaneNetwork
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")

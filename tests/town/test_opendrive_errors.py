@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from carlaloc_env.errors import MapError
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive import document
 from carlaloc_env.town.opendrive.reader import read_opendrive

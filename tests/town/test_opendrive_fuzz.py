@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import hypothesis.strategies as st
 from hypothesis import HealthCheck, given, settings
 
-from carlaloc_env.errors import MapError
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.map_check import report
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive

@@ -9,8 +9,8 @@ import pytest
 from scipy.sparse import lil_array
 from scipy.sparse.csgraph import dijkstra
 
-from carlaloc_env.errors import MapError
-from carlaloc_env.geometry import wrap_angle
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.route import Route, plan_route
 

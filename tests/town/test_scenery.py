@@ -7,10 +7,10 @@ import pytest
 import shapely
 
 from carlaloc_env.assets.tree_forms import FORMS
-from carlaloc_env.geometry import apply
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import EGO_INSTANCE, Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.transforms import apply
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.areas import TownAreas, town_areas
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.sections import road_strips

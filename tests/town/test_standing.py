@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env.assets.library import build_library
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import LEGACY_PALETTE_RGB, Tag, tags_in
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import LEGACY_PALETTE_RGB, Tag, tags_in
 from carlaloc_env.town.areas import town_areas
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.land import CELL_M, Raster

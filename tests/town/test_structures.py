@@ -11,9 +11,9 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import Mesh, merge
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.areas import lane_area, town_areas
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.config import TownConfig

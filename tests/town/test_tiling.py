@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.errors import RenderError
-from carlaloc_env.materials import MATERIALS, Material
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core import transforms
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.textures import build_textures
 from carlaloc_env.render.textures.build import WIDE
-from carlaloc_env.scene import Instances, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import WeatherParameters
 
 try:
     create_context().release()
@@ -42,7 +42,7 @@ def seen_from_above(material: Material) -> NDArray[np.float64]:
     camera = Pinhole(
         width_px=width, height_px=height, fx_px=focal, fy_px=focal, cx_px=width / 2, cy_px=height / 2
     )
-    down = geometry.from_rotation(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, eye_m])
+    down = transforms.from_rotation(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, eye_m])
     with SceneRenderer(
         [mesh], ModelLibrary({}), quality="medium", albedo=build_textures().albedo
     ) as renderer:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.array_files import arrays_hash, load, save
-from carlaloc_env.errors import ConfigError, MapError
+from carlaloc_env.core.array_cache import arrays_hash, load, save
+from carlaloc_env.core.errors import ConfigError, MapError
 from carlaloc_env.town.build import find_town, load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.town import Town

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 import carlaloc_env
-from carlaloc_env.geodesy import GeoReference
-from carlaloc_env.pinhole import Pinhole
-from carlaloc_env.semantics import TO_LEGACY, Tag
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.town.config import (
@@ -28,7 +28,7 @@ from carlaloc_env.town.config import (
     Zone,
 )
 from carlaloc_env.town.map_check import check_map
-from carlaloc_env.weather import WeatherParameters
+from carlaloc_env.weather.parameters import WeatherParameters
 from recorder.conditions import TrafficLevel
 from recorder.episode_actors import ACTORS_TOPIC, ACTORS_TYPE
 from recorder.episode_messages import EGO_TOPIC, EGO_TYPE, EVENT_TYPE, EVENTS_TOPIC

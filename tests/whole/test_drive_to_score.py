@@ -12,11 +12,11 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.errors import ConfigError, RenderError, WriterError
-from carlaloc_env.pinhole import Pinhole
 from carlaloc_env.presets import flu_rig
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Sample
@@ -24,7 +24,7 @@ from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather.parameters import weather_by_name
 from recorder.dataset_record import checksums
 from recorder.episode import Episode
 from recorder.evaluation.evaluate import evaluate

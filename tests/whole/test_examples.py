@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from carlaloc_env.errors import RaycastError, RenderError
+from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.sensors.lidar import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.errors import RaycastError, RenderError
+from carlaloc_env.core.errors import RaycastError, RenderError
 from recorder.cli.main import COMMANDS, _parser, main
 from recorder.evaluation.trajectory import read_tum
 

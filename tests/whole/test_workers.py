@@ -7,7 +7,7 @@ import operator
 
 import pytest
 
-from carlaloc_env.errors import CarlaLocError
+from carlaloc_env.core.errors import CarlaLocError
 from recorder.workers import run_jobs
 
 

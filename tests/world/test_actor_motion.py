@@ -14,13 +14,13 @@ from carlaloc_env.assets.library import build_library
 from carlaloc_env.assets.pedals import FOOT_M, pedal_at, push_pedals
 from carlaloc_env.assets.placing import ego_lights, place_actors, place_ego, place_lights
 from carlaloc_env.assets.skeleton import Joints
-from carlaloc_env.car_track import CarTrack
-from carlaloc_env.clock import TICK_NS
-from carlaloc_env.controls import Controls
-from carlaloc_env.materials import Material
-from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 
 @pytest.fixture(scope="module")

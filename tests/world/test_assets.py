@@ -35,11 +35,11 @@ from carlaloc_env.assets.signs import SIGNS, sign
 from carlaloc_env.assets.skeleton import shoe_sole
 from carlaloc_env.assets.tree_forms import FORMS
 from carlaloc_env.assets.trees import tree
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.materials import MATERIALS, Material
-from carlaloc_env.scene import EGO_INSTANCE, Mesh, ModelLibrary
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import LIGHT_BRAKE, LIGHT_LEFT, ActorCatalog, ActorFrame
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_LEFT, ActorCatalog, ActorFrame
 
 PLAIN = Look(Material.PLAIN, Tag.STATIC)
 

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.timeline import JUMP_M, Timeline
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.timeline.timeline import JUMP_M, Timeline
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.town.route_choice import choose_route
 from carlaloc_env.traffic.audit import NOBODY, overlapping_boxes

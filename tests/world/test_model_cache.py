@@ -10,10 +10,10 @@ import pytest
 
 from carlaloc_env.assets import library
 from carlaloc_env.assets.library import build_library
-from carlaloc_env.materials import Material
-from carlaloc_env.mesh_arrays import from_arrays, to_arrays
-from carlaloc_env.scene import Mesh, ModelLibrary, make_mesh
-from carlaloc_env.semantics import Tag
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.mesh_arrays import from_arrays, to_arrays
+from carlaloc_env.scene.semantic_tags import Tag
 
 FIELDS = ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance")
 

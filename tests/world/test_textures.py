@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.array_files import save
 from carlaloc_env.assets.atlas import (
     BILLBOARDS,
     GRID,
@@ -20,12 +19,13 @@ from carlaloc_env.assets.atlas import (
     atlas_cells,
     atlas_uv,
 )
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.materials import MATERIALS, Material
+from carlaloc_env.core.array_cache import save
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.rng import stream
 from carlaloc_env.render.textures import build_textures
 from carlaloc_env.render.textures.build import RECIPES, make_albedo
 from carlaloc_env.render.textures.noise import fbm, worley
-from carlaloc_env.rng import stream
+from carlaloc_env.scene.materials import MATERIALS, Material
 
 SIZE = 256
 TILED = [m for m in Material if m not in GRID]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.car_following import (

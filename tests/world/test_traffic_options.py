@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork

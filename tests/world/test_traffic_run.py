@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.errors import CarlaLocError
-from carlaloc_env.semantics import Tag
-from carlaloc_env.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.network import LaneNetwork

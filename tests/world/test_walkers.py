@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.clock import STEP_NS
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, walking_ground

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.clock import TICK_NS
-from carlaloc_env.controls import Controls
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.controls import Controls
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.samples import CanState, WheelTicks
 from carlaloc_env.sensors.can import CanConfig
 from carlaloc_env.sensors.wheels import WheelsConfig
-from carlaloc_env.timeline import Timeline, empty_catalog, empty_frame
+from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 
 WORLD: Any = SimpleNamespace(seed=3)
 RADIUS_M, TRACK_M = 0.311, 1.58

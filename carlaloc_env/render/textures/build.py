@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.array_files import Arrays, cached
-from carlaloc_env.materials import Material
+from carlaloc_env.core.array_cache import Arrays, cached
+from carlaloc_env.core.rng import stream
 from carlaloc_env.render.textures import (
     adverts,
     cladding,
@@ -25,7 +25,7 @@ from carlaloc_env.render.textures import (
     walls,
 )
 from carlaloc_env.render.textures.noise import Layer
-from carlaloc_env.rng import stream
+from carlaloc_env.scene.materials import Material
 
 _Recipe = Callable[[np.random.Generator, int], Layer]
 

@@ -9,7 +9,7 @@ from xml.parsers import expat
 
 from lxml import etree
 
-from carlaloc_env.errors import MapError
+from carlaloc_env.core.errors import MapError
 
 FILE_LIMIT_BYTES = 64 * 1024 * 1024
 """Larger files are refused."""

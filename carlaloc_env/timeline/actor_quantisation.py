@@ -11,7 +11,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.timeline import ActorFrame
+from carlaloc_env.timeline.timeline import ActorFrame
 
 POSITION_STEP_M = 2.0**-11
 """Step of positions [m]."""

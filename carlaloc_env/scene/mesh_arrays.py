@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.scene import VERTEX_FIELDS, Mesh
+from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh
 
 _FIELDS = ("triangles", *VERTEX_FIELDS)
 

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.source_digest import source_digest
+from carlaloc_env.core.source_digest import source_digest
 
 _log = logging.getLogger(__name__)
 

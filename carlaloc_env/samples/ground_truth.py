@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env import geometry
+from carlaloc_env.core import transforms
 from carlaloc_env.samples.base import Sample, check
 
 
@@ -78,4 +78,4 @@ class ObjectList(Sample):
     @property
     def quat_xyzw(self) -> NDArray[np.float64]:
         """Attitudes, map box to world, shape (N, 4)."""
-        return geometry.rpy_to_quat(self.roll_rad, -self.pitch_rad, self.heading_rad)
+        return transforms.rpy_to_quat(self.roll_rad, -self.pitch_rad, self.heading_rad)

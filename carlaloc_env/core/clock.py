@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 
 TICK_HZ = 200
 """Rate of the simulation tick [Hz]; every sensor rate divides it."""

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.car_track import CarTrack
-from carlaloc_env.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.geometry import wrap_angle
-from carlaloc_env.trajectory import EgoTrack, Motion
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.timeline.ego_spline import EgoTrack, Motion
+from carlaloc_env.timeline.vehicle_track import CarTrack
 
 F32 = NDArray[np.float32]
 

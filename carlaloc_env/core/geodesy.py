@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env import geometry
+from carlaloc_env.core import transforms
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class GeoReference:
 
     def enu_to_geodetic(self, position_m: ArrayLike) -> Array:
         """Latitude [deg], longitude [deg], height [m] (..., 3) of world points [m] (..., 3)."""
-        return ecef_to_geodetic(geometry.apply(self._T_ecef_enu(), position_m))
+        return ecef_to_geodetic(transforms.apply(self._T_ecef_enu(), position_m))
 
     def geodetic_to_enu(self, geodetic: ArrayLike) -> Array:
         """World points [m] (..., 3) of latitude [deg], longitude [deg], height [m] (..., 3)."""
@@ -40,15 +40,15 @@ class GeoReference:
     def ecef_to_enu(self, ecef_m: ArrayLike) -> Array:
         """World points [m] (..., 3) of Earth-centred points [m] (..., 3)."""
         T = self._T_ecef_enu()
-        turn = geometry.from_rotation(T[:3, :3].T)
-        return geometry.apply(turn, np.asarray(ecef_m, dtype=np.float64) - T[:3, 3])
+        turn = transforms.from_rotation(T[:3, :3].T)
+        return transforms.apply(turn, np.asarray(ecef_m, dtype=np.float64) - T[:3, 3])
 
     def _T_ecef_enu(self) -> Array:
         lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
         sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
         axes = np.array([[-so, -sl * co, cl * co], [co, -sl * so, cl * so], [0.0, cl, sl]])
         origin = geodetic_to_ecef([self.latitude_deg, self.longitude_deg, self.height_m])
-        return geometry.from_rotation(axes, origin)
+        return transforms.from_rotation(axes, origin)
 
 
 def geodetic_to_ecef(geodetic: ArrayLike) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.errors import ConfigError
+from carlaloc_env.core.errors import ConfigError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

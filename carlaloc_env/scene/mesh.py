@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.geometry import cross
-from carlaloc_env.materials import Material
-from carlaloc_env.semantics import Tag
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
 
 F32 = NDArray[np.float32]
 

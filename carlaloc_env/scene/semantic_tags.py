@@ -10,7 +10,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core.errors import ConfigError, unknown_name
 
 
 class Tag(IntEnum):

@@ -18,8 +18,8 @@ from typing import Any
 
 import yaml
 
-from carlaloc_env.errors import ConfigError
-from carlaloc_env.weather import WeatherParameters, weather_by_name
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.weather.parameters import WeatherParameters, weather_by_name
 
 STEP_NS = 1_000_000_000
 """The weather changes once a second: each new one costs a sky and a shadow map."""

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env import geometry
-from carlaloc_env.clock import TICK_NS, TICK_S
-from carlaloc_env.compiled import compiled
+from carlaloc_env.core import transforms
+from carlaloc_env.core.clock import TICK_NS, TICK_S
+from carlaloc_env.core.jit import compiled
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ class Motion:
     @property
     def T_world_frame(self) -> Array:
         """Poses, shape (M, 4, 4)."""
-        return geometry.transform(self.position_m, self.quat_xyzw)
+        return transforms.transform(self.position_m, self.quat_xyzw)
 
     def at_mount(self, T_frame_mount: ArrayLike) -> Motion:
         """Motion of a frame fixed to this one, lever arm included.
@@ -59,22 +59,24 @@ class Motion:
     def _moved_by(self, lever_m: Array) -> Motion:
         w, q = self.omega_body_radps, self.quat_xyzw
         arm = np.broadcast_to(lever_m, w.shape)
-        wl = geometry.cross(w, arm)
+        wl = transforms.cross(w, arm)
         return dataclasses.replace(
             self,
-            position_m=self.position_m + geometry.quat_rotate(q, arm),
-            velocity_world_mps=self.velocity_world_mps + geometry.quat_rotate(q, wl),
+            position_m=self.position_m + transforms.quat_rotate(q, arm),
+            velocity_world_mps=self.velocity_world_mps + transforms.quat_rotate(q, wl),
             acceleration_world_mps2=self.acceleration_world_mps2
-            + geometry.quat_rotate(q, geometry.cross(self.alpha_body_radps2, arm) + geometry.cross(w, wl)),
+            + transforms.quat_rotate(
+                q, transforms.cross(self.alpha_body_radps2, arm) + transforms.cross(w, wl)
+            ),
         )
 
     def _turned_by(self, R_frame_mount: Array) -> Motion:
-        rotate = geometry.from_rotation(R_frame_mount.T)
+        rotate = transforms.from_rotation(R_frame_mount.T)
         return dataclasses.replace(
             self,
-            quat_xyzw=geometry.quat_multiply(self.quat_xyzw, geometry.matrix_to_quat(R_frame_mount)),
-            omega_body_radps=geometry.apply(rotate, self.omega_body_radps),
-            alpha_body_radps2=geometry.apply(rotate, self.alpha_body_radps2),
+            quat_xyzw=transforms.quat_multiply(self.quat_xyzw, transforms.matrix_to_quat(R_frame_mount)),
+            omega_body_radps=transforms.apply(rotate, self.omega_body_radps),
+            alpha_body_radps2=transforms.apply(rotate, self.alpha_body_radps2),
         )
 
     def row(self, index: int) -> Motion:

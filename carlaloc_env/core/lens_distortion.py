@@ -8,8 +8,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.errors import ConfigError, unknown_name
-from carlaloc_env.pinhole import Pinhole
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, unknown_name
 
 Array = NDArray[np.float64]
 _T = TypeVar("_T", bound=np.generic)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.errors import ConfigError, unknown_name
+from carlaloc_env.core.errors import ConfigError, unknown_name
 
 MOR_CONTRAST = 0.05
 """Contrast left at the meteorological optical range (ICAO, WMO)."""

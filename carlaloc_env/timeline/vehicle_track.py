@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.clock import TICK_NS, TICK_S
-from carlaloc_env.controls import Controls
-from carlaloc_env.errors import EpisodeError
+from carlaloc_env.core.clock import TICK_NS, TICK_S
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import EpisodeError
 
 Array = NDArray[np.float64]
 

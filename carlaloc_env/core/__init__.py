@@ -1,0 +1,1 @@
+"""The ground floor: errors, time, random streams, transforms, compiled functions, kept arrays."""

@@ -1,0 +1,1 @@
+"""Where everything was at any time: all that a sensor may ask."""

@@ -1,0 +1,1 @@
+"""CARLA's weather parameters, and schedules by which they change."""
