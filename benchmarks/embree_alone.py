@@ -8,7 +8,7 @@ import numpy as np
 import open3d
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import place_actors
+from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary, merge
 from carlaloc_env.timeline.timeline import Timeline
 

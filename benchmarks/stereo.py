@@ -12,7 +12,7 @@ import argparse
 import numpy as np
 from timing import time_calls
 
-from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.actors.instances import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.core.transforms import transform
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.scene.mesh import Instances, concatenate_instances

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from carlaloc_env.assets.library import build_library
+from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary

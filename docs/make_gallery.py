@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.actors.instances import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.presets import rig_by_name
 from carlaloc_env.render.gbuffer import GBuffer

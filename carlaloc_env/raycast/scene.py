@@ -15,8 +15,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.articulation import steered_mesh
-from carlaloc_env.assets.ray_placing import ray_models, ray_postures
+from carlaloc_env.actors.articulation import steered_mesh
+from carlaloc_env.actors.ray_models import ray_models, ray_postures
 from carlaloc_env.core import transforms
 from carlaloc_env.raycast.culling import Cylinders, candidates
 from carlaloc_env.raycast.hits import Hits

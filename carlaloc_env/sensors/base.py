@@ -20,7 +20,7 @@ from carlaloc_env.timeline.timeline import Timeline
 if TYPE_CHECKING:
     from gymnasium import spaces
 
-    from carlaloc_env.assets.placing import SignalLenses
+    from carlaloc_env.actors.instances import SignalLenses
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
     from carlaloc_env.scene.mesh import ModelLibrary

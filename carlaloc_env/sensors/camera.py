@@ -10,13 +10,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import (
-    ego_lights,
-    place_actors,
-    place_ego,
-    place_lights,
-    place_signals,
-)
+from carlaloc_env.actors.instances import ego_lights, place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name

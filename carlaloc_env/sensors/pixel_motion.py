@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import ground_poses
+from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.jit import compiled, over_bands

@@ -6,7 +6,7 @@ import importlib.resources
 import os
 from pathlib import Path
 
-from carlaloc_env.assets.placing import SignalLenses
+from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core.array_cache import Arrays, cached, content_hash
 from carlaloc_env.core.errors import MapError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference

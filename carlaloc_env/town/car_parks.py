@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.roadside import fence
-from carlaloc_env.assets.signs import sign
+from carlaloc_env.assets.street.fences_and_poles import fence
+from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh

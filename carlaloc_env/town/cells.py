@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.atlas import GRID
+from carlaloc_env.assets.texture_atlas import GRID
 from carlaloc_env.scene.materials import MATERIALS, Material
 
 Array = NDArray[np.float64]

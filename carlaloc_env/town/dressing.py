@@ -10,8 +10,8 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.assets.tree_forms import FORMS
+from carlaloc_env.actors.instances import SignalLenses
+from carlaloc_env.assets.vegetation.tree_species import FORMS
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag

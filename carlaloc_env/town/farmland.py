@@ -10,9 +10,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.farm_things import bale, fence_panel, maize, stalks
-from carlaloc_env.assets.tree_forms import DETAILS
-from carlaloc_env.assets.trees import tree
+from carlaloc_env.assets.vegetation.farm_plants import bale, fence_panel, maize, stalks
+from carlaloc_env.assets.vegetation.tree_species import DETAILS
+from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.farm_things import bale
-from carlaloc_env.assets.shapes import Look as Stuff
-from carlaloc_env.assets.shapes import lathe
+from carlaloc_env.assets.modelling.primitives import Look as Stuff
+from carlaloc_env.assets.modelling.primitives import lathe
+from carlaloc_env.assets.vegetation.farm_plants import bale
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag

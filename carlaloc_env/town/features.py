@@ -9,9 +9,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.billboard import billboard
-from carlaloc_env.assets.site_works import construction_site
-from carlaloc_env.assets.street import bus_shelter
+from carlaloc_env.assets.street.billboards import billboard
+from carlaloc_env.assets.street.construction_sites import construction_site
+from carlaloc_env.assets.street.furniture import bus_shelter
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh

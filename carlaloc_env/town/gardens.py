@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.farm_things import picket_panel
-from carlaloc_env.assets.roadside import fence
-from carlaloc_env.assets.shapes import Look, box
-from carlaloc_env.assets.shrubs import shrub
+from carlaloc_env.assets.modelling.primitives import Look, box
+from carlaloc_env.assets.street.fences_and_poles import fence
+from carlaloc_env.assets.vegetation.farm_plants import picket_panel
+from carlaloc_env.assets.vegetation.shrubs import shrub
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge

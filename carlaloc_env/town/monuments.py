@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from carlaloc_env.assets.shapes import Look as Stuff
-from carlaloc_env.assets.shapes import lathe
+from carlaloc_env.assets.modelling.primitives import Look as Stuff
+from carlaloc_env.assets.modelling.primitives import lathe
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag

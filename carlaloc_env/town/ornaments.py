@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.shapes import Look as Stuff
-from carlaloc_env.assets.shapes import lathe
+from carlaloc_env.assets.modelling.primitives import Look as Stuff
+from carlaloc_env.assets.modelling.primitives import lathe
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.cells import cell_uv

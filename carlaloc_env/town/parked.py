@@ -10,8 +10,8 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import VEHICLES
-from carlaloc_env.assets.plate_text import PLATES, plate_of, plate_uv
-from carlaloc_env.assets.vehicles import vehicle
+from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_uv
+from carlaloc_env.assets.vehicles.all_vehicles import vehicle
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh

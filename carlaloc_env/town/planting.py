@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.shrubs import shrub, tufts
-from carlaloc_env.assets.tree_forms import DETAILS
-from carlaloc_env.assets.trees import tree
+from carlaloc_env.assets.vegetation.shrubs import shrub, tufts
+from carlaloc_env.assets.vegetation.tree_species import DETAILS
+from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import rng
 from carlaloc_env.town.land import Land
 from carlaloc_env.town.lots import frontages

@@ -8,9 +8,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.shapes import Look, box, lathe
-from carlaloc_env.assets.shrubs import shrub
-from carlaloc_env.assets.street import bench, planter
+from carlaloc_env.assets.modelling.primitives import Look, box, lathe
+from carlaloc_env.assets.street.furniture import bench, planter
+from carlaloc_env.assets.vegetation.shrubs import shrub
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge

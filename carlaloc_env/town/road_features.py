@@ -8,10 +8,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.atlas import cell_corners, street_name_uv
-from carlaloc_env.assets.shapes import Look, box, placed, tube
-from carlaloc_env.assets.signs import board
-from carlaloc_env.assets.street import bench, bollard, lamp
+from carlaloc_env.assets.modelling.primitives import Look, box, placed, tube
+from carlaloc_env.assets.street.furniture import bench, bollard, lamp
+from carlaloc_env.assets.street.traffic_signs import board
+from carlaloc_env.assets.texture_atlas import cell_corners, street_name_uv
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag

@@ -8,8 +8,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets import street
-from carlaloc_env.assets.shapes import placed
+from carlaloc_env.assets.modelling.primitives import placed
+from carlaloc_env.assets.street import furniture
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.copies import copies, poses
 from carlaloc_env.town.guard_rails import FAST_MPS
@@ -58,11 +58,11 @@ def mast_meshes(
     double, yaw_double = _on_medians(medians)
     single, yaw_single = _beside(edges, double, zones, paved, ground)
     deck, yaw_deck = _on_parapets(edges, overhead)
-    one = street.lamp(MAST_M, ARM_M)
+    one = furniture.lamp(MAST_M, ARM_M)
     kinds = (
         (merge([one, placed(one, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
         (one, single, yaw_single, MAST_M, (ARM_M,)),
-        (street.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
+        (furniture.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
     )
     meshes, lights, number = [], [np.zeros((0, 3))], first_instance
     for mesh, feet, yaw, height, arms in kinds:

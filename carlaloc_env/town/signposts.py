@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import SignalLenses
-from carlaloc_env.assets.signals import traffic_light
-from carlaloc_env.assets.signs import sign
+from carlaloc_env.actors.instances import SignalLenses
+from carlaloc_env.assets.street.traffic_lights import traffic_light
+from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.core.transforms import apply
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.copies import copies, poses

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.trees import tree
+from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets import street
-from carlaloc_env.assets.atlas import STREET_NAMES
-from carlaloc_env.assets.shrubs import hedge
-from carlaloc_env.assets.signs import sign
-from carlaloc_env.assets.trees import tree
+from carlaloc_env.assets.street import furniture
+from carlaloc_env.assets.street.traffic_signs import sign
+from carlaloc_env.assets.texture_atlas import STREET_NAMES
+from carlaloc_env.assets.vegetation.shrubs import hedge
+from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.scene.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -47,18 +47,18 @@ def prop_mesh(name: str, variant: int, detail: str) -> Mesh:
     if name.startswith("tree "):
         return tree(name.removeprefix("tree "), variant, detail)
     makers: dict[str, Callable[[], Mesh]] = {
-        "lamp": lambda: street.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
-        "banner": lambda: street.banner(variant),
-        "bench": street.bench,
-        "bin": street.bin_,
-        "hydrant": street.hydrant,
-        "newspaper_box": street.newspaper_box,
-        "post_box": street.post_box,
-        "cabinet": street.cabinet,
-        "planter": street.planter,
-        "column": lambda: street.advertising_column(variant),
+        "lamp": lambda: furniture.lamp(LAMP_HEIGHT_M, LAMP_ARM_M),
+        "banner": lambda: furniture.banner(variant),
+        "bench": furniture.bench,
+        "bin": furniture.bin_,
+        "hydrant": furniture.hydrant,
+        "newspaper_box": furniture.newspaper_box,
+        "post_box": furniture.post_box,
+        "cabinet": furniture.cabinet,
+        "planter": furniture.planter,
+        "column": lambda: furniture.advertising_column(variant),
         "street_name": lambda: sign("street_name", STREET_NAMES[variant]),
-        "bus_shelter": lambda: street.bus_shelter(variant),
+        "bus_shelter": lambda: furniture.bus_shelter(variant),
         "hedge": lambda: hedge(3.0, 1.2 + 0.1 * variant, 0.6, variant, "low"),
     }
     return makers[name]()

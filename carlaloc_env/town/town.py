@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import SignalLenses
+from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import TownConfig

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.billboard import billboard
+from carlaloc_env.assets.street.billboards import billboard
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag

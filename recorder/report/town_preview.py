@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import place_actors
+from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import (
+from carlaloc_env.actors.instances import (
     ego_lights,
     is_blink,
     place_actors,

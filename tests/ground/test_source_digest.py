@@ -14,7 +14,11 @@ from carlaloc_env.core import source_digest as module
 from carlaloc_env.core.source_digest import imported_by, source_digest
 
 ROOT = Path(__file__).parents[2]
-BUILDERS = ("carlaloc_env.town.build", "carlaloc_env.assets.library", "carlaloc_env.render.textures.build")
+BUILDERS = (
+    "carlaloc_env.town.build",
+    "carlaloc_env.assets.model_library",
+    "carlaloc_env.render.textures.build",
+)
 
 
 def _imports(source: bytes) -> Iterator[str]:

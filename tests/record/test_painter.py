@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import is_blink
+from carlaloc_env.actors.instances import is_blink
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.render.lights import Emitters

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.assets.placing import SignalLenses
+from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import RenderError

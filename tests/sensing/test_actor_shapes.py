@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.assets.articulation import LOW_FROM_M
+from carlaloc_env.actors.articulation import LOW_FROM_M
+from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.assets.library import build_library
-from carlaloc_env.assets.placing import place_actors
+from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from carlaloc_env.assets.placing import SignalLenses
+from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError

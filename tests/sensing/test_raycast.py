@@ -138,7 +138,7 @@ def test_fast_car_is_hit_up_to_its_bumpers(scenery: Any) -> None:
 
 def test_actor_pose_is_the_cameras_pose(scenery: Any) -> None:
     """LiDAR and camera put the same car at the same place: position, heading, nose up, left side up."""
-    from carlaloc_env.assets.placing import place_actors
+    from carlaloc_env.actors.instances import place_actors
 
     library = ModelLibrary({"saloon": scenery.box(CAR_LOW, CAR_HIGH)})
     frame = scenery.frame([[4, 5, 6], [-7, 8, 1]], [0.7, -2.5], pitch_rad=[0.2, -0.1], roll_rad=[-0.1, 0.3])

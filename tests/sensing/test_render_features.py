@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.placing import place_ego, place_signals
+from carlaloc_env.actors.instances import place_ego, place_signals
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.transforms import transform

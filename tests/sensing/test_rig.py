@@ -106,7 +106,7 @@ def test_paper_layout() -> None:
 
 def test_bonnet_is_visible_and_roof_shadows() -> None:
     """The ego's nose projects into the lowest tenth of the picture, its roof does not."""
-    from carlaloc_env.assets.library import build_library
+    from carlaloc_env.assets.model_library import build_library
 
     library = build_library()
     body = library.meshes[library.index("ego")]

@@ -8,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.assets.library import build_library
+from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import LEGACY_PALETTE_RGB, Tag, tags_in

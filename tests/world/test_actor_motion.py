@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from carlaloc_env.actors.instances import ego_lights, place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.assets.cycles import CRANK_WAY_M, PEDAL_PHASES
-from carlaloc_env.assets.gait import SHANK, THIGH
-from carlaloc_env.assets.library import build_library
-from carlaloc_env.assets.pedals import FOOT_M, pedal_at, push_pedals
-from carlaloc_env.assets.placing import ego_lights, place_actors, place_ego, place_lights
-from carlaloc_env.assets.skeleton import Joints
+from carlaloc_env.assets.model_library import build_library
+from carlaloc_env.assets.vehicles.cycles import CRANK_WAY_M, PEDAL_PHASES
+from carlaloc_env.assets.walkers.gait import SHANK, THIGH
+from carlaloc_env.assets.walkers.pedalling import FOOT_M, pedal_at, push_pedals
+from carlaloc_env.assets.walkers.skeleton import Joints
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.scene.materials import Material

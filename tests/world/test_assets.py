@@ -8,16 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from carlaloc_env.assets.atlas import atlas_uv, street_name_uv
-from carlaloc_env.assets.body import loft_body
-from carlaloc_env.assets.catalog import EGO_SIZE_M, GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
-from carlaloc_env.assets.cycles import PEDAL_PHASES
-from carlaloc_env.assets.facets import signed_volume_m3
-from carlaloc_env.assets.fleet import CARS
-from carlaloc_env.assets.gait import posture, standing
-from carlaloc_env.assets.lamps import LAMPS
-from carlaloc_env.assets.library import build_library, vehicle_mesh
-from carlaloc_env.assets.placing import (
+from carlaloc_env.actors.instances import (
     SignalLenses,
     ground_poses,
     headlamps,
@@ -26,15 +17,24 @@ from carlaloc_env.assets.placing import (
     place_lights,
     place_signals,
 )
-from carlaloc_env.assets.plate_text import PLATES, plate_of, plate_text, plate_uv
-from carlaloc_env.assets.props import PROPS, prop
-from carlaloc_env.assets.shapes import Look, box, lathe, mirrored, tube
-from carlaloc_env.assets.shrubs import hedge
-from carlaloc_env.assets.signals import traffic_light
-from carlaloc_env.assets.signs import SIGNS, sign
-from carlaloc_env.assets.skeleton import shoe_sole
-from carlaloc_env.assets.tree_forms import FORMS
-from carlaloc_env.assets.trees import tree
+from carlaloc_env.assets.catalog import EGO_SIZE_M, GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
+from carlaloc_env.assets.model_library import build_library, vehicle_mesh
+from carlaloc_env.assets.modelling.normals import signed_volume_m3
+from carlaloc_env.assets.modelling.primitives import Look, box, lathe, mirrored, tube
+from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_text, plate_uv
+from carlaloc_env.assets.street.all_props import PROPS, prop
+from carlaloc_env.assets.street.traffic_lights import traffic_light
+from carlaloc_env.assets.street.traffic_signs import SIGNS, sign
+from carlaloc_env.assets.texture_atlas import atlas_uv, street_name_uv
+from carlaloc_env.assets.vegetation.shrubs import hedge
+from carlaloc_env.assets.vegetation.tree_species import FORMS
+from carlaloc_env.assets.vegetation.trees import tree
+from carlaloc_env.assets.vehicles.body import loft_body
+from carlaloc_env.assets.vehicles.car_models import CARS
+from carlaloc_env.assets.vehicles.cycles import PEDAL_PHASES
+from carlaloc_env.assets.vehicles.lit_lamps import LAMPS
+from carlaloc_env.assets.walkers.gait import posture, standing
+from carlaloc_env.assets.walkers.skeleton import shoe_sole
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
-from carlaloc_env.assets.placing import ground_poses
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY

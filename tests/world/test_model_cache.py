@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.assets import library
-from carlaloc_env.assets.library import build_library
+from carlaloc_env.assets import model_library
+from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.mesh_arrays import from_arrays, to_arrays
@@ -40,7 +40,7 @@ def makes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[list[int]
         return {"one/low": small(0.0), "two": small(4.0)}
 
     monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path))
-    monkeypatch.setattr(library, "make_models", make)
+    monkeypatch.setattr(model_library, "make_models", make)
     build_library.cache_clear()
     yield made
     build_library.cache_clear()
@@ -82,7 +82,7 @@ def test_files_of_earlier_versions_are_dropped(makes: list[int], tmp_path: Path)
     again()
     assert len(makes) == 1
     left = list(tmp_path.glob("*.models"))
-    assert len(left) == library.KEPT_FILES
+    assert len(left) == model_library.KEPT_FILES
     assert max(path.stat().st_size for path in left) > 0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.atlas import (
+from carlaloc_env.assets.texture_atlas import (
     BILLBOARDS,
     GRID,
     SHOP_NAMES,

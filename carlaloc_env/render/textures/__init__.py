@@ -1,6 +1,6 @@
 """Procedural textures: one linear-light layer per material, built by code and cached."""
 
-from carlaloc_env.assets.atlas import (
+from carlaloc_env.assets.texture_atlas import (
     DoorCell,
     PosterCell,
     ShopCell,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from carlaloc_env.assets.atlas import BILLBOARDS, SHOP_NAMES
+from carlaloc_env.assets.texture_atlas import BILLBOARDS, SHOP_NAMES
 from carlaloc_env.render.textures.canvas import Canvas, Rgb, strips
 from carlaloc_env.render.textures.noise import Layer
 

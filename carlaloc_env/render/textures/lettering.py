@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.atlas import STREET_NAMES, PosterCell, SignCell
+from carlaloc_env.assets.texture_atlas import STREET_NAMES, PosterCell, SignCell
 from carlaloc_env.render.textures.canvas import Canvas, Rgb, sheet
 from carlaloc_env.render.textures.noise import Layer
 

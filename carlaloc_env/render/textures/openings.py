@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.atlas import DoorCell, ShopBCell, ShopCell, WideWindowCell, WindowCell
+from carlaloc_env.assets.texture_atlas import DoorCell, ShopBCell, ShopCell, WideWindowCell, WindowCell
 from carlaloc_env.render.textures.canvas import Canvas, Rgb, sheet, strips
 from carlaloc_env.render.textures.noise import Layer
 

@@ -1,0 +1,1 @@
+"""Models of all actors placed at one instant, for cameras and for rays."""

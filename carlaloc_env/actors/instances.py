@@ -1,0 +1,306 @@
+"""Where the movable models stand: from the state of actors, signals and ego to `Instances`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.actors.articulation import (
+    STANDING_MPS,
+    Families,
+    far_away,
+    pedalling,
+    tables_of,
+    walker_models,
+)
+from carlaloc_env.assets.catalog import EGO_TINT, VEHICLES
+from carlaloc_env.assets.number_plates import plate_of
+from carlaloc_env.assets.vehicles.wheels import wheel_pose
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import (
+    LIGHT_BRAKE,
+    LIGHT_LEFT,
+    LIGHT_REVERSE,
+    LIGHT_RIGHT,
+    ActorCatalog,
+    ActorFrame,
+)
+from carlaloc_env.timeline.vehicle_track import CarTrack
+
+BRAKE_SHARE = 0.02
+"""The pedal's way from which the ego's brake lamps are lit."""
+_BLINK_NS = 666_666_666
+"""Period of the indicators [ns]."""
+_EGO_LAMPS = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT, "right": LIGHT_RIGHT, "reverse": LIGHT_REVERSE}
+_LIT = ("signal_red", "signal_yellow", "signal_green")
+"""Model of a lit lens for the signal states 1, 2, 3."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SignalLenses:
+    """Lens discs of all traffic-light heads of a town, parallel arrays of L lenses."""
+
+    signal: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Index of the signal whose state lights the lens, shape (L,)."""
+    state: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
+    """State in which the lens is lit (1 red, 2 yellow, 3 green), shape (L,)."""
+    T_world_lens: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    """Pose of each lens, x out of it, shape (L, 4, 4)."""
+    instance: NDArray[np.uint32] | None = None
+    """Instance id of each lens' traffic light, shape (L,); none when left out."""
+
+    def __len__(self) -> int:
+        return len(self.signal)
+
+
+def place_actors(
+    catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary, *, eye_m: ArrayLike | None = None
+) -> Instances:
+    """Actors as models, in the catalogue's order, then wheels and number plates of the near ones.
+
+    Vehicles follow heading, pitch and roll; their wheels turn with the distance covered and steer, and it
+    turns the cranks of cycles. Walkers stay upright, and the distance they walked chooses the phase of
+    their gait; they stand up to half a phase's way behind their place, so that the foot on the ground
+    does not slide.
+
+    Args:
+        catalog: Who takes part.
+        frame: Their state.
+        library: Models of `assets.library.build_library`.
+        eye_m: Where one looks from [m], shape (3,): actors far from it are drawn in few triangles.
+            Without it every actor is one whole model with its wheels straight.
+
+    Raises:
+        ConfigError: the catalogue names a model that does not exist.
+    """
+    if not len(catalog):
+        return Instances()
+    tables, family = tables_of(catalog, library)
+    low = far_away(tables, family, frame, eye_m)
+    walks = tables.stride_m[family] > 0
+    vehicle = tables.whole if eye_m is None else tables.body
+    model = np.where(low, tables.low[family], vehicle[family])
+    model += pedalling(tables, family, frame.travelled_m)
+    position = frame.position_m.astype(np.float64)
+    who = np.flatnonzero(walks)
+    if len(who):
+        model[who], behind = walker_models(
+            tables,
+            family[who],
+            frame.travelled_m[who].astype(np.float64),
+            np.abs(frame.speed_mps[who]) >= STANDING_MPS,
+            low[who],
+        )
+        heading = frame.heading_rad[who].astype(np.float64)
+        position[who, 0] -= behind * np.cos(heading)
+        position[who, 1] -= behind * np.sin(heading)
+    placed = Instances(
+        model=model.astype(np.int32),
+        T_world_model=ground_poses(
+            position,
+            frame.heading_rad,
+            np.where(walks, 0.0, frame.pitch_rad),
+            np.where(walks, 0.0, frame.roll_rad),
+        ),
+        instance=catalog.id,
+        tint=catalog.tint,
+    )
+    if eye_m is None:
+        return placed
+    near = np.flatnonzero(~low & tables.parted[family])
+    parts = [_wheels(tables, family, frame, placed, near), _plates(tables, family, placed, near)]
+    return concatenate_instances([placed, *parts])
+
+
+def place_lights(
+    catalog: ActorCatalog,
+    frame: ActorFrame,
+    library: ModelLibrary,
+    stamp_ns: int,
+    *,
+    eye_m: ArrayLike | None = None,
+) -> Instances:
+    """Lit brake lamps, indicators and, backwards, reversing lamps, to be drawn over vehicles by cameras.
+
+    Args:
+        catalog: Who takes part.
+        frame: Their state.
+        library: Models of `assets.library.build_library`.
+        stamp_ns: Time [ns]; indicators blink with it.
+        eye_m: As for `place_actors`.
+    """
+    blink = is_blink(stamp_ns)
+    bits = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT if blink else 0, "right": LIGHT_RIGHT if blink else 0,
+            "reverse": LIGHT_REVERSE}  # fmt: skip
+    shown = frame.lights | np.where(frame.speed_mps < -STANDING_MPS, LIGHT_REVERSE, 0).astype(np.uint8)
+    actor, model = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
+    if not len(catalog):
+        return Instances()
+    tables, family = tables_of(catalog, library)
+    names = np.unique(np.array(catalog.model, dtype=np.str_))
+    low = far_away(tables, family, frame, eye_m)
+    for lamp, bit in bits.items():
+        who = np.flatnonzero(((shown & bit) > 0) & (catalog.tag != Tag.PEDESTRIAN))
+        if not len(who):
+            continue
+        near, far = (
+            np.array([library.index(f"{name}{way}/{lamp}") if name in VEHICLES else 0 for name in names])
+            for way in ("", "/low")
+        )
+        actor.append(who)
+        model.append(np.where(low[who], far[family[who]], near[family[who]]))
+    who = np.concatenate(actor)
+    return Instances(
+        model=np.concatenate(model).astype(np.int32),
+        T_world_model=ground_poses(
+            frame.position_m[who], frame.heading_rad[who], frame.pitch_rad[who], frame.roll_rad[who]
+        ),
+        instance=catalog.id[who],
+        tint=np.full((len(who), 3), 255, np.uint8),
+    )
+
+
+def headlamps(
+    catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+    """Where the headlamps of all vehicles shine from, and where to; whether they are on is the weather's.
+
+    Args:
+        catalog: Who takes part.
+        frame: Their state.
+        library: Models of `assets.library.build_library`.
+
+    Returns:
+        Positions [m], shape (L, 3), unit directions ahead, shape (L, 3), both in the world, and the
+        actor of each lamp, shape (L,).
+    """
+    if not len(catalog):
+        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.intp)
+    tables, family = tables_of(catalog, library)
+    everyone = np.arange(len(catalog))
+    actor, row = _rows(tables.lamp_begin, family, everyone)
+    T = ground_poses(frame.position_m, frame.heading_rad, frame.pitch_rad, frame.roll_rad)[actor]
+    place = np.sum(T[:, :3, :3] * tables.lamp_place_m[row][:, None, :], axis=2) + T[:, :3, 3]
+    return place, T[:, :3, 0].copy(), actor
+
+
+def place_signals(lenses: SignalLenses, states: NDArray[np.uint8], library: ModelLibrary) -> Instances:
+    """Lit lenses of all traffic lights.
+
+    Args:
+        lenses: Lenses of the town.
+        states: State of every signal (0 off, 1 red, 2 yellow, 3 green), shape (S,).
+        library: Models of `assets.library.build_library`.
+    """
+    lit = np.flatnonzero((states[lenses.signal] == lenses.state) & (lenses.state > 0))
+    models = np.array([library.index(name) for name in _LIT], dtype=np.int32)
+    return Instances(
+        model=models[lenses.state[lit].astype(np.int64) - 1],
+        T_world_model=lenses.T_world_lens[lit],
+        instance=np.zeros(len(lit), np.uint32) if lenses.instance is None else lenses.instance[lit],
+        tint=np.full((len(lit), 3), 255, np.uint8),
+    )
+
+
+def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -> Instances:
+    """The ego's own body at its `base_link` pose (4, 4), with its lit lamps.
+
+    Args:
+        T_world_base: Pose of the ego.
+        library: Models of `assets.library.build_library`.
+        lights: Bits of lit lights (`LIGHT_BRAKE` …), as `ego_lights` gives them.
+    """
+    names = ["ego", *(f"ego/{lamp}" for lamp, bit in _EGO_LAMPS.items() if lights & bit)]
+    T = np.asarray(T_world_base, dtype=np.float64).reshape(1, 4, 4)
+    return Instances(
+        model=np.array([library.index(name) for name in names], dtype=np.int32),
+        T_world_model=np.repeat(T, len(names), axis=0),
+        instance=np.full(len(names), EGO_INSTANCE, dtype=np.uint32),
+        tint=np.array([EGO_TINT] * len(names), dtype=np.uint8),
+    )
+
+
+def is_blink(stamp_ns: int) -> bool:
+    """Whether indicators that are switched on shine at a time [ns]."""
+    return (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS
+
+
+def ego_lights(car: CarTrack, stamp_ns: int) -> int:
+    """Bits of the ego's lit lights by its pedals and gear at a time [ns]; 0 where they are not known."""
+    try:
+        state = car.at(stamp_ns)
+    except EpisodeError:
+        return 0
+    braking = float(state.brake[0]) > BRAKE_SHARE
+    return braking * LIGHT_BRAKE + bool(state.reverse[0]) * LIGHT_REVERSE
+
+
+def ground_poses(
+    position_m: ArrayLike, heading_rad: ArrayLike, pitch_rad: ArrayLike, roll_rad: ArrayLike = 0.0
+) -> NDArray[np.float64]:
+    """Transforms (N, 4, 4) of things at a position [m]: Rz(heading)·Ry(−pitch)·Rx(roll).
+
+    Nose up and left side up are positive [rad].
+    """
+    p = np.asarray(position_m, dtype=np.float64)
+    heading, pitch, roll = (np.asarray(a, dtype=np.float64) for a in (heading_rad, pitch_rad, roll_rad))
+    c, s, cp, sp, cr, sr = (f(angle) for angle in (heading, pitch, roll) for f in (np.cos, np.sin))
+    T = np.zeros((len(p), 4, 4))
+    T[:, 0, 0], T[:, 0, 1], T[:, 0, 2] = c * cp, -s * cr - c * sp * sr, s * sr - c * sp * cr
+    T[:, 1, 0], T[:, 1, 1], T[:, 1, 2] = s * cp, c * cr - s * sp * sr, -c * sr - s * sp * cr
+    T[:, 2, 0], T[:, 2, 1], T[:, 2, 2] = sp, cp * sr, cp * cr
+    T[:, :3, 3] = p
+    T[:, 3, 3] = 1.0
+    return T
+
+
+def _rows(
+    begin: NDArray[np.intp], family: NDArray[np.intp], who: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Actor and table row of every part of some actors, grouped by actor."""
+    first, count = begin[family[who]], begin[family[who] + 1] - begin[family[who]]
+    actor = np.repeat(who, count)
+    start = np.cumsum(count) - count
+    return actor, np.repeat(first - start, count) + np.arange(len(actor))
+
+
+def _wheels(
+    tables: Families, family: NDArray[np.intp], frame: ActorFrame, placed: Instances, who: NDArray[np.intp]
+) -> Instances:
+    """Wheels of some vehicles, rolled and steered."""
+    actor, row = _rows(tables.wheel_begin, family, who)
+    turn = frame.travelled_m[actor].astype(np.float64) / tables.wheel_radius_m[row]
+    steer = frame.steer_rad[actor].astype(np.float64) * tables.wheel_steered[row]
+    local = wheel_pose(tables.wheel_centre_m[row], tables.wheel_right[row], steer, turn)
+    return _parts(placed, actor, tables.wheel_model[row], local)
+
+
+def _plates(
+    tables: Families, family: NDArray[np.intp], placed: Instances, who: NDArray[np.intp]
+) -> Instances:
+    """Number plates of some vehicles; the actor's id chooses what they read."""
+    actor, row = _rows(tables.plate_begin, family, who)
+    local = np.zeros((len(row), 4, 4))
+    facing, scale = tables.plate_facing[row], tables.plate_scale[row]
+    local[:, 0, 0] = local[:, 1, 1] = facing * scale
+    local[:, 2, 2], local[:, 3, 3] = scale, 1.0
+    local[:, :3, 3] = tables.plate_place_m[row]
+    return _parts(placed, actor, tables.plate_model[row] + plate_of(placed.instance[actor]), local)
+
+
+def _parts(
+    placed: Instances, actor: NDArray[np.intp], model: NDArray[np.intp], local: NDArray[np.float64]
+) -> Instances:
+    """Parts of placed actors by their poses in the actors' frames, shape (M, 4, 4)."""
+    T = placed.T_world_model[actor]
+    return Instances(
+        model=model.astype(np.int32),
+        # Written out without BLAS, so that the poses have the same bits on every machine.
+        T_world_model=np.sum(T[:, :, :, None] * local[:, None, :, :], axis=2),
+        instance=placed.instance[actor],
+        tint=placed.tint[actor],
+    )

@@ -1,0 +1,142 @@
+"""All movable models by name, as camera and LiDAR draw them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+
+import numpy as np
+
+from carlaloc_env.assets.catalog import VEHICLES
+from carlaloc_env.assets.modelling.primitives import Colour, Look, disc
+from carlaloc_env.assets.number_plates import PLATE_SIZE_M, PLATES
+from carlaloc_env.assets.vehicles.all_vehicles import vehicle
+from carlaloc_env.assets.vehicles.ego import ego_body
+from carlaloc_env.assets.vehicles.lit_lamps import lit_lamps
+from carlaloc_env.assets.vehicles.parts import PlatePlace, plate
+from carlaloc_env.assets.walkers.all_walkers import walker_models
+from carlaloc_env.core.array_cache import Arrays, cached
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.scene import mesh_arrays
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
+
+LENS_RADIUS_M = 0.15
+"""Radius of a traffic light's lens [m]."""
+LENS_LIFT_M = 0.012
+"""How far a lit lens stands before the dark one [m]."""
+DETAILS = ("low", "high")
+KEPT_FILES = 3
+"""Cached files of models kept, of this version and earlier ones."""
+_LENSES = {
+    "signal_red": Material.LAMP_RED,
+    "signal_yellow": Material.LAMP_AMBER,
+    "signal_green": Material.LAMP_GREEN,
+}
+
+
+@lru_cache(maxsize=1)
+def build_library() -> ModelLibrary:
+    """All models by name, from the cache when they were made before.
+
+    Vehicles and their parts, walkers in each phase of their gait, the ego's body, lit signal lenses.
+
+    Names, for every key of `VEHICLES`: ``name`` the whole vehicle, wheels straight; ``name/body`` without
+    wheels and plates; ``name/wheel0`` … its wheels; ``name/low`` the whole in few triangles;
+    ``name/brake``, ``name/left``, ``name/right``, ``name/reverse`` lit lamps, and the same under
+    ``name/low/``. Cycles have their further phases of pedalling behind ``name``, ``name/body`` and
+    ``name/low``: ``name/01``, ``name/body/01`` and so on.
+    ``plate/CAR/00`` … number plates of each vehicle tag, facing +x at the origin. For every key of
+    `WALKERS`: ``name/00`` …, ``name/stand``, ``name/low/00`` …, ``name/low/stand``. Besides: ``ego``,
+    its lit lamps ``ego/brake``, ``ego/left``, ``ego/right`` and ``ego/reverse``, ``signal_red``,
+    ``signal_yellow``, ``signal_green``.
+    """
+    models = cached(
+        "models",
+        "models",
+        module=__name__,
+        make=lambda: make_models(),
+        to_arrays=_to_arrays,
+        from_arrays=_from_arrays,
+        kept_files=KEPT_FILES,
+    )
+    return ModelLibrary(models)
+
+
+def _to_arrays(models: Mapping[str, Mesh]) -> Arrays:
+    names = np.frombuffer("\n".join(models).encode(), np.uint8)
+    return {"names": names, **mesh_arrays.to_arrays(list(models.values()))}
+
+
+def _from_arrays(arrays: Arrays) -> dict[str, Mesh]:
+    names = arrays["names"].tobytes().decode().split("\n")
+    return dict(zip(names, mesh_arrays.from_arrays(arrays), strict=True))
+
+
+def make_models() -> dict[str, Mesh]:
+    """The models of `build_library` by name, made anew."""
+    models: dict[str, Mesh] = {}
+    for name in VEHICLES:
+        parts = vehicle(name)
+        models[name] = parts.whole
+        models |= {f"{name}/{k + 1:02d}": parts.steered(0.0, k + 1) for k in range(len(parts.pedalled))}
+        for kind, first, own in (("body", parts.body, 0), ("low", parts.low, 1)):
+            models[f"{name}/{kind}"] = first
+            models |= {f"{name}/{kind}/{k + 1:02d}": pair[own] for k, pair in enumerate(parts.pedalled)}
+        for k, mesh in enumerate(dict.fromkeys(place.mesh for place in parts.wheels)):
+            models[f"{name}/wheel{k}"] = mesh
+        models.update(lit_lamps(name, parts.body))
+    models.update(_plates())
+    models.update(walker_models())
+    models["ego"] = ego_body()
+    lit = lit_lamps("ego", models["ego"])
+    models |= {name: mesh for name, mesh in lit.items() if "/low/" not in name}
+    for name, material in _LENSES.items():
+        models[name] = disc(Look(material, Tag.TRAFFIC_LIGHT), LENS_RADIUS_M, 16, LENS_LIFT_M)
+    return models
+
+
+def vehicle_mesh(model: str, *, detail: str = "low", tint: Colour | None = None) -> Mesh:
+    """A parked vehicle as one static mesh: lamps off, paint in its own colour, plate 0.
+
+    Args:
+        model: A key of `VEHICLES`; cycles carry their riders.
+        detail: ``low`` (500–1000 triangles) or ``high``.
+        tint: Linear colour 0–255 of its paint; the model's most common one when left out.
+
+    Returns:
+        Mesh centred on its box, resting on z = 0, nose along +x.
+
+    Raises:
+        ConfigError: no vehicle has this name, or the detail is not one of `DETAILS`.
+    """
+    if detail not in DETAILS:
+        raise ConfigError(unknown_name("detail", detail, DETAILS))
+    parts = vehicle(model)
+    mesh = parts.low if detail == "low" else parts.whole
+    paint = np.asarray(VEHICLES[model].tints[0][0] if tint is None else tint, dtype=np.uint8)
+    tinted = np.isin(mesh.material, (Material.CAR_PAINT, Material.CLOTH)) & np.all(
+        mesh.colour == 255, axis=-1
+    )
+    colour = np.where(tinted[:, None], paint, mesh.colour)
+    white, tail = mesh.material == Material.LAMP_WHITE, mesh.material == Material.LAMP_TAIL
+    colour = np.where(white[:, None], np.array((120, 122, 124)), colour)
+    colour = np.where(tail[:, None], np.array((70, 3, 3)), colour)
+    material = np.where(white | tail, Material.PLASTIC, mesh.material)
+    return Mesh(
+        vertices_m=mesh.vertices_m,
+        triangles=mesh.triangles,
+        normals=mesh.normals,
+        uv_m=mesh.uv_m,
+        colour=colour.astype(np.uint8),
+        material=material.astype(np.uint8),
+        tag=mesh.tag,
+        instance=mesh.instance,
+    )
+
+
+def _plates() -> dict[str, Mesh]:
+    place = PlatePlace(position_m=(0.0, 0.0, 0.0), facing=1.0, width_m=PLATE_SIZE_M[0])
+    tags = sorted({model.tag for model in VEHICLES.values()})
+    return {f"plate/{tag.name}/{k:02d}": plate(place, k, tag) for tag in tags for k in range(PLATES)}

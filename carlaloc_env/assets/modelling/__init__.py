@@ -1,0 +1,1 @@
+"""Tools for making models: primitives, normals, decals."""

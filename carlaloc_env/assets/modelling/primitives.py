@@ -1,0 +1,292 @@
+"""Solid shapes as meshes: boxes, tubes, lathed and lofted bodies; all outward-facing."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.assets.modelling.normals import crease
+from carlaloc_env.core.transforms import apply, cross
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+
+Array = NDArray[np.float64]
+Colour = tuple[int, int, int]
+
+WHITE: Colour = (255, 255, 255)
+"""Tint that leaves the texture as it is; on CAR_PAINT and CLOTH it stands for the instance's tint."""
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What a part is made of."""
+
+    material: Material
+    tag: Tag
+    colour: Colour = WHITE
+    """Linear tint 0–255."""
+
+
+def surface(
+    look: Look,
+    vertices_m: ArrayLike,
+    triangles: ArrayLike,
+    uv_m: ArrayLike | None = None,
+    crease_deg: float = 35.0,
+) -> Mesh:
+    """Mesh of one look with normals that are smooth up to an edge angle [deg]."""
+    vertices = np.asarray(vertices_m, dtype=np.float32)
+    mesh = make_mesh(
+        vertices,
+        triangles,
+        material=look.material,
+        tag=look.tag,
+        uv_m=uv_m,
+        normals=np.zeros_like(vertices),
+        colour=look.colour,
+    )
+    return crease(mesh, crease_deg)
+
+
+def _box_tables() -> tuple[Array, NDArray[np.int64], NDArray[np.uint32], NDArray[np.float32]]:
+    """Of the 24 corners of a box: signs, axes of the picture on their face, triangles, normals."""
+    square = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=np.float64)
+    signs, uv, normals = np.zeros((6, 4, 3)), np.zeros((6, 4, 2), np.int64), np.zeros((6, 4, 3), np.float32)
+    for face, (axis, side) in enumerate(itertools.product(range(3), (1.0, -1.0))):
+        a, b = (axis + 1) % 3, (axis + 2) % 3
+        signs[face, :, axis], normals[face, :, axis] = side, side
+        signs[face, :, a], signs[face, :, b] = square[:, 0] * side, square[:, 1]
+        uv[face] = (a, b) if b == 2 else (b, a)
+    triangles = np.arange(6, dtype=np.uint32)[:, None, None] * 4 + np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
+    tables = signs.reshape(-1, 3), uv.reshape(-1, 2), triangles.reshape(-1, 3), normals.reshape(-1, 3)
+    for table in tables:
+        table.setflags(write=False)
+    return tables
+
+
+_BOX_SIGNS, _BOX_UV, _BOX_TRIANGLES, _BOX_NORMALS = _box_tables()
+
+
+def box(look: Look, size_m: ArrayLike, centre_m: ArrayLike = (0.0, 0.0, 0.0)) -> Mesh:
+    """Axis-aligned box of 12 triangles with sharp edges."""
+    half = 0.5 * np.asarray(size_m, dtype=np.float64)
+    corners = _BOX_SIGNS * half
+    # Pictures lie along each face: seen from a side upright, on top and bottom along x and y.
+    uv = np.take_along_axis(corners + half, _BOX_UV, axis=1)
+    return make_mesh(
+        corners + np.asarray(centre_m, dtype=np.float64),
+        _BOX_TRIANGLES,
+        material=look.material,
+        tag=look.tag,
+        uv_m=uv,
+        normals=_BOX_NORMALS,
+        colour=look.colour,
+    )
+
+
+def quad(look: Look, corners_m: ArrayLike, uv_m: ArrayLike | None = None) -> Mesh:
+    """Flat quadrilateral, corners anticlockwise seen from the front, shape (4, 3)."""
+    c = np.asarray(corners_m, dtype=np.float64)
+    if uv_m is None:
+        width, height = np.sqrt(np.sum((c[1] - c[0]) ** 2)), np.sqrt(np.sum((c[3] - c[0]) ** 2))
+        uv_m = np.array([(0, 0), (width, 0), (width, height), (0, height)])
+    return surface(look, c, [(0, 1, 2), (0, 2, 3)], uv_m, 10.0)
+
+
+def panel(
+    look: Look, corners_m: ArrayLike, uv_front: ArrayLike, thickness_m: float, back: Look
+) -> list[Mesh]:
+    """Flat board with a picture on its front and a plain back and rim.
+
+    Args:
+        look: Look of the front.
+        corners_m: Front corners, anticlockwise seen from the front, shape (4, 3).
+        uv_front: Texture coordinates of the front [m], shape (4, 2).
+        thickness_m: Thickness [m].
+        back: Look of back and rim.
+    """
+    c = np.asarray(corners_m, dtype=np.float64)
+    normal = cross(c[1] - c[0], c[3] - c[0])
+    normal = normal / np.sqrt(np.sum(normal * normal))
+    rear = c - thickness_m * normal
+    rim = [quad(back, [rear[i], rear[(i + 1) % 4], c[(i + 1) % 4], c[i]]) for i in range(4)]
+    return [quad(look, c, uv_front), quad(back, rear[[1, 0, 3, 2]]), *rim]
+
+
+def tube(
+    look: Look,
+    points_m: ArrayLike,
+    radii_m: ArrayLike,
+    sides: int = 8,
+    caps: bool = True,
+    crease_deg: float = 50.0,
+) -> Mesh:
+    """Round bar along a polyline, shape (K, 3), with a radius [m] at each point."""
+    p = np.asarray(points_m, dtype=np.float64)
+    r = np.broadcast_to(np.asarray(radii_m, dtype=np.float64), (len(p),))
+    across, other = _ring_axes(p)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    offset = np.cos(angle)[None, :, None] * across[:, None] + np.sin(angle)[None, :, None] * other[:, None]
+    return rings(look, p[:, None] + r[:, None, None] * offset, caps=caps, crease_deg=crease_deg)
+
+
+def rings(look: Look, grid_m: ArrayLike, *, caps: bool = True, crease_deg: float = 50.0) -> Mesh:
+    """Skin over closed rings of points, shape (K, N, 3).
+
+    The rings run anticlockwise seen against the direction from the first ring to the last.
+    """
+    grid = np.asarray(grid_m, dtype=np.float64)
+    count, sides = grid.shape[:2]
+    wrapped = np.concatenate([grid, grid[:, :1]], axis=1)
+    along = np.sqrt(np.sum(np.diff(wrapped, axis=1) ** 2, axis=-1)).mean(axis=0)
+    up = np.sqrt(np.sum(np.diff(grid.mean(axis=1), axis=0) ** 2, axis=-1))
+    u = np.broadcast_to(np.concatenate([[0.0], np.cumsum(along)]), (count, sides + 1))
+    v = np.broadcast_to(np.concatenate([[0.0], np.cumsum(up)])[:, None], (count, sides + 1))
+    vertices, uvs = [wrapped.reshape(-1, 3)], [np.stack([u, v], axis=-1).reshape(-1, 2)]
+    triangles = [grid_triangles(count, sides + 1)]
+    if caps:
+        base = count * (sides + 1)
+        for end, order in ((0, -1), (count - 1, 1)):
+            ring = grid[end][::order]
+            centre = ring.mean(axis=0)
+            vertices.append(np.concatenate([ring, centre[None]]))
+            uvs.append(np.concatenate([ring, centre[None]])[:, :2])
+            k = np.arange(sides)
+            triangles.append(base + np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=-1))
+            base += sides + 1
+    return surface(
+        look, np.concatenate(vertices), np.concatenate(triangles), np.concatenate(uvs), crease_deg=crease_deg
+    )
+
+
+def lathe(
+    look: Look,
+    profile_m: ArrayLike,
+    sides: int = 12,
+    centre_m: ArrayLike = (0.0, 0.0, 0.0),
+    crease_deg: float = 40.0,
+) -> Mesh:
+    """Body of revolution about the upright axis; profile of (radius, height) from the bottom up."""
+    profile = np.asarray(profile_m, dtype=np.float64)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    radial = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    grid = np.zeros((len(profile), sides, 3))
+    grid[..., :2] = profile[:, :1, None] * radial
+    grid[..., 2] = profile[:, 1:]
+    return rings(look, grid + np.asarray(centre_m, dtype=np.float64), crease_deg=crease_deg)
+
+
+def ellipsoid(
+    look: Look, centre_m: ArrayLike, radii_m: ArrayLike, ring_count: int = 6, sides: int = 8
+) -> Mesh:
+    """Ellipsoid with axes along x, y, z."""
+    latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ring_count + 1)
+    angle = 2 * np.pi * np.arange(sides) / sides
+    grid = np.stack(
+        [
+            np.cos(latitude)[:, None] * np.cos(angle),
+            np.cos(latitude)[:, None] * np.sin(angle),
+            np.broadcast_to(np.sin(latitude)[:, None], (ring_count + 1, sides)),
+        ],
+        axis=-1,
+    )
+    shaped = grid * np.asarray(radii_m, dtype=np.float64) + np.asarray(centre_m, dtype=np.float64)
+    return rings(look, shaped, caps=False, crease_deg=80.0)
+
+
+def capsule(look: Look, a_m: ArrayLike, b_m: ArrayLike, ra_m: float, rb_m: float, sides: int = 6) -> Mesh:
+    """Limb from a to b with rounded ends that reach one radius beyond each."""
+    a, b = np.asarray(a_m, dtype=np.float64), np.asarray(b_m, dtype=np.float64)
+    axis = (b - a) / max(float(np.sqrt(np.sum((b - a) ** 2))), 1e-6)
+    points = np.stack(
+        [a - 0.8 * ra_m * axis, a - 0.3 * ra_m * axis, a, b, b + 0.3 * rb_m * axis, b + 0.8 * rb_m * axis]
+    )
+    radii = np.array([0.35 * ra_m, 0.85 * ra_m, ra_m, rb_m, 0.85 * rb_m, 0.35 * rb_m])
+    return tube(look, points[[0, 2, 3, 5]], radii[[0, 2, 3, 5]], sides, crease_deg=100.0)
+
+
+def extrude(look: Look, outline_m: ArrayLike, height_m: float, crease_deg: float = 20.0) -> Mesh:
+    """Upright prism on a convex outline in the ground plane, anticlockwise, shape (N, 2)."""
+    outline = np.asarray(outline_m, dtype=np.float64)
+    low = np.concatenate([outline, np.zeros((len(outline), 1))], axis=-1)
+    high = low + np.array([0.0, 0.0, height_m])
+    return rings(look, np.stack([low, high]), crease_deg=crease_deg)
+
+
+def disc(look: Look, radius_m: float, sides: int = 16, x_m: float = 0.0) -> Mesh:
+    """Round plate at x = `x_m` that faces along +x."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.full(sides, x_m), radius_m * np.cos(angle), radius_m * np.sin(angle)], axis=-1)
+    vertices = np.concatenate([ring, [[x_m, 0.0, 0.0]]])
+    k = np.arange(sides)
+    triangles = np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=-1)
+    return surface(look, vertices, triangles, vertices[:, 1:] + radius_m)
+
+
+def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
+    """Two triangles per cell of a grid of points stored row by row, shape (T, 3)."""
+    r, c = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = (r * columns + c).ravel()
+    return np.concatenate(
+        [np.stack([a, a + 1, a + columns + 1], -1), np.stack([a, a + columns + 1, a + columns], -1)]
+    )
+
+
+def placed(
+    mesh: Mesh, position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_rad: float = 0.0, pitch_rad: float = 0.0
+) -> Mesh:
+    """The mesh pitched (nose up positive), turned, then shifted [m]."""
+    T = pose(position_m, yaw_rad, pitch_rad)
+    turn = T.copy()
+    turn[:3, 3] = 0.0
+    return replace_geometry(mesh, apply(T, mesh.vertices_m), apply(turn, mesh.normals))
+
+
+def pose(position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_rad: float = 0.0, pitch_rad: float = 0.0) -> Array:
+    """Transform (4, 4): pitched (nose up positive), turned, then shifted [m]."""
+    c, s, cp, sp = np.cos(yaw_rad), np.sin(yaw_rad), np.cos(pitch_rad), np.sin(pitch_rad)
+    T = np.eye(4)
+    T[:3, :3] = [(c * cp, -s, -c * sp), (s * cp, c, -s * sp), (sp, 0.0, cp)]
+    T[:3, 3] = position_m
+    return T
+
+
+def mirrored(mesh: Mesh) -> Mesh:
+    """The mesh mirrored from left to right (y → −y), still outward-facing."""
+    flip = np.array([1.0, -1.0, 1.0])
+    out = replace_geometry(mesh, mesh.vertices_m * flip, mesh.normals * flip)
+    return Mesh(**{**_fields(out), "triangles": out.triangles[:, ::-1].copy()})
+
+
+def replace_geometry(mesh: Mesh, vertices_m: ArrayLike, normals: ArrayLike) -> Mesh:
+    """The mesh with other corner positions and normals."""
+    return Mesh(
+        **{
+            **_fields(mesh),
+            "vertices_m": np.asarray(vertices_m, dtype=np.float32),
+            "normals": np.asarray(normals, dtype=np.float32),
+        }
+    )
+
+
+def _ring_axes(p: Array) -> tuple[Array, Array]:
+    """Two unit axes across a polyline at each point; (across, other, tangent) is right-handed."""
+    step = np.diff(p, axis=0)
+    step = step / np.maximum(np.sqrt(np.sum(step * step, axis=-1, keepdims=True)), 1e-9)
+    tangent = np.concatenate([step[:1], step[:-1] + step[1:], step[-1:]])
+    tangent = tangent / np.maximum(np.sqrt(np.sum(tangent**2, axis=-1, keepdims=True)), 1e-9)
+    mean = np.abs(tangent).mean(axis=0)
+    helper = np.zeros(3)
+    helper[int(np.argmin(mean))] = 1.0
+    across = helper - np.sum(tangent * helper, axis=-1, keepdims=True) * tangent
+    across = across / np.sqrt(np.sum(across * across, axis=-1, keepdims=True))
+    return across, cross(tangent, across)
+
+
+def _fields(mesh: Mesh) -> dict[str, Any]:
+    return {name: getattr(mesh, name) for name in Mesh.__slots__}

@@ -1,0 +1,1 @@
+"""Models of what stands on streets: furniture, lights, signs."""

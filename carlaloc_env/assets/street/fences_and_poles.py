@@ -1,0 +1,148 @@
+"""Poles, wires, fences and barriers along roads; foot at the origin, z up."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.assets.modelling.primitives import Look, box, extrude, lathe, rings, tube
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
+
+
+def utility_pole(height_m: float = 10.5) -> Mesh:
+    """Wooden pole with a cross-arm along y; wires leave at `utility_wires_m`."""
+    wood = Look(Material.WOOD, Tag.POLE, (190, 180, 170))
+    arm_z = height_m - 0.6
+    parts = [
+        tube(wood, [(0, 0, 0), (0, 0, height_m)], [0.15, 0.10], 10),
+        box(wood, (0.12, 2.2, 0.14), (0.12, 0, arm_z)),
+    ]
+    parts += [
+        tube(
+            Look(Material.PLASTIC, Tag.POLE, (70, 40, 24)),
+            [(0.12, y, arm_z + 0.07), (0.12, y, arm_z + 0.22)],
+            [0.05, 0.03],
+            6,
+        )
+        for y in (-1.0, -0.4, 0.4, 1.0)
+    ]
+    parts.append(
+        lathe(
+            Look(Material.METAL_PAINTED, Tag.POLE, (120, 124, 124)),
+            [(0.22, 0), (0.22, 0.75), (0.16, 0.82)],
+            10,
+            (0.36, 0, height_m - 2.4),
+        )
+    )
+    return merge(parts)
+
+
+def utility_wires_m(height_m: float = 10.5) -> NDArray[np.float64]:
+    """Where wires leave a utility pole [m], shape (4, 3)."""
+    return np.array([(0.12, y, height_m - 0.38) for y in (-1.0, -0.4, 0.4, 1.0)])
+
+
+def wire(a_m: ArrayLike, b_m: ArrayLike, *, sag: float = 0.015, radius_m: float = 0.008) -> Mesh:
+    """Wire between two points that hangs through by a share of its length (parabola)."""
+    t = np.linspace(0.0, 1.0, 9)[:, None]
+    a, b = np.asarray(a_m, dtype=np.float64), np.asarray(b_m, dtype=np.float64)
+    points = a + t * (b - a)
+    points[:, 2] -= (4 * t * (1 - t))[:, 0] * sag * float(np.sqrt(np.sum((b - a) ** 2)))
+    return tube(Look(Material.RUBBER, Tag.POLE, (120, 120, 120)), points, radius_m, 3, caps=False)
+
+
+def fence(length_m: float = 3.0, height_m: float = 1.1, *, kind: str = "bars") -> Mesh:
+    """Piece of fence along +x from the origin: iron ``bars``, wooden ``boards`` or ``rails``."""
+    if kind == "bars":
+        look = Look(Material.METAL_PAINTED, Tag.FENCE, (12, 14, 13))
+        parts = [box(look, (length_m, 0.04, 0.04), (0.5 * length_m, 0, z)) for z in (0.12, height_m - 0.12)]
+        xs = np.arange(0.06, length_m, 0.13)
+        parts += [box(look, (0.022, 0.022, height_m - 0.06), (x, 0, 0.5 * height_m + 0.03)) for x in xs]
+        parts += [
+            box(look, (0.07, 0.07, height_m + 0.08), (x, 0, 0.5 * height_m + 0.04)) for x in (0.0, length_m)
+        ]
+        return merge(parts)
+    wood = Look(Material.WOOD, Tag.FENCE)
+    posts = [
+        box(wood, (0.10, 0.10, height_m + 0.05), (x, 0, 0.5 * height_m)) for x in np.linspace(0, length_m, 3)
+    ]
+    if kind == "rails":
+        return merge(
+            [
+                *posts,
+                *(
+                    box(wood, (length_m, 0.04, 0.12), (0.5 * length_m, 0.06, z * height_m))
+                    for z in (0.3, 0.6, 0.9)
+                ),
+            ]
+        )
+    count = max(int(length_m / 0.16), 1)
+    boards = [
+        box(
+            wood,
+            (0.145, 0.02, height_m - 0.05 - 0.01 * (k % 3)),
+            (0.08 + k * length_m / count, 0.06, 0.5 * height_m + 0.03),
+        )
+        for k in range(count)
+    ]
+    return merge([*posts, *boards])
+
+
+def guard_rail(length_m: float = 4.0) -> Mesh:
+    """Piece of W-beam guard rail along +x from the origin, beam on the side of +y, top at 0.75 m."""
+    steel = Look(Material.METAL_GALVANISED, Tag.GUARD_RAIL)
+    section = np.array(
+        [
+            (0.0, 0.44),
+            (0.08, 0.50),
+            (0.0, 0.595),
+            (0.08, 0.69),
+            (0.0, 0.75),
+            (-0.006, 0.745),
+            (0.072, 0.69),
+            (-0.008, 0.595),
+            (0.072, 0.50),
+            (-0.006, 0.445),
+        ]
+    )
+    grid = np.stack(
+        [np.stack([np.full(10, x), section[:, 0] + 0.1, section[:, 1]], -1) for x in (0.0, length_m)]
+    )
+    posts = [box(steel, (0.12, 0.08, 0.72), (x, 0.0, 0.36)) for x in np.arange(0.5, length_m, 2.0)]
+    return merge(
+        [
+            rings(steel, grid, caps=False, crease_deg=15.0),
+            *posts,
+            *(box(steel, (0.1, 0.1, 0.2), (x, 0.06, 0.6)) for x in np.arange(0.5, length_m, 2.0)),
+        ]
+    )
+
+
+def barrier(length_m: float = 4.0) -> Mesh:
+    """Piece of concrete barrier along +x from the origin, 0.81 m high."""
+    profile = np.array(
+        [
+            (0.30, 0),
+            (0.30, 0.08),
+            (0.17, 0.33),
+            (0.08, 0.81),
+            (-0.08, 0.81),
+            (-0.17, 0.33),
+            (-0.30, 0.08),
+            (-0.30, 0),
+        ]
+    )
+    grid = np.stack([np.stack([np.full(8, x), profile[:, 0], profile[:, 1]], -1) for x in (0.0, length_m)])
+    return rings(Look(Material.CONCRETE, Tag.WALL), grid, crease_deg=20.0)
+
+
+def delineator() -> Mesh:
+    """White roadside post with a reflector, 1 m high."""
+    post = extrude(
+        Look(Material.PLASTIC, Tag.POLE, (230, 230, 225)), [(-0.06, -0.06), (0.06, 0.0), (-0.06, 0.06)], 1.0
+    )
+    return merge(
+        [post, box(Look(Material.SIGN, Tag.POLE, (230, 120, 20)), (0.125, 0.05, 0.18), (-0.002, 0.0, 0.78))]
+    )

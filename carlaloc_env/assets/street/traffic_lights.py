@@ -1,0 +1,124 @@
+"""Traffic lights on posts and mast arms."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.modelling.primitives import Look, box, disc, lathe, placed, pose, rings, tube
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
+
+_POST = Look(Material.METAL_GALVANISED, Tag.POLE)
+_CASE = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (10, 11, 10))
+_YELLOW = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (190, 120, 10))
+_DARK_LENSES = tuple(
+    Look(Material.PLASTIC, Tag.TRAFFIC_LIGHT, tint) for tint in ((44, 4, 4), (48, 26, 2), (3, 26, 12))
+)
+HEAD_M = (0.20, 0.36, 1.07)
+"""Depth, width, height of a three-lens head [m]."""
+
+
+def traffic_light(
+    head_count: int = 1, arm_m: float = 0.0, *, head_bottom_m: float | None = None
+) -> tuple[Mesh, NDArray[np.float64]]:
+    """Traffic light with its foot at the origin; its heads face along +x, towards the traffic.
+
+    Args:
+        head_count: Heads with three lenses each.
+        arm_m: Length of a mast arm along −y (over the road, for right-hand traffic) [m]; 0 = post only.
+        head_bottom_m: Height of the heads' lower edge [m]; 5.2 on an arm, 2.5 on a post when left out.
+
+    Returns:
+        The mesh with dark lenses, and the lens poses (head, lens, 4, 4): lenses red, yellow, green
+        (state = lens + 1), x out of the lens.
+    """
+    if arm_m > 0:
+        post_m, arm_z = 6.6, 5.9
+        on_arm = max(head_count - 1, 1)
+        spots = [(0.0, -arm_m + 0.35 + 3.2 * k) for k in range(on_arm)]
+        bottoms = [5.2 if head_bottom_m is None else head_bottom_m] * on_arm
+        if head_count > 1:
+            spots.append((0.24, 0.0))
+            bottoms.append(2.5)
+        parts = _mast(post_m, arm_z, arm_m)
+    else:
+        bottom = 2.5 if head_bottom_m is None else head_bottom_m
+        spots = [(0.22, 0.30 * (k - 0.5 * (head_count - 1)) * 1.8) for k in range(head_count)]
+        bottoms = [bottom] * head_count
+        parts = [tube(_POST, [(0, 0, 0), (0, 0, bottom + HEAD_M[2] + 0.1)], [0.075, 0.06], 10), _foot(0.16)]
+    poses = []
+    for (x, y), bottom in zip(spots, bottoms, strict=True):
+        parts.append(placed(_head(), (x, y, bottom)))
+        parts.append(box(_CASE, (max(x, 0.1), 0.06, 0.05), (0.5 * x - 0.05, y, bottom + 0.75 * HEAD_M[2])))
+        heights = bottom + HEAD_M[2] * np.array([5, 3, 1]) / 6
+        poses.append([pose((x + 0.5 * HEAD_M[0] + 0.004, y, z)) for z in heights])
+    return merge(parts), np.array(poses)
+
+
+def pedestrian_head() -> Mesh:
+    """Pedestrian signal of 0.4 m on a post of its own, facing along +x."""
+    post = tube(_POST, [(0, 0, 0), (0, 0, 2.75)], 0.055, 8)
+    case = box(_CASE, (0.18, 0.40, 0.44), (0.15, 0.0, 2.45))
+    button = box(_YELLOW, (0.09, 0.10, 0.16), (0.08, 0.0, 1.05))
+    face = box(Look(Material.PLASTIC, Tag.TRAFFIC_LIGHT, (90, 30, 6)), (0.01, 0.2, 0.24), (0.246, 0.0, 2.45))
+    return merge([post, _foot(0.13), case, button, face])
+
+
+@functools.cache
+def _head() -> Mesh:
+    """Case, backplate, visors and dark lenses, lower edge at z = 0, centred on x, y."""
+    depth, width, height = HEAD_M
+    plate = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (8, 8, 8))
+    border = Look(Material.SIGN, Tag.TRAFFIC_LIGHT, (190, 120, 10))
+    parts = [
+        box(_YELLOW, (depth, width, height), (0.0, 0.0, 0.5 * height)),
+        box(_CASE, (0.004, width - 0.02, height - 0.02), (0.5 * depth, 0.0, 0.5 * height)),
+        box(plate, (0.012, width + 0.26, height + 0.26), (-0.02, 0.0, 0.5 * height)),
+    ]
+    for y in (-1, 1):
+        parts.append(
+            box(border, (0.016, 0.03, height + 0.26), (-0.02, y * (0.5 * width + 0.13), 0.5 * height))
+        )
+    for k, look in enumerate(_DARK_LENSES):
+        z = height * (5 - 2 * k) / 6
+        parts.append(placed(disc(look, 0.145, 16, 0.5 * depth + 0.006), (0.0, 0.0, z)))
+        parts.append(placed(_visor(), (0.5 * depth, 0.0, z)))
+    return merge(parts)
+
+
+def _visor() -> Mesh:
+    """Hood over a lens, open below, with an inner and an outer skin."""
+    angle = np.radians(np.linspace(-40, 220, 12))
+    grid = []
+    for radius in (0.158, 0.150):
+        for x, shrink in ((0.0, 0.0), (0.24, 0.0)):
+            r = radius - shrink
+            grid.append(np.stack([np.full(12, x), -r * np.cos(angle), r * np.sin(angle)], axis=-1))
+    out_near, out_far, in_near, in_far = (np.asarray(g) for g in grid)
+    # Underside of the hood is cut back, as on a tunnel visor.
+    for ring in (out_far, in_far):
+        ring[:, 0] = 0.10 + 0.14 * np.clip((ring[:, 2] + 0.1) / 0.2, 0, 1)
+    loop = np.stack([out_near, out_far, in_far, in_near])
+    return rings(_CASE, np.swapaxes(loop, 0, 1), caps=True, crease_deg=40.0)
+
+
+def _mast(post_m: float, arm_z_m: float, arm_m: float) -> list[Mesh]:
+    arm = [(0, 0, arm_z_m - 0.25), (0, -0.35 * arm_m, arm_z_m + 0.05), (0, -arm_m, arm_z_m + 0.12)]
+    return [
+        tube(_POST, [(0, 0, 0), (0, 0, post_m)], [0.15, 0.10], 12),
+        tube(_POST, arm, [0.10, 0.075, 0.05], 10),
+        _foot(0.28),
+        box(_CASE, (0.5, 0.4, 1.1), (-0.45, 0.25, 0.55))
+        if arm_m > 7
+        else box(_CASE, (0.12, 0.2, 0.3), (-0.2, 0, 1.2)),
+    ]
+
+
+def _foot(radius_m: float) -> Mesh:
+    return lathe(
+        _POST, [(radius_m, 0.0), (radius_m, 0.05), (0.7 * radius_m, 0.22), (0.5 * radius_m, 0.24)], 12
+    )

@@ -1,0 +1,1 @@
+"""Models of vehicles, their wheels and lamps."""

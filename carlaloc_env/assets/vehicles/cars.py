@@ -1,0 +1,226 @@
+"""Cars, vans and pick-ups: a shell, and what is mounted on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from carlaloc_env.assets.modelling.decals import Decals
+from carlaloc_env.assets.modelling.primitives import Look, box, ellipsoid, mirrored, surface, tube
+from carlaloc_env.assets.number_plates import PLATE_SIZE_M
+from carlaloc_env.assets.vehicles.body import DARK, BodyShape, Points, loft_body
+from carlaloc_env.assets.vehicles.car_ends import front, rear
+from carlaloc_env.assets.vehicles.parts import LampPlace, PlatePlace, VehicleParts, assemble
+from carlaloc_env.assets.vehicles.wheels import arch_liner, car_wheels, plain_wheel, wheel
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CarSpec:
+    """A car: its shell and the places of lamps, plates and trim; shares are of the half width."""
+
+    shape: BodyShape
+    tag: Tag = Tag.CAR
+    tyre_width_m: float = 0.21
+    spokes: int = 5
+    head: Points = ((0.56, 0.62), (0.93, 0.60), (0.955, 0.70), (0.55, 0.69))
+    """Outline of the left headlamp, (share, z)."""
+    grille: tuple[float, float, float, float] = (0.50, 0.54, 0.52, 0.66)
+    """Grille: half width below and above (shares), lower and upper edge z."""
+    bars: int = 3
+    """Bars across the grille."""
+    chrome: bool = False
+    """Whether grille and windows have bright frames."""
+    intake: tuple[float, float, float, float] = (0.66, 0.58, 0.24, 0.38)
+    """Opening in the bumper, as `grille`."""
+    tail: Points = ((0.55, 0.76), (0.95, 0.74), (0.95, 0.90), (0.55, 0.88))
+    """Outline of the left tail lamp, (share, z)."""
+    tail_across: bool = False
+    """Whether a strip joins the tail lamps."""
+    plate_z: tuple[float, float] = (0.44, 0.80)
+    """Height of front and rear number plate [m]."""
+    doors: tuple[float, ...] = ()
+    """Door gaps, distances from the nose [m]."""
+    slide: bool = False
+    """Whether a sliding door's rail runs along the flank."""
+    barn_doors: bool = False
+    """Whether the tail opens in two doors."""
+    rear_window: tuple[float, float] | None = None
+    """Upright rear window, heights from and to [m]."""
+    rails: bool = False
+    """Whether bars run along the roof."""
+    exhausts: int = 1
+    valance_m: float = 0.12
+    """Height of the dark lower edge of nose and tail [m]."""
+
+
+def car(spec: CarSpec) -> VehicleParts:
+    """Whole car centred on its box, resting on z = 0, nose at +x."""
+    shape = spec.shape
+    shell = loft_body(shape, spec.tag)
+    decals = Decals(shell)
+    front(decals, spec)
+    rear(decals, spec)
+    _flanks(decals, spec)
+    nose, radius = 0.5 * shape.length_m, 0.5 * shape.tyre_m
+    axles = tuple(nose - d for d in shape.axles_d)
+    half = 0.5 * shape.width_m
+    track = half * 0.975 - 0.5 * spec.tyre_width_m - 0.01
+    liners = [
+        m
+        for x in axles
+        for m in arch_liner(x, radius + shape.arch_m, radius, (half - 0.34, 0.985 * half), spec.tag)
+    ]
+    body = merge([shell, *decals.meshes, *liners, *_mirrors(spec), *_roof(spec, decals), _belly(spec)])
+    return assemble(
+        body=body,
+        low=_low(spec),
+        wheels=car_wheels(
+            wheel(shape.tyre_m, spec.tyre_width_m, spec.tag, spokes=spec.spokes), axles, track, radius
+        ),
+        plates=_plates(decals, spec),
+        lamps=_lamps(decals, spec),
+    )
+
+
+def _plates(decals: Decals, spec: CarSpec) -> tuple[PlatePlace, ...]:
+    front_z, rear_z = spec.plate_z
+    places = []
+    for z, facing in ((front_z, 1.0), (rear_z, -1.0)):
+        high = 0.5 * PLATE_SIZE_M[1]
+        at = [decals.surface_x(0.0, z + h, facing) for h in (-high, high)]
+        x = max(facing * a for a in at) * facing + 0.022 * facing
+        places.append(PlatePlace(position_m=(x, 0.0, z), facing=facing))
+    return tuple(places)
+
+
+def _lamps(decals: Decals, spec: CarSpec) -> tuple[LampPlace, ...]:
+    middle = np.mean(np.array(spec.head), axis=0) * (0.5 * spec.shape.width_m, 1.0)
+    y, z = float(middle[0]), float(middle[1])
+    x = decals.surface_x(y, z, 1.0)
+    return tuple(LampPlace(position_m=(x, side * y, z)) for side in (1.0, -1.0))
+
+
+def _flanks(decals: Decals, spec: CarSpec) -> None:
+    shape, tag = spec.shape, spec.tag
+    gap, dark = Look(Material.PLASTIC, tag, (4, 4, 4)), Look(Material.PLASTIC, tag, DARK)
+    chrome = Look(Material.METAL_GALVANISED, tag, (235, 235, 235))
+    nose = 0.5 * shape.length_m
+
+    def belt(d: float) -> float:
+        return float(np.interp(d, *np.array(shape.belt).T))
+
+    sill = shape.clearance_m + 0.15
+    for d in spec.doors:
+        decals.seam(gap, [(nose - d, sill), (nose - d, belt(d) - 0.01)], 0.013)
+    if spec.doors:
+        first, last = spec.doors[0], spec.doors[-1]
+        decals.seam(gap, [(nose - first, sill), (nose - last, sill)], 0.013)
+        for back in spec.doors[1:]:
+            x, z = nose - back + 0.05, belt(back) - 0.13
+            decals.sides(gap, [(x + 0.20, z - 0.005), (x, z - 0.005), (x, z + 0.035), (x + 0.20, z + 0.035)])
+            decals.sides(
+                Look(Material.CAR_PAINT, tag) if not spec.chrome else chrome,
+                [(x + 0.19, z + 0.008), (x + 0.01, z + 0.008), (x + 0.01, z + 0.03), (x + 0.19, z + 0.03)],
+                1,
+            )
+    if spec.chrome and shape.windows:
+        a, b = shape.windows[0][0], shape.windows[-1][1]
+        decals.seam(chrome, [(nose - a, belt(a) - 0.012), (nose - b, belt(b) - 0.012)], 0.02)
+    if spec.slide:
+        d0, d1 = spec.doors[-1], shape.length_m - 0.25
+        decals.seam(dark, [(nose - d0, belt(d0) - 0.12), (nose - d1, belt(d1) - 0.12)], 0.035)
+    if not shape.cladding:
+        lower = shape.clearance_m + 0.09
+        front_d, rear_d = (shape.axles_d[k] for k in (0, -1))
+        reach = 0.5 * shape.tyre_m + shape.arch_m
+        x0, x1 = nose - front_d - reach, nose - rear_d + reach
+        decals.sides(dark, [(x0, 0.0), (x1, 0.0), (x1, lower), (x0, lower)])
+
+
+def _mirrors(spec: CarSpec) -> list[Mesh]:
+    shape = spec.shape
+    d = shape.windows[0][0] + 0.20
+    belt = float(np.interp(d, *np.array(shape.belt).T))
+    tall = max(z for _, z in shape.top) > 2.2
+    high, wide = (0.20, 0.10) if tall else (0.075, 0.10)
+    centre = (0.5 * shape.length_m - d, 0.5 * shape.width_m - wide, belt + 0.045 + high)
+    shell = ellipsoid(
+        Look(Material.PLASTIC, spec.tag, DARK)
+        if shape.cladding and tall
+        else Look(Material.CAR_PAINT, spec.tag),
+        centre,
+        (0.085, wide, high),
+        5,
+        10,
+    )
+    x, y, z = centre[0] - 0.088, centre[1], centre[2]
+    w, h = 0.75 * wide, 0.7 * high
+    glass = surface(
+        Look(Material.GLASS, spec.tag, (255, 255, 255)),
+        [(x, y + w, z - h), (x, y - w, z - h), (x, y - w, z + h), (x, y + w, z + h)],
+        [(0, 1, 2), (0, 2, 3)],
+    )
+    arm = box(
+        Look(Material.PLASTIC, spec.tag, DARK), (0.06, 0.16, 0.03), (centre[0], centre[1] - 0.09, belt + 0.03)
+    )
+    return [m for part in (shell, glass, arm) for m in (part, mirrored(part))]
+
+
+def _roof(spec: CarSpec, decals: Decals) -> list[Mesh]:
+    """Rails along the roof and the fin of the aerial."""
+    shape, parts = spec.shape, list[Mesh]()
+    nose, highest = 0.5 * shape.length_m, float(decals.body.bounds_m[1, 2]) + 0.015
+    if shape.bed is None and not spec.barn_doors:
+        x = nose - shape.roof_rear_d + 0.16
+        low = decals.surface_z(x - 0.09, 0.0) - 0.004
+        high = min(low + 0.065, highest)
+        fin = [(x + 0.1, 0.0, decals.surface_z(x + 0.1, 0.0)), (x - 0.09, 0.03, low), (x - 0.09, -0.03, low)]
+        parts.append(
+            surface(
+                Look(Material.CAR_PAINT, spec.tag),
+                [*fin, (x - 0.08, 0.0, high)],
+                [(0, 1, 3), (1, 2, 3), (2, 0, 3)],
+                crease_deg=10.0,
+            )
+        )
+    if spec.rails:
+        a, b = nose - shape.roof_front_d - 0.15, nose - shape.roof_rear_d + 0.12
+        y, along = 0.5 * shape.width_m * 0.58, np.linspace(a, b, 6)
+        z = np.minimum([decals.surface_z(float(x), y) + 0.03 for x in along], highest - 0.012)
+        z[[0, -1]] -= 0.03
+        metal = Look(Material.METAL_GALVANISED, spec.tag, (150, 150, 152))
+        rail = tube(metal, np.stack([along, np.full(6, y), z], axis=-1), 0.014, 4)
+        parts += [rail, mirrored(rail)]
+    return parts
+
+
+def _belly(spec: CarSpec) -> Mesh:
+    """Dark block between the wheels, so that no light falls through the arches."""
+    shape = spec.shape
+    width = shape.width_m - 2 * spec.tyre_width_m - 0.2
+    length = shape.axles_d[-1] - shape.axles_d[0] + shape.tyre_m + 0.2
+    middle = 0.5 * shape.length_m - 0.5 * (shape.axles_d[-1] + shape.axles_d[0])
+    low, high = shape.clearance_m + 0.02, 0.5 * shape.tyre_m + 0.25
+    return box(
+        Look(Material.PLASTIC, spec.tag, (5, 5, 5)),
+        (length, width, high - low),
+        (middle, 0.0, 0.5 * (low + high)),
+    )
+
+
+def _low(spec: CarSpec) -> Mesh:
+    """The car seen from afar: few triangles, wheels as discs, lamps and plates."""
+    shape, tag = spec.shape, spec.tag
+    shell = loft_body(shape, tag, low=True)
+    decals = Decals(shell, 0.012)
+    front(decals, spec, low=True)
+    rear(decals, spec, low=True)
+    nose, half = 0.5 * shape.length_m, 0.5 * shape.width_m
+    disc = plain_wheel(shape.tyre_m, 0.02, tag)
+    axles = tuple(nose - d for d in shape.axles_d)
+    wheels = [w.mounted() for w in car_wheels(disc, axles, 0.985 * half, 0.5 * shape.tyre_m)]
+    return merge([shell, *decals.meshes, *wheels])

@@ -1,0 +1,144 @@
+"""Human gait: joint angles over a stride and the joint positions that follow.
+
+Angles: shape of published gait curves (hip, knee, ankle in the sagittal plane), see docs/sensors.md;
+segment lengths as shares of stature: Drillis & Contini, in Winter, "Biomechanics and motor control
+of human movement".
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.walkers.skeleton import Joints, shoe_sole
+
+Array = NDArray[np.float64]
+
+_SHARE = np.arange(0.0, 1.0, 0.1)
+_HIP_DEG = np.array([25, 22, 14, 4, -5, -10, -2, 14, 26, 28], dtype=np.float64)
+_KNEE_DEG = np.array([4, 15, 16, 9, 4, 8, 38, 62, 52, 20], dtype=np.float64)
+_ANKLE_DEG = np.array([0, -4, 3, 7, 10, 6, -20, -8, 1, 1], dtype=np.float64)
+
+THIGH, SHANK, FOOT_HEIGHT, FOOT_LENGTH = 0.245, 0.246, 0.039, 0.152
+HIP_WIDTH, TRUNK, SHOULDER_WIDTH, UPPER_ARM, FOREARM, HAND = 0.11, 0.288, 0.235, 0.186, 0.146, 0.09
+
+
+def posture(phase: float, stature_m: float, stride_m: float, *, stoop_deg: float = 3.0) -> Joints:
+    """Joint positions of a walker at a phase of the stride, in a frame that moves evenly.
+
+    The foot on the ground moves back by exactly `stride_m` per stride, so that it stands still in
+    the world; the lowest point of the soles is z = 0.
+
+    Args:
+        phase: Share of the stride since the left heel struck, any real number.
+        stature_m: Height of the person [m].
+        stride_m: Distance of a whole stride [m].
+        stoop_deg: Forward lean of the trunk [deg].
+    """
+    scale = _amplitude(stature_m, stride_m)
+    joints = _figure(phase, stature_m, scale, stoop_deg)
+    stance = phase % 0.5
+    side = "_l" if phase % 1.0 < 0.5 else "_r"
+    strike = _ankle_ahead(0.0, stature_m, scale)
+    middle = strike - 0.25 * stride_m
+    shift = strike - stride_m * stance - joints["ankle" + side][0] - middle
+    return _grounded(joints, shift)
+
+
+def standing(stature_m: float, *, stoop_deg: float = 2.0) -> Joints:
+    """Joint positions of a person who stands still."""
+    return _grounded(_figure(0.0, stature_m, 0.0, stoop_deg), 0.0)
+
+
+@lru_cache(maxsize=64)
+def _amplitude(stature_m: float, stride_m: float) -> float:
+    """Factor on the leg angles that makes a step half the stride long, by bisection."""
+    low, high = 0.2, 2.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        step = _ankle_ahead(0.0, stature_m, middle) - _ankle_ahead(0.5, stature_m, middle)
+        low, high = (middle, high) if step < 0.5 * stride_m else (low, middle)
+    return 0.5 * (low + high)
+
+
+def _angles(phase: float, scale: float) -> tuple[float, float, float]:
+    p = phase % 1.0
+    hip, knee, ankle = (
+        float(np.interp(p, np.append(_SHARE, 1.0), np.append(table, table[0])))
+        for table in (_HIP_DEG, _KNEE_DEG, _ANKLE_DEG)
+    )
+    knee = 4.0 + (knee - 4.0) * min(scale, 1.1)
+    return (
+        np.radians(scale * hip),
+        np.radians(knee if scale > 0 else 2.0),
+        np.radians(ankle * min(scale, 1.0)),
+    )
+
+
+def _ankle_ahead(phase: float, stature_m: float, scale: float) -> float:
+    hip, knee, _ = _angles(phase, scale)
+    return float(stature_m * (THIGH * np.sin(hip) + SHANK * np.sin(hip - knee)))
+
+
+def _figure(phase: float, stature_m: float, scale: float, stoop_deg: float) -> Joints:
+    """Joints about a pelvis at height zero."""
+    h, swing = stature_m, min(scale, 1.2)
+    turn = 2 * np.pi * phase
+    pelvis_yaw, trunk_yaw = np.radians(5) * swing * -np.cos(turn), np.radians(6) * swing * np.cos(turn)
+    sway = 0.02 * swing * np.sin(turn)
+    lean = np.sin(np.radians(stoop_deg))
+    joints: Joints = {"pelvis": np.array([0.0, sway, 0.0])}
+    joints["chest"] = np.array([0.6 * lean * TRUNK * h, 0.6 * sway, 0.55 * TRUNK * h])
+    joints["neck"] = np.array([1.15 * lean * TRUNK * h, 0.4 * sway, 1.02 * TRUNK * h])
+    joints["head"] = joints["neck"] + (0.012 * h + 0.3 * lean * h * 0.1, 0.0, 0.080 * h)
+    for side, sign, offset in (("_l", 1.0, 0.0), ("_r", -1.0, 0.5)):
+        _leg(joints, side, sign, phase + offset, h, scale, pelvis_yaw)
+        _arm(joints, side, sign, phase + offset, h, swing, trunk_yaw, lean)
+    return joints
+
+
+def _leg(joints: Joints, side: str, sign: float, phase: float, h: float, scale: float, yaw: float) -> None:
+    hip, knee, ankle = _angles(phase, scale)
+    half = 0.5 * HIP_WIDTH * h * sign
+    joints["hip" + side] = joints["pelvis"] + (-half * np.sin(yaw), half * np.cos(yaw), -0.02 * h)
+    # Hips turn with the pelvis, but the ankle's distance ahead is measured from the pelvis.
+    joints["knee" + side] = joints["hip" + side] + THIGH * h * np.array([np.sin(hip), 0.0, -np.cos(hip)])
+    shin = hip - knee
+    level = np.array(
+        [joints["pelvis"][0] + h * (THIGH * np.sin(hip) + SHANK * np.sin(shin)), 0.9 * half, 0.0]
+    )
+    below = joints["knee" + side][2] - SHANK * h * np.cos(shin)
+    joints["ankle" + side] = np.array([level[0], level[1], below])
+    tilt = shin + ankle + np.radians(2.0) * (scale > 0)
+    drop, length = FOOT_HEIGHT * h, 0.72 * FOOT_LENGTH * h
+    joints["toe" + side] = joints["ankle" + side] + (
+        length * np.cos(tilt) + drop * np.sin(tilt),
+        0.06 * length * sign,
+        length * np.sin(tilt) - drop * np.cos(tilt),
+    )  # fmt: skip
+
+
+def _arm(
+    joints: Joints, side: str, sign: float, phase: float, h: float, swing: float, yaw: float, lean: float
+) -> None:
+    hip, _, _ = _angles(phase, 1.0)
+    forward = (-0.7 * (hip - np.radians(8.0))) * swing
+    bend = np.radians(12 + 10 * swing) + np.radians(15.0) * max(0.0, np.sin(forward)) * 2
+    half = 0.5 * SHOULDER_WIDTH * h * sign
+    joints["shoulder" + side] = joints["neck"] + (-half * np.sin(yaw), half * np.cos(yaw), -0.028 * h)
+    outward = 0.14 * sign
+    joints["elbow" + side] = joints["shoulder" + side] + UPPER_ARM * h * np.array(
+        [np.sin(forward), outward, -np.cos(forward)]
+    )
+    angle = forward + bend
+    joints["hand" + side] = joints["elbow" + side] + (FOREARM + HAND) * h * np.array(
+        [np.sin(angle), 0.03 * sign, -np.cos(angle)]
+    )
+
+
+def _grounded(joints: Joints, shift_m: float) -> Joints:
+    soles = [p[2] for side in ("_l", "_r") for p in shoe_sole(joints["ankle" + side], joints["toe" + side])]
+    move = np.array([shift_m, 0.0, -min(soles)])
+    return {name: point + move for name, point in joints.items()}
