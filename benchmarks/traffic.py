@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from carlaloc_env.town.build import find_town
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import TrafficReport, audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.routing.route import Route
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.routing.route import Route
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -24,7 +24,7 @@ from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.road_ahead import RoadAhead
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.ego_view import EgoView
 from carlaloc_env.traffic.tables import TrafficTables

@@ -12,8 +12,8 @@ from carlaloc_env.crossing_traffic import crossing_traffic
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route
 
 Array = NDArray[np.float64]
 

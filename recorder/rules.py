@@ -6,7 +6,7 @@ import math
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.driver_view import DriverView
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signal_plan import SignalState
 
 VIOLATIONS = ("red_light", "off_road", "wrong_way", "speeding", "off_route")

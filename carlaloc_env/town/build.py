@@ -12,14 +12,14 @@ from carlaloc_env.core.errors import MapError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.default_traffic import choose_traffic
+from carlaloc_env.town.default_zones import choose_zones
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.route import Route, plan_route
-from carlaloc_env.town.route_choice import choose_route
+from carlaloc_env.town.routing.default_route import choose_route
+from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.scenery import Scenery, build_scenery
 from carlaloc_env.town.town import Town
-from carlaloc_env.town.traffic_choice import choose_traffic
-from carlaloc_env.town.zoning import choose_zones
 
 BUILDER_VERSION = 1
 """Raised whenever the same map gives another town, so that cached towns are built again."""

@@ -11,8 +11,8 @@ from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route
 
 __all__ = ["SignalLenses", "Town"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 Array = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.columns import Array, Index, fill, starts
 
 WANTED, TAKEN = 1, 2

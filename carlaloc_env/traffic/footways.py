@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from carlaloc_env.town.lane_crosswalks import Crosswalk
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.crosswalks import Crosswalk
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.columns import Array, columns, fill, starts
 from carlaloc_env.traffic.footway_tables import CROSSWALK, PAVEMENT, Doors, FootRows, Footways, Ground, Passes
 from carlaloc_env.traffic.roads import Roads

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns, fill, starts
 from carlaloc_env.traffic.junctions import Links
 from carlaloc_env.traffic.presence import Presence, on_origin

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.car_following import allowed_speeds
 from carlaloc_env.traffic.columns import Array, Flags, Index, columns, fill, starts
 from carlaloc_env.traffic.crossings import Crossings, find_crossings

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.roads import Roads
 
 _LEFT_RAD = 0.5

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.ego_view import build_cells
 from carlaloc_env.traffic.footways import build_ground
 from carlaloc_env.traffic.overlaps import find_overlaps

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town
 from carlaloc_env.traffic.ego_view import EgoView

@@ -15,8 +15,8 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.opendrive.model import OpenDrive
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive.records import OpenDrive
 
 MAPS = Path(__file__).resolve().parents[1]
 _FLAT = {"sidewalk": "#d9cfc0", "median": "#a9c59b"}

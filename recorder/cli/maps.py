@@ -59,8 +59,8 @@ def show(result: dict[str, Any]) -> None:
 
 def _list(arguments: argparse.Namespace) -> dict[str, Any]:
     from carlaloc_env.town.build import known_towns
+    from carlaloc_env.town.checks.report import check_map
     from carlaloc_env.town.config import TownConfig
-    from carlaloc_env.town.map_check import check_map
 
     towns = []
     for name, path in known_towns().items():
@@ -88,8 +88,8 @@ def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _check(arguments: argparse.Namespace) -> dict[str, Any]:
-    from carlaloc_env.town.map_check import check_map, write_waypoints_csv
-    from carlaloc_env.town.network import LaneNetwork
+    from carlaloc_env.town.checks.report import check_map, write_waypoints_csv
+    from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
     if (arguments.waypoints is None) != (arguments.csv is None):
         raise ConfigError("--waypoints STEP_M and --csv OUT go together; give both")

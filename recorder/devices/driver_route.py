@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.inside_line import EASE_M, wanted_inside
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.routing.off_tracking import EASE_M, wanted_inside
+from carlaloc_env.town.routing.route import Route
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from carlaloc_env.core import rng
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables import TrafficTables
 
 _PER_SIDEWALK_M = 45.0

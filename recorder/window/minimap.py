@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.timeline.timeline import ActorFrame
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route
 
 _PX_PER_M = 1.0
 _MARGIN_M = 120.0

@@ -10,7 +10,7 @@ from types import TracebackType
 import numpy as np
 import pytest
 
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.routing.route import Route
 
 WHEEL, GAMEPAD = 2, 1
 

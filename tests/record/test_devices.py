@@ -20,7 +20,7 @@ from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.routing.route import Route
 from recorder.devices.calibrate import calibrate
 from recorder.devices.commands import Command
 from recorder.devices.human import HumanDevice

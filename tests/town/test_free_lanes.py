@@ -7,7 +7,7 @@ import pytest
 
 import carlaloc_env
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 o3d = pytest.importorskip("open3d")
 

@@ -10,14 +10,14 @@ import shapely
 
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.furniture import Furnisher
-from carlaloc_env.town.meshing import MeshBuilder
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.pavement_details import SLAB_M, add_pavement_details
-from carlaloc_env.town.polygons import strip_polygon
-from carlaloc_env.town.road_details import add_road_details
-from carlaloc_env.town.sections import Strip, road_strips
-from carlaloc_env.town.terrain import zone_areas
+from carlaloc_env.town.ground.lane_strips import Strip, road_strips
+from carlaloc_env.town.ground.terrain import zone_areas
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.polygons import strip_polygon
+from carlaloc_env.town.roads.road_wear import add_road_details
+from carlaloc_env.town.roads.sidewalk_wear import SLAB_M, add_pavement_details
+from carlaloc_env.town.street.street_furniture import Furnisher
 
 MAPS = pathlib.Path(__file__).parents[2] / "maps"
 EVERYWHERE = {"lamp", "bench", "bin", "hydrant", "street_name", "cabinet", "post_box"}

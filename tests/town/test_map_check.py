@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from carlaloc_env.town.map_check import MapReport, check_map, write_waypoints_csv
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.checks.report import MapReport, check_map, write_waypoints_csv
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
 TEXT = CROSSING.read_text(encoding="utf-8")

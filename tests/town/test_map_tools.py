@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route import Route, plan_route
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route, plan_route
 
 MAPS = sorted((pathlib.Path(__file__).parents[2] / "maps").glob("*/town.xodr"))
 PAPER_LENGTH_M = {

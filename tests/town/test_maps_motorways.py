@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
-from carlaloc_env.town.areas import lane_area, town_areas
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import Lane, LaneNetwork
-from carlaloc_env.town.polygons import union
-from carlaloc_env.town.route import plan_route
-from carlaloc_env.town.sections import Strip, road_strips
+from carlaloc_env.town.ground.lane_strips import Strip, road_strips
+from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
+from carlaloc_env.town.lanes.lane_network import Lane, LaneNetwork
+from carlaloc_env.town.meshing.polygons import union
+from carlaloc_env.town.routing.route import plan_route
 
 MAPS = pathlib.Path(__file__).parents[2] / "maps"
 

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.sections import Strip, road_strips
+from carlaloc_env.town.ground.lane_strips import Strip, road_strips
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 MAPS = sorted((pathlib.Path(__file__).parents[2] / "maps").glob("*/town.xodr"))
 STEEPEST = 0.08

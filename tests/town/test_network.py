@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.town.network import Lane, LaneNetwork
+from carlaloc_env.town.lanes.lane_network import Lane, LaneNetwork
 
 CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
 TOWN07 = pathlib.Path(__file__).parents[2].parent / "shared/data/carla_xodr/Town07.xodr"

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.special import fresnel
 
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.opendrive.model import OpenDrive
-from carlaloc_env.town.opendrive.planview import LinePose
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.opendrive.surface import RoadSurface
+from carlaloc_env.town.opendrive.records import OpenDrive
+from carlaloc_env.town.opendrive.reference_line import LinePose
+from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
 X0, Y0, H0 = 3.0, -7.0, 0.6
 WIDTH = '<width sOffset="0" a="3" b="0" c="0" d="0"/>'

@@ -7,8 +7,8 @@ import time
 import pytest
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.opendrive import document
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive import xml_document
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
 CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
@@ -119,7 +119,7 @@ def test_entity_bombs_are_refused_at_once() -> None:
 
 
 def test_file_above_the_limit_is_refused(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(document, "FILE_LIMIT_BYTES", 1 << 20)
+    monkeypatch.setattr(xml_document, "FILE_LIMIT_BYTES", 1 << 20)
     large = tmp_path / "large.xodr"
     large.write_bytes(b"<OpenDRIVE>" + b" " * (1 << 20) + b"</OpenDRIVE>")
     with pytest.raises(MapError, match="larger than 1 MB"):

@@ -10,8 +10,8 @@ import hypothesis.strategies as st
 from hypothesis import HealthCheck, given, settings
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.town.map_check import report
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.checks.report import report
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
 SEED = (pathlib.Path(__file__).parent / "data/crossing.xodr").read_bytes()

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.level_search import find_levels
-from carlaloc_env.town.network import Lane
-from carlaloc_env.town.pavements import KERB_STONE_M, RAMP_M
-from carlaloc_env.town.sections import road_strips
+from carlaloc_env.town.ground.grade_separation import find_levels
+from carlaloc_env.town.ground.lane_strips import road_strips
+from carlaloc_env.town.lanes.lane_network import Lane
+from carlaloc_env.town.roads.sidewalks import KERB_STONE_M, RAMP_M
 from carlaloc_env.town.town import Town
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")

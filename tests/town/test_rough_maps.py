@@ -13,15 +13,15 @@ import shapely
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.crossed_walks import BELOW_M, lower_walks
-from carlaloc_env.town.inside_line import inside_line
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.polygons import strip_polygon
-from carlaloc_env.town.route import Route, plan_route
-from carlaloc_env.town.route_line import RouteLine
-from carlaloc_env.town.sections import KERB_M, road_strips
-from carlaloc_env.town.traffic_choice import choose_traffic
-from carlaloc_env.town.turn_room import raised_near
+from carlaloc_env.town.default_traffic import choose_traffic
+from carlaloc_env.town.ground.flush_sidewalks import BELOW_M, lower_walks
+from carlaloc_env.town.ground.lane_strips import KERB_M, road_strips
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.meshing.polygons import strip_polygon
+from carlaloc_env.town.routing.off_tracking import inside_line
+from carlaloc_env.town.routing.route import Route, plan_route
+from carlaloc_env.town.routing.smoothing import RouteLine
+from carlaloc_env.town.routing.swept_path import raised_near
 
 HEAD = '<OpenDRIVE><header revMajor="1" revMinor="4"/>'
 LANE = '<lane id="{}" type="{}"><width sOffset="0" a="{}" b="0" c="0" d="0"/></lane>'

@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route import Route, plan_route
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route, plan_route
 
 CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
 ROOT = pathlib.Path(__file__).parents[2]

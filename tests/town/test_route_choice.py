@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route_choice import choose_route, lanes_that_go_on
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.default_route import choose_route, lanes_that_go_on
 
 ROOT = Path(__file__).parents[2]
 MAPS = sorted(

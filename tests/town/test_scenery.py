@@ -11,10 +11,10 @@ from carlaloc_env.core.transforms import apply
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.areas import TownAreas, town_areas
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.sections import road_strips
-from carlaloc_env.town.styles import STYLES, ZONE_STYLES
+from carlaloc_env.town.buildings.styles import STYLES, ZONE_STYLES
+from carlaloc_env.town.ground.lane_strips import road_strips
+from carlaloc_env.town.ground.paved_areas import TownAreas, town_areas
 from carlaloc_env.town.town import Town
 
 

@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.areas import lane_area, town_areas
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.fields import EdgeField, GroundGrid, JunctionField
-from carlaloc_env.town.gores import gore_bars
-from carlaloc_env.town.level_search import find_levels
-from carlaloc_env.town.meshing import MeshBuilder
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.ground.grade_separation import find_levels
+from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid, JunctionField
+from carlaloc_env.town.ground.lane_strips import Strip, road_strips
+from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
+from carlaloc_env.town.ground.terrain import LAP_M, Ground, add_terrain, zone_areas
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.polygons import strip_polygon
 from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.polygons import strip_polygon
+from carlaloc_env.town.roads.gore_hatching import gore_bars
 from carlaloc_env.town.scenery import Scenery, build_scenery
-from carlaloc_env.town.sections import Strip, road_strips
-from carlaloc_env.town.terrain import LAP_M, Ground, add_terrain, zone_areas
-from carlaloc_env.town.utility_lines import catenary_m
+from carlaloc_env.town.structures.overhead_lines import catenary_m
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 

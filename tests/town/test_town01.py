@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town01"
 

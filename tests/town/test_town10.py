@@ -12,8 +12,8 @@ import shapely
 
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route import plan_route
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import plan_route
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town10"
 

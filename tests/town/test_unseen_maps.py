@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route_choice import choose_route
-from carlaloc_env.town.signposts import add_signals
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.default_route import choose_route
+from carlaloc_env.town.street.signals_and_signs import add_signals
 from carlaloc_env.traffic.audit import audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
 from recorder.record import RecordConfig, record

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.fields import EdgeField, GroundGrid
-from carlaloc_env.town.levels import State
-from carlaloc_env.town.meshing import MeshBuilder
-from carlaloc_env.town.road_edges import RoadEdge
-from carlaloc_env.town.terrain import Ground
-from carlaloc_env.town.wire_fences import AWAY_M, CLEAR_M, POST_M, add_wire_fences
+from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
+from carlaloc_env.town.ground.road_edges import RoadEdge
+from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.structures.wire_fences import AWAY_M, CLEAR_M, POST_M, add_wire_fences
 
 LENGTH = 200
 LINE = np.column_stack([np.arange(LENGTH + 1.0), np.zeros(LENGTH + 1), np.full(LENGTH + 1, 2.0)])

@@ -9,11 +9,11 @@ import pytest
 import shapely
 
 from carlaloc_env.town.config import ZONE_KINDS, TownConfig
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.opendrive.model import Lane, LaneSection, SpeedRecord
+from carlaloc_env.town.default_zones import choose_zones, road_kind
+from carlaloc_env.town.ground.terrain import zone_areas
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.terrain import zone_areas
-from carlaloc_env.town.zoning import choose_zones, road_kind
+from carlaloc_env.town.opendrive.records import Lane, LaneSection, SpeedRecord
 
 ROAD = """<road name="r" length="400" id="{id}" junction="-1"><link/>
 <type s="0" type="{type}"><speed max="{limit}" unit="km/h"/></type>

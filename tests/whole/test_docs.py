@@ -18,6 +18,7 @@ from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.registry import SENSOR_KINDS
+from carlaloc_env.town.checks.report import check_map
 from carlaloc_env.town.config import (
     FEATURE_KINDS,
     ZONE_KINDS,
@@ -27,7 +28,6 @@ from carlaloc_env.town.config import (
     TrafficConfig,
     Zone,
 )
-from carlaloc_env.town.map_check import check_map
 from carlaloc_env.weather.parameters import WeatherParameters
 from recorder.conditions import TrafficLevel
 from recorder.episode_actors import ACTORS_TOPIC, ACTORS_TYPE

@@ -69,7 +69,7 @@ def test_an_installed_wheel_finds_its_town(wheel: Path, tmp_path: Path) -> None:
     code = (
         "import json, carlaloc_env, recorder\n"
         "from carlaloc_env.town.build import known_towns\n"
-        "from carlaloc_env.town.map_check import check_map\n"
+        "from carlaloc_env.town.checks.report import check_map\n"
         "path = known_towns()['Town03']\n"
         "import importlib.resources as r\n"
         "shader = r.files('carlaloc_env').joinpath('render/shaders/shade.frag').read_text()\n"

@@ -9,7 +9,7 @@ import pytest
 
 from carlaloc_env.crossing_traffic import crossing_traffic
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
-from carlaloc_env.town.route import Route
+from carlaloc_env.town.routing.route import Route
 
 FRONT_M = 3.75
 

@@ -9,8 +9,8 @@ import pytest
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.timeline.timeline import JUMP_M, Timeline
-from carlaloc_env.town.network import LaneNetwork
-from carlaloc_env.town.route_choice import choose_route
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.traffic.audit import NOBODY, overlapping_boxes
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 

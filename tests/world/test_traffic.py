@@ -13,7 +13,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.build import find_town
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.car_following import (
     COMFORT_BRAKING_MPS2,
     LATERAL_ACCELERATION_MPS2,

@@ -12,7 +12,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.config import traffic_of_town
 from carlaloc_env.traffic.crossings import TAKEN

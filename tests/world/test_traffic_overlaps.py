@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import audit_traffic
 from carlaloc_env.traffic.overlaps import CLEAR_M
 from carlaloc_env.traffic.tables import TrafficTables

@@ -18,7 +18,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.signal_plan import SignalTiming
 from carlaloc_env.traffic.tables import TrafficTables

@@ -8,7 +8,7 @@ import pytest
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import find_town
-from carlaloc_env.town.network import LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, walking_ground
 from carlaloc_env.traffic.crossings import TAKEN
 from carlaloc_env.traffic.ego_view import EgoView

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from carlaloc_env.town.opendrive.document import Document, Element
-from carlaloc_env.town.opendrive.model import Cubic, Geometry, ShapeRecord
+from carlaloc_env.town.opendrive.records import Cubic, Geometry, ShapeRecord
+from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 COEFFICIENT_LIMIT = 1.0e12
 """Polynomial coefficients beyond this are refused; real files reach 1e9 on pieces of 1e-7 m."""

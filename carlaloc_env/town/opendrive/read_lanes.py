@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from carlaloc_env.town.opendrive.document import Document, Element
-from carlaloc_env.town.opendrive.model import (
+from carlaloc_env.town.opendrive.read_geometry import read_cubics
+from carlaloc_env.town.opendrive.records import (
     Lane,
     LaneHeight,
     LaneMaterial,
@@ -14,7 +14,7 @@ from carlaloc_env.town.opendrive.model import (
     RoadMark,
     SpeedRecord,
 )
-from carlaloc_env.town.opendrive.read_geometry import read_cubics
+from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 LANES_PER_SECTION_LIMIT = 256
 MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}

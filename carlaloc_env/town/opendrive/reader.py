@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from carlaloc_env.town.opendrive.document import Document, Element
-from carlaloc_env.town.opendrive.model import (
+from carlaloc_env.town.opendrive.ordering_notes import record_notes
+from carlaloc_env.town.opendrive.read_geometry import read_cubics, read_plan_view, read_shapes
+from carlaloc_env.town.opendrive.read_lanes import read_sections, read_speed
+from carlaloc_env.town.opendrive.read_objects import read_objects, read_signal_references, read_signals
+from carlaloc_env.town.opendrive.records import (
     Connection,
     Controller,
     Junction,
@@ -17,10 +20,7 @@ from carlaloc_env.town.opendrive.model import (
     RoadLink,
     SpeedRecord,
 )
-from carlaloc_env.town.opendrive.read_furniture import read_objects, read_signal_references, read_signals
-from carlaloc_env.town.opendrive.read_geometry import read_cubics, read_plan_view, read_shapes
-from carlaloc_env.town.opendrive.read_lanes import read_sections, read_speed
-from carlaloc_env.town.opendrive.record_order import record_notes
+from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 ROAD_LIMIT = 100_000
 

@@ -1,0 +1,1 @@
+"""Buildings: lots, walls, façades, roofs."""

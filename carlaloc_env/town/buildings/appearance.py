@@ -1,0 +1,46 @@
+"""What one building chose from its style, and faces in its materials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.buildings.palettes import Tint
+from carlaloc_env.town.buildings.styles import Style
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Look:
+    """What one building chose from its style."""
+
+    style: Style
+    """The style."""
+    material: Material
+    """Material of the walls."""
+    tint: Tint
+    """Linear tint of the walls."""
+    trim: Tint
+    """Linear tint of sills, cornices and frames."""
+    sign: Tint
+    """Linear tint of shop signs and awnings."""
+    accent: Tint = (60, 64, 66)
+    """Linear tint of shutters, rails, doors' canopies and timber."""
+    roof: tuple[Material, Tint] = (Material.ROOF_TILE, (255, 235, 220))
+    """Material of a pitched roof with its linear tint."""
+
+
+def wall_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
+    """Add faces in the building's wall material."""
+    out.quads(quads, material=look.material, tag=Tag.BUILDING, colour=look.tint)
+
+
+def trim_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
+    """Add faces in the colour of its sills and cornices."""
+    out.quads(quads, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)

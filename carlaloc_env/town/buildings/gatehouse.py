@@ -1,0 +1,160 @@
+"""A building over a street: wings on both sides, storeys above, and a lit passage between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.buildings.appearance import Look
+from carlaloc_env.town.buildings.buildings import FOUNDATION_M, draw_look
+from carlaloc_env.town.buildings.facades import facade
+from carlaloc_env.town.buildings.roofs import add_roof
+from carlaloc_env.town.buildings.styles import STYLES
+from carlaloc_env.town.buildings.walls import Wall, around
+from carlaloc_env.town.config import Feature
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
+from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.meshing.prop_copies import copies, poses
+from carlaloc_env.town.structures.gantries_and_jetties import HeightOf
+
+Array = NDArray[np.float64]
+
+WIDTH_M, DEPTH_M, STOREYS = 52.0, 24.0, 6
+"""Usual measures across the street and along it [m], and storeys."""
+PASSAGE_M = 6.2
+"""From the street to the floor above it [m]."""
+SLAB_M, BEAM_M = 0.35, 0.4
+"""Thickness of that floor, and height of the beams below it [m]."""
+BEAM_STEP_M, BEAM_WIDTH_M = 4.0, 0.5
+"""Distance of the beams and their width [m]."""
+ASIDE_M = 0.25
+"""Distance of the wings from everything paved [m]."""
+LEAST_WING_M = 6.0
+"""Narrowest wing [m]."""
+TUBE_M = 1.4
+"""Length of the tubes that light the passage [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Measures:
+    """In the building's frame: x across the street, y along it, the front on y = 0."""
+
+    width_m: float
+    depth_m: float
+    storeys: int
+    open_m: tuple[float, float]
+    """Where the passage begins and ends along x [m]."""
+    base_m: float
+    """Height of the street [m]."""
+
+
+def gatehouse(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
+    """The building in the world; the street runs along its heading."""
+    draw = rng.stream(0, f"gatehouse/{feature.position}")
+    style = replace(STYLES["civic"], ground_m=PASSAGE_M, ground="shop", storey_m=3.6, ornaments=("quoins",))
+    look = draw_look(style, draw)
+    m = _measures(feature, paved, floor)
+    levels = np.concatenate([[0.0], PASSAGE_M + style.storey_m * np.arange(m.storeys)])
+    out = MeshBuilder()
+    for first, last, inner in ((0.0, m.open_m[0], 1), (m.open_m[1], m.width_m, 3)):
+        _wing(out, look, (first, last, m.depth_m), levels[:2], inner, draw)
+    for side, wall in enumerate(around(m.width_m, m.depth_m, float(levels[1]))):
+        facade(out, wall, replace(look, style=replace(style, ground="hall")), levels[1:] - levels[1], draw,
+               front=side in (0, 2))  # fmt: skip
+    add_roof(out, look, (0.0, 0.0, m.width_m, m.depth_m), float(levels[-1]), draw, top=True)
+    _ceiling(out, m)
+    return copies(out.build(), _pose(feature, m), 0)
+
+
+def gatehouse_lamps(feature: Feature, paved: Area, floor: HeightOf) -> Array:
+    """Light sources below the ceiling of its passage [m], shape (K, 3)."""
+    m = _measures(feature, paved, floor)
+    tubes = _tubes(m)
+    points = np.column_stack([tubes, np.full(len(tubes), PASSAGE_M - SLAB_M - 0.3), np.ones(len(tubes))])
+    placed: Array = (points @ _pose(feature, m)[0].T)[:, :3]
+    return placed
+
+
+def _measures(feature: Feature, paved: Area, floor: HeightOf) -> _Measures:
+    size = feature.size
+    width, depth = (size[0], size[1]) if len(size) > 1 else (WIDTH_M, DEPTH_M)
+    heading = np.radians(feature.heading_deg)
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    # The building's x axis, seen from before its front: to the right.
+    across = np.array([-ahead[1], ahead[0]])
+    along = np.linspace(-0.5 * depth, 0.5 * depth, 13)[:, None] * ahead + feature.position
+    reach = []
+    shapely.prepare(paved)
+    for sign in (-1.0, 1.0):
+        way = np.arange(2.0, 0.5 * width - LEAST_WING_M, 0.25)
+        points = along[:, None] + sign * way[:, None] * across
+        taken = shapely.dwithin(paved, shapely.points(points), ASIDE_M).any(axis=0)
+        reach.append(float(way[np.flatnonzero(taken)[-1]]) + 0.25 if taken.any() else 2.0)
+    return _Measures(
+        width_m=width,
+        depth_m=depth,
+        storeys=int(size[2]) if len(size) > 2 else STOREYS,
+        open_m=(0.5 * width - reach[0], 0.5 * width + reach[1]),
+        base_m=float(floor(along).max()),
+    )
+
+
+def _pose(feature: Feature, m: _Measures) -> Array:
+    """Transform (1, 4, 4) of the building's frame to the world."""
+    heading = np.radians(feature.heading_deg)
+    c, s = np.cos(heading), np.sin(heading)
+    x, y = 0.5 * m.depth_m, -0.5 * m.width_m
+    corner = (feature.position[0] + c * x - s * y, feature.position[1] + s * x + c * y, m.base_m)
+    result: Array = poses([corner], heading + np.pi / 2)
+    return result
+
+
+def _wing(
+    out: MeshBuilder,
+    look: Look,
+    place: tuple[float, float, float],
+    levels: Array,
+    inner: int,
+    draw: np.random.Generator,
+) -> None:
+    """Ground floor of one wing, with shops towards the street's ends and in the passage."""
+    first, last, depth = place
+    for side, wall in enumerate(around(last - first, depth)):
+        shifted = Wall(
+            origin_m=wall.origin_m + np.array([first, 0.0, 0.0]), along=wall.along, width_m=wall.width_m
+        )
+        facade(out, shifted, look, levels, draw, front=side in (0, 2, inner))
+        foot = shifted.front(0.0, wall.width_m, -FOUNDATION_M, 0.0, 0.02)
+        out.quads(foot, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
+
+
+def _ceiling(out: MeshBuilder, m: _Measures) -> None:
+    """Underside of the storeys above the street, its beams and lamps."""
+    x0, x1 = m.open_m
+    z = PASSAGE_M - SLAB_M
+    slab = box_quads([x0, 0.02, z], [x1, m.depth_m - 0.02, PASSAGE_M + 0.05], bottom=True)
+    out.quads(slab, material=Material.CONCRETE_PANEL, tag=Tag.BUILDING, colour=(214, 212, 206))
+    rows = np.arange(0.5 * BEAM_STEP_M, m.depth_m - 1.0, BEAM_STEP_M)
+    low = np.column_stack([np.full(len(rows), x0), rows - 0.5 * BEAM_WIDTH_M, np.full(len(rows), z - BEAM_M)])
+    high = np.column_stack([np.full(len(rows), x1), rows + 0.5 * BEAM_WIDTH_M, np.full(len(rows), z + 0.02)])
+    beams = box_quads(low, high, bottom=True)
+    out.quads(beams, material=Material.CONCRETE, tag=Tag.BUILDING, colour=(198, 196, 190))
+    half = np.array([0.5 * TUBE_M, 0.1])
+    tubes = _tubes(m)
+    low = np.column_stack([tubes - half, np.full(len(tubes), z - 0.08)])
+    high = np.column_stack([tubes + half, np.full(len(tubes), z)])
+    out.quads(box_quads(low, high, bottom=True), material=Material.LAMP_WHITE, tag=Tag.STATIC)
+
+
+def _tubes(m: _Measures) -> Array:
+    """Middles of the tubes between the beams, in the building's frame [m], shape (K, 2)."""
+    x0, x1 = m.open_m
+    rows = np.arange(BEAM_STEP_M, m.depth_m - 1.0, BEAM_STEP_M)
+    return np.array([(x0 + share * (x1 - x0), y) for y in rows for share in (0.2, 0.5, 0.8)])

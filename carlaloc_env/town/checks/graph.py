@@ -1,0 +1,195 @@
+"""Checks of the lane graph: gaps at links, mirrored links, dead ends, connectedness."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES
+from carlaloc_env.town.opendrive.records import OpenDrive, Road
+
+Row = tuple[Literal["error", "warning"], str, str, int, str]
+
+LINK_BOUNDS = (
+    ("gap", "m", 1e-3, 0.1),
+    ("heading", "rad", 1e-3, 0.05),
+    ("height", "m", 1e-3, 0.05),
+    ("width", "m", 1e-3, 0.3),
+    ("slope", "", 0.01, 0.05),
+    ("curvature", "1/m", 0.01, np.inf),
+)
+"""What is compared where one lane follows another: name, unit, bound of a warning, of an error."""
+
+
+def link_problems(network: LaneNetwork) -> list[Row]:
+    """Steps of position, heading, height, width, slope and curvature between successive lanes."""
+    edges = [
+        (lane.index, n) for lane in network.lanes if lane.type in DRIVABLE_TYPES for n in lane.successors
+    ]
+    if not edges:
+        return []
+    a, b = np.array(edges).T
+    end, start = network.exact_pose(a, network.tables.length_m[a]), network.exact_pose(b, np.zeros(len(b)))
+    delta = end.position_m - start.position_m
+    width = network.width_m(a, network.tables.length_m[a]) - network.width_m(b, np.zeros(len(b)))
+    steps = np.stack(
+        [
+            np.hypot(delta[:, 0], delta[:, 1]),
+            np.abs(wrap_angle(end.heading_rad - start.heading_rad)),
+            np.abs(delta[:, 2]),
+            np.abs(width),
+            np.abs(np.tan(end.pitch_rad) - np.tan(start.pitch_rad)),
+            np.abs(end.curvature_radpm - start.curvature_radpm),
+        ]
+    )
+    warn = steps > np.array([bound[2] for bound in LINK_BOUNDS])[:, None]
+    bad = steps > np.array([bound[3] for bound in LINK_BOUNDS])[:, None]
+    rows: list[Row] = []
+    for k in np.flatnonzero(warn.any(axis=0)):
+        parts = [
+            f"{name} {steps[n, k]:.2g} {unit}".strip()
+            for n, (name, unit, _, _) in enumerate(LINK_BOUNDS)
+            if warn[n, k]
+        ]
+        to = network.lanes[b[k]]
+        message = f"does not meet lane {to.lane_id} of road {to.road_id}: step in {', '.join(parts)}"
+        severity: Literal["error", "warning"] = "error" if bad[:, k].any() else "warning"
+        rows.append((severity, "lane", _label(network, a[k]), _line(network, a[k]), message))
+    return rows
+
+
+def reciprocity_problems(xodr: OpenDrive) -> list[Row]:
+    """Road links and junction lane links whose other side does not answer."""
+    rows: list[Row] = []
+    roads = {road.id: road for road in xodr.roads}
+    for road in xodr.roads:
+        for end, link in (("start", road.predecessor), ("end", road.successor)):
+            if link is None or link.element_type != "road" or link.element_id not in roads:
+                continue
+            other = roads[link.element_id]
+            if road.junction_id is None and not _answers(other, link.contact, road.id, end):
+                message = f"links to road {other.id}, which does not link back"
+                rows.append(("error", "road", road.id, road.line, message))
+            if link.contact is None:
+                rows.append(
+                    ("error", "road", road.id, road.line, f"its link to road {other.id} has no contactPoint")
+                )
+        rows += _section_links(road)
+    for junction in xodr.junctions:
+        if junction.type == "direct":
+            continue
+        for connection in junction.connections:
+            through = roads.get(connection.connecting_road)
+            if through is None:
+                continue
+            section = through.sections[0 if connection.contact == "start" else -1]
+            for start, to in connection.lane_links:
+                lane = section.lane(to)
+                back = (
+                    ()
+                    if lane is None
+                    else lane.predecessors
+                    if connection.contact == "start"
+                    else lane.successors
+                )
+                if lane is not None and start not in back and lane.type in DRIVABLE_TYPES:
+                    message = f"lane link {start} → {to}: lane {to} of road {through.id} does not link back"
+                    rows.append(
+                        (
+                            "error",
+                            "connection",
+                            f"{connection.id} of junction {junction.id}",
+                            connection.line,
+                            message,
+                        )
+                    )
+    return rows
+
+
+def _section_links(road: Road) -> list[Row]:
+    """Links between two sections of a road that one of the two lanes does not state."""
+    rows: list[Row] = []
+    for before, after in itertools.pairwise(road.sections):
+        forth = {
+            (lane.id, n) for lane in before.lanes if lane.type in DRIVABLE_TYPES for n in lane.successors
+        }
+        back = {
+            (n, lane.id) for lane in after.lanes if lane.type in DRIVABLE_TYPES for n in lane.predecessors
+        }
+        for a, b in sorted(forth ^ back):
+            silent = after.lane(b) if (a, b) in forth else before.lane(a)
+            if silent is not None and silent.type in DRIVABLE_TYPES:
+                other = a if (a, b) in forth else b
+                message = (
+                    f"does not link back to lane {other} of the section {'before' if other == a else 'after'}"
+                )
+                rows.append(("error", "lane", f"{silent.id} of road {road.id}", silent.line, message))
+    return rows
+
+
+def _answers(other: Road, contact: str | None, road_id: str, end: str) -> bool:
+    link = {"start": other.predecessor, "end": other.successor}.get(contact or "")
+    if contact is None:
+        return any(k is not None and k.element_id == road_id for k in (other.predecessor, other.successor))
+    return link is not None and link.element_id == road_id and link.contact in (end, None)
+
+
+def graph_problems(network: LaneNetwork) -> list[Row]:
+    """Dead ends, lanes that nothing leads to, links at zero width, and unreachable parts."""
+    rows: list[Row] = []
+    driving = [lane for lane in network.lanes if lane.type == "driving"]
+    for lane in driving:
+        label, line = _label(network, lane.index), _line(network, lane.index)
+        ends = network.width_m([lane.index, lane.index], [0.0, lane.length_m])
+        beside = lane.left is not None or lane.right is not None
+        if not lane.successors and not (ends[1] < 0.5 and beside):
+            rows.append(("error", "lane", label, line, "is a dead end: no lane follows"))
+        if not lane.predecessors and not (ends[0] < 0.5 and beside):
+            rows.append(("warning", "lane", label, line, "cannot be entered: no lane leads to it"))
+        if lane.length_m > 0.1 and (
+            (ends[0] < 1e-3 and lane.predecessors) or (ends[1] < 1e-3 and lane.successors)
+        ):
+            rows.append(("error", "lane", label, line, "is linked at an end where it has no width"))
+    apart = _unreachable(network)
+    if apart:
+        largest = Counter(lane.road_id for lane in driving if lane.index in apart)
+        first = min(apart)
+        names = ", ".join(sorted(largest)[:8])
+        message = f"{len(apart)} driving lanes cannot both be reached from and reach the rest (roads {names})"
+        rows.append(("warning", "lane", _label(network, first), _line(network, first), message))
+    return rows
+
+
+def _unreachable(network: LaneNetwork) -> set[int]:
+    """Driving lanes outside the largest strongly connected part; lane changes count as ways."""
+    driving = [lane for lane in network.lanes if lane.type == "driving"]
+    pairs = [
+        (lane.index, n)
+        for lane in driving
+        for n in (*lane.successors, lane.left, lane.right)
+        if n is not None and network.lanes[n].type == "driving"
+    ]
+    if not pairs:
+        return {lane.index for lane in driving[1:]}
+    a, b = np.array(pairs).T
+    size = len(network.lanes)
+    graph = csr_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(size, size))
+    _, part = connected_components(graph, directed=True, connection="strong")
+    main = Counter(int(part[lane.index]) for lane in driving).most_common(1)[0][0]
+    return {lane.index for lane in driving if part[lane.index] != main}
+
+
+def _label(network: LaneNetwork, lane: int) -> str:
+    record = network.lanes[lane]
+    return f"{record.lane_id} of road {record.road_id}"
+
+
+def _line(network: LaneNetwork, lane: int) -> int:
+    return network.surface.edges.lanes[lane].line

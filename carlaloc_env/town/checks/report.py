@@ -1,0 +1,151 @@
+"""Tells what is wrong with a map, and what it holds."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
+from carlaloc_env.town.checks.roads import clearance_problems, plan_view_problems, road_problems
+from carlaloc_env.town.checks.signals import signal_problems
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.town.opendrive.records import OpenDrive
+
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """One fault of a map."""
+
+    severity: Severity
+    """error: vehicles or readers will meet it; warning: worth a look."""
+    element: str
+    """XML element, e.g. ``lane``."""
+    id: str
+    """Its id, with the road it belongs to."""
+    line: int
+    """Line in the file."""
+    message: str
+
+    def __str__(self) -> str:
+        """One line: where, what."""
+        return f"{self.severity}: line {self.line}: <{self.element}> {self.id}: {self.message}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapReport:
+    """What a map holds and what is wrong with it."""
+
+    source: str
+    revision: str
+    roads: int
+    junctions: int
+    lanes: int
+    driving_lanes: int
+    lane_km: float
+    """Length of all driving lanes, those in junctions included [km]."""
+    junction_lane_km: float
+    """Of that, inside junctions [km]."""
+    signals: int
+    signs: int
+    crosswalks: int
+    extent_min_m: tuple[float, float, float]
+    """Lowest x, y, z of all driving lanes."""
+    extent_max_m: tuple[float, float, float]
+    """Highest x, y, z of all driving lanes."""
+    problems: tuple[Problem, ...]
+
+    @property
+    def errors(self) -> tuple[Problem, ...]:
+        """Problems of severity error."""
+        return tuple(p for p in self.problems if p.severity == "error")
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+
+def check_map(path: Path) -> MapReport:
+    """Reads a map and looks for faults.
+
+    Raises:
+        MapError: The file cannot be read as a map at all.
+    """
+    xodr = read_opendrive(path)
+    return report(xodr, LaneNetwork(xodr))
+
+
+def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
+    """The report of a map that is read already; problems in the order of the file."""
+    found = [
+        *(
+            Problem(severity=n.severity, element=n.element, id=n.id, line=n.line, message=n.message)
+            for n in xodr.notes
+        ),
+        *(
+            Problem(severity="error", element=b.element, id=b.id, line=b.line, message=b.message)
+            for b in network.broken_links
+        ),
+        *_problems(road_problems(xodr, network)),
+        *_problems(plan_view_problems(xodr, network)),
+        *_problems(clearance_problems(network)),
+        *_problems(link_problems(network)),
+        *_problems(reciprocity_problems(xodr)),
+        *_problems(graph_problems(network)),
+        *_problems(signal_problems(xodr, network)),
+    ]
+    driving = np.array([lane.type == "driving" for lane in network.lanes])
+    inside = np.array([lane.junction_id is not None for lane in network.lanes])
+    length = network.tables.length_m
+    points = network.tables.position_m[np.repeat(driving, network.tables.count)]
+    low = points.min(axis=0) if len(points) else np.zeros(3)
+    high = points.max(axis=0) if len(points) else np.zeros(3)
+    return MapReport(
+        source=xodr.source,
+        revision=".".join(str(n) for n in xodr.revision),
+        roads=len(xodr.roads),
+        junctions=len(xodr.junctions),
+        lanes=len(network.lanes),
+        driving_lanes=int(driving.sum()),
+        lane_km=float(length[driving].sum()) / 1e3,
+        junction_lane_km=float(length[driving & inside].sum()) / 1e3,
+        signals=len(network.signals),
+        signs=len(network.static_signs),
+        crosswalks=len(network.crosswalks),
+        extent_min_m=(float(low[0]), float(low[1]), float(low[2])),
+        extent_max_m=(float(high[0]), float(high[1]), float(high[2])),
+        problems=tuple(sorted(found, key=lambda p: (p.severity, p.line))),
+    )
+
+
+def _problems(rows: Sequence[tuple[Severity, str, str, int, str]]) -> list[Problem]:
+    return [Problem(severity=s, element=e, id=i, line=n, message=m) for s, e, i, n, m in rows]
+
+
+def write_waypoints_csv(network: LaneNetwork, step_m: float, path: Path) -> int:
+    """Writes the poses of all driving lanes every `step_m` of s; returns their number.
+
+    Columns road_id, section, lane_id, s, x, y, z [m], heading [rad, travel direction], world frame.
+
+    Raises:
+        MapError: The step is not usable or the file cannot be written.
+    """
+    rows = network.waypoints(step_m)
+    partial = path.with_name(path.name + ".part")
+    try:
+        with partial.open("w", newline="", encoding="utf-8") as file:
+            out = csv.writer(file, lineterminator="\n")
+            out.writerow(rows.dtype.names or ())
+            out.writerows(rows.tolist())
+        partial.replace(path)
+    except OSError as error:
+        raise MapError(f"cannot write {path}: {error.strerror or error}; choose another place") from error
+    return len(rows)

@@ -1,0 +1,243 @@
+"""Checks of single roads: reference line, records, widths, grades, clearance."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive.records import OpenDrive, Road
+
+Row = tuple[Literal["error", "warning"], str, str, int, str]
+
+GAP_M = 1e-6
+GAP_ERROR_M = 0.01
+HEADING_RAD = 1e-6
+HEADING_ERROR_RAD = 0.01
+CURVATURE_JUMP_RADPM = 0.01
+LENGTH_M = 1e-6
+POLYNOMIAL_LENGTH_M = 1e-3
+MIN_RADIUS_M = 6.0
+GRADE = 0.12
+CLEARANCE_M = 4.5
+
+
+def road_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
+    """Lengths, ids, furniture off the road, widths, radii and grades."""
+    rows: list[Row] = []
+    junctions = {junction.id for junction in xodr.junctions}
+    for road in xodr.roads:
+        total = sum(g.length_m for g in road.geometry)
+        if abs(total - road.length_m) > LENGTH_M:
+            severity: Literal["error", "warning"] = (
+                "error" if abs(total - road.length_m) > GAP_ERROR_M else "warning"
+            )
+            message = f"length is {road.length_m:g} m, its geometry adds up to {total:.9g} m"
+            rows.append((severity, "road", road.id, road.line, message))
+        if road.id in junctions:
+            rows.append(
+                (
+                    "error",
+                    "road",
+                    road.id,
+                    road.line,
+                    "shares its id with a junction, which breaks CARLA's graph",
+                )
+            )
+        if road.junction_id is not None and road.junction_id not in junctions:
+            rows.append(
+                (
+                    "error",
+                    "road",
+                    road.id,
+                    road.line,
+                    f"belongs to junction {road.junction_id}, which does not exist",
+                )
+            )
+        rows += _section_problems(road)
+        rows += _furniture_problems(road)
+    return rows + _lane_problems(xodr, network)
+
+
+def _section_problems(road: Road) -> list[Row]:
+    rows: list[Row] = []
+    for section in road.sections:
+        if section.lane(0) is None:
+            rows.append(("error", "laneSection", f"of road {road.id}", section.line, "has no centre lane"))
+        if section.s_m >= road.length_m > 0.0:
+            rows.append(
+                (
+                    "error",
+                    "laneSection",
+                    f"of road {road.id}",
+                    section.line,
+                    f"s={section.s_m:g} lies beyond the road",
+                )
+            )
+        for lane in section.lanes:
+            if lane.id != 0 and not lane.widths and not lane.borders:
+                rows.append(("error", "lane", f"{lane.id} of road {road.id}", lane.line, "has no width"))
+    return rows
+
+
+def _furniture_problems(road: Road) -> list[Row]:
+    rows: list[Row] = []
+    for signal in road.signals:
+        if not -0.01 <= signal.s_m <= road.length_m + 0.01:
+            rows.append(
+                ("warning", "signal", signal.id, signal.line, f"s={signal.s_m:g} lies beyond road {road.id}")
+            )
+    for item in road.objects:
+        if not -0.01 <= item.s_m <= road.length_m + 0.01:
+            rows.append(
+                ("warning", "object", item.id, item.line, f"s={item.s_m:g} lies beyond road {road.id}")
+            )
+    return rows
+
+
+def _lane_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
+    rows: list[Row] = []
+    tables = network.tables
+    narrow = np.minimum.reduceat(tables.width_m, tables.first)
+    bend = np.maximum.reduceat(np.abs(tables.curvature_radpm), tables.first)
+    steep = np.maximum.reduceat(np.abs(tables.tangent[:, 2]), tables.first)
+    for lane in network.lanes:
+        line = network.surface.edges.lanes[lane.index].line
+        label = f"{lane.lane_id} of road {lane.road_id}"
+        if narrow[lane.index] < -1e-6:
+            rows.append(("error", "lane", label, line, f"its width falls to {narrow[lane.index]:.4g} m"))
+        if lane.type != "driving" or lane.length_m < 0.1:
+            continue
+        if bend[lane.index] > 1.0 / MIN_RADIUS_M * 1.001:
+            message = f"its radius falls to {1.0 / bend[lane.index]:.2f} m; cars need {MIN_RADIUS_M:g} m"
+            rows.append(("warning", "lane", label, line, message))
+        if steep[lane.index] > GRADE:
+            rows.append(
+                ("warning", "lane", label, line, f"its grade reaches {100.0 * steep[lane.index]:.1f} %")
+            )
+    return rows
+
+
+def plan_view_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
+    """Joints inside reference lines, and shapes that other readers stumble over."""
+    rows: list[Row] = []
+    for n, road in enumerate(xodr.roads):
+        jumps = []
+        for k, (g, following) in enumerate(zip(road.geometry, road.geometry[1:], strict=False), start=1):
+            label = f"{k} of road {road.id}"
+            s = np.array([g.s_m + g.length_m, following.s_m])
+            # Just before the joint the earlier piece answers; the later one has its own start.
+            inner = min(g.s_m + g.length_m, following.s_m)
+            before = network.surface.plan_view.evaluate(
+                np.array([n]), np.array([np.nextafter(inner, -np.inf)])
+            )
+            if abs(s[1] - s[0]) > 1e-6:
+                rows.append(
+                    (
+                        "error",
+                        "geometry",
+                        label,
+                        following.line,
+                        f"s={s[1]:.9g}, the piece before ends at {s[0]:.9g}",
+                    )
+                )
+            gap = float(np.hypot(following.x_m - before.x_m[0], following.y_m - before.y_m[0]))
+            turn = float(abs(wrap_angle(following.heading_rad - before.heading_rad[0])))
+            if gap > GAP_M or turn > HEADING_RAD:
+                bad = gap > GAP_ERROR_M or turn > HEADING_ERROR_RAD
+                message = f"starts {gap:.2g} m and {turn:.2g} rad off the end of the piece before"
+                rows.append(("error" if bad else "warning", "geometry", label, following.line, message))
+            at = np.array([np.nextafter(following.s_m, np.inf)])
+            after = network.surface.plan_view.evaluate(np.array([n]), at)
+            jumps.append(abs(float(after.curvature_radpm[0] - before.curvature_radpm[0])))
+        if jumps and max(jumps) > CURVATURE_JUMP_RADPM:
+            k = int(np.argmax(jumps)) + 1
+            message = f"curvature jumps by up to {max(jumps):.3g} 1/m; join pieces by spirals"
+            rows.append(("warning", "geometry", f"{k} of road {road.id}", road.geometry[k].line, message))
+        rows += _nan_in_carla(road)
+        rows += _stated_length(network, n, road)
+    return rows
+
+
+def _nan_in_carla(road: Road) -> list[Row]:
+    rows: list[Row] = []
+    for k, g in enumerate(road.geometry):
+        label = f"{k} of road {road.id}"
+        if g.kind == "arc" and g.curvature_start_radpm == 0.0:
+            rows.append(
+                (
+                    "warning",
+                    "arc",
+                    label,
+                    g.line,
+                    "has no curvature, which CARLA turns into NaN; write a line",
+                )
+            )
+        if g.kind == "spiral" and abs(g.curvature_start_radpm - g.curvature_end_radpm) < 1e-9:
+            message = "has equal curvatures, which CARLA turns into NaN; write an arc or a line"
+            rows.append(("warning", "spiral", label, g.line, message))
+    return rows
+
+
+def _stated_length(network: LaneNetwork, n: int, road: Road) -> list[Row]:
+    """paramPoly3 pieces whose curve is longer or shorter than they say."""
+    rows: list[Row] = []
+    for k, g in enumerate(road.geometry):
+        if g.kind != "paramPoly3" or g.length_m == 0.0:
+            continue
+        middle = np.array([g.s_m + 0.5 * g.length_m])
+        rate = float(network.surface.plan_view.evaluate(np.array([n]), middle).rate[0])
+        if abs(rate - 1.0) * g.length_m > POLYNOMIAL_LENGTH_M:
+            message = f"length is {g.length_m:.9g} m, its curve has {rate * g.length_m:.9g} m"
+            rows.append(("warning", "geometry", f"{k} of road {road.id}", g.line, message))
+    return rows
+
+
+def clearance_problems(network: LaneNetwork) -> list[Row]:
+    """Roads outside junctions that cross too low above each other, or at one level."""
+    tables = network.tables
+    owner = np.repeat(np.arange(len(network.lanes)), tables.count)
+    free = np.array([lane.type == "driving" and lane.junction_id is None for lane in network.lanes])
+    rows = np.flatnonzero(free[owner])[::2]
+    if len(rows) < 2:
+        return []
+    p = tables.position_m[rows]
+    road = np.array([network.road_index[lane.road_id] for lane in network.lanes])[owner[rows]]
+    number = min(12, len(rows))
+    # A fixed number of neighbours keeps the work bounded on any map.
+    away, near = cKDTree(p[:, :2]).query(p[:, :2], k=number, distance_upper_bound=1.5)
+    hit = np.isfinite(away) & (near < len(rows))
+    other = np.where(hit, near, 0)
+    rise = np.abs(p[other, 2] - p[:, 2][:, None])
+    linked = _linked(network)
+    found: dict[tuple[int, int], float] = {}
+    for a, k in np.argwhere(hit & (road[other] != road[:, None]) & (rise < CLEARANCE_M)):
+        pair = (int(min(road[a], road[other[a, k]])), int(max(road[a], road[other[a, k]])))
+        if pair not in linked:
+            found[pair] = min(found.get(pair, np.inf), float(rise[a, k]))
+    roads = network.xodr.roads
+    return [
+        (
+            "error",
+            "road",
+            roads[a].id,
+            roads[a].line,
+            f"crosses road {roads[b].id} with {rise_m:.2f} m between them; "
+            f"leave {CLEARANCE_M:g} m or join them in a junction",
+        )
+        for (a, b), rise_m in sorted(found.items())
+    ]
+
+
+def _linked(network: LaneNetwork) -> set[tuple[int, int]]:
+    """Pairs of roads that follow each other or meet at one junction road."""
+    index = network.road_index
+    pairs: set[tuple[int, int]] = set()
+    for lane in network.lanes:
+        around = [index[network.lanes[n].road_id] for n in (*lane.successors, *lane.predecessors)]
+        around.append(index[lane.road_id])
+        pairs |= {(min(a, b), max(a, b)) for a in around for b in around}
+    return pairs

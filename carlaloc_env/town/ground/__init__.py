@@ -1,0 +1,1 @@
+"""The ground: paved areas, heights, terrain, grade separation, water."""

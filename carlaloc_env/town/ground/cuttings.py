@@ -1,0 +1,63 @@
+"""Stretches of road that lie in a cut between walls, or below a roof."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.town.ground.grade_graph import RoadGraph, grown, runs
+from carlaloc_env.town.ground.grade_levels import State, States, Stretch
+from carlaloc_env.town.ground.height_fields import GroundGrid
+
+Array = NDArray[np.float64]
+
+CLEARANCE_M = 4.5
+"""Free height under a roof [m]."""
+ROOF_M = 0.4
+"""Thickness of the roof of an underpass [m]."""
+COVER_REACH_M = 30.0
+"""Farthest that an underpass stays roofed from the road that crosses it [m]."""
+_EASE_M = 12.0
+
+
+def cuttings(graph: RoadGraph, state: States, grid: GroundGrid, crossings: Array) -> list[Stretch]:
+    """Sunken stretches of all strips.
+
+    Args:
+        graph: Samples of all roads.
+        state: `State` of each sample, shape (M,).
+        grid: Heights of the ground.
+        crossings: Where roads cross far above each other [m], shape (K, 2).
+    """
+    found = []
+    for strip in np.unique(graph.strip[state == State.SUNKEN]):
+        rows = graph.rows(int(strip))
+        for a, b in runs(grown(state[rows] == State.SUNKEN)):
+            if b - a > 2:
+                found.append(_stretch(graph, state, slice(rows.start + a, rows.start + b), grid, crossings))
+    return found
+
+
+def _stretch(graph: RoadGraph, state: States, rows: slice, grid: GroundGrid, crossings: Array) -> Stretch:
+    left, right, s = graph.left_m[rows], graph.right_m[rows], graph.s_m[rows]
+    # The ends of a cut are where the road is on the ground again; it may go on over the next road.
+    ease = np.ones(len(s))
+    for end, way in ((rows.start, s - s[0]), (rows.stop - 1, s[-1] - s)):
+        beyond = [n for n in graph.neighbours(end) if not rows.start <= n < rows.stop]
+        if not any(state[n] == State.SUNKEN for n in beyond):
+            ease = np.minimum(ease, np.clip(way / _EASE_M, 0.0, 1.0))
+    tops = []
+    for edge in (left, right):
+        top = edge.copy()
+        top[:, 2] += (np.maximum(grid.height(edge), edge[:, 2]) - edge[:, 2]) * ease
+        tops.append(top)
+    depth = np.minimum(tops[0][:, 2] - left[:, 2], tops[1][:, 2] - right[:, 2])
+    middle = graph.middle_m[rows][:, None, :2]
+    near = np.hypot(*np.moveaxis(middle - crossings[None], -1, 0)).min(axis=1) < COVER_REACH_M
+    return Stretch(
+        left_m=left,
+        right_m=right,
+        left_top_m=tops[0],
+        right_top_m=tops[1],
+        detached=(depth >= CLEARANCE_M + ROOF_M) & near,
+    )

@@ -1,0 +1,160 @@
+"""What a town stands on: its roads as strips and areas, their levels, the ground and the waters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.ground.flush_sidewalks import lower_walks
+from carlaloc_env.town.ground.grade_levels import Levels, State, level_fields
+from carlaloc_env.town.ground.grade_separation import find_levels
+from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
+from carlaloc_env.town.ground.lane_strips import KERB_M, Strip, road_strips
+from carlaloc_env.town.ground.paved_areas import TownAreas, town_areas
+from carlaloc_env.town.ground.raised_parts import RaisedParts, raised_parts
+from carlaloc_env.town.ground.terrain import MARGIN_M, Ground, zone_areas
+from carlaloc_env.town.ground.water import Shore, bank_tops, shores
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.opendrive.records import Road
+from carlaloc_env.town.opendrive.road_surface import RoadSurface
+from carlaloc_env.town.roads.junction_surfaces import corner_edges
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Groundwork:
+    """Roads, levels, areas and heights of a town."""
+
+    roads: Sequence[Road]
+    """Roads of the map."""
+    surface: RoadSurface
+    """Their analytic surface."""
+    strips: Sequence[Strip]
+    """Their lane sections as lines of points."""
+    bounds: Area
+    """The town's near ground: a box round all roads."""
+    zones: list[tuple[str, Area]]
+    """Kinds of scenery with their areas."""
+    levels: Levels
+    """What leaves the ground."""
+    areas: TownAreas
+    """What is paved."""
+    carried: dict[str, State]
+    """Junctions that stand above the ground, with their state."""
+    kerb: EdgeField
+    """Heights of the edges of roads on the ground."""
+    deck: EdgeField | None
+    """Heights of the edges of raised roads."""
+    raised: RaisedParts | None
+    """Areas of what stands above the ground."""
+    shore: Sequence[Shore]
+    """Edges of the waters."""
+    ground: Ground
+    """Heights of the ground."""
+    seas: list[tuple[Area, float]]
+    """Waters as wide as `town.toml` draws them, with their levels [m]."""
+
+    @property
+    def overhead(self) -> Area:
+        """Everything that stands above the ground."""
+        return shapely.Polygon() if self.raised is None else self.raised.whole
+
+    def floor_height(self, xy_m: Array) -> Array:
+        """Height [m] of what one would stand on, at points (M, 2): pavements, or the ground."""
+        on = shapely.intersects_xy(self.areas.raised, xy_m[:, 0], xy_m[:, 1])
+        return np.where(on, self.kerb.nearest(xy_m)[0] + KERB_M, self.ground.height(xy_m))
+
+
+def lay_groundwork(network: LaneNetwork, config: TownConfig) -> Groundwork:
+    """Groundwork of a map."""
+    roads = network.xodr.roads
+    strips = lower_walks(road_strips(roads, network.surface))
+    bounds = _bounds(strips)
+    zones = zone_areas(config, bounds)
+    corners = np.array(shapely.bounds(bounds)).reshape(2, 2)
+    box = (corners[0], corners[1])
+    levels = find_levels(strips, *box, zones)
+    carried = _carried_junctions(levels, strips)
+    areas = town_areas(strips, roads, levels.overhead(), frozenset(carried))
+    kerb, deck = level_fields(strips, levels, [_road_edges(strip) for strip in strips])
+    high = [(junction, carried[junction.id]) for junction in areas.junctions if junction.id in carried]
+    shore = shores(levels.waters, zones, areas.low_paved)
+    return Groundwork(
+        roads=roads,
+        surface=network.surface,
+        strips=strips,
+        bounds=bounds,
+        zones=zones,
+        levels=levels,
+        areas=areas,
+        carried=carried,
+        kerb=kerb,
+        deck=deck,
+        raised=raised_parts(levels, deck, high, areas.low_paved),
+        shore=shore,
+        ground=_ground(areas, kerb, levels, bank_tops(shore), box),
+        seas=_seas(config, levels),
+    )
+
+
+def _bounds(strips: Sequence[Strip]) -> Area:
+    lines = np.concatenate([line[:, :2] for strip in strips for line in _road_edges(strip)])
+    low, high = lines.min(axis=0) - MARGIN_M, lines.max(axis=0) + MARGIN_M
+    return shapely.box(*low, *high)
+
+
+def _carried_junctions(levels: Levels, strips: Sequence[Strip]) -> dict[str, State]:
+    """Junctions that stand above the ground, with their state."""
+    found: dict[str, State] = {}
+    for number, strip in enumerate(strips):
+        state = levels.state[levels.graph.rows(number)]
+        if strip.junction_id is None or not len(state) or (state != state[0]).any():
+            continue
+        if state[0] in (State.OPEN, State.FILLED):
+            found[strip.junction_id] = State(int(state[0]))
+    return found
+
+
+def _road_edges(strip: Strip) -> list[Array]:
+    """Edges of a strip's lanes at road level, from which kerbs take their height."""
+    return [
+        line
+        for lane in range(len(strip.lanes))
+        if strip.kind(lane) == "roadway"
+        for line in strip.lane_edges(lane)
+    ]
+
+
+def _ground(
+    areas: TownAreas, kerb_field: EdgeField, levels: Levels, shore: Sequence[Array], box: tuple[Array, Array]
+) -> Ground:
+    """Heights of the ground: along everything paved that lies on it, along cuts and shores, and between."""
+    count = len(levels.graph.prints)
+    lines = [line for strip in range(count) for line in levels.ground_lines(strip)]
+    banks = [line for strip in range(count) for line in levels.bank_lines(strip)]
+    for stretch in levels.stretches:
+        lines += [stretch.left_top_m, stretch.right_top_m]
+    for junction in areas.junctions:
+        if junction.id not in areas.carried:
+            lines += corner_edges(junction, kerb_field)
+    outer = EdgeField([*lines, *shore], 0.5)
+    bank = EdgeField(banks, 0.5) if banks else None
+    return Ground(edge=outer, grid=GroundGrid(outer.points_m, *box), bank=bank)
+
+
+def _seas(config: TownConfig, levels: Levels) -> list[tuple[Area, float]]:
+    """Waters beyond the town's near ground, too, with their levels [m]."""
+    found = []
+    for zone in config.zones:
+        whole = shapely.make_valid(shapely.Polygon(zone.polygon))
+        near = [water.level_m for water in levels.waters if shapely.intersects(water.area, whole)]
+        if zone.kind == "water" and near:
+            found.append((whole, min(near)))
+    return found

@@ -1,0 +1,89 @@
+"""Outer edges of all roads outside junctions: along which rails, poles and parked cars are lined up."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.town.ground.grade_levels import Levels, States
+from carlaloc_env.town.ground.height_fields import densify
+from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.opendrive.records import Road
+
+Array = NDArray[np.float64]
+
+USUAL_LIMIT_MPS = 50.0 / 3.6
+"""Stands for the limit of roads that do not state one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RoadEdge:
+    """One side of one strip, a point per metre, with the free side on the right of the line."""
+
+    name: str
+    """Name of its random stream."""
+    strip: Strip
+    """The strip."""
+    line_m: Array
+    """Outer edge of all that is paved, at its top [m], shape (N, 3)."""
+    right: Array
+    """Unit vectors away from the road, shape (N, 2)."""
+    state: States
+    """`State` of the road, shape (N,)."""
+    lift_m: Array
+    """Height of the road above the ground [m], shape (N,)."""
+    walkway: bool
+    """Whether the outermost lane is a pavement."""
+    limit_mps: float
+    """Highest speed limit of the road [m/s]."""
+    road_type: str
+    """Type of the road in the map."""
+
+
+def road_edges(strips: Sequence[Strip], roads: Sequence[Road], levels: Levels) -> list[RoadEdge]:
+    """Both edges of every strip outside junctions that is longer than 3 m."""
+    found = []
+    for number, strip in enumerate(strips):
+        span = strip.span(("roadway", "walkway", "median"))
+        if strip.junction_id is not None or span is None or strip.s_m[-1] - strip.s_m[0] < 3.0:
+            continue
+        rows = levels.graph.rows(number)
+        road = roads[strip.road]
+        left, right = strip.lane_edges(span[0])[0], strip.lane_edges(span[1] - 1)[1]
+        both = ((left[::-1], strip.s_m[::-1], span[0], "left"), (right, strip.s_m, span[1] - 1, "right"))
+        for line, s, lane, side in both:
+            even = densify(np.column_stack([line, s]), 1.0)
+            if len(even) < 4:
+                continue
+            at = np.searchsorted(levels.graph.s_m[rows], even[:, 3]).clip(0, rows.stop - rows.start - 1)
+            found.append(
+                RoadEdge(
+                    name=f"{strip.road_id}/{strip.section}/{side}",
+                    strip=strip,
+                    line_m=even[:, :3],
+                    right=right_of(even[:, :2]),
+                    state=levels.state[rows][at],
+                    lift_m=levels.lift_m[rows][at],
+                    walkway=strip.kind(lane) == "walkway",
+                    limit_mps=road_limit_mps(road),
+                    road_type=road.type,
+                )
+            )
+    return found
+
+
+def road_limit_mps(road: Road) -> float:
+    """Highest speed limit that a road states [m/s]."""
+    stated = [record.limit_mps for record in road.speeds]
+    stated += [r.limit_mps for section in road.sections for lane in section.lanes for r in lane.speeds]
+    return min(max(stated), 60.0) if stated else USUAL_LIMIT_MPS
+
+
+def right_of(line: Array) -> Array:
+    """Unit vectors (N, 2) to the right of a line in plan."""
+    step = np.gradient(line[:, :2], axis=0)
+    step /= np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
+    return np.stack([step[:, 1], -step[:, 0]], axis=-1)

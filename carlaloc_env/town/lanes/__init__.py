@@ -1,0 +1,1 @@
+"""The lane network: centre lines, topology, signals, crosswalks."""

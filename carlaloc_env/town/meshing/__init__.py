@@ -1,0 +1,1 @@
+"""Tools that turn areas and copies of props into meshes."""

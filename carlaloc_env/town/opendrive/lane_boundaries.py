@@ -1,0 +1,136 @@
+"""All lanes of a map in one row of numbers, and their edges as t over s."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.town.opendrive.cubic_tables import Array, CubicTable, Index
+from carlaloc_env.town.opendrive.records import Cubic, Lane, LaneSection, Road
+
+
+class Edge(NamedTuple):
+    """A line across road coordinates, each field (M,)."""
+
+    t_m: Array
+    slope: Array
+    """Derivative of t by s."""
+    bend: Array
+    """Second derivative of t by s [1/m]."""
+
+
+class LaneEdges:
+    """Every lane but the centre ones, numbered road by road, section by section, from left to right."""
+
+    def __init__(self, roads: Sequence[Road]) -> None:
+        """Numbers the lanes and gathers their width and border records."""
+        self.lanes: list[Lane] = []
+        self.sections: list[LaneSection] = []
+        self.index: dict[tuple[int, int, int], int] = {}
+        """(road number, section number, lane id) → lane number."""
+        road_of, section_of, inner = [], [], []
+        for r, road in enumerate(roads):
+            for k, section in enumerate(road.sections):
+                base = len(self.lanes)
+                own = [lane for lane in section.lanes if lane.id != 0]
+                # From left to right: the inner lane of a left lane follows it, of a right lane precedes it.
+                left = sum(1 for lane in own if lane.id > 0)
+                for n, lane in enumerate(own):
+                    self.index[r, k, lane.id] = base + n
+                    self.lanes.append(lane)
+                    self.sections.append(section)
+                    road_of.append(r)
+                    section_of.append(k)
+                    neighbour = n + 1 if n < left else n - 1
+                    inner.append(-1 if neighbour == left and n < left else base + neighbour)
+                    if n == left:
+                        inner[-1] = -1
+        self.road: Index = np.array(road_of, dtype=np.int64)
+        self.section: Index = np.array(section_of, dtype=np.int64)
+        self._inner: Index = np.array(inner, dtype=np.int64)
+        self.side: Array = np.array([1.0 if lane.id > 0 else -1.0 for lane in self.lanes])
+        self._has_border: NDArray[np.bool_] = np.array(
+            [bool(lane.borders) and not lane.widths for lane in self.lanes], dtype=bool
+        )
+        self._any_border = bool(self._has_border.any())
+        self._width = CubicTable([lane.widths for lane in self.lanes])
+        self._border = CubicTable([lane.borders for lane in self.lanes])
+        self._offset = CubicTable([road.lane_offset for road in roads])
+        heights = [[_cubic(r.s_m, r.inner_m) for r in lane.heights] for lane in self.lanes]
+        self._height_inner = CubicTable(_ramps(heights))
+        heights = [[_cubic(r.s_m, r.outer_m) for r in lane.heights] for lane in self.lanes]
+        self._height_outer = CubicTable(_ramps(heights))
+
+    def lane_offset(self, road: Index, s_m: Array) -> Edge:
+        """The line that lane 0 stands for."""
+        return Edge(*self._offset.evaluate(road, s_m))
+
+    def outer(self, lane: Index, s_m: Array) -> Edge:
+        """Outer edges of lanes."""
+        return self._walk(lane, s_m)
+
+    def inner(self, lane: Index, s_m: Array) -> Edge:
+        """Inner edges of lanes."""
+        return self._walk(self._inner[lane], s_m, start=lane)
+
+    def width(self, lane: Index, s_m: Array) -> Array:
+        """Widths [m]; negative where the file's polynomial is."""
+        if not self._any_border:
+            return self._width.evaluate(lane, s_m)[0]
+        return (self.outer(lane, s_m).t_m - self.inner(lane, s_m).t_m) * self.side[lane]
+
+    def centre(self, lane: Index, s_m: Array) -> Edge:
+        """Centre lines of lanes."""
+        inner = self.inner(lane, s_m)
+        if self._any_border:
+            outer = self.outer(lane, s_m)
+            return Edge(*(0.5 * (a + b) for a, b in zip(inner, outer, strict=True)))
+        half = 0.5 * self.side[lane]
+        return Edge(*(a + half * w for a, w in zip(inner, self._width.evaluate(lane, s_m), strict=True)))
+
+    def heights(self, lane: Index, s_m: Array) -> tuple[Array, Array, Array, Array]:
+        """Height above the road surface at inner and outer edge [m], then their slopes by s."""
+        inner, inner_slope, _ = self._height_inner.evaluate(lane, s_m)
+        outer, outer_slope, _ = self._height_outer.evaluate(lane, s_m)
+        return inner, outer, inner_slope, outer_slope
+
+    def _walk(self, lane: Index, s_m: Array, *, start: Index | None = None) -> Edge:
+        known = lane if start is None else start
+        total = [part.copy() for part in self._offset.evaluate(self.road[known], s_m)]
+        side = self.side[known]
+        current = lane.copy()
+        while True:
+            active = np.flatnonzero(current >= 0)
+            if not len(active):
+                return Edge(*total)
+            at, s = current[active], s_m[active]
+            for part, width in zip(total, self._width.evaluate(at, s), strict=True):
+                part[active] += side[active] * width
+            following = self._inner[at]
+            if self._any_border:
+                bounded = self._has_border[at]
+                for part, border in zip(total, self._border.evaluate(at, s), strict=True):
+                    part[active[bounded]] += border[bounded]
+                following = np.where(bounded, -1, following)
+            current[active] = following
+
+
+def _cubic(s_m: float, value: float) -> Cubic:
+    return Cubic(s_m, value, 0.0, 0.0, 0.0)
+
+
+def _ramps(owners: Sequence[Sequence[Cubic]]) -> list[list[Cubic]]:
+    """Straight ramps between the values of neighbouring records; the last value holds on."""
+    ramps = []
+    for records in owners:
+        joined = []
+        for n, r in enumerate(records):
+            after = records[n + 1] if n + 1 < len(records) else None
+            gap = after.s_m - r.s_m if after is not None else 0.0
+            slope = (after.a - r.a) / gap if after is not None and gap > 1e-9 else 0.0
+            joined.append(Cubic(r.s_m, r.a, slope, 0.0, 0.0))
+        ramps.append(joined)
+    return ramps

@@ -1,0 +1,1 @@
+"""Surfaces of roads: carriageways, junctions, sidewalks, markings, wear."""

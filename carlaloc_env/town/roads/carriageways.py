@@ -1,0 +1,113 @@
+"""The surface of plain roads: exact lane strips with wheel tracks, ends and skirts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
+from carlaloc_env.town.opendrive.records import Road
+from carlaloc_env.town.roads import motorways
+
+Array = NDArray[np.float64]
+
+TRACKS = np.array([0.0, 0.12, 0.23, 0.34, 0.5, 0.66, 0.77, 0.88, 1.0])
+"""Columns across a driving lane, as shares of its width: wheel tracks near 0.23 and 0.77."""
+TRACK_SHADE = np.array([1.0, 0.98, 0.84, 0.97, 0.90, 0.97, 0.84, 0.98, 1.0])
+"""Brightness of each column: tyres polish and darken their tracks, oil drips in the middle."""
+TRACK_BARE = np.array([0.80, 0.86, 1.0, 0.90, 0.80, 0.90, 1.0, 0.86, 0.80])
+"""The same of unpaved lanes: wheels keep their tracks bare and light."""
+LOOSE: dict[str, tuple[Material, tuple[float, float, float]]] = {
+    "gravel": (Material.GRAVEL, (232.0, 222.0, 200.0)),
+    "soil": (Material.SOIL, (235.0, 225.0, 205.0)),
+    "grass": (Material.GRASS, (225.0, 222.0, 190.0)),
+}
+"""Material and tint of unpaved lanes."""
+UNDRIVEN = ("shoulder", "parking")
+"""Lanes without wheel tracks; litter stays on them."""
+GUTTER_M = 0.65
+"""Shoulders of at most this width beside a kerb are gutters of concrete [m]."""
+SKIRT_M = 0.4
+"""How far outer edges reach down, so that no gap to the ground can open [m]."""
+
+
+def add_roads(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
+    """Road surfaces of all strips outside junctions."""
+    for strip in strips:
+        if strip.junction_id is not None:
+            continue
+        draw = rng.stream(seed, f"road/{strip.road_id}/{strip.section}")
+        paving = Material.ASPHALT_OLD if draw.random() < 0.35 else Material.ASPHALT
+        driven = motorways.SURFACE if motorways.is_fast(roads[strip.road]) else paving
+        base = draw.uniform(205, 250)
+        for lane in range(len(strip.lanes)):
+            if strip.kind(lane) == "roadway":
+                shoulder = strip.lanes[lane].type in UNDRIVEN
+                _lane_surface(out, strip, lane, base, draw, paving if shoulder else driven)
+        _outer_skirts(out, strip)
+
+
+def _lane_surface(
+    out: MeshBuilder, strip: Strip, lane: int, base: float, draw: np.random.Generator, material: Material
+) -> None:
+    left, right = strip.lane_edges(lane)
+    driven = strip.lanes[lane].type not in UNDRIVEN
+    share = TRACKS if driven else np.array([0.0, 1.0])
+    loose = strip.unpaved(lane)
+    shade = (TRACK_BARE if loose else TRACK_SHADE) if driven else np.array([0.96, 0.9])
+    points = right[:, None] + share[None, :, None] * (left - right)[:, None]
+    wander = np.interp(strip.s_m, strip.s_m[:: max(1, len(strip.s_m) // 6)], _steps(strip, draw))
+    tint = base * shade[None, :] * (1.0 + 0.05 * wander[:, None])
+    t = strip.t_m[lane + 1][:, None] + share * (strip.t_m[lane] - strip.t_m[lane + 1])[:, None]
+    uv = np.stack(np.broadcast_arrays(t, strip.s_m[:, None]), axis=-1)
+    colour = np.full(3, 255.0)
+    if loose:
+        material, colour = LOOSE[loose][0], np.array(LOOSE[loose][1])
+    elif is_gutter(strip, lane):
+        material, colour = Material.CONCRETE, np.array((190.0, 188.0, 182.0))
+    colours = np.clip(tint[:, :, None], 0, 255) / 255.0 * colour
+    out.grid(points, material=material, tag=Tag.ROAD, uv_m=uv, colour=colours)
+
+
+def is_gutter(strip: Strip, lane: int) -> bool:
+    """Whether a lane is the narrow strip along a kerb in which water runs."""
+    if strip.lanes[lane].type != "shoulder" or strip.unpaved(lane):
+        return False
+    beside = [other for other in (lane - 1, lane + 1) if 0 <= other < len(strip.lanes)]
+    width = strip.t_m[lane] - strip.t_m[lane + 1]
+    return float(width.max()) <= GUTTER_M and any(strip.kind(other) == "walkway" for other in beside)
+
+
+def _steps(strip: Strip, draw: np.random.Generator) -> Array:
+    return draw.standard_normal(len(strip.s_m[:: max(1, len(strip.s_m) // 6)]))
+
+
+def _outer_skirts(out: MeshBuilder, strip: Strip) -> None:
+    for lane, side in _outer_lanes(strip):
+        edge = strip.lane_edges(lane)[0 if side > 0 else 1]
+        if strip.kind(lane) == "roadway":
+            low = edge - np.array([0.0, 0.0, SKIRT_M])
+            # The outside lies left of the left edge and right of the right edge.
+            line, top = (low[::-1], edge[::-1]) if side > 0 else (low, edge)
+            corners, uv = extrude(line, top)
+            out.quads(corners, uv_m=uv, material=Material.GRAVEL, tag=Tag.ROAD)
+
+
+def _outer_lanes(strip: Strip) -> list[tuple[int, int]]:
+    """Lanes at whose left (+1) or right (−1) edge the paved part of the strip ends."""
+    kinds = [strip.kind(lane) for lane in range(len(strip.lanes))]
+    found = []
+    for lane, kind in enumerate(kinds):
+        if kind == "none":
+            continue
+        if lane == 0 or kinds[lane - 1] == "none":
+            found.append((lane, 1))
+        if lane == len(kinds) - 1 or kinds[lane + 1] == "none":
+            found.append((lane, -1))
+    return found

@@ -1,0 +1,165 @@
+"""Covers, repairs and sealed cracks on the surface of junctions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.height_fields import JunctionField
+from carlaloc_env.town.ground.paved_areas import JunctionArea
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
+from carlaloc_env.town.roads.carriageways import is_gutter
+from carlaloc_env.town.roads.junction_surfaces import unpaved_junction
+from carlaloc_env.town.roads.motorways import DETAILS, SURFACE
+from carlaloc_env.town.roads.patches_and_covers import (
+    COLLAR_M,
+    PATCH_M,
+    SEAL_M,
+    SEAL_WIDTH_M,
+    cover_rings,
+    lay_cover,
+    repair_look,
+)
+from carlaloc_env.town.roads.road_wear import CRACK_M
+
+Array = NDArray[np.float64]
+
+AREA_M2 = 80.0
+"""Area of a junction for each repair and each crack; covers have three times as much [m²]."""
+MARGIN_M = 0.4
+"""Distance of all of it from kerbs and from where roads begin [m]."""
+GUTTER_LIFT_M = 0.0015
+"""Height of gutters above the junction's asphalt [m]."""
+_CELL_M = 1.5
+
+
+def add_junction_details(
+    out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int, *, fast: bool
+) -> None:
+    """What roads and traffic have left on one junction; `fast` where only fast roads meet."""
+    if unpaved_junction(junction):
+        return
+    _gutters(out, junction, field)
+    inner = areas_only(shapely.buffer(junction.roadway, -MARGIN_M), 4.0)
+    if inner.is_empty or inner.area < 40.0:
+        return
+    draw = rng.stream(seed, f"junction details/{junction.id}")
+    number = inner.area / AREA_M2 * (DETAILS if fast else 1.0)
+    sheets = _Sheets(inner)
+    for point in _points(inner, 0 if fast else draw.poisson(number / 3.0) + 1, draw):
+        rings = point + cover_rings() @ _turned(draw)
+        if shapely.contains_xy(inner, *rings[:12].T).all():
+            sheets.add(rings, lay_cover)
+            collar = shapely.Point(*point).buffer(0.5 * COLLAR_M, cap_style="square")
+            if draw.random() < 0.5:
+                sheets.lay(collar, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
+            else:
+                sheets.keep(collar)
+    for point in _points(inner, draw.poisson(number), draw):
+        patch, (material, grey, sealed) = _patch(point, draw), repair_look(draw, SURFACE if fast else None)
+        rim = shapely.buffer(patch, SEAL_WIDTH_M, join_style="mitre")
+        if sheets.free(rim):
+            sheets.lay(patch, PATCH_M, material, grey)
+            if sealed:
+                sheets.lay(rim, SEAL_M, Material.PLAIN, 7.0)
+    cracks = [_crack(point, draw) for point in _points(inner, draw.poisson(number), draw)]
+    sheets.lay(shapely.union_all(cracks), CRACK_M, Material.PLAIN, 6.0)
+    sheets.build(out, field)
+
+
+class _Sheets:
+    """Thin sheets on a junction; each leaves free what earlier ones cover."""
+
+    def __init__(self, inner: Area) -> None:
+        self._inner = inner
+        self._taken: Area = shapely.MultiPolygon()
+        self._found: list[tuple[Array, Callable[[MeshBuilder, Array], None]]] = []
+
+    def add(self, xy: Array, lay: Callable[[MeshBuilder, Array], None]) -> None:
+        """Points (K, 2) on the junction; `lay` gets them with their heights, (K, 3)."""
+        self._found.append((xy, lay))
+
+    def build(self, out: MeshBuilder, field: JunctionField) -> None:
+        """Lay everything in the order in which it came; heights are looked up all at once."""
+        if not self._found:
+            return
+        xy = np.concatenate([own for own, _ in self._found])
+        points = np.column_stack([xy, field.height(xy)])
+        ends = np.cumsum([len(own) for own, _ in self._found])
+        for (_, lay), own in zip(self._found, np.split(points, ends[:-1]), strict=True):
+            lay(out, own)
+
+    def free(self, area: Area) -> bool:
+        """Whether nothing lies there."""
+        return not shapely.intersects(self._taken, area)
+
+    def keep(self, area: Area) -> None:
+        """Leave an area free from now on."""
+        self._taken = shapely.union(self._taken, area)
+
+    def lay(self, area: Area, lift_m: float, material: Material, grey: float) -> None:
+        """Lay what of an area is free."""
+        bare = shapely.difference(shapely.intersection(area, self._inner), self._taken)
+        self.keep(area)
+        xy, triangles = triangulate(areas_only(bare), _CELL_M)
+
+        def sheet(out: MeshBuilder, points: Array) -> None:
+            high = points + np.array([0.0, 0.0, lift_m])
+            out.triangles(high, triangles, material=material, tag=Tag.ROAD, colour=(grey, grey, grey))
+
+        if len(xy):
+            self.add(xy, sheet)
+
+
+def _turned(draw: np.random.Generator) -> Array:
+    turn = float(draw.uniform(0.0, 2.0 * np.pi))
+    return np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+
+
+def _gutters(out: MeshBuilder, junction: JunctionArea, field: JunctionField) -> None:
+    """Concrete gutters along the kerbs of a junction whose roads have them."""
+    widths = [
+        float((strip.t_m[lane] - strip.t_m[lane + 1]).mean())
+        for strip in junction.strips
+        for lane in range(len(strip.lanes))
+        if is_gutter(strip, lane)
+    ]
+    if not widths or junction.pavement.is_empty:
+        return
+    beside = shapely.buffer(junction.pavement, float(np.median(widths)))
+    xy, triangles = triangulate(areas_only(shapely.intersection(junction.roadway, beside), 0.05), _CELL_M)
+    if len(xy):
+        points = np.column_stack([xy, field.height(xy) + GUTTER_LIFT_M])
+        out.triangles(points, triangles, material=Material.CONCRETE, tag=Tag.ROAD, colour=(178, 176, 170))
+
+
+def _points(area: Area, count: int, draw: np.random.Generator) -> Array:
+    """Up to `count` points (K, 2) in an area."""
+    x0, y0, x1, y1 = shapely.bounds(area)
+    xy = draw.uniform((x0, y0), (x1, y1), (4 * int(count) + 4, 2))
+    shapely.prepare(area)
+    return np.asarray(xy[shapely.contains_xy(area, xy[:, 0], xy[:, 1])][: int(count)])
+
+
+def _patch(point: Array, draw: np.random.Generator) -> Area:
+    """A rectangle in any direction."""
+    turn = float(draw.uniform(0.0, np.pi))
+    along = np.array([np.cos(turn), np.sin(turn)])
+    half = along * float(draw.uniform(0.6, 3.0))
+    line = shapely.LineString([point - half, point + half])
+    return shapely.buffer(line, float(draw.uniform(0.4, 1.0)), cap_style="flat")
+
+
+def _crack(point: Array, draw: np.random.Generator) -> Area:
+    """A line that wanders."""
+    turn = float(draw.uniform(0.0, 2.0 * np.pi)) + np.cumsum(draw.normal(0.0, 0.35, 9))
+    steps = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * float(draw.uniform(0.3, 0.8))
+    line = shapely.LineString(point + np.cumsum(steps, axis=0))
+    return shapely.buffer(line, float(draw.uniform(0.02, 0.035)), cap_style="flat", join_style="bevel")

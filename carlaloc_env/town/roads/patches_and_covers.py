@@ -1,0 +1,52 @@
+"""What repairs of roads and covers in them look like."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+
+Array = NDArray[np.float64]
+
+PATCH_M = 0.002
+"""Height of repairs above the road [m]; paint lies higher."""
+SEAL_M, SEAL_WIDTH_M = 0.0016, 0.055
+"""Height and width of the bitumen that seals the edges of a repair [m]."""
+COVER_M = 0.0025
+"""Height of covers and drains above the road [m]."""
+COVER_RADIUS_M, COLLAR_M = 0.33, 1.1
+"""Radius of a cover, and edge of the concrete that some are set in [m]."""
+REPAIRS: tuple[tuple[Material, tuple[float, float], float, float], ...] = (
+    (Material.ASPHALT, (105.0, 190.0), 0.45, 0.2),
+    (Material.ASPHALT_OLD, (225.0, 255.0), 0.25, 0.8),
+    (Material.CONCRETE, (140.0, 205.0), 0.30, 1.0),
+)
+"""What repairs are made of, its brightness, its share of all repairs, how many of them have sealed edges."""
+
+
+def repair_look(draw: np.random.Generator, only: Material | None = None) -> tuple[Material, float, bool]:
+    """Material of a repair (`only` where given), its brightness 0–255, and whether its edges are sealed."""
+    kind = int(draw.choice(len(REPAIRS), p=[share for _, _, share, _ in REPAIRS]))
+    material, (low, high), _, sealed = REPAIRS[kind]
+    return only or material, float(draw.uniform(low, high)), bool(draw.random() < sealed)
+
+
+def cover_rings() -> Array:
+    """Twelve points each of a cover's frame, lid and boss, forward and left of its middle [m], (36, 2)."""
+    angle = np.tile(np.arange(12) * (np.pi / 6), 3)
+    radius = np.repeat([COVER_RADIUS_M, COVER_RADIUS_M - 0.06, 0.12], 12)
+    # Angles run from left to forward: clockwise seen from above.
+    return np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=-1)
+
+
+def lay_cover(out: MeshBuilder, rings: Array) -> None:
+    """A cover: its frame and the boss in its middle are worn bright; points (36, 3) of `cover_rings`."""
+    fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
+    for k, grey in enumerate((74.0, 13.0, 62.0)):
+        ring = rings[12 * k : 12 * k + 12] + np.array([0.0, 0.0, COVER_M + 0.0004 * k])
+        out.triangles(
+            ring, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(grey, 0.97 * grey, 0.93 * grey)
+        )

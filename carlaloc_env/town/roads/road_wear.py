@@ -1,0 +1,287 @@
+"""Repairs, sealed cracks, tyre marks, manhole covers and drains: what makes one metre unlike the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.opendrive.records import Road
+from carlaloc_env.town.roads.motorways import DETAILS, SURFACE, is_fast
+from carlaloc_env.town.roads.patches_and_covers import (
+    COLLAR_M,
+    COVER_M,
+    PATCH_M,
+    SEAL_M,
+    SEAL_WIDTH_M,
+    cover_rings,
+    lay_cover,
+    repair_look,
+)
+from carlaloc_env.town.roads.road_markings import beside
+
+Array = NDArray[np.float64]
+Spans = list[tuple[float, float]]
+Rectangle = tuple[float, float, float, float]
+"""From and to along the road [m], from and to across a lane from its right edge [m]."""
+
+PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 10.0, 28.0, 22.0
+"""Mean distances of repairs and covers on one lane, and of drains along a kerb [m]."""
+CRACK_STEP_M, JOINT_STEP_M = 16.0, 70.0
+"""Mean distances of sealed cracks and of joints across one lane [m]."""
+TYRE_MARK_M, TYRE_WIDTH_M, TRACK_M = 30.0, 0.19, 1.5
+"""Length before a road's end on which cars brake, width of a tyre's mark, and distance of the two [m]."""
+CRACK_M = 0.0022
+"""Height of cracks and tyre marks above the road [m]."""
+
+
+def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
+    """Details of all roads outside junctions."""
+    for strip in strips:
+        if strip.junction_id is not None or strip.s_m[-1] - strip.s_m[0] < 8.0:
+            continue
+        draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
+        fast = is_fast(roads[strip.road])
+        painted = _painted_spans(roads[strip.road])
+        bands = _Bands(strip)
+        for lane in range(len(strip.lanes)):
+            if (
+                strip.kind(lane) == "roadway"
+                and strip.lanes[lane].type == "driving"
+                and not strip.unpaved(lane)
+            ):
+                taken: list[Rectangle] = []
+                if not fast:
+                    _covers(bands, strip, lane, painted, draw, taken)
+                _patches(bands, strip, lane, painted, draw, taken, fast=fast)
+                _cracks(bands, strip, lane, draw, DETAILS if fast else 1.0)
+                _tyre_marks(bands, strip, lane, draw, SURFACE if fast else Material.ASPHALT)
+            _drains(bands, strip, lane, draw)
+        bands.lay(out)
+
+
+class _Bands:
+    """Thin bands and plates on one strip, gathered so that the road's table is looked at once per edge."""
+
+    def __init__(self, strip: Strip) -> None:
+        self._strip = strip
+        self._found: list[tuple[int, Array, Array, Callable[[MeshBuilder, Array], None]]] = []
+
+    def add(self, edge: int, s: Array, offset_m: Array, lay: Callable[[MeshBuilder, Array], None]) -> None:
+        """Points at stations (K,), `offset_m` (K,) to the left of an edge; `lay` gets them (K, 3)."""
+        self._found.append((edge, s, offset_m, lay))
+
+    def lay(self, out: MeshBuilder) -> None:
+        """Lay everything in the order in which it came."""
+        points: dict[int, Array] = {}
+        for edge in {edge for edge, *_ in self._found}:
+            own = [(s, offset) for other, s, offset, _ in self._found if other == edge]
+            points[edge] = beside(
+                self._strip, edge, np.concatenate([s for s, _ in own]), np.concatenate([o for _, o in own])
+            )
+        used = dict.fromkeys(points, 0)
+        for edge, s, _, lay in self._found:
+            first = used[edge]
+            used[edge] += len(s)
+            lay(out, points[edge][first : used[edge]])
+
+
+def _patches(
+    bands: _Bands,
+    strip: Strip,
+    lane: int,
+    painted: Spans,
+    draw: np.random.Generator,
+    taken: list[Rectangle],
+    *,
+    fast: bool,
+) -> None:
+    for start in _places(strip, PATCH_STEP_M / (DETAILS if fast else 1.0), draw):
+        length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
+        room = _width_at(strip, lane, start, start + length) - width - 0.5
+        side = 0.25 + float(draw.random()) * max(room, 0.0)
+        material, grey, sealed = repair_look(draw, SURFACE if fast else None)
+        if room <= 0.0 or start + length > strip.s_m[-1] - 0.5 or _meets(painted, start, start + length):
+            continue
+        span, across = (start, start + length), (side, side + width)
+        rim = (span[0] - SEAL_WIDTH_M, span[1] + SEAL_WIDTH_M)
+        wide = (across[0] - SEAL_WIDTH_M, across[1] + SEAL_WIDTH_M)
+        if not _take(taken, (*rim, *wide)):
+            continue
+        if sealed:
+            _sheet(bands, strip, lane, rim, wide, SEAL_M, Material.PLAIN, 7.0)
+        _sheet(bands, strip, lane, span, across, PATCH_M, material, grey)
+
+
+def _covers(
+    bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, taken: list[Rectangle]
+) -> None:
+    """Round covers, some of them set in a square of concrete."""
+    for start in _places(strip, COVER_STEP_M, draw):
+        room = _width_at(strip, lane, start - 0.5, start + 0.5)
+        across = float(draw.uniform(0.35, 0.65)) * room
+        if (
+            room < 2.0
+            or _meets(painted, start - 0.4, start + 0.4)
+            or not strip.s_m[0] + 1.0 < start < strip.s_m[-1] - 1.0
+        ):
+            continue
+        half = 0.5 * COLLAR_M
+        span, sides = (start - half, start + half), (across - half, across + half)
+        if not _take(taken, (*span, *sides)):
+            continue
+        rings = cover_rings()
+        bands.add(lane + 1, start + rings[:, 0], across + rings[:, 1], lay_cover)
+        if draw.random() < 0.5 and half + 0.1 < across < room - half - 0.1:
+            _sheet(bands, strip, lane, span, sides, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
+
+
+def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, share: float) -> None:
+    """Cracks sealed with bitumen: some wander along the lane, some are joints across it."""
+    for start in _places(strip, CRACK_STEP_M / share, draw):
+        length, width = float(draw.uniform(2.0, 9.0)), float(draw.uniform(0.035, 0.075))
+        room = _width_at(strip, lane, start, start + length)
+        side = float(draw.uniform(0.15, 0.85)) * room
+        steps = np.linspace(0.0, length, max(4, int(length / 0.6)))
+        wander = np.cumsum(draw.normal(0.0, 0.09, len(steps)))
+        if room > 2.0 and start + length < strip.s_m[-1] - 0.3:
+            across = np.clip(side + wander, 0.12, room - 0.12)
+            _ribbon(bands, lane, start + steps, across, width, 6.0)
+    for start in _places(strip, JOINT_STEP_M, draw):
+        room = _width_at(strip, lane, start - 0.3, start + 0.3)
+        if room > 2.0:
+            _sheet(
+                bands, strip, lane, (start, start + 0.06), (0.02, room - 0.02), CRACK_M, Material.PLAIN, 7.0
+            )
+
+
+def _tyre_marks(
+    bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, material: Material
+) -> None:
+    """Pairs of dark streaks where cars brake before the road's end."""
+    ahead = strip.lanes[lane].id < 0
+    for _ in range(int(draw.poisson(0.5))):
+        length, gone = float(draw.uniform(5.0, 14.0)), float(draw.uniform(1.0, TYRE_MARK_M - 14.0))
+        far = strip.s_m[-1] - gone if ahead else strip.s_m[0] + gone
+        start = far - length if ahead else far
+        if start < strip.s_m[0] + 0.5 or start + length > strip.s_m[-1] - 0.5:
+            continue
+        room = _width_at(strip, lane, start, start + length)
+        if room < TRACK_M + 1.0:
+            continue
+        side = 0.5 * (room - TRACK_M) + float(draw.uniform(-0.25, 0.25))
+        steps = np.linspace(0.0, length, max(4, int(length / 2.0)))
+        veer = float(draw.normal(0.0, 0.12)) * (steps / length) ** 2
+        grey = float(draw.uniform(105.0, 150.0))
+        for offset in (0.0, TRACK_M):
+            across = np.clip(side + offset + veer, 0.12, room - 0.12)
+            _ribbon(bands, lane, start + steps, across, TYRE_WIDTH_M, grey, material)
+
+
+def _ribbon(
+    bands: _Bands,
+    lane: int,
+    s: Array,
+    across_m: Array,
+    width_m: float,
+    grey: float,
+    material: Material = Material.PLAIN,
+) -> None:
+    """A thin band along a lane whose middle lies `across_m` from the lane's right edge, shape (N,)."""
+    half = 0.5 * width_m
+    sides = (across_m - half, across_m + half)
+    uv = np.stack([np.stack([offset, s], axis=-1) for offset in sides], axis=1)
+    _band(bands, lane, s, sides, CRACK_M, material, uv, grey)
+
+
+def _band(
+    bands: _Bands,
+    lane: int,
+    s: Array,
+    sides_m: tuple[Array, Array],
+    height_m: float,
+    material: Material,
+    uv_m: Array,
+    grey: float,
+) -> None:
+    def lay(out: MeshBuilder, points: Array) -> None:
+        rows = np.stack([points[: len(s)], points[len(s) :]], axis=1)
+        rows[..., 2] += height_m
+        out.grid(rows, material=material, tag=Tag.ROAD, uv_m=uv_m, colour=(grey, grey, grey))
+
+    bands.add(lane + 1, np.concatenate([s, s]), np.concatenate(sides_m), lay)
+
+
+def _drains(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -> None:
+    """Gratings in the roadway along kerbs."""
+    if strip.kind(lane) != "roadway" or strip.unpaved(lane):
+        return
+    width = strip.t_m[lane] - strip.t_m[lane + 1]
+    for other, left in ((lane - 1, True), (lane + 1, False)):
+        if not 0 <= other < len(strip.lanes) or strip.kind(other) != "walkway" or width.min() < 0.25:
+            continue
+        low, high = (width.min() - 0.38, width.min() - 0.04) if left else (0.04, 0.38)
+        low, high = max(low, 0.02), min(high, width.min() - 0.02)
+        for start in _places(strip, DRAIN_STEP_M, draw):
+            if start + 0.6 < strip.s_m[-1] - 0.5:
+                span = (start, start + 0.55)
+                _sheet(bands, strip, lane, span, (low, high), COVER_M, Material.PLAIN, 13.0)
+
+
+def _sheet(
+    bands: _Bands,
+    strip: Strip,
+    lane: int,
+    span_m: tuple[float, float],
+    across_m: tuple[float, float],
+    height_m: float,
+    material: Material,
+    grey: float,
+) -> None:
+    """A thin rectangle on a lane; `across_m` counts from the lane's right edge to the left."""
+    inner = strip.s_m[(strip.s_m > span_m[0] + 1e-3) & (strip.s_m < span_m[1] - 1e-3)]
+    s = np.concatenate([[span_m[0]], inner, [span_m[1]]])
+    uv = np.stack(np.broadcast_arrays(np.array(across_m)[None] + 0.7, s[:, None] + 0.4), axis=-1)
+    sides = (np.full(len(s), across_m[0]), np.full(len(s), across_m[1]))
+    _band(bands, lane, s, sides, height_m, material, uv, grey)
+
+
+def _places(strip: Strip, step_m: float, draw: np.random.Generator) -> Array:
+    """Stations about one per `step_m`, at random."""
+    length = strip.s_m[-1] - strip.s_m[0]
+    count = int(draw.poisson(length / step_m))
+    places: Array = np.sort(strip.s_m[0] + 0.5 + draw.random(count) * (length - 1.0))
+    return places
+
+
+def _painted_spans(road: Road) -> Spans:
+    """Stations [m] of crosswalks, stop lines and arrows, whose paint needs the bare road."""
+    return [
+        (item.s_m - item.length_m / 2 - 0.6, item.s_m + item.length_m / 2 + 0.6)
+        for item in road.objects
+        if item.type in ("crosswalk", "roadMark", "-1")
+    ]
+
+
+def _take(taken: list[Rectangle], place: Rectangle) -> bool:
+    """Whether a place is free; it is taken from now on."""
+    s0, s1, t0, t1 = place
+    free = not any(a < s1 and s0 < b and c < t1 and t0 < d for a, b, c, d in taken)
+    if free:
+        taken.append(place)
+    return free
+
+
+def _meets(spans: Spans, start: float, end: float) -> bool:
+    return any(low < end and start < high for low, high in spans)
+
+
+def _width_at(strip: Strip, lane: int, start: float, end: float) -> float:
+    width = np.interp([start, 0.5 * (start + end), end], strip.s_m, strip.t_m[lane] - strip.t_m[lane + 1])
+    return float(width.min())

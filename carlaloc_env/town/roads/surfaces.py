@@ -1,0 +1,97 @@
+"""All that wheels roll over and feet walk on: roads, pavements, junctions, terrain, bridges, paint."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.town.ground.grade_graph import grown
+from carlaloc_env.town.ground.grade_levels import WALL_M, State
+from carlaloc_env.town.ground.ground_plan import Groundwork
+from carlaloc_env.town.ground.height_fields import JunctionField
+from carlaloc_env.town.ground.terrain import add_terrain
+from carlaloc_env.town.ground.water import add_water
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.meshing.collision_mesh import add_plain_lanes
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.polygons import Area, areas_only
+from carlaloc_env.town.roads.carriageways import add_roads
+from carlaloc_env.town.roads.junction_surfaces import add_corners, add_islands, add_junction_surface
+from carlaloc_env.town.roads.junction_wear import add_junction_details
+from carlaloc_env.town.roads.motorways import is_fast_junction
+from carlaloc_env.town.roads.painted_areas import RoadPainter
+from carlaloc_env.town.roads.road_markings import add_markings
+from carlaloc_env.town.roads.road_wear import add_road_details
+from carlaloc_env.town.roads.sidewalk_wear import add_pavement_details
+from carlaloc_env.town.roads.sidewalks import add_pavements
+from carlaloc_env.town.structures.bridges import add_bridges
+from carlaloc_env.town.structures.underpasses import add_underpasses
+
+Array = NDArray[np.float64]
+
+PROMENADE_M = 3.7
+"""Quays this near to something paved have a railing of their own [m]."""
+
+
+class Surfaces:
+    """Builders that the surfaces of a town go to, by what becomes of them."""
+
+    def __init__(self) -> None:
+        self.lanes = MeshBuilder()
+        """Seen, but rolled over by way of `solid`'s plainer lanes."""
+        self.raised = MeshBuilder()
+        """Seen and solid."""
+        self.solid = MeshBuilder()
+        """Solid, but not seen."""
+        self.paint = MeshBuilder()
+        """Seen only."""
+
+
+def add_surfaces(out: Surfaces, network: LaneNetwork, work: Groundwork, seed: int) -> Array:
+    """Everything flat; gives the places of lamps below roofs [m], shape (K, 3)."""
+    add_roads(out.lanes, work.strips, work.roads, seed)
+    add_plain_lanes(out.solid, work.strips)
+    add_road_details(out.lanes, work.strips, work.roads, seed)
+    add_pavements(out.raised, work.strips, work.roads, seed)
+    add_pavement_details(out.lanes, work.strips, work.roads, seed)
+    _add_junctions(out, work, seed)
+    add_islands(out.raised, work.areas, work.kerb)
+    add_terrain(out.raised, work.bounds, _ground_paving(work), work.zones, work.ground, work.seas)
+    lamps = add_underpasses(out.raised, work.levels)
+    if work.raised is not None:
+        add_bridges(out.raised, work.levels, work.raised, work.kerb, work.ground)
+    _add_waters(out, work)
+    add_markings(out.paint, work.strips, work.roads)
+    RoadPainter(network, work.strips, work.areas).add_all(out.paint)
+    return lamps
+
+
+def _add_junctions(out: Surfaces, work: Groundwork, seed: int) -> None:
+    for junction in work.areas.junctions:
+        deck = work.deck if junction.id in work.carried else None
+        surface = JunctionField(junction.strips, work.surface)
+        fast = is_fast_junction(junction, work.roads)
+        add_junction_surface(out.raised, junction, surface, seed, fast=fast)
+        add_junction_details(out.lanes, junction, surface, seed, fast=fast)
+        add_corners(out.raised, junction, work.areas, work.kerb if deck is None else deck)
+
+
+def _add_waters(out: Surfaces, work: Groundwork) -> None:
+    promenades = shapely.union_all([area for kind, area in work.zones if kind == "waterfront"])
+    beside = shapely.buffer(work.areas.paved, PROMENADE_M)
+    lined = shapely.difference(shapely.buffer(promenades, 1.5), beside)
+    above = shapely.buffer(work.overhead, 0.8)
+    add_water(out.raised, work.levels.waters, work.shore, work.ground, above, lined)
+
+
+def _ground_paving(work: Groundwork) -> Area:
+    """What the terrain leaves free: all paving on the ground, open cuts, filled stretches and waters."""
+    levels = work.levels
+    result = shapely.union(
+        work.areas.low_paved, shapely.union(levels.area(State.FILLED, State.BANK), levels.landings())
+    )
+    for stretch in levels.stretches:
+        result = shapely.difference(result, stretch.area(stretch.detached))
+        result = shapely.union(result, stretch.area(grown(~stretch.detached), WALL_M))
+    return areas_only(shapely.union_all([result, levels.upper, *(water.area for water in levels.waters)]))

@@ -1,0 +1,1 @@
+"""Routes: planned, chosen, smoothed, fitted to what a car can turn."""

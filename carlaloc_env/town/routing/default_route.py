@@ -1,0 +1,137 @@
+"""A route for a town whose owner has given none: along lanes, by the roads least driven so far."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive.cubic_tables import Array
+from carlaloc_env.town.routing.route import Route, cut_start, plan_route
+
+ROUTE_LENGTH_M = 1000.0
+"""Length sought."""
+_STARTS = 12
+_POINT_ROOM_M, _END_ROOM_M = 15.0, 5.0
+_BACK_RAD, _LEAST_RADIUS_M = 2.4, 4.0
+
+
+def lanes_that_go_on(network: LaneNetwork, usable: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    """Driving lanes from which one can drive for ever: dead ends are peeled off until nothing changes.
+
+    Args:
+        network: The lanes.
+        usable: Which lanes may be driven, (N,); all driving lanes when left out.
+    """
+    alive = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
+    if usable is not None:
+        alive &= usable
+    changed = True
+    while changed:
+        changed = False
+        for lane in network.lanes:
+            if alive[lane.index] and not any(alive[after] for after in lane.successors):
+                alive[lane.index] = False
+                changed = True
+    return alive
+
+
+def choose_route(network: LaneNetwork, length_m: float = ROUTE_LENGTH_M) -> Route | None:
+    """An open route of about this length [m], or the longest found; None if nothing can be driven.
+
+    It begins on one of the longest lanes and turns, wherever it can, into the lane least driven; where all
+    roads lead out of the map, it takes those on which most is to come. Turns on the spot are left to others.
+    """
+    driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
+    easy = driving & ~_turns_on_the_spot(network)
+    usable = easy if easy.any() else driving
+    onward = lanes_that_go_on(network, easy)
+    if not onward.any():
+        onward = lanes_that_go_on(network)
+    allowed = onward if onward.any() else usable
+    to_come_m = np.zeros(len(allowed)) if onward.any() else _ways_to_come(network, usable)
+    starts = sorted(
+        (lane for lane in network.lanes if allowed[lane.index] and lane.junction_id is None),
+        key=lambda lane: (-float(to_come_m[lane.index]), -lane.length_m, lane.index),
+    )
+    best: Route | None = None
+    for start in starts[:_STARTS]:
+        lanes = _walk(network, allowed, to_come_m, start.index, 1.2 * length_m)
+        route = _planned(network, lanes, length_m, whole=not onward.any())
+        if route is not None and (best is None or route.length_m > best.length_m):
+            best = route
+        if best is not None and best.length_m > 0.98 * length_m:
+            break
+    return best
+
+
+def _turns_on_the_spot(network: LaneNetwork) -> NDArray[np.bool_]:
+    """Lanes that turn back, or to and fro as much, within a length in which no car turns, (N,).
+
+    Kinks against the lanes before and behind count: connections of some maps are curved less than they turn.
+    """
+    tables = network.tables
+    heading, first = tables.heading_rad, tables.first
+    last = first + tables.count - 1
+    step = np.abs(wrap_angle(np.diff(heading, prepend=heading[:1])))
+    step[first] = 0.0
+    turned = np.add.reduceat(step, first)
+    for lane in network.lanes:
+        n = lane.index
+        for others, own, theirs in ((lane.predecessors, first, last), (lane.successors, last, first)):
+            kinks = [abs(float(wrap_angle(heading[own[n]] - heading[theirs[k]]))) for k in others]
+            turned[n] += min(kinks, default=0.0)
+    result: NDArray[np.bool_] = (turned > _BACK_RAD) & (tables.length_m < _LEAST_RADIUS_M * np.pi)
+    return result
+
+
+def _ways_to_come(network: LaneNetwork, usable: NDArray[np.bool_]) -> Array:
+    """Longest way that one can drive from the beginning of each lane of a map without rings [m], (N,)."""
+    way_m = np.zeros(len(usable))
+    waiting = [n for n in range(len(usable)) if usable[n]]
+    while waiting:
+        lane = network.lanes[waiting.pop()]
+        after = max((float(way_m[n]) for n in lane.successors if usable[n]), default=0.0)
+        if lane.length_m + after > way_m[lane.index] + 1e-6:
+            way_m[lane.index] = lane.length_m + after
+            waiting += [n for n in lane.predecessors if usable[n]]
+    return way_m
+
+
+def _walk(
+    network: LaneNetwork, allowed: NDArray[np.bool_], to_come_m: Array, start: int, length_m: float
+) -> list[int]:
+    visits = np.zeros(len(network.lanes), np.int64)
+    lanes, driven_m = [start], network.lanes[start].length_m
+    while driven_m < length_m:
+        visits[lanes[-1]] += 1
+        options = [after for after in network.lanes[lanes[-1]].successors if allowed[after]]
+        if not options:
+            break
+        lanes.append(min(options, key=lambda lane: (-float(to_come_m[lane]), int(visits[lane]), lane)))
+        driven_m += network.lanes[lanes[-1]].length_m
+    return lanes
+
+
+def _planned(network: LaneNetwork, lanes: list[int], length_m: float, *, whole: bool) -> Route | None:
+    """The route over these lanes, from the first one's middle to the last one's, or over all of both."""
+    through = [
+        lane
+        for lane in lanes
+        if network.lanes[lane].junction_id is None and network.lanes[lane].length_m > _POINT_ROOM_M
+    ]
+    if len(through) < (1 if whole else 2):
+        return None
+    middle = np.array([0.5 * network.lanes[lane].length_m for lane in through])
+    if whole:
+        through = [through[0], *through, through[-1]]
+        middle = np.concatenate([[_END_ROOM_M], middle, [2.0 * middle[-1] - _END_ROOM_M]])
+    places = network.pose(np.array(through), middle).position_m
+    points = [(float(x), float(y)) for x, y, _ in places]
+    try:
+        route = plan_route(network, points, for_car=True)
+        return cut_start(route, length_m) if route.length_m > length_m else route
+    except MapError:
+        return None

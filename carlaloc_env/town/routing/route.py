@@ -1,0 +1,306 @@
+"""A route: one smooth line over lanes, sampled every half metre."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.shortest_paths import Place, path_through
+from carlaloc_env.town.opendrive.cubic_tables import Array, Index
+from carlaloc_env.town.routing.smoothing import RouteLine, trace
+from carlaloc_env.town.routing.tight_turns import fit_turns
+
+POINT_REACH_M = 15.0
+"""Route points farther from every lane are refused."""
+_AMBIGUITY_M = 1.0
+_BEHIND_M, _AHEAD_M = 20.0, 40.0
+
+
+class RoutePose(NamedTuple):
+    """Poses along a route, world frame, each field (M, …)."""
+
+    position_m: NDArray[np.float64]
+    heading_rad: Array
+    pitch_rad: Array
+    """Nose up positive."""
+    curvature_radpm: Array
+    speed_limit_mps: Array
+    lane: Index
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Route:
+    """Equally spaced samples of a route; the line between them is a cubic."""
+
+    position_m: NDArray[np.float64]
+    """(K, 3); a closed route does not repeat its first point."""
+    heading_rad: Array
+    """In (−π, π], (K,)."""
+    slope: Array
+    """Rise per metre, (K,)."""
+    curvature_radpm: Array
+    """Left positive, (K,)."""
+    speed_limit_mps: Array
+    """(K,)."""
+    lane: Index
+    """Lane that each sample lies on, (K,)."""
+    lane_station_m: Array
+    """Its station there, (K,)."""
+    length_m: float
+    closed: bool
+    fitted: NDArray[np.bool_] | None = None
+    """Where the line was fitted to the car already, (K,); None for nowhere."""
+
+    @property
+    def step_m(self) -> float:
+        """Distance between samples."""
+        return self.length_m / (len(self.position_m) if self.closed else len(self.position_m) - 1)
+
+    def at(self, s_m: ArrayLike) -> RoutePose:
+        """Poses at distances from the start [m], (M,); closed routes go round, open ones end."""
+        row, after, f = self._locate(np.atleast_1d(np.asarray(s_m, dtype=np.float64)))
+        g, h = 1.0 - f, self.step_m
+        w = f * f * (3.0 - 2.0 * f)
+        m0, m1 = h * f * g * g, h * f * f * g
+        tangents = self._tangents
+        position = (
+            self.position_m[row] * (1.0 - w)[:, None]
+            + self.position_m[after] * w[:, None]
+            + tangents(row) * m0[:, None]
+            - tangents(after) * m1[:, None]
+        )
+        heading = self.heading_rad[row] + f * wrap_angle(self.heading_rad[after] - self.heading_rad[row])
+        return RoutePose(
+            position,
+            wrap_angle(heading),
+            np.arctan(self.slope[row] * g + self.slope[after] * f),
+            self.curvature_radpm[row] * g + self.curvature_radpm[after] * f,
+            self.speed_limit_mps[row],
+            self.lane[row],
+        )
+
+    def project(self, position_m: ArrayLike, near_s_m: float | None = None) -> tuple[float, float]:
+        """Distance from the start and offset to the left [m] of a point (2|3,).
+
+        Args:
+            position_m: The point; a height is ignored.
+            near_s_m: Where the answer was a moment ago: only 20 m back to 40 m on are searched, so that
+                a route that crosses itself stays on its own branch.
+        """
+        x, y = np.asarray(position_m, dtype=np.float64)[:2]
+        rows = self._window(near_s_m)
+        dx, dy = x - self.position_m[rows, 0], y - self.position_m[rows, 1]
+        nearest = int(rows[np.argmin(dx * dx + dy * dy)])
+        s = nearest * self.step_m
+        offset = 0.0
+        for _ in range(3):
+            pose = self.at(s)
+            c, w = np.cos(pose.heading_rad[0]), np.sin(pose.heading_rad[0])
+            ex, ey = x - pose.position_m[0, 0], y - pose.position_m[0, 1]
+            offset = float(c * ey - w * ex)
+            bend = max(1.0 - float(pose.curvature_radpm[0]) * offset, 0.3)
+            s += float(np.clip((c * ex + w * ey) / bend, -1.0, 1.0))
+            s = s % self.length_m if self.closed else min(max(s, 0.0), self.length_m)
+        return s, offset
+
+    def starting_at(self, position_m: ArrayLike) -> Route:
+        """The same closed route, begun at its sample nearest to a point (2,).
+
+        Raises:
+            MapError: The route is open.
+        """
+        if not self.closed:
+            raise MapError("only a loop can start anywhere; set loop = true or move the first route point")
+        shift = -round(self.project(position_m)[0] / self.step_m)
+        return Route(
+            position_m=np.roll(self.position_m, shift, axis=0),
+            heading_rad=np.roll(self.heading_rad, shift),
+            slope=np.roll(self.slope, shift),
+            curvature_radpm=np.roll(self.curvature_radpm, shift),
+            speed_limit_mps=np.roll(self.speed_limit_mps, shift),
+            lane=np.roll(self.lane, shift),
+            lane_station_m=np.roll(self.lane_station_m, shift),
+            length_m=self.length_m,
+            closed=True,
+            fitted=None if self.fitted is None else np.roll(self.fitted, shift),
+        )
+
+    def is_fitted(self, s_m: ArrayLike) -> NDArray[np.bool_]:
+        """Whether the line leaves the lane's middle there for the car to fit round a tight turn, (M,)."""
+        row, _, _ = self._locate(np.atleast_1d(np.asarray(s_m, dtype=np.float64)))
+        return np.zeros(len(row), dtype=bool) if self.fitted is None else self.fitted[row]
+
+    def _tangents(self, rows: Index) -> NDArray[np.float64]:
+        heading = self.heading_rad[rows]
+        return np.stack([np.cos(heading), np.sin(heading), self.slope[rows]], axis=-1)
+
+    def _locate(self, s_m: Array) -> tuple[Index, Index, Array]:
+        number = len(self.position_m)
+        if self.closed:
+            at = np.mod(s_m, self.length_m) / self.step_m
+            row = np.minimum(at.astype(np.int64), number - 1)
+            return row, (row + 1) % number, at - row
+        at = np.clip(s_m / self.step_m, 0.0, number - 1.0)
+        row = np.minimum(at.astype(np.int64), number - 2)
+        return row, row + 1, at - row
+
+    def _window(self, near_s_m: float | None) -> Index:
+        number = len(self.position_m)
+        if near_s_m is None or (self.closed and self.length_m < _BEHIND_M + _AHEAD_M):
+            return np.arange(number)
+        low = int((near_s_m - _BEHIND_M) / self.step_m)
+        high = int((near_s_m + _AHEAD_M) / self.step_m) + 1
+        if self.closed:
+            return np.arange(low, high) % number
+        low = min(max(low, 0), number - 1)
+        return np.arange(low, min(max(high, low + 1), number))
+
+
+def plan_route(
+    network: LaneNetwork,
+    points_m: Sequence[tuple[float, float]],
+    *,
+    loop: bool = False,
+    length_m: float | None = None,
+    for_car: bool = False,
+) -> Route:
+    """The cheapest route over driving lanes through points; lane changes count as 60 m of detour.
+
+    Args:
+        network: The lanes.
+        points_m: World points (x, y) near the lanes to drive on, in order.
+        loop: Drive on from the last point to the first.
+        length_m: Length that an open route is cut to, at its start.
+        for_car: Leave the lanes' middle in turns that are too tight for a car there.
+
+    Raises:
+        MapError: A point lies off the lanes, no way exists, or the route is shorter than asked.
+    """
+    if len(points_m) < 2:
+        raise MapError("a route needs at least two points; add one")
+    stops = [_places(network, number, point) for number, point in enumerate(points_m)]
+    if loop:
+        # A loop must end where it began, so the first point keeps one lane.
+        stops = [stops[0][:1], *stops[1:], stops[0][:1]]
+    line = trace(network, path_through(network, stops))
+    fitted = np.zeros(len(line.lane), dtype=bool)
+    if for_car:
+        line, fitted = fit_turns(network, line)
+    route = _sampled(network, line, fitted, loop)
+    if length_m is None or loop:
+        return route
+    if route.length_m < length_m - 0.5:
+        raise MapError(
+            f"the route is {route.length_m:.0f} m long, {length_m:.0f} m are asked; add or move a point"
+        )
+    return cut_start(route, length_m)
+
+
+def _places(network: LaneNetwork, number: int, point: tuple[float, float]) -> list[Place]:
+    """Lanes that a route point may mean, the nearest first."""
+    x, y = (float(v) for v in point)
+    if not (np.isfinite(x) and np.isfinite(y)):
+        raise MapError(f"route point {number + 1} is not finite; write two numbers")
+    nearest = network.nearest([(x, y)])
+    least = float(nearest.distance_m[0])
+    if least > POINT_REACH_M:
+        raise MapError(
+            f"route point {number + 1} ({x:.1f}, {y:.1f}) is {least:.0f} m off every lane; move it"
+        )
+    near = network.within((x, y), least + _AMBIGUITY_M)
+    return [Place(int(n), float(s)) for n, s in zip(near.lane, near.station_m, strict=True)]
+
+
+def _sampled(network: LaneNetwork, line: RouteLine, fitted: NDArray[np.bool_], loop: bool) -> Route:
+    if loop:
+        # The last point is the first one again: keep it as the far end of the last piece.
+        around = np.append(np.arange(len(line.lane) - 1), 0)
+        line = RouteLine(
+            line.position_m[around],
+            line.heading_rad[around],
+            line.slope[around],
+            line.lane[around],
+            line.station_m[around],
+        )
+    p = line.position_m
+    chord = np.hypot(np.diff(p[:, 0]), np.diff(p[:, 1]))
+    turn = wrap_angle(np.diff(line.heading_rad))
+    half = 0.5 * turn
+    # Arc over chord, which keeps the length of curves.
+    arc = chord / np.maximum(np.sinc(np.clip(half, -1.0, 1.0) / np.pi), 0.5)
+    total = np.concatenate([[0.0], np.cumsum(arc)])
+    length = float(total[-1])
+    if length < 2.0 * TABLE_STEP_M:
+        raise MapError("the route is shorter than a metre; move its points apart")
+    intervals = max(2, round(length / TABLE_STEP_M))
+    s = np.arange(intervals if loop else intervals + 1) * (length / intervals)
+    row = np.clip(np.searchsorted(total, s, side="right") - 1, 0, len(arc) - 1)
+    span = np.maximum(arc[row], 1e-12)
+    f = np.clip((s - total[row]) / span, 0.0, 1.0)
+    g = 1.0 - f
+    w = f * f * (3.0 - 2.0 * f)
+    tangent = np.stack([np.cos(line.heading_rad), np.sin(line.heading_rad), line.slope], axis=-1)
+    position = (
+        p[row] * (1.0 - w)[:, None]
+        + p[row + 1] * w[:, None]
+        + tangent[row] * (span * f * g * g)[:, None]
+        - tangent[row + 1] * (span * f * f * g)[:, None]
+    )
+    heading = line.heading_rad[row] + f * turn[row]
+    lane, station = _lane_of(network, line, row, f * span, g * span)
+    return Route(
+        position_m=position,
+        heading_rad=wrap_angle(heading),
+        slope=line.slope[row] * g + line.slope[row + 1] * f,
+        curvature_radpm=_curvature(heading, length / intervals, loop),
+        speed_limit_mps=network.speed_limit_mps(lane, station),
+        lane=lane,
+        lane_station_m=station,
+        length_m=length,
+        closed=loop,
+        fitted=fitted[row] if fitted.any() else None,
+    )
+
+
+def _lane_of(
+    network: LaneNetwork, line: RouteLine, row: Index, behind_m: Array, ahead_m: Array
+) -> tuple[Index, Array]:
+    """Lane and station of samples between two points; past the end of a lane, the next one."""
+    lane, station = line.lane[row], line.station_m[row] + behind_m
+    over = (line.lane[row + 1] != lane) & (station > network.tables.length_m[lane])
+    after = np.maximum(line.station_m[row + 1] - ahead_m, 0.0)
+    return np.where(over, line.lane[row + 1], lane), np.where(over, after, station)
+
+
+def _curvature(heading_rad: Array, step_m: float, loop: bool) -> Array:
+    """Central differences of the heading [1/m]."""
+    if loop:
+        return wrap_angle(np.roll(heading_rad, -1) - np.roll(heading_rad, 1)) / (2.0 * step_m)
+    turn = wrap_angle(np.diff(heading_rad)) / step_m
+    return np.concatenate([turn[:1], 0.5 * (turn[1:] + turn[:-1]), turn[-1:]])
+
+
+def cut_start(route: Route, length_m: float) -> Route:
+    """The last `length_m` metres, to the nearest sample."""
+    first = len(route.position_m) - 1 - round(length_m / route.step_m)
+    first = max(first, 0)
+    return Route(
+        position_m=route.position_m[first:],
+        heading_rad=route.heading_rad[first:],
+        slope=route.slope[first:],
+        curvature_radpm=route.curvature_radpm[first:],
+        speed_limit_mps=route.speed_limit_mps[first:],
+        lane=route.lane[first:],
+        lane_station_m=route.lane_station_m[first:],
+        length_m=route.length_m - first * route.step_m,
+        closed=False,
+        fitted=None if route.fitted is None else route.fitted[first:],
+    )

@@ -1,0 +1,194 @@
+"""Where a car may go about a turn: how far kerbs are, the end of the asphalt, and its own lanes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.town.ground.flush_sidewalks import lower_walks
+from carlaloc_env.town.ground.lane_strips import Strip, road_strips
+from carlaloc_env.town.ground.paved_areas import town_areas
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES
+from carlaloc_env.town.meshing.polygons import Area, strip_polygon
+from carlaloc_env.town.opendrive.cubic_tables import Array
+from carlaloc_env.town.routing.smoothing import RouteLine
+
+EASY_M = 4.75
+"""Radius that a car can drive with some lock in hand [m]."""
+WHEEL_ROOM_M, BODY_ROOM_M = 0.30, 0.05
+"""How far wheels and body keep from kerbs [m]."""
+_CELL_M = 0.1
+_REACH_M = 8.0
+_NEAR_M = 60.0
+"""As far as the roads reach round an island [m]."""
+_LEVEL_M = 2.0
+_HIGH_M = 0.05
+"""What stands higher above the road is a kerb [m]."""
+_TOO_TIGHT, _TOO_SUDDEN, _SUDDEN = 20.0, 1.0, 0.15
+"""What a curvature above the greatest costs [m per 1/m], and one that changes faster than 0.15 /m a metre."""
+_ROOM = frozenset({"shoulder", "stop", "border", "parking", "biking", "bus", "restricted"})
+_WHEELBASE_M, _WHEEL_SIDE_M, _WHEEL_REACH_M = 2.875, 0.89, 0.17
+"""Between the axles, from the middle to a tyre's outer side, and how far before its hub a tyre climbs [m]."""
+
+
+def _both_sides(x: Array, y_m: float) -> Array:
+    return np.stack(np.broadcast_arrays(x[None], np.array([[y_m], [-y_m]])), axis=-1).reshape(-1, 2)
+
+
+WHEELS_M = _both_sides(
+    (np.array([[0.0], [_WHEELBASE_M]]) + np.array([-_WHEEL_REACH_M, 0.0, _WHEEL_REACH_M])).ravel(),
+    _WHEEL_SIDE_M,
+)
+"""Where tyres touch, from the rear axle's middle [m], (W, 2)."""
+BODY_M = _both_sides(EGO_REAR_M + np.linspace(0.0, EGO_SIZE_M[0], 6), 0.5 * EGO_SIZE_M[1])
+"""The body's sides [m], (B, 2)."""
+
+
+class Room(NamedTuple):
+    """Distances on a grid of points."""
+
+    low_m: Array
+    kerb_m: Array
+    """To the nearest raised kerb; below 0 on what it bounds [m]."""
+    ground_m: Array
+    """To the nearest asphalt, 0 on it [m]."""
+    lanes_m: Array
+    """To the junction's and the car's own lanes, 0 on them [m]."""
+
+    def at(self, field: Array, points_m: Array) -> Array:
+        """Values of one of the fields at points (N, 2)."""
+        cell = ((points_m - self.low_m) / _CELL_M).astype(np.int64)
+        i, j = (np.clip(cell[:, k], 0, field.shape[k] - 1) for k in range(2))
+        result: Array = field[i, j]
+        return result
+
+
+def swept(xy_m: Array, heading_rad: Array, places_m: Array) -> Array:
+    """Where points (K, 2) of a car come whose rear axle follows a line of N points, (N·K, 2)."""
+    c, n = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
+    x = xy_m[:, :1] + c * places_m[:, 0] - n * places_m[:, 1]
+    y = xy_m[:, 1:2] + n * places_m[:, 0] + c * places_m[:, 1]
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+def kerb_room(xy_m: Array, heading_rad: Array, room: Room) -> tuple[Array, Array]:
+    """Least distance of the wheels and of the body to kerbs at each point of a line [m], (N,) each."""
+    wheels, body = (
+        room.at(room.kerb_m, swept(xy_m, heading_rad, places)).reshape(len(xy_m), -1).min(axis=1)
+        for places in (WHEELS_M, BODY_M)
+    )
+    return wheels, body
+
+
+def cost_of(xy_m: Array, heading_rad: Array, room: Room) -> float:
+    """How ill a line suits the car: kerbs, ground beside the road, others' lanes, and bends too tight [m]."""
+    step = np.diff(xy_m, axis=0)
+    s = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
+    bend = (np.interp(s + 1.0, s, heading_rad) - np.interp(s - 1.0, s, heading_rad)) / 2.0
+    change = np.abs(np.interp(s + 1.0, s, bend) - np.interp(s - 1.0, s, bend)) / 2.0
+    sharp = float(np.abs(bend).max())
+    wheels, body = kerb_room(xy_m, heading_rad, room)
+    wheels, body = np.maximum(WHEEL_ROOM_M - wheels, 0.0), np.maximum(BODY_ROOM_M - body, 0.0)
+    points = swept(xy_m, heading_rad, BODY_M)
+    ground, lanes = (
+        room.at(field, points).reshape(len(xy_m), -1).max(axis=1) for field in (room.ground_m, room.lanes_m)
+    )
+    return float(
+        4.0 * wheels.max()
+        + 1.5 * body.max()
+        + wheels.mean()
+        + 0.5 * body.mean()
+        + 0.7 * ground.max()
+        + 0.2 * ground.mean()
+        + 0.3 * lanes.max()
+        + 0.1 * lanes.mean()
+        + _TOO_TIGHT * max(0.0, sharp - 1.0 / EASY_M)
+        + _TOO_SUDDEN * max(0.0, float(change.max()) - _SUDDEN)
+        + 0.2 * sharp
+    )
+
+
+def room_about(network: LaneNetwork, own: RouteLine) -> Room:
+    """Room about a piece of a route."""
+    low = own.position_m[:, :2].min(axis=0) - _REACH_M
+    high = own.position_m[:, :2].max(axis=0) + _REACH_M
+    count = np.ceil((high - low) / _CELL_M).astype(int) + 1
+    x, y = (low[k] + (np.arange(count[k]) + 0.5) * _CELL_M for k in range(2))
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def inside(area: Area) -> NDArray[np.bool_]:
+        shapely.prepare(area)
+        result: NDArray[np.bool_] = shapely.contains_xy(area, grid[:, 0], grid[:, 1]).reshape(count)
+        return result
+
+    raised, asphalt = (inside(area) for area in raised_near(network, own))
+    lanes = inside(shapely.union_all(_lanes_near(network, own, low, high), grid_size=1e-4))
+    return Room(low, _away(raised) - _away(~raised), _away(asphalt | lanes), _away(lanes))
+
+
+def _away(here: NDArray[np.bool_]) -> Array:
+    """Distance of every cell to the nearest that is set [m]; 50 m where none is."""
+    result: Array = distance_transform_edt(~here) * _CELL_M if here.any() else np.full(here.shape, 50.0)
+    return result
+
+
+def raised_near(network: LaneNetwork, own: RouteLine) -> tuple[Area, Area]:
+    """What stands raised near a piece of a route, as the town is built: pavements, islands; and asphalt."""
+    tables = network.tables
+    low, high = own.position_m[:, :2].min(axis=0) - _NEAR_M, own.position_m[:, :2].max(axis=0) + _NEAR_M
+    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
+    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
+    owner = np.searchsorted(tables.first, np.flatnonzero(inside & level), side="right") - 1
+    near = [network.lanes[n] for n in np.unique(owner).tolist()]
+    junctions = {lane.junction_id for lane in near} - {None}
+    roads = network.xodr.roads
+    ids = {lane.road_id for lane in near} | {road.id for road in roads if road.junction_id in junctions}
+    strips = lower_walks(road_strips(roads, network.surface, ids))
+    areas = town_areas(strips, roads)
+    corners = [junction.pavement for junction in areas.junctions]
+    walks = [area for strip in strips if strip.junction_id is None for area in _high_walks(strip)]
+    return shapely.union_all([areas.islands, *corners, *walks], grid_size=1e-4), areas.roadway
+
+
+def _high_walks(strip: Strip) -> list[Area]:
+    """Pavements and medians of a strip where they are not lowered."""
+    found = []
+    for lane in range(len(strip.lanes)):
+        if strip.kind(lane) not in ("walkway", "median"):
+            continue
+        left, right = strip.lane_edges(lane)
+        up = strip.raised_m[lane].max(axis=0) > _HIGH_M
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], up, [False]]).astype(np.int8)))
+        for a, b in edges.reshape(-1, 2).tolist():
+            if b - a > 1:
+                found.append(strip_polygon(left[a:b], right[a:b]))
+    return found
+
+
+def _lanes_near(network: LaneNetwork, own: RouteLine, low: Array, high: Array) -> list[Area]:
+    """Lanes in junctions, the route's own lanes, and the verges beside these."""
+    tables = network.tables
+    mine = {int(n) for n in np.unique(own.lane)}
+    roads = {network.lanes[n].road_id for n in mine}
+    inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
+    level = np.abs(tables.position_m[:, 2] - float(own.position_m[:, 2].mean())) < _LEVEL_M
+    rows = np.flatnonzero(inside & level)
+    owner = np.searchsorted(tables.first, rows, side="right") - 1
+    found = []
+    for number in np.unique(owner).tolist():
+        lane = network.lanes[number]
+        crossing = lane.junction_id is not None and lane.type in DRIVABLE_TYPES
+        if not (number in mine or crossing or (lane.type in _ROOM and lane.road_id in roads)):
+            continue
+        at = slice(int(tables.first[number]), int(tables.first[number] + tables.count[number]))
+        half = 0.5 * tables.width_m[at][:, None]
+        left = np.stack([-np.sin(tables.heading_rad[at]), np.cos(tables.heading_rad[at])], axis=-1)
+        middle = tables.position_m[at, :2]
+        found.append(strip_polygon(middle + half * left, middle - half * left))
+    return found

@@ -1,0 +1,272 @@
+"""Cars that stand still: in parking lanes, on verges, in drives beside houses and in car parks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.catalog import VEHICLES
+from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_uv
+from carlaloc_env.assets.vehicles.all_vehicles import vehicle
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.ground.road_edges import RoadEdge
+from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
+from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.meshing.prop_copies import copies, poses
+
+Array = NDArray[np.float64]
+
+CARS = (*(name for name, model in VEHICLES.items() if model.tag == Tag.CAR), "pickup", "van")
+"""Models that are parked."""
+SPACE_M = 6.4
+"""Length of a place along a kerb [m]."""
+PARKING_WIDTH_M, SHOULDER_WIDTH_M = 1.95, 2.2
+"""Narrowest parking lanes and shoulders on which cars stand [m]."""
+JUNCTION_M, CROSSWALK_M = 10.0, 6.0
+"""Distance of parked cars from the ends of roads and from crosswalks [m]."""
+DRIVE_STEP_M, DRIVE_M = 15.0, (2.9, 8.2)
+"""Distance of drives along a street, and their width and length [m]."""
+VERGE_M = 0.35
+"""Distance of cars on a verge from the road [m]."""
+OCCUPIED = {"downtown": 0.75, "skyscraper": 0.7, "small_town": 0.6, "residential": 0.5, "waterfront": 0.6,
+            "industrial": 0.5}  # fmt: skip
+"""Share of the places along a kerb that are taken, in zones with any."""
+VERGES = {"residential": 0.3, "small_town": 0.2}
+"""Share of the places on grass verges that are taken."""
+DRIVES = {"residential": 0.75, "small_town": 0.35}
+"""Share of the possible drives that are laid."""
+SLOWEST_MPS = 70.0 / 3.6
+"""Nobody parks beside roads with a higher limit [m/s]."""
+
+
+@dataclass(slots=True, eq=False)
+class ParkedCars:
+    """Cars chosen so far."""
+
+    names: list[str] = field(default_factory=list)
+    """Models."""
+    feet_m: list[Array] = field(default_factory=list)
+    """Middles of their footprints on the ground [m], (3,) each."""
+    yaws_rad: list[float] = field(default_factory=list)
+    """Where their noses point [rad]."""
+    tints: list[tuple[int, int, int]] = field(default_factory=list)
+    """Linear paint colours."""
+
+    def put(self, foot_m: Array, yaw_rad: float, draw: np.random.Generator) -> None:
+        """Park a car drawn from the fleet."""
+        weights = np.array([VEHICLES[name].weight for name in CARS])
+        name = CARS[int(draw.choice(len(CARS), p=weights / weights.sum()))]
+        tints = VEHICLES[name].tints
+        shares = np.array([share for _, share in tints])
+        self.names.append(name)
+        self.feet_m.append(np.asarray(foot_m, dtype=np.float64))
+        self.yaws_rad.append(yaw_rad + float(draw.normal(0.0, 0.015)))
+        self.tints.append(tints[int(draw.choice(len(tints), p=shares / shares.sum()))][0])
+
+    def footprints(self) -> list[Area]:
+        """Plan-view rectangles."""
+        found = []
+        for name, foot, yaw in zip(self.names, self.feet_m, self.yaws_rad, strict=True):
+            size = VEHICLES[name].size_m
+            found.append(rectangle(foot[:2], yaw, size[0], size[1]))
+        return found
+
+    def meshes(self, first_instance: int) -> list[Mesh]:
+        """All cars; instance ids count up from `first_instance`."""
+        found, number = [], first_instance
+        names = np.array(self.names)
+        for name in CARS:
+            rows = np.flatnonzero(names == name)
+            if len(rows):
+                T = poses(np.array(self.feet_m)[rows], np.array(self.yaws_rad)[rows])
+                paint = np.array(self.tints, dtype=np.float64)[rows] / 255.0
+                own = copies(vehicle(name).low, T, number, paint, tinted=Material.CAR_PAINT)
+                found.append(_with_plates(own))
+                number += len(rows)
+        return found
+
+    def add_boxes(self, solid: MeshBuilder) -> None:
+        """The cars as boxes that others can hit."""
+        for name, foot, yaw in zip(self.names, self.feet_m, self.yaws_rad, strict=True):
+            length, width, height = VEHICLES[name].size_m
+            box = box_quads([-length / 2, -width / 2, 0.0], [length / 2, width / 2, height])
+            c, s = np.cos(yaw), np.sin(yaw)
+            turned = box.copy()
+            turned[..., 0] = foot[0] + c * box[..., 0] - s * box[..., 1]
+            turned[..., 1] = foot[1] + s * box[..., 0] + c * box[..., 1]
+            turned[..., 2] += foot[2]
+            solid.quads(turned, material=Material.PLAIN, tag=Tag.CAR)
+
+
+def _with_plates(cars: Mesh) -> Mesh:
+    """The cars, each with a number plate of its own in the place of the first one's."""
+    rows = np.flatnonzero(cars.material == Material.PLATE)
+    origin = np.array([plate_uv(k)[:2] for k in range(PLATES)])
+    uv = cars.uv_m.copy()
+    uv[rows] += (origin[plate_of(cars.instance[rows])] - origin[0]).astype(np.float32)
+    return replace(cars, uv_m=uv)
+
+
+def rectangle(centre: Array, yaw: float, length: float, width: float) -> Area:
+    """Plan-view rectangle about a point."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * 0.5 * np.array([length, width])
+    turn = np.array([[c, s], [-s, c]])
+    return shapely.Polygon(corners[:, :1] * turn[0] + corners[:, 1:] * turn[1] + centre)
+
+
+def park_in_lanes(
+    cars: ParkedCars, strips: Sequence[Strip], zones: Sequence[tuple[str, Area]], crosswalks: Area, seed: int
+) -> None:
+    """Cars in parking lanes and on wide shoulders of slow roads in towns."""
+    shapely.prepare(crosswalks)
+    for strip in strips:
+        if strip.junction_id is not None:
+            continue
+        for lane, own in enumerate(strip.lanes):
+            if own.type == "parking" or (own.type == "shoulder" and _walk_beside(strip, lane)):
+                _park_lane(cars, strip, lane, zones, crosswalks, seed)
+
+
+def _walk_beside(strip: Strip, lane: int) -> bool:
+    return any(
+        0 <= other < len(strip.lanes) and strip.kind(other) == "walkway" for other in (lane - 1, lane + 1)
+    )
+
+
+def _park_lane(
+    cars: ParkedCars,
+    strip: Strip,
+    lane: int,
+    zones: Sequence[tuple[str, Area]],
+    crosswalks: Area,
+    seed: int,
+) -> None:
+    least = PARKING_WIDTH_M if strip.lanes[lane].type == "parking" else SHOULDER_WIDTH_M
+    draw = rng.stream(seed, f"parked/{strip.road_id}/{strip.section}/{lane}")
+    left, right = strip.lane_edges(lane)
+    width = np.hypot(*(left - right)[:, :2].T)
+    middle = 0.5 * (left + right)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(middle[:, :2], axis=0).T))])
+    for at in np.arange(JUNCTION_M, along[-1] - JUNCTION_M, SPACE_M):
+        taken, wander = draw.random(), float(draw.uniform(-0.5, 0.5))
+        span = np.array([at - 2.7, at, at + 2.7]) + wander
+        spots = np.stack([np.interp(span, along, middle[:, k]) for k in range(3)], axis=-1)
+        kind = _kinds(zones, spots[1:2])[0]
+        if taken > OCCUPIED.get(kind, 0.0) or np.interp(span, along, width).min() < least:
+            continue
+        if shapely.dwithin(crosswalks, shapely.Point(*spots[1][:2]), CROSSWALK_M):
+            continue
+        ahead = (spots[2] - spots[0]) * (-1.0 if strip.lanes[lane].id > 0 else 1.0)
+        cars.put(spots[1], float(np.arctan2(ahead[1], ahead[0])), draw)
+
+
+def park_on_verges(
+    cars: ParkedCars,
+    edges: Sequence[RoadEdge],
+    zones: Sequence[tuple[str, Area]],
+    blocked: Area,
+    ground: Ground,
+    seed: int,
+) -> None:
+    """Cars on the grass beside slow roads without pavements, clear of everything that is paved."""
+    shapely.prepare(blocked)
+    for edge in edges:
+        if edge.walkway or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
+            continue
+        draw = rng.stream(seed, f"verge/{edge.name}")
+        kinds = _kinds(zones, edge.line_m)
+        for row in np.arange(int(JUNCTION_M), len(edge.line_m) - int(JUNCTION_M), int(SPACE_M) + 1):
+            chance = draw.random()
+            if edge.state[row] != State.GROUND:
+                continue
+            if chance > VERGES.get(kinds[row], 0.0):
+                continue
+            xy = edge.line_m[row, :2] + edge.right[row] * (VERGE_M + 1.05)
+            yaw = float(np.arctan2(edge.right[row, 0], -edge.right[row, 1]))
+            if shapely.dwithin(blocked, rectangle(xy, yaw, 6.0, 2.05), 0.12):
+                continue
+            cars.put(np.array([*xy, float(ground.height(xy[None])[0]) - 0.03]), yaw, draw)
+
+
+def lay_drives(
+    out: MeshBuilder,
+    cars: ParkedCars,
+    edges: Sequence[RoadEdge],
+    zones: Sequence[tuple[str, Area]],
+    blocked: Area,
+    ground: Ground,
+    seed: int,
+) -> list[Area]:
+    """Drives between houses with a car on most; returns the ground that they take."""
+    shapely.prepare(blocked)
+    found: list[Area] = []
+    for edge in edges:
+        if not edge.walkway:
+            continue
+        draw = rng.stream(seed, f"drives/{edge.name}")
+        kinds = _kinds(zones, edge.line_m)
+        row = int(JUNCTION_M)
+        while row < len(edge.line_m) - JUNCTION_M:
+            if edge.state[row] == State.GROUND and draw.random() < DRIVES.get(kinds[row], 0.0):
+                drive = _drive(out, cars, edge, row, blocked, found, ground, draw)
+                if drive is not None:
+                    found.append(drive)
+                    row += int(DRIVE_STEP_M) - 1
+            row += 1
+    return found
+
+
+def _drive(
+    out: MeshBuilder,
+    cars: ParkedCars,
+    edge: RoadEdge,
+    row: int,
+    blocked: Area,
+    others: Sequence[Area],
+    ground: Ground,
+    draw: np.random.Generator,
+) -> Area | None:
+    width, length = DRIVE_M
+    away = edge.right[row]
+    yaw = float(np.arctan2(away[1], away[0]))
+    centre = edge.line_m[row, :2] + away * (0.06 + length / 2)
+    area = rectangle(centre, yaw, length, width)
+    inner = rectangle(centre + 0.3 * away, yaw, length - 0.5, width)
+    near = any(shapely.dwithin(area, other, 3.0) for other in others[-9:])
+    if near or shapely.dwithin(blocked, inner, 0.15):
+        return None
+    steps = np.linspace(0.02, length, 6)[:, None]
+    side = np.array([-away[1], away[0]]) * width / 2
+    middle = edge.line_m[row, :2] + steps * away
+    rows = np.stack([middle - side, middle + side], axis=1)
+    z = ground.height(rows.reshape(-1, 2)).reshape(6, 2) + 0.02
+    grey = float(draw.uniform(190, 235))
+    material = (Material.CONCRETE, Material.ASPHALT_OLD, Material.PAVEMENT, Material.GRAVEL)[draw.integers(4)]
+    out.grid(
+        np.concatenate([rows, z[..., None]], axis=-1), material=material, tag=Tag.GROUND, colour=(grey,) * 3
+    )
+    if draw.random() < 0.8:
+        spot = edge.line_m[row, :2] + away * float(draw.uniform(3.6, 4.8))
+        z_car = float(ground.height(spot[None])[0]) + 0.02
+        cars.put(np.array([*spot, z_car]), yaw + (np.pi if draw.random() < 0.4 else 0.0), draw)
+    return area
+
+
+def _kinds(zones: Sequence[tuple[str, Area]], points: Array) -> list[str]:
+    """Kind of scenery at points (N, 2 or 3), empty where there is none."""
+    found = np.full(len(points), -1)
+    for number, (_, area) in enumerate(zones):
+        shapely.prepare(area)
+        found[(found < 0) & shapely.intersects_xy(area, points[:, 0], points[:, 1])] = number
+    return [zones[number][0] if number >= 0 else "" for number in found]

@@ -1,0 +1,147 @@
+"""What stands about in a town: lights and signs, furniture, roadside, plants and single features."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from carlaloc_env.actors.instances import SignalLenses
+from carlaloc_env.assets.vegetation.tree_species import FORMS
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.ground_plan import Groundwork
+from carlaloc_env.town.ground.land_raster import Land, Raster
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.meshing.collision_mesh import posts
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.polygons import Area, polygons_of
+from carlaloc_env.town.roads.surfaces import Surfaces
+from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roofed_sites
+from carlaloc_env.town.street.roadside import Roadside, RoadsideSite, line_roads
+from carlaloc_env.town.street.signals_and_signs import add_signals, add_signs
+from carlaloc_env.town.street.site_plan import Plots
+from carlaloc_env.town.street.street_furniture import Furnisher
+from carlaloc_env.town.street.street_props import Placement
+from carlaloc_env.town.vegetation.land_cover import dress_land, is_tree
+
+Array = NDArray[np.float64]
+
+SOLID_PROPS = (
+    ("bus_shelter", 0.8, 2.4),
+    ("column", 0.65, 3.2),
+    ("hydrant", 0.15, 0.7),
+    ("planter", 0.5, 0.5),
+)
+"""Further props that a car can hit: name, radius and height of their prism [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Dressing:
+    """What was placed."""
+
+    meshes: list[Mesh]
+    """All that is seen, but for the ground cover."""
+    cover: Mesh
+    """Crops, grass and bushes."""
+    lenses: SignalLenses
+    """Lenses of the traffic lights."""
+    lamps_m: Array
+    """Light sources of lamps [m], shape (K, 3)."""
+    next_instance: int
+    """First instance id that nothing has."""
+
+
+def dress(
+    out: Surfaces, network: LaneNetwork, work: Groundwork, plots: Plots, route_m: Array | None, seed: int
+) -> Dressing:
+    """Place everything; solid things also go to `out`. Instance ids count up from those of the buildings."""
+    number = len(plots.lots) + 1
+    lights, lenses, light_feet = add_signals(network, work.floor_height, number)
+    number += len(lights)
+    signs, sign_feet = add_signs(network, work.floor_height, number)
+    number += len(signs)
+    roadside = line_roads(out.solid, _roadside_site(network, work, plots, seed), number)
+    number += roadside.instances
+    clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
+    furnisher = _furnish(work, plots, roadside, np.concatenate(clear), route_m, seed)
+    cover = MeshBuilder()
+    green = dress_land(out.raised, cover, out.solid, _land(work, plots, roadside, route_m, seed), plots.lots)
+    paved, floor = work.areas.paved, work.floor_height
+    features = [feature_mesh(site, paved, floor, seed, number + k) for k, site in enumerate(plots.features)]
+    for feature in features:
+        out.solid.add(feature)
+    number += len(features)
+    props = furnisher.meshes(number)
+    number += furnisher.count
+    props += green.meshes(number)
+    _add_posts(out.solid, furnisher.placed, light_feet, green.feet_m(is_tree))
+    lamps = [furnisher.lamps_m(), roadside.lamps_m, feature_lamps(plots.features, paved, floor)]
+    return Dressing(
+        meshes=[*lights, *signs, *features, *roadside.meshes, *props],
+        cover=cover.build(),
+        lenses=lenses,
+        lamps_m=np.concatenate(lamps),
+        next_instance=number + green.count,
+    )
+
+
+def _roadside_site(network: LaneNetwork, work: Groundwork, plots: Plots, seed: int) -> RoadsideSite:
+    return RoadsideSite(
+        strips=work.strips,
+        roads=work.roads,
+        edges=plots.edges,
+        areas=work.areas,
+        zones=work.zones,
+        crosswalks=network.crosswalks,
+        ground=work.ground,
+        blocked=shapely.union_all([plots.reserved, *plots.footprints()]),
+        overhead=work.overhead,
+        car_parks=plots.car_parks,
+        seed=seed,
+    )
+
+
+def _furnish(
+    work: Groundwork, plots: Plots, roadside: Roadside, clear_m: Array, route_m: Array | None, seed: int
+) -> Furnisher:
+    """Furniture of all pavements."""
+    covers = [stretch.area(stretch.detached) for stretch in work.levels.stretches]
+    roofed = shapely.union_all([work.overhead, *covers, roofed_sites(plots.features)])
+    kept_free = [*plots.footprints(), *polygons_of(roadside.taken), *polygons_of(work.overhead)]
+    furnisher = Furnisher(work.zones, clear_m, route_m, kept_free, roofed, seed)
+    for strip in work.strips:
+        if strip.junction_id is None:
+            furnisher.pavement(strip)
+    return furnisher
+
+
+def _land(work: Groundwork, plots: Plots, roadside: Roadside, route_m: Array | None, seed: int) -> Land:
+    waters: Sequence[Area] = [area for kind, area in work.zones if kind == "water"]
+    taken = [work.areas.paved, plots.reserved, roadside.taken, *plots.footprints(), *waters]
+    return Land(
+        bounds=work.bounds,
+        zones=work.zones,
+        ground=work.ground,
+        strips=work.strips,
+        roads=Raster(work.bounds, [work.areas.paved]),
+        taken=Raster(work.bounds, taken),
+        route=None if route_m is None or not len(route_m) else cKDTree(route_m),
+        seed=seed,
+    )
+
+
+def _add_posts(solid: MeshBuilder, placed: Placement, light_feet: Array, trunks: Array) -> None:
+    """Lamps, trunks, traffic lights and shelters as prisms that a car can hit."""
+    groups = [(placed.feet_of("lamp"), 0.11, 8.0), (light_feet, 0.14, 6.0), (trunks, 0.17, 3.0)]
+    groups += [(placed.feet_of(f"tree {kind}"), 0.17, 3.0) for kind in FORMS]
+    groups += [(placed.feet_of(name), r, h) for name, r, h in SOLID_PROPS]
+    for feet, radius, height in groups:
+        if len(feet):
+            faces = posts(feet, np.full(len(feet), radius), np.full(len(feet), height))
+            solid.quads(faces, material=Material.PLAIN, tag=Tag.POLE)

@@ -1,0 +1,104 @@
+"""Who gets which ground beside the roads: features, car parks and buildings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.town.buildings.building_lots import Lot, place_lots
+from carlaloc_env.town.buildings.buildings import building_mesh
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.ground_plan import Groundwork
+from carlaloc_env.town.ground.road_edges import RoadEdge, road_edges
+from carlaloc_env.town.ground.terrain import BANK_SLOPE, Ground
+from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.street.car_parks import CarPark, place_car_parks
+from carlaloc_env.town.street.landmarks import Site, feature_car_parks, sites
+
+Array = NDArray[np.float64]
+
+OVERHEAD_CLEAR_M = 2.5
+"""Distance of buildings and trees from raised roads [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plots:
+    """The ground beside the roads and what stands on it."""
+
+    features: list[Site]
+    """What `town.toml` asks for."""
+    edges: list[RoadEdge]
+    """Edges of the roads."""
+    car_parks: list[CarPark]
+    """Car parks."""
+    reserved: Area
+    """Ground of features, car parks, cuts and waters."""
+    lots: list[Lot]
+    """Buildings with their ground."""
+    bases_m: list[float]
+    """Heights of the buildings' floors [m]."""
+
+    def footprints(self) -> list[Area]:
+        """Ground under each building."""
+        return [lot.footprint() for lot in self.lots]
+
+    def buildings(self, seed: int) -> list[Mesh]:
+        """Meshes of all buildings, numbered from 1."""
+        meshes = []
+        for number, (lot, base) in enumerate(zip(self.lots, self.bases_m, strict=True)):
+            T = np.eye(4)
+            c, s = np.cos(lot.heading_rad), np.sin(lot.heading_rad)
+            T[:2, :2] = [[c, -s], [s, c]]
+            T[:3, 3] = (*lot.corner_m, base)
+            mesh = building_mesh(lot.plan, rng.stream(seed, lot.name, index=1), instance=number + 1)
+            meshes.append(mesh.transformed(T))
+        return meshes
+
+
+def place_plots(work: Groundwork, config: TownConfig, seed: int) -> Plots:
+    """Share out the ground beside the roads."""
+    features = sites(config.features)
+    reserved = shapely.union_all([_cuts(work), *(site.ground for site in features)])
+    edges = road_edges(work.strips, work.roads, work.levels)
+    parks = feature_car_parks(config.features)
+    parks += place_car_parks(edges, work.zones, shapely.union(work.areas.paved, reserved), work.ground, seed)
+    reserved = shapely.union_all([reserved, *(park.area() for park in parks)])
+    lots = place_lots(work.strips, shapely.union(work.areas.paved, reserved), work.zones, seed)
+    return Plots(
+        features=features,
+        edges=edges,
+        car_parks=parks,
+        reserved=reserved,
+        lots=lots,
+        bases_m=_base_heights(lots, work.ground),
+    )
+
+
+def _cuts(work: Groundwork) -> Area:
+    """Sunken and raised stretches with room for their walls, embankments and waters."""
+    levels = work.levels
+    parts = [s.area(np.ones(len(s.left_m), bool), 1.0) for s in levels.stretches]
+    parts += [water.area for water in levels.waters]
+    parts.append(shapely.buffer(work.overhead, OVERHEAD_CLEAR_M))
+    banks = levels.area(State.BANK)
+    if not banks.is_empty:
+        high = levels.lift_m[levels.state == State.BANK].max()
+        parts.append(shapely.buffer(banks, BANK_SLOPE * high + 1.0))
+    return shapely.union_all(parts)
+
+
+def _base_heights(lots: Sequence[Lot], ground: Ground) -> list[float]:
+    """Height of each building's floor: the mean of the ground along its front."""
+    bases = []
+    for lot in lots:
+        along = np.array([np.cos(lot.heading_rad), np.sin(lot.heading_rad)])
+        points = lot.corner_m + np.linspace(0.0, lot.plan.width_m, 5)[:, None] * along
+        bases.append(float(ground.height(points).mean()))
+    return bases

@@ -1,0 +1,256 @@
+"""What stands on pavements: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from carlaloc_env.core import rng
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.meshing.prop_copies import copies, poses
+from carlaloc_env.town.roads.sidewalks import raised_runs, run_edges
+from carlaloc_env.town.street.street_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
+
+Array = NDArray[np.float64]
+
+LAMP_STEP_M = 30.0
+"""Distance of lamps on one side of a street [m]."""
+TREE_STEP_M = 9.0
+"""Distance of street trees [m]."""
+KERB_DISTANCE_M = 0.75
+"""Distance of lamps and trees from the kerb [m]."""
+END_M = 9.0
+"""Length beside junctions that stays free of trees and furniture [m]."""
+NARROW_M = 2.2
+"""Pavements narrower than this carry no trees [m]."""
+NAME_POST_M = 3
+"""Distance of posts with the street's name from its end [m]."""
+NAMED_ZONES = ("downtown", "skyscraper", "small_town", "residential", "industrial", "waterfront")
+"""Zones in which streets have such posts."""
+PROTOTYPES = 5
+"""Different trees of each kind."""
+DETAIL_M = 22.0
+"""Trees this near to the ego's route are detailed [m]."""
+TREE_KINDS: dict[str, tuple[str, ...]] = {
+    "downtown": ("plane", "lime"),
+    "skyscraper": ("lime", "plane"),
+    "residential": ("lime", "autumn", "birch"),
+    "small_town": ("plane", "autumn", "lime"),
+    "industrial": ("birch",),
+    "rural": ("plane", "birch"),
+    "highway": ("plane", "birch"),
+    "waterfront": ("lime", "plane"),
+    "park": ("plane", "autumn", "birch"),
+    "water": (),
+}
+"""Street trees of each kind of zone; their crowns begin above the roofs of cars."""
+
+
+class Furnisher:
+    """Places furniture along pavements so that it keeps clear of crossings, posts and doors of junctions."""
+
+    def __init__(
+        self,
+        zones: Sequence[tuple[str, Area]],
+        keep_clear_m: Array,
+        route_m: Array | None,
+        footprints: Sequence[Area],
+        roofed: Area,
+        seed: int,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            zones: Kinds of scenery with their areas.
+            keep_clear_m: Points that stay free for 2.5 m [m], shape (K, 2).
+            route_m: The ego's route, along which trees are detailed [m], shape (N, 2); None: in all streets.
+            footprints: Buildings, before whose walls no hedge grows.
+            roofed: Where something passes overhead; nothing stands there.
+            seed: Seed of the town.
+        """
+        self._zones = zones
+        self._footprints = shapely.STRtree(list(footprints))
+        self._roofed = shapely.buffer(roofed, 4.0)
+        shapely.prepare(self._roofed)
+        self._clear = cKDTree(keep_clear_m) if len(keep_clear_m) else None
+        self._route = cKDTree(route_m) if route_m is not None and len(route_m) else None
+        self._seed = seed
+        self.placed = Placement()
+
+    def pavement(self, strip: Strip) -> None:
+        """Furnish the pavements of one strip."""
+        for first, last in raised_runs(strip):
+            if strip.kind(first) != "walkway":
+                continue
+            left, right = run_edges(strip, first, last)
+            if first > 0 and strip.kind(first - 1) == "roadway":
+                self._side(strip, f"{first}/left", left[::-1], right[::-1])
+            elif last < len(strip.lanes) - 1 and strip.kind(last + 1) == "roadway":
+                self._side(strip, f"{first}/right", right, left)
+
+    def meshes(self, first_instance: int) -> list[Mesh]:
+        """All props as meshes; instance ids count up from `first_instance`."""
+        found, number = [], first_instance
+        for key in sorted(self.placed.feet):
+            name, variant, detail = key
+            feet = np.array(self.placed.feet[key])
+            yaws = np.array(self.placed.yaws[key])
+            draw = rng.stream(self._seed, f"props/{name}/{variant}/{detail}")
+            scale, tint = np.ones(len(feet)), None
+            if name.startswith("tree "):
+                scale = draw.uniform(0.85, 1.15, len(feet))
+                tint = draw.uniform(0.75, 1.1, (len(feet), 1)) * draw.uniform(0.93, 1.07, (len(feet), 3))
+            mesh = prop_mesh(name, variant, detail)
+            found.append(copies(mesh, poses(feet, yaws, scale), number, tint))
+            number += len(feet)
+        return found
+
+    @property
+    def count(self) -> int:
+        """Number of props placed."""
+        return sum(len(feet) for feet in self.placed.feet.values())
+
+    def lamps_m(self) -> Array:
+        """Light sources of the lamps [m], shape (K, 3)."""
+        key = ("lamp", 0, "")
+        feet = self.placed.feet_of("lamp")
+        if not len(feet):
+            return feet
+        yaw = np.array(self.placed.yaws[key])
+        reach = np.stack(
+            [np.cos(yaw) * LAMP_ARM_M, np.sin(yaw) * LAMP_ARM_M, np.full(len(yaw), LAMP_HEIGHT_M)], -1
+        )
+        result: Array = feet + reach
+        return result
+
+    def _side(self, strip: Strip, name: str, kerb: Array, outer: Array) -> None:
+        """One pavement; both lines run with the road on their right-hand side."""
+        line, far = _equal_steps(kerb, outer)
+        length = len(line) - 1
+        if length < 2 * END_M:
+            return
+        draw = rng.stream(self._seed, f"furniture/{strip.road_id}/{strip.section}/{name}")
+        zone = self._zone(line[length // 2])
+        width = float(np.median(np.hypot(*(line - far)[:, :2].T)))
+        shift = int(draw.integers(0, int(LAMP_STEP_M)))
+        for at in range(int(END_M), length - int(END_M) + 1):
+            row = _Row(line, far, at)
+            if (at + shift) % int(LAMP_STEP_M) == 0:
+                self._lamp(row, zone, draw)
+            elif (at + shift) % int(TREE_STEP_M) == 4 and width >= NARROW_M and zone != "industrial":
+                if self._free(row.at(KERB_DISTANCE_M + 0.2)) and (at + shift) % int(LAMP_STEP_M) > 2:
+                    self._tree(row.at(KERB_DISTANCE_M + 0.2, -0.03), zone, draw)
+            elif (at + shift) % 13 == 7:
+                self._small(row, zone, draw, width)
+        corner = _Row(line, far, length - NAME_POST_M)
+        if name.endswith("right") and zone in NAMED_ZONES and self._free(corner.at(0.5), 1.2):
+            self.placed.put("street_name", corner.at(0.5), corner.yaw, sum(strip.road_id.encode()) % 8)
+        if zone in ("residential", "small_town", "rural"):
+            self._hedges(line, far, draw)
+        if zone in ("downtown", "skyscraper", "small_town") and length > 70 and draw.random() < 0.6:
+            row = _Row(line, far, int(END_M) + 14)
+            if self._free(row.at(width - 1.0), 4.5) and width >= 2.4:
+                self.placed.put("bus_shelter", row.at(width - 0.85), row.yaw, int(draw.integers(0, 16)))
+
+    def _lamp(self, row: _Row, zone: str, draw: np.random.Generator) -> None:
+        foot = row.at(KERB_DISTANCE_M - 0.15)
+        if not self._free(foot, 1.5):
+            return
+        self.placed.put("lamp", foot, row.yaw)
+        if zone in ("downtown", "skyscraper") and draw.random() < 0.6:
+            self.placed.put("banner", foot, row.yaw + np.pi / 2, int(draw.integers(0, 16)))
+
+    def _tree(self, foot: Array, zone: str, draw: np.random.Generator, *, street: bool = True) -> None:
+        kinds = TREE_KINDS[zone]
+        if not kinds or draw.random() < 0.12:
+            return
+        kind = kinds[int(draw.integers(len(kinds)))]
+        near = street if self._route is None else self._route.query(foot[:2])[0] < DETAIL_M
+        self.placed.put(
+            f"tree {kind}",
+            foot,
+            float(draw.uniform(0, 2 * np.pi)),
+            int(draw.integers(PROTOTYPES)),
+            "high" if near else "low",
+        )
+
+    def _small(self, row: _Row, zone: str, draw: np.random.Generator, width: float) -> None:
+        if zone in ("rural", "industrial"):
+            return
+        names = ("bench", "bin", "hydrant", "newspaper_box", "post_box", "cabinet", "planter", "column")
+        weights = np.array([3.0, 3.5, 1.5, 1.5, 0.7, 1.2, 2.0, 0.5])
+        if zone == "residential":
+            weights = np.array([0.5, 1.5, 1.5, 0.0, 0.7, 1.2, 0.0, 0.0])
+        name = names[int(draw.choice(len(names), p=weights / weights.sum()))]
+        beside_wall = name in ("cabinet", "bench") and width > 2.2
+        distance = width - 0.45 if beside_wall else 0.65
+        if name == "column":
+            distance = 1.1
+        foot = row.at(distance)
+        if self._free(foot):
+            variant = int(draw.integers(0, 16)) if name == "column" else 0
+            self.placed.put(name, foot, row.yaw, variant)
+
+    def _hedges(self, line: Array, far: Array, draw: np.random.Generator) -> None:
+        """Hedges along the outer edge, with gaps for gates."""
+        gate = 0
+        for at in range(int(END_M), len(line) - 1 - int(END_M), 3):
+            gate -= 1
+            if draw.random() < 0.22:
+                gate = 2
+            if gate >= 0 or draw.random() < 0.1:
+                continue
+            row = _Row(line, far, at)
+            width = float(np.hypot(*(far[at] - line[at])[:2]))
+            foot = row.at(width + 0.55, -0.1)
+            end = foot + 3.0 * np.array([np.cos(row.yaw + np.pi / 2), np.sin(row.yaw + np.pi / 2), 0.0])
+            line_of_hedge = shapely.LineString([foot[:2], end[:2]])
+            if len(self._footprints.query(line_of_hedge, predicate="dwithin", distance=1.2)):
+                continue
+            if self._zone(foot) in ("residential", "small_town", "rural"):
+                self.placed.put("hedge", foot, row.yaw + np.pi / 2, int(draw.integers(0, 3)))
+
+    def _free(self, foot: Array, radius_m: float = 2.5) -> bool:
+        if shapely.intersects_xy(self._roofed, foot[0], foot[1]):
+            return False
+        return self._clear is None or bool(self._clear.query(foot[:2])[0] > radius_m)
+
+    def _zone(self, point: Array) -> str:
+        for kind, area in self._zones:
+            if shapely.intersects_xy(area, point[0], point[1]):
+                return kind
+        return self._zones[-1][0]
+
+
+class _Row:
+    """A place on a pavement: distances count from the kerb away from the road."""
+
+    def __init__(self, line: Array, far: Array, at: int) -> None:
+        tangent = line[min(at + 1, len(line) - 1)] - line[max(at - 1, 0)]
+        tangent[2] = 0.0
+        tangent /= np.hypot(tangent[0], tangent[1])
+        self._kerb = line[at]
+        self._slope = (far[at][2] - line[at][2]) / max(np.hypot(*(far[at] - line[at])[:2]), 0.1)
+        self._away = np.array([-tangent[1], tangent[0], 0.0])
+        self.yaw = float(np.arctan2(-self._away[1], -self._away[0]))
+        """Direction towards the road [rad]."""
+
+    def at(self, distance_m: float, rise_m: float = 0.0) -> Array:
+        """Point [m] that far from the kerb."""
+        point: Array = self._kerb + self._away * distance_m + [0.0, 0.0, self._slope * distance_m + rise_m]
+        return point
+
+
+def _equal_steps(kerb: Array, outer: Array) -> tuple[Array, Array]:
+    """Both lines with a point per metre of the kerb."""
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(kerb[:, :2], axis=0).T))])
+    at = np.arange(0.0, np.floor(length[-1]) + 1.0)
+    line = np.stack([np.interp(at, length, kerb[:, k]) for k in range(3)], axis=-1)
+    far = np.stack([np.interp(at, length, outer[:, k]) for k in range(3)], axis=-1)
+    return line, far

@@ -1,0 +1,1 @@
+"""Bridges, rails, fences, lamps, gantries."""

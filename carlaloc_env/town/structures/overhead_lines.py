@@ -1,0 +1,168 @@
+"""Wooden poles along country roads and quiet streets, with wires that hang between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.street.fences_and_poles import utility_pole, utility_wires_m
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.ground.grade_graph import runs
+from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.road_edges import RoadEdge
+from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.meshing.prop_copies import copies, poses
+
+Array = NDArray[np.float64]
+
+SPAN_M = 38.0
+"""Usual distance of poles [m]."""
+AWAY_M = {"rural": 3.2, "residential": 1.35, "small_town": 1.35, "industrial": 1.6}
+"""Distance of poles from what is paved, in zones that have any [m]."""
+SHARE = {"rural": 0.8, "residential": 0.55, "small_town": 0.35, "industrial": 0.5}
+"""Share of the roads of a zone along which a line runs."""
+POLE_M = 10.5
+"""Height of a pole [m]."""
+PULL_M = 210.0
+"""Parameter of the catenary, horizontal tension over weight per metre [m]: 0.9 m of sag on 38 m."""
+WIRE_M = 0.016
+"""Radius of a wire [m]."""
+CLEAR_M = 0.9
+"""Distance of poles from everything that stands or is paved [m]."""
+_WIRE_POINTS = 9
+
+
+def place_lines(
+    edges: Sequence[RoadEdge],
+    zones: Sequence[tuple[str, Area]],
+    blocked: Area,
+    overhead: Area,
+    ground: Ground,
+    seed: int,
+) -> list[tuple[Array, Array]]:
+    """Rows of poles: feet (N, 3) [m] and the directions of their cross-arms [rad], (N,).
+
+    Args:
+        edges: Edges of all roads.
+        zones: Kinds of scenery with their areas.
+        blocked: Where nothing may stand.
+        overhead: Raised roads, which no wire crosses.
+        ground: Heights of the ground.
+        seed: Seed of the town.
+    """
+    shapely.prepare(blocked)
+    rows: list[tuple[Array, Array]] = []
+    for edge in edges:
+        street = edge.strip.road_id
+        draw = rng.stream(seed, f"poles/{street}")
+        side = "left" if draw.random() < 0.5 else "right"
+        kind = _zone(zones, edge.line_m[len(edge.line_m) // 2])
+        if not edge.name.endswith(side) or kind not in AWAY_M or draw.random() > SHARE[kind]:
+            continue
+        if len(edge.line_m) < 1.5 * SPAN_M or edge.road_type == "motorway":
+            continue
+        for feet, yaws in _rows(edge, AWAY_M[kind], blocked, ground):
+            spans = shapely.linestrings(np.stack([feet[:-1, :2], feet[1:, :2]], axis=1))
+            free = ~shapely.dwithin(spans, overhead, 2.0)
+            rows += [(feet[a : b + 1], yaws[a : b + 1]) for a, b in runs(free)]
+    return rows
+
+
+def corridor(rows: Sequence[tuple[Array, Array]]) -> Area:
+    """Ground below the wires, on which no tree grows."""
+    lines = [shapely.buffer(shapely.LineString(feet[:, :2]), 1.3) for feet, _ in rows]
+    return shapely.union_all(lines) if lines else shapely.MultiPolygon()
+
+
+def add_lines(
+    out: MeshBuilder, rows: Sequence[tuple[Array, Array]], first_instance: int
+) -> tuple[list[Mesh], Array]:
+    """Poles with an instance id each, counted up; and their feet [m], (K, 3). The wires go to `out`."""
+    if not rows:
+        return [], np.zeros((0, 3))
+    feet = np.concatenate([row[0] for row in rows])
+    yaw = np.concatenate([row[1] for row in rows])
+    start = utility_wires_m(POLE_M)
+    for foot, turn in rows:
+        T = poses(foot, turn)
+        ends = np.einsum("nij,kj->nki", T[:, :3, :3], start) + foot[:, None]
+        for a, b in pairwise(ends):
+            _wires(out, a, b)
+    return [copies(utility_pole(POLE_M), poses(feet, yaw), first_instance)], feet
+
+
+def catenary_m(length_m: float, rise_m: float, pull_m: float, share: Array) -> Array:
+    """Height of a hanging wire over its first end [m] at shares of the span, shape as `share`.
+
+    z = c·cosh((x − x0)/c) + k through both ends, with c = tension over weight per metre; x0 from
+    rise = 2c·sinh(L/2c)·sinh((L/2 − x0)/c).
+    """
+    half = 0.5 * length_m
+    x0 = half - pull_m * float(np.arcsinh(rise_m / (2.0 * pull_m * np.sinh(half / pull_m))))
+    x = share * length_m
+    result: Array = pull_m * (np.cosh((x - x0) / pull_m) - np.cosh(x0 / pull_m))
+    return result
+
+
+def _rows(edge: RoadEdge, away: float, blocked: Area, ground: Ground) -> list[tuple[Array, Array]]:
+    """Poles of one edge in runs without gaps of more than one pole."""
+    count = max(2, round((len(edge.line_m) - 12) / SPAN_M) + 1)
+    wanted = np.linspace(6, len(edge.line_m) - 7, count).round().astype(int)
+    feet: list[list[float]] = []
+    yaws: list[float] = []
+    found, missed = [], 0
+    for row in wanted:
+        place = _free(edge, int(row), away, blocked)
+        if place is None:
+            missed += 1
+        if missed > 1:
+            found.append((feet, yaws))
+            feet, yaws, missed = [], [], 0
+        if place is not None:
+            xy, yaw = place
+            feet.append([*xy, float(ground.height(xy[None])[0]) - 0.1])
+            yaws.append(yaw)
+            missed = 0
+    found.append((feet, yaws))
+    return [(np.array(f), np.array(y)) for f, y in found if len(f) > 1]
+
+
+def _free(edge: RoadEdge, row: int, away: float, blocked: Area) -> tuple[Array, float] | None:
+    for shift in (0, 2, -2, 4, -4, 6, -6):
+        at = min(max(row + shift, 0), len(edge.line_m) - 1)
+        xy = edge.line_m[at, :2] + away * edge.right[at]
+        if edge.state[at] == State.GROUND and shapely.distance(blocked, shapely.Point(*xy)) > CLEAR_M:
+            # The cross-arm lies across the road.
+            return xy, float(np.arctan2(edge.right[at, 0], -edge.right[at, 1]))
+    return None
+
+
+def _wires(out: MeshBuilder, a: Array, b: Array) -> None:
+    """Wires between two poles, ends (K, 3) each, as three-sided tubes."""
+    share = np.linspace(0.0, 1.0, _WIRE_POINTS)
+    for start, end in zip(a, b, strict=True):
+        span = end - start
+        length = float(np.hypot(span[0], span[1]))
+        line = start + share[:, None] * span
+        line[:, 2] = start[2] + catenary_m(length, float(span[2]), PULL_M, share)
+        side = np.array([-span[1], span[0], 0.0]) / length * WIRE_M
+        ring = np.stack(
+            [line + side, line - side, line + np.array([0.0, 0.0, 1.6 * WIRE_M]), line + side], axis=1
+        )
+        out.grid(ring, material=Material.RUBBER, tag=Tag.POLE, colour=(90, 90, 90))
+
+
+def _zone(zones: Sequence[tuple[str, Area]], point: Array) -> str:
+    for kind, area in zones:
+        if shapely.intersects_xy(area, point[0], point[1]):
+            return kind
+    return ""

@@ -1,0 +1,133 @@
+"""Lamp posts of roads without pavements: masts on medians, beside fast roads and on parapets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.modelling.primitives import placed
+from carlaloc_env.assets.street import furniture
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.town.ground.grade_levels import WALL_M, State
+from carlaloc_env.town.ground.road_edges import RoadEdge, right_of
+from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.polygons import Area
+from carlaloc_env.town.meshing.prop_copies import copies, poses
+from carlaloc_env.town.structures.guard_rails import FAST_MPS
+from carlaloc_env.town.structures.parapets import RAIL_KERB_M
+
+Array = NDArray[np.float64]
+
+STEP_M, DECK_STEP_M = 44.0, 32.0
+"""Distance of masts along fast roads, and of lamps on parapets [m]."""
+MAST_M, ARM_M = 11.0, 2.6
+"""Height of a mast's light, and how far it reaches over the road [m]."""
+DECK_LAMP_M, DECK_ARM_M = 7.0, 1.6
+"""The same of lamps on parapets [m]."""
+AWAY_M = 1.6
+"""Distance of masts from the road's edge, behind the rail [m]."""
+RIM_M = 0.5
+"""Lamps stand on parapets only this near to the deck's rim [m]."""
+_UNLIT = ("rural", "park")
+
+
+def mast_meshes(
+    edges: Sequence[RoadEdge],
+    medians: Sequence[Array],
+    zones: Sequence[tuple[str, Area]],
+    paved: Area,
+    ground: Ground,
+    overhead: Area,
+    first_instance: int,
+) -> tuple[list[Mesh], Array, Array]:
+    """Masts, their lights [m] (K, 3) and their feet [m] (N, 3).
+
+    Args:
+        edges: Edges of all roads.
+        medians: Lines (N, 3) along the medians of fast roads on which masts stand.
+        zones: Kinds of scenery with their areas.
+        paved: Everything paved, on which no mast stands.
+        ground: Heights of the ground.
+        overhead: Raised roads, along whose rims the parapets stand.
+        first_instance: Instance id of the first mast.
+    """
+    shapely.prepare(paved)
+    double, yaw_double = _on_medians(medians)
+    single, yaw_single = _beside(edges, double, zones, paved, ground)
+    deck, yaw_deck = _on_parapets(edges, overhead)
+    one = furniture.lamp(MAST_M, ARM_M)
+    kinds = (
+        (merge([one, placed(one, (0.0, 0.0, 0.0), np.pi)]), double, yaw_double, MAST_M, (ARM_M, -ARM_M)),
+        (one, single, yaw_single, MAST_M, (ARM_M,)),
+        (furniture.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
+    )
+    meshes, lights, number = [], [np.zeros((0, 3))], first_instance
+    for mesh, feet, yaw, height, arms in kinds:
+        if not len(feet):
+            continue
+        meshes.append(copies(mesh, poses(feet, yaw), number))
+        number += len(feet)
+        for arm in arms:
+            offset = np.stack([np.cos(yaw) * arm, np.sin(yaw) * arm, np.full(len(yaw), height)], axis=-1)
+            lights.append(feet + offset)
+    return meshes, np.concatenate(lights), np.concatenate([double, single, deck])
+
+
+def _on_medians(medians: Sequence[Array]) -> tuple[Array, Array]:
+    feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
+    for line in medians:
+        rows = np.arange(int(STEP_M / 2), len(line) - 4, int(STEP_M))
+        right = right_of(line)[rows]
+        feet.append(line[rows] + np.array([0.0, 0.0, -0.05]))
+        yaws.append(np.arctan2(right[:, 1], right[:, 0]))
+    return np.concatenate(feet), np.concatenate(yaws)
+
+
+def _beside(
+    edges: Sequence[RoadEdge],
+    others: Array,
+    zones: Sequence[tuple[str, Area]],
+    paved: Area,
+    ground: Ground,
+) -> tuple[Array, Array]:
+    """Beside fast roads that have no masts on a median."""
+    dark = shapely.union_all([area for kind, area in zones if kind in _UNLIT])
+    shapely.prepare(dark)
+    lit = shapely.MultiPoint(others[:, :2]) if len(others) else shapely.Point()
+    feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
+    for edge in edges:
+        if edge.walkway or edge.limit_mps < 0.8 * FAST_MPS:
+            continue
+        rows = np.arange(int(STEP_M / 2), len(edge.line_m) - 4, int(STEP_M))
+        xy = edge.line_m[rows, :2] + AWAY_M * edge.right[rows]
+        free = shapely.distance(paved, shapely.points(xy)) > 0.6 * AWAY_M
+        free &= ~shapely.contains_xy(dark, xy[:, 0], xy[:, 1]) & (edge.state[rows] == State.GROUND)
+        if not lit.is_empty:
+            free &= shapely.distance(lit, shapely.points(xy)) > 2.0 * STEP_M
+        rows, xy = rows[free], xy[free]
+        if len(rows):
+            feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
+            yaws.append(np.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
+    return np.concatenate(feet), np.concatenate(yaws)
+
+
+def _on_parapets(edges: Sequence[RoadEdge], overhead: Area) -> tuple[Array, Array]:
+    rim = shapely.boundary(overhead)
+    shapely.prepare(rim)
+    feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
+    for edge in edges:
+        up = np.isin(edge.state, (State.OPEN, State.FILLED)) & (edge.lift_m > 1.0)
+        rows = np.arange(int(DECK_STEP_M / 2), len(edge.line_m) - 3, int(DECK_STEP_M))
+        rows = rows[up[rows] & up[rows - 2] & up[rows + 2]]
+        foot = edge.line_m[rows].copy()
+        foot[:, :2] += 0.5 * WALL_M * edge.right[rows]
+        foot[:, 2] += RAIL_KERB_M - 0.02
+        # Where roads lie side by side, an edge of one is no rim of the deck.
+        on_rim = shapely.dwithin(rim, shapely.points(foot[:, :2]), RIM_M)
+        rows, foot = rows[on_rim], foot[on_rim]
+        feet.append(foot)
+        yaws.append(np.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
+    return np.concatenate(feet), np.concatenate(yaws)

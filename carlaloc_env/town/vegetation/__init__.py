@@ -1,0 +1,1 @@
+"""Where plants grow: gardens, fields, verges, waterfronts."""

@@ -1,0 +1,151 @@
+"""Front gardens: fences and low walls along the pavement, paths to the doors, drives, flower beds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.modelling.primitives import Look, box
+from carlaloc_env.assets.street.fences_and_poles import fence
+from carlaloc_env.assets.vegetation.farm_plants import picket_panel
+from carlaloc_env.assets.vegetation.shrubs import shrub
+from carlaloc_env.core import rng
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.buildings.building_lots import Lot
+from carlaloc_env.town.ground.land_raster import Land
+from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.meshing.prop_batches import PropField
+
+Array = NDArray[np.float64]
+
+LEAST_M = 2.0
+"""Gardens less deep than this have no fence [m]."""
+PANEL_M = 2.0
+"""Length of one piece of fence or wall [m]."""
+GATE_M, DRIVE_M = 0.75, 2.9
+"""Half the width of a gate, and the width of a drive [m]."""
+_BLOOMS = ((440, 110, 300), (447, 300, 60), (330, 170, 330), (215, 230, 185))
+
+
+def wall_panel(stone: Material, tint: tuple[int, int, int]) -> Mesh:
+    """Piece of a garden wall along +x from the origin, 0.75 m high, with a coping."""
+    body = box(Look(stone, Tag.WALL, tint), (PANEL_M, 0.24, 1.15), (PANEL_M / 2, 0.0, 0.1))
+    cope = box(
+        Look(Material.CONCRETE, Tag.WALL, (235, 230, 220)), (PANEL_M, 0.32, 0.08), (PANEL_M / 2, 0, 0.715)
+    )
+    return merge([body, cope])
+
+
+PANELS: tuple[tuple[str, Callable[[], Mesh]], ...] = (
+    ("picket", partial(picket_panel, PANEL_M)),
+    ("bars", partial(fence, PANEL_M, 1.0, kind="bars")),
+    ("boards", partial(fence, PANEL_M, 1.2, kind="boards")),
+    ("brick", partial(wall_panel, Material.BRICK_RED, (255, 240, 225))),
+    ("rubble", partial(wall_panel, Material.RUBBLE, (255, 250, 240))),
+    ("render", partial(wall_panel, Material.PLASTER, (235, 228, 212))),
+)
+"""Kinds of front fences; one place in seven has none."""
+
+
+def add_gardens(cover: MeshBuilder, props: PropField, land: Land, lots: Sequence[Lot]) -> None:
+    """Furnish the ground between pavements and the houses that stand back from them."""
+    for lot in lots:
+        style = lot.plan.look.style
+        if style.ground != "dwelling" or style.front_m < LEAST_M or lot.plan.storeys > 3:
+            continue
+        draw = rng.stream(land.seed, lot.name, index=2)
+        along = np.array([np.cos(lot.heading_rad), np.sin(lot.heading_rad)])
+        outward = np.array([along[1], -along[0]])
+        origin = lot.corner_m + outward * (style.front_m - 0.02)
+        bays = max(1, round((lot.plan.width_m - 0.8) / style.bay_m))
+        pitch = (lot.plan.width_m - 0.8) / bays
+        door = 0.4 + pitch * (bays // 2 + 0.5)
+        drive = lot.plan.width_m + 0.3 if style.gap_m > 4.0 and draw.random() < 0.6 else None
+        _fence(props, land, lot, origin, along, door, drive, draw)
+        _slabs(cover, land, lot, along, outward, door, drive)
+        _beds(props, land, lot, along, outward, door, draw)
+
+
+def _fence(
+    props: PropField,
+    land: Land,
+    lot: Lot,
+    origin: Array,
+    along: Array,
+    door: float,
+    drive: float | None,
+    draw: np.random.Generator,
+) -> None:
+    kind = int(draw.integers(0, len(PANELS) + 1))
+    if kind == len(PANELS):
+        return
+    name, make = PANELS[kind]
+    spare = min(lot.plan.look.style.gap_m / 2, 2.5)
+    places = []
+    for low, high in ((-spare, door - GATE_M), (door + GATE_M, lot.plan.width_m + (0.0 if drive else spare))):
+        count = int((high - low) / PANEL_M)
+        shift = high - count * PANEL_M if low < 0.0 else low
+        places.append(shift + PANEL_M * np.arange(count))
+    a = np.concatenate(places)
+    xy = origin + a[:, None] * along
+    far = xy + PANEL_M * along
+    clear = np.minimum(land.taken.distance_m(xy), land.taken.distance_m(far))
+    free = np.minimum(clear, land.taken.distance_m((xy + far) / 2)) >= -0.45
+    off = np.minimum(land.roads.distance_m(xy), land.roads.distance_m(far)) > -0.5
+    xy = xy[free & off]
+    middle = land.ground.height(xy + 0.5 * PANEL_M * along) if len(xy) else np.zeros(0)
+    props.put(("garden", name), make, np.column_stack([xy, middle]), lot.heading_rad)
+
+
+def _slabs(
+    cover: MeshBuilder,
+    land: Land,
+    lot: Lot,
+    along: Array,
+    outward: Array,
+    door: float,
+    drive: float | None,
+) -> None:
+    """The path to the door and the drive."""
+    front = lot.plan.look.style.front_m
+    slabs = [(door - 0.6, door + 0.6, 0.0, front, Material.PAVEMENT, (225, 215, 205))]
+    if drive is not None:
+        grey = (200, 198, 194)
+        slabs.append((drive, drive + DRIVE_M, -0.6 * lot.plan.depth_m, front, Material.CONCRETE, grey))
+    for a0, a1, b0, b1, material, tint in slabs:
+        b = np.linspace(b0, b1, max(2, int((b1 - b0) / 2.0) + 1))
+        edges = [lot.corner_m + a * along + b[:, None] * outward for a in (a0, a1)]
+        if land.taken.distance_m((edges[0] + edges[1])[:-1] / 2).min() < -0.9 and b0 < 0.0:
+            continue
+        rows = np.stack([land.on_ground(edge, 0.03) for edge in edges], axis=0)
+        rows[:, -1, 2] -= 0.05
+        cover.grid(rows, material=material, tag=Tag.GROUND, colour=tint)
+
+
+def _beds(
+    props: PropField,
+    land: Land,
+    lot: Lot,
+    along: Array,
+    outward: Array,
+    door: float,
+    draw: np.random.Generator,
+) -> None:
+    """Shrubs and flowers along the house."""
+    a = np.arange(0.6, lot.plan.width_m - 0.4, 1.3)
+    a = a[(np.abs(a - door) > 2.0) & (draw.random(len(a)) < 0.55)]
+    if not len(a):
+        return
+    b = draw.uniform(0.75, 1.1, len(a))
+    xy = lot.corner_m + a[:, None] * along + b[:, None] * outward
+    kind = draw.integers(0, len(_BLOOMS), len(a))
+    scale, yaw = draw.uniform(0.45, 0.8, len(a)), draw.uniform(0, 2 * np.pi, len(a))
+    for k, tint in enumerate(_BLOOMS):
+        rows = kind == k
+        make = partial(shrub, k, "low", tint)
+        props.put(("bed", k), make, land.on_ground(xy[rows], -0.05), yaw[rows], scale[rows])
