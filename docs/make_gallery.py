@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.presets import rig_by_name
-from carlaloc_env.render.gbuffer import GBuffer
+from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.scene.mesh import concatenate_instances
 from carlaloc_env.sensors.camera import CameraConfig
 from carlaloc_env.stage import SensorStage

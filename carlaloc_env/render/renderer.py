@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.render.context import Programs, create_context
-from carlaloc_env.render.fill import Filler, distance_m
-from carlaloc_env.render.gbuffer import GBuffer, TargetPool
-from carlaloc_env.render.occlusion import Depths
-from carlaloc_env.render.projection import View
+from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
+from carlaloc_env.render.geometry.geometry_pass import Filler, distance_m
+from carlaloc_env.render.geometry.occlusion_culling import Depths
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import Programs, create_context
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary

@@ -10,24 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
-from carlaloc_env.render.context import Programs, set_uniforms
-from carlaloc_env.render.covering import Cover, Passes
-from carlaloc_env.render.day_tiles import LEAST_PX, day_groups
-from carlaloc_env.render.gbuffer import GBuffer, Targets
-from carlaloc_env.render.lights import NO_LIGHTS, Lights
-from carlaloc_env.render.mirror import Mirror
-from carlaloc_env.render.night import Night
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.rain import Streaks, lit, rain_streaks
-from carlaloc_env.render.rain_layer import RainLayer
-from carlaloc_env.render.roofs import Roofs
-from carlaloc_env.render.scenery import Scenery
-from carlaloc_env.render.shadow import Casters, ShadowMap, Shadows
-from carlaloc_env.render.skies import Skies
-from carlaloc_env.render.sky import READ_NOISE_E, electrons, exposure_time_s
-from carlaloc_env.render.tile_quads import TileQuads
-from carlaloc_env.render.tiles import DepthRange
-from carlaloc_env.render.uniforms import (
+from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.static_scene import Scenery
+from carlaloc_env.render.gl.context import Programs, set_uniforms
+from carlaloc_env.render.lighting.ambient_occlusion import Roofs
+from carlaloc_env.render.lighting.day_tiles import LEAST_PX, day_groups
+from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, Lights
+from carlaloc_env.render.lighting.night_lighting import Night
+from carlaloc_env.render.lighting.screen_tiles import DepthRange
+from carlaloc_env.render.lighting.shading_passes import Cover, Passes
+from carlaloc_env.render.lighting.shadow_maps import Casters, ShadowMap, Shadows
+from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, exposure_time_s
+from carlaloc_env.render.lighting.sky_textures import Skies
+from carlaloc_env.render.lighting.tile_quads import TileQuads
+from carlaloc_env.render.lighting.uniforms import (
     MIRROR,
     Scene,
     bind_light,
@@ -36,6 +33,9 @@ from carlaloc_env.render.uniforms import (
     tell_shadows,
     tell_view,
 )
+from carlaloc_env.render.lighting.wet_reflections import Mirror
+from carlaloc_env.render.precipitation.rain_drops import Streaks, lit, rain_streaks
+from carlaloc_env.render.precipitation.rain_layer import RainLayer
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 

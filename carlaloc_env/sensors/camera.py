@@ -15,8 +15,8 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.lens_distortion import Lens
+from carlaloc_env.render.geometry.projection import FAR_M
 from carlaloc_env.render.lens_drops import with_lens_drops
-from carlaloc_env.render.projection import FAR_M
 from carlaloc_env.samples import (
     DepthImage,
     Events,

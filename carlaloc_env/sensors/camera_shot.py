@@ -15,7 +15,7 @@ from carlaloc_env.core.lens_distortion import Lens, LensView
 from carlaloc_env.weather.parameters import WeatherParameters
 
 if TYPE_CHECKING:
-    from carlaloc_env.render.gbuffer import GBuffer
+    from carlaloc_env.render.geometry.gbuffer import GBuffer
     from carlaloc_env.render.renderer import SceneRenderer
 
 F32 = NDArray[np.float32]

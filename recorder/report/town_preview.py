@@ -13,7 +13,7 @@ from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.render.projection import FAR_M
+from carlaloc_env.render.geometry.projection import FAR_M
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.stage import SensorStage

@@ -15,9 +15,9 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.core.lens_distortion import Lens
 from carlaloc_env.presets import rig_by_name
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

@@ -12,9 +12,9 @@ from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

@@ -14,7 +14,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.lens_distortion import Lens
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera import CameraConfig

@@ -11,7 +11,7 @@ import pytest
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.observation import Observer
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.base import Mount

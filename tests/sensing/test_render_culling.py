@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.context import create_context
-from carlaloc_env.render.detail import FAR_LOW, gathered
-from carlaloc_env.render.geometry import Geometry
-from carlaloc_env.render.light_grid import LIGHT_CUTOFF, SKY_M, Air, light_grid
-from carlaloc_env.render.lights import nearest, street_lamps
-from carlaloc_env.render.occlusion import Depths, box_corners
-from carlaloc_env.render.projection import View
+from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, gathered
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.geometry.mesh_buffers import Geometry
+from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.lighting.light_sources import nearest, street_lamps
+from carlaloc_env.render.lighting.screen_tiles import TILE_PX, DepthRange
+from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, SKY_M, Air, light_grid
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.render.tiles import TILE_PX, DepthRange
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag

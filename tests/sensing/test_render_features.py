@@ -16,7 +16,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.transforms import transform
 from carlaloc_env.presets import rig_by_name
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances, concatenate_instances
 from carlaloc_env.sensors.camera import CameraConfig

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.context import create_context
-from carlaloc_env.render.light_grid import LOOPS, Air, light_grid
-from carlaloc_env.render.lights import (
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,
     HEADLAMP_COLOUR,
     HEADLAMP_LIGHT,
@@ -21,10 +22,9 @@ from carlaloc_env.render.lights import (
     nearest,
     street_lamps,
 )
-from carlaloc_env.render.projection import View
+from carlaloc_env.render.lighting.screen_tiles import TILE_PX, DepthRange
+from carlaloc_env.render.lighting.tiled_lights import LOOPS, Air, light_grid
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.render.tiles import TILE_PX, DepthRange
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag

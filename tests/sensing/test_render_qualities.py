@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render import light_grid, night
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.lighting import night_lighting as night
+from carlaloc_env.render.lighting import tiled_lights
+from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light
 from carlaloc_env.render.renderer import QUALITIES, SceneRenderer
-from carlaloc_env.render.sky import READ_NOISE_E, electrons, sky_light
-from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -116,7 +117,7 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
         sparse = renderer.radiance_cd_m2(gbuffer, night) * exposure
         shares: list[float] = []
         for name in ("keep_lit", "keep_glowing"):
-            search = getattr(light_grid, name)
+            search = getattr(tiled_lights, name)
 
             def counting(mask: NDArray[np.bool_], *rest: object, search: Any = search) -> None:
                 whole = mask.copy()
@@ -124,11 +125,11 @@ def test_lamps_left_out_of_lists_are_not_missed(monkeypatch: pytest.MonkeyPatch)
                 shares.append(np.count_nonzero(mask) / np.count_nonzero(whole))
                 mask[:] = whole
 
-            monkeypatch.setattr(light_grid, name, counting)
+            monkeypatch.setattr(tiled_lights, name, counting)
         whole = renderer.radiance_cd_m2(gbuffer, night) * exposure
     assert len(shares) == 2
     assert max(shares) < 0.8
-    assert np.abs(sparse - whole).mean() < 0.2 * light_grid.LIGHT_CUTOFF
+    assert np.abs(sparse - whole).mean() < 0.2 * tiled_lights.LIGHT_CUTOFF
     # The noise of reading the darkest pixel hides the rest, but for some pixels of thin posts.
     noise = READ_NOISE_E / electrons(exposure)
     assert np.quantile(np.abs(sparse - whole), 0.9995) < noise

@@ -11,15 +11,22 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lens_drops import with_lens_drops
-from carlaloc_env.render.lights import NO_LIGHTS, street_lamps
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.rain import NEAR_M, SIZES_MM, Streaks, lit, rain_streaks, terminal_mps
-from carlaloc_env.render.rain_layer import RainLayer
+from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, street_lamps
+from carlaloc_env.render.lighting.sky_model import sky_light
+from carlaloc_env.render.precipitation.rain_drops import (
+    NEAR_M,
+    SIZES_MM,
+    Streaks,
+    lit,
+    rain_streaks,
+    terminal_mps,
+)
+from carlaloc_env.render.precipitation.rain_layer import RainLayer
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.sky import sky_light
-from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.context import create_context
-from carlaloc_env.render.gbuffer import GBuffer
-from carlaloc_env.render.geometry import Geometry
-from carlaloc_env.render.occlusion import Depths
-from carlaloc_env.render.projection import NEAR_M, View
+from carlaloc_env.render.geometry.gbuffer import GBuffer
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.geometry.mesh_buffers import Geometry
+from carlaloc_env.render.geometry.occlusion_culling import Depths
+from carlaloc_env.render.geometry.projection import NEAR_M, View
+from carlaloc_env.render.geometry.triangle_culling import STILL, Body, Sieve
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.sieve import STILL, Body, Sieve
-from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

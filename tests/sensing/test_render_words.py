@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.context import create_context
-from carlaloc_env.render.hoisting import hoisted
-from carlaloc_env.render.lamp_words import air_words, surface_words
-from carlaloc_env.render.lights import HEADLAMP_COLOUR, street_lamps
+from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.gl.uniform_hoisting import hoisted
+from carlaloc_env.render.lighting.light_packing import air_words, surface_words
+from carlaloc_env.render.lighting.light_sources import HEADLAMP_COLOUR, street_lamps
 
 VERTEX = """uniform vec2 u_both;
 void main() {

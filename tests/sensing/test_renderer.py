@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
-from carlaloc_env.render.context import create_context
-from carlaloc_env.render.detail import coarse
-from carlaloc_env.render.geometry import lit_windows
-from carlaloc_env.render.lights import LAMP_CD, LAMP_COLOUR
-from carlaloc_env.render.projection import View
+from carlaloc_env.render.geometry.level_of_detail import coarse
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.geometry.mesh_buffers import lit_windows
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.lighting.light_sources import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.surfaces import plain_albedo
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -233,7 +233,7 @@ def test_fog_thins_with_height() -> None:
 
 def test_level_ground_shows_albedo_times_illuminance() -> None:
     """Without sun and fog a matt surface has L = ρ E / π, E integrated over the sky map."""
-    from carlaloc_env.render.sky import hemisphere, sky_light
+    from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
 
     light = sky_light(SUNLESS)
     directions, solid_angle_sr = hemisphere()

@@ -8,19 +8,20 @@ import pytest
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render import light_grid, shading
-from carlaloc_env.render.context import create_context
-from carlaloc_env.render.day_tiles import under
-from carlaloc_env.render.light_grid import LEVEL_UP
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.rain_layer import developed
+from carlaloc_env.render import shading
+from carlaloc_env.render.geometry.material_table import plain_albedo
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.lighting import tiled_lights
+from carlaloc_env.render.lighting.day_tiles import under
+from carlaloc_env.render.lighting.screen_tiles import TILE_PX, DepthRange
+from carlaloc_env.render.lighting.shadow_maps import light_axes
+from carlaloc_env.render.lighting.sky_model import sky_light
+from carlaloc_env.render.lighting.sky_textures import Skies
+from carlaloc_env.render.lighting.tile_kernels import level_tiles
+from carlaloc_env.render.lighting.tiled_lights import LEVEL_UP
+from carlaloc_env.render.precipitation.rain_layer import developed
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.shadow import light_axes
-from carlaloc_env.render.skies import Skies
-from carlaloc_env.render.sky import sky_light
-from carlaloc_env.render.surfaces import plain_albedo
-from carlaloc_env.render.tile_kernels import level_tiles
-from carlaloc_env.render.tiles import TILE_PX, DepthRange
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -152,7 +153,7 @@ def test_walls_need_no_puddles(quality: str, monkeypatch: pytest.MonkeyPatch) ->
     ) as renderer:
         gbuffer = renderer.draw(camera, FORWARD, Instances())
         found = renderer.radiance_cd_m2(gbuffer, PRESETS["RainyNight"])
-        monkeypatch.setattr(light_grid, "LEVEL_MARGIN_PX", 1000)
+        monkeypatch.setattr(tiled_lights, "LEVEL_MARGIN_PX", 1000)
         everywhere = renderer.radiance_cd_m2(gbuffer, PRESETS["RainyNight"])
     np.testing.assert_allclose(found, everywhere, rtol=1e-3, atol=1e-4 * float(everywhere.max()))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.render.sky import hemisphere, sky_light
+from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters, weather_by_name
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.context import create_context
+from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.textures import build_textures
 from carlaloc_env.render.textures.build import WIDE

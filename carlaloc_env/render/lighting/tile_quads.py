@@ -6,8 +6,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import set_uniforms
-from carlaloc_env.render.tiles import TILE, TILE_PX
+from carlaloc_env.render.gl.context import set_uniforms
+from carlaloc_env.render.lighting.screen_tiles import TILE, TILE_PX
 
 
 class TileQuads:

@@ -8,17 +8,17 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import Programs, is_software, set_uniforms
-from carlaloc_env.render.detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
-from carlaloc_env.render.distant import SIMPLE_FROM_M, Distant
-from carlaloc_env.render.gbuffer import SKY_ID, Targets
-from carlaloc_env.render.geometry import Geometry, InstanceBuffer
-from carlaloc_env.render.occlusion import Depths, box_corners
-from carlaloc_env.render.projection import FAR_M, NEAR_M, View
-from carlaloc_env.render.scenery import Scenery
-from carlaloc_env.render.shadow import Casters
-from carlaloc_env.render.sieve import Sieve
-from carlaloc_env.render.surfaces import surface_table, upload_textures
+from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
+from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
+from carlaloc_env.render.geometry.material_table import surface_table, upload_textures
+from carlaloc_env.render.geometry.mesh_buffers import Geometry, InstanceBuffer
+from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
+from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, View
+from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
+from carlaloc_env.render.geometry.static_scene import Scenery
+from carlaloc_env.render.geometry.triangle_culling import Sieve
+from carlaloc_env.render.gl.context import Programs, is_software, set_uniforms
+from carlaloc_env.render.lighting.shadow_maps import Casters
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 

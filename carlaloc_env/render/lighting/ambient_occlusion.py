@@ -11,8 +11,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import Programs, set_uniforms
-from carlaloc_env.render.scenery import Scenery
+from carlaloc_env.render.geometry.static_scene import Scenery
+from carlaloc_env.render.gl.context import Programs, set_uniforms
 
 Array = NDArray[np.float64]
 

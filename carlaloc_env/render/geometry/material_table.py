@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import shader_source
+from carlaloc_env.render.gl.context import shader_source
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
 

@@ -8,13 +8,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import set_uniforms
-from carlaloc_env.render.gbuffer import GBuffer, Targets
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.roofs import Roofs
-from carlaloc_env.render.shadow import STATIC_EXTENT_M, ShadowMap
-from carlaloc_env.render.skies import Sky
-from carlaloc_env.render.sky import READ_NOISE_E, electrons
+from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import set_uniforms
+from carlaloc_env.render.lighting.ambient_occlusion import Roofs
+from carlaloc_env.render.lighting.shadow_maps import STATIC_EXTENT_M, ShadowMap
+from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons
+from carlaloc_env.render.lighting.sky_textures import Sky
 from carlaloc_env.weather.parameters import WeatherParameters
 
 RIPPLES_NS = 1_000_000_000_000

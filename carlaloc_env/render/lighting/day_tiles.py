@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.shadow import Casters
-from carlaloc_env.render.tile_kernels import shaded_by
-from carlaloc_env.render.tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.lighting.screen_tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
+from carlaloc_env.render.lighting.shadow_maps import Casters
+from carlaloc_env.render.lighting.tile_kernels import shaded_by
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.clusters import cut, in_order
-from carlaloc_env.render.detail import Coarseness, coarse
-from carlaloc_env.render.geometry import Geometry, seen_from_front
-from carlaloc_env.render.projection import View
+from carlaloc_env.render.geometry.clusters import cut, in_order
+from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
+from carlaloc_env.render.geometry.mesh_buffers import Geometry, seen_from_front
+from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.mesh import Mesh, merge
 

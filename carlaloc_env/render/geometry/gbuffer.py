@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.projection import View
+from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.tile_kernels import depth_ranges
+from carlaloc_env.render.lighting.tile_kernels import depth_ranges
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.render.projection import NEAR_M, View
+from carlaloc_env.render.geometry.projection import NEAR_M, View
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.context import Programs, set_uniforms
-from carlaloc_env.render.geometry import Geometry, InstanceBuffer
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.scenery import Scenery
+from carlaloc_env.render.geometry.mesh_buffers import Geometry, InstanceBuffer
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.static_scene import Scenery
+from carlaloc_env.render.gl.context import Programs, set_uniforms
 from carlaloc_env.scene.mesh import Instances
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled, inlined
-from carlaloc_env.render.rain_kernels import low_beam
+from carlaloc_env.render.precipitation.rain_kernels import low_beam
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.context import is_software
-from carlaloc_env.render.sieve import Body, Sieve
-from carlaloc_env.render.surfaces import LOG_SCALE
+from carlaloc_env.render.geometry.material_table import LOG_SCALE
+from carlaloc_env.render.geometry.triangle_culling import Body, Sieve
+from carlaloc_env.render.gl.context import is_software
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, merge

@@ -10,9 +10,9 @@ from collections.abc import Callable
 import moderngl
 import numpy as np
 
-from carlaloc_env.render.context import Programs
-from carlaloc_env.render.gbuffer import GBuffer
-from carlaloc_env.render.projection import View
+from carlaloc_env.render.geometry.gbuffer import GBuffer
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import Programs
 
 COLUMN_PX, ROW_PX = 3, 3
 """Pixels of the picture for one of the mirror's."""

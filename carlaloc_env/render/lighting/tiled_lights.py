@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.glowing_tiles import keep_glowing
-from carlaloc_env.render.lights import Lights
-from carlaloc_env.render.lit_tiles import keep_lit
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.tile_kernels import level_tiles, list_lights
-from carlaloc_env.render.tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.lighting.fog_light_culling import keep_glowing
+from carlaloc_env.render.lighting.light_sources import Lights
+from carlaloc_env.render.lighting.screen_tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
+from carlaloc_env.render.lighting.surface_light_culling import keep_lit
+from carlaloc_env.render.lighting.tile_kernels import level_tiles, list_lights
 
 Array = NDArray[np.float64]
 

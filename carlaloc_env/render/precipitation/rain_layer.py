@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.rain import Streaks
-from carlaloc_env.render.streak_kernels import (
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.precipitation.rain_drops import Streaks
+from carlaloc_env.render.precipitation.streak_kernels import (
     UNSEEN_NOISE,
     UNSEEN_STEP,
     noticeable,

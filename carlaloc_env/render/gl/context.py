@@ -10,7 +10,7 @@ from typing import Any
 import moderngl
 
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.hoisting import hoisted
+from carlaloc_env.render.gl.uniform_hoisting import hoisted
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 """Debian and Ubuntu packages that bring OpenGL to a machine without a GPU."""

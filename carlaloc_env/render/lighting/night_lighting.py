@@ -8,16 +8,22 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.context import set_uniforms
-from carlaloc_env.render.gbuffer import GBuffer
-from carlaloc_env.render.lamp_words import air_words, surface_words
-from carlaloc_env.render.light_grid import LIGHT_CUTOFF, Air, LightGrid, light_grid
-from carlaloc_env.render.lights import Emitters, Lights, concatenate_lights, nearest, street_lamps
-from carlaloc_env.render.sky import READ_NOISE_E, electrons
-from carlaloc_env.render.streak_kernels import UNSEEN_NOISE
-from carlaloc_env.render.tile_quads import TileQuads
-from carlaloc_env.render.tiles import DepthRange
-from carlaloc_env.render.uniforms import Scene
+from carlaloc_env.render.geometry.gbuffer import GBuffer
+from carlaloc_env.render.gl.context import set_uniforms
+from carlaloc_env.render.lighting.light_packing import air_words, surface_words
+from carlaloc_env.render.lighting.light_sources import (
+    Emitters,
+    Lights,
+    concatenate_lights,
+    nearest,
+    street_lamps,
+)
+from carlaloc_env.render.lighting.screen_tiles import DepthRange
+from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons
+from carlaloc_env.render.lighting.tile_quads import TileQuads
+from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, Air, LightGrid, light_grid
+from carlaloc_env.render.lighting.uniforms import Scene
+from carlaloc_env.render.precipitation.streak_kernels import UNSEEN_NOISE
 from carlaloc_env.scene.mesh import ModelLibrary
 
 _LISTS = 0

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import moderngl
 
-from carlaloc_env.render.context import Programs
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.tiles import TILE_PX, TileGroups
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.gl.context import Programs
+from carlaloc_env.render.lighting.screen_tiles import TILE_PX, TileGroups
 
 _SKY_FEATURES = ("TILES", "NIGHT", "LINEAR", "GLOWS")
 """What the sky's program knows of."""

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.lights import Lights
-from carlaloc_env.render.projection import View
-from carlaloc_env.render.rain_kernels import fill as _fill
-from carlaloc_env.render.rain_kernels import shine as _shine
+from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.lighting.light_sources import Lights
+from carlaloc_env.render.precipitation.rain_kernels import fill as _fill
+from carlaloc_env.render.precipitation.rain_kernels import shine as _shine
 from carlaloc_env.weather.parameters import WeatherParameters
 
 Array = NDArray[np.float64]

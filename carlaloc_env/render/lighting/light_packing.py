@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.lights import HEADLAMP_COLOUR, Lights
+from carlaloc_env.render.lighting.light_sources import HEADLAMP_COLOUR, Lights
 
 Array = NDArray[np.float64]
 Words = NDArray[np.uint32]

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.render.occlusion import Depths
-from carlaloc_env.render.projection import NEAR_M, View
+from carlaloc_env.render.geometry.occlusion_culling import Depths
+from carlaloc_env.render.geometry.projection import NEAR_M, View
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]

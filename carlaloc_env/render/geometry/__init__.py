@@ -1,0 +1,1 @@
+"""Triangles to G-buffer: what is drawn, culled and labelled."""

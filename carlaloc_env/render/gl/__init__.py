@@ -1,0 +1,1 @@
+"""The OpenGL context, and how uniforms reach shaders."""

@@ -1,0 +1,1 @@
+"""G-buffer to light: sky, shadows, lamps, reflections, full-screen passes."""
