@@ -12,9 +12,9 @@ from naive_pybullet import NaiveWorld
 from scenario import RANGE_M, SEED, TOWN, Drive, drive_among
 from timing import Timing
 
-from carlaloc_env.presets import rig_by_name
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Sensor
-from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import weather_by_name

@@ -12,11 +12,11 @@ from timing import time_calls
 from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.presets import rig_by_name
-from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
-from carlaloc_env.sensors.camera_shot import Optics
-from carlaloc_env.sensors.event_camera import EventCamera, Glance
-from carlaloc_env.sensors.events import F32, log_intensity
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.sensors.camera.camera import CameraConfig, CameraSensor
+from carlaloc_env.sensors.event_camera.event_camera import EventCamera, Glance
+from carlaloc_env.sensors.event_camera.pixels import F32, log_intensity
+from carlaloc_env.sensors.imaging.frame import Optics
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.town import Town

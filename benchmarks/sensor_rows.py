@@ -13,9 +13,9 @@ from scenario import RANGE_M, drive_among
 from timing import time_calls
 
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.presets import rig_by_name
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 
 CROWDED = 60

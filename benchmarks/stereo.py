@@ -14,10 +14,10 @@ from timing import time_calls
 
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights, place_signals
 from carlaloc_env.core.transforms import transform
-from carlaloc_env.presets import rig_by_name
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import Instances, concatenate_instances
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.sensors.camera.camera import CameraConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import PRESETS

@@ -19,13 +19,13 @@ from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_m
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.observation import Observation, Observer
 from carlaloc_env.physics.contacts import Contact
-from carlaloc_env.presets import rig_by_name
-from carlaloc_env.rig import SensorRig
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
-from carlaloc_env.sensors.camera import instances_at
-from carlaloc_env.sensors.objects import objects_at
-from carlaloc_env.sensors.truth import truth_at
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.sensors.camera.camera import instances_at
+from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
+from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.rig import Rig
+from carlaloc_env.rigs.rig import Rig
 from carlaloc_env.samples import (
     CanState,
     DepthImage,

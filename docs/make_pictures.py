@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.transforms import quat_conjugate, quat_rotate
-from carlaloc_env.presets import flu_rig
+from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
-from carlaloc_env.stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.episode import Episode

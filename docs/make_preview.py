@@ -18,10 +18,10 @@ from make_pictures import busiest_s
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.presets import rig_by_name
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import DepthImage, Events, Image, PointCloud, Sample, SemanticImage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
-from carlaloc_env.stage import SensorStage
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name

@@ -25,7 +25,7 @@ HEAD = """\
 
 Written by `docs/make_sensors.py` out of the docstrings; change those, not this page.
 
-A rig is a list of the configurations below, in Python (`carlaloc_env.rig.SensorRig`) or in YAML
+A rig is a list of the configurations below, in Python (`carlaloc_env.rigs.rig.SensorRig`) or in YAML
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
 divides 200. Frames, units and signs: [conventions](conventions.md). Topics: [topics](topics.md). A line
 `preset: name` takes the values of a variant, on which the file's own values are laid.

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from carlaloc_env.presets import state_rig
+from carlaloc_env.rigs.presets import state_rig
 from carlaloc_env.samples import GnssFix
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.episode import Episode

@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
-from carlaloc_env.sensors.noise import white
+from carlaloc_env.sensors.inertial.stochastic_processes import white
 from carlaloc_env.timeline.timeline import Timeline
 
 

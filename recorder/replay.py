@@ -19,14 +19,14 @@ import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, WriterError
-from carlaloc_env.presets import rig_by_name
-from carlaloc_env.rig import Rig, SensorRig
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.rig import Rig, SensorRig
 from carlaloc_env.samples import Sample
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.objects import objects_at
-from carlaloc_env.sensors.truth import truth_at
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
+from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.schedule import Weather

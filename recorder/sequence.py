@@ -12,10 +12,10 @@ import numpy as np
 
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.rig import SensorRig
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events, Sample
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.imu import ImuConfig, ImuSensor
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.conditions import Condition
 from recorder.dataset_record import as_yaml, checksums

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from carlaloc_env.sensors.base import SensorConfig
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.can import CanConfig
-from carlaloc_env.sensors.gnss import GnssConfig
-from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar import LidarConfig
-from carlaloc_env.sensors.radar import RadarConfig
-from carlaloc_env.sensors.speed import SpeedConfig
-from carlaloc_env.sensors.wheels import WheelsConfig
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.gnss.gnss import GnssConfig
+from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.radar.radar import RadarConfig
+from carlaloc_env.sensors.vehicle.can import CanConfig
+from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
+from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig
 
 SENSOR_KINDS: dict[str, type[SensorConfig]] = {
     "camera": CameraConfig,

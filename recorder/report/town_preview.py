@@ -16,7 +16,7 @@ from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.geometry.projection import FAR_M
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances, ModelLibrary
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.tables import TrafficTables

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather
 from recorder.drive_status import DriveStatus

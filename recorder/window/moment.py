@@ -17,7 +17,7 @@ from carlaloc_env.actors.instances import (
 )
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.scene.mesh import Instances, concatenate_instances
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame
 from recorder.drive_status import DriveStatus
 

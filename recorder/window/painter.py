@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import CarlaLocError, RenderError
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
 from recorder.window.moment import Moment
 from recorder.window.resolution import SIZES_PX
 

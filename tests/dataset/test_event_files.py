@@ -11,9 +11,9 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores
 
-from carlaloc_env.presets import rig_by_name
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera.camera import CameraConfig
 from recorder.sequence import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.dsec import DsecWriter

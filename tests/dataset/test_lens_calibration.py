@@ -14,16 +14,16 @@ import yaml
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.core.lens_distortion import Lens
-from carlaloc_env.presets import rig_by_name
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.camera_shot import Optics, Shot
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.imaging.frame import Optics, Shot
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.writers.calibration import write_calibration
 from recorder.writers.rig_calibration import RigCalibration

@@ -18,7 +18,7 @@ from carlaloc_env.actors.instances import is_blink
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.driving import DrivingWorld
 from carlaloc_env.render.lighting.light_sources import Emitters
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
@@ -30,7 +30,7 @@ from recorder.window.views import LiveView
 pytest.importorskip("moderngl")
 ALONE = """
 import os, signal, sys
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather import weather_by_name
 from recorder.window.painter import Painter

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.presets import rig_by_name
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.sensors.camera.camera import CameraConfig
 from recorder.cli import replay as command
 from recorder.replay import ReplayConfig, rig_of
 

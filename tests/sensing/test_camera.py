@@ -20,7 +20,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig, CameraSensor
+from carlaloc_env.sensors.camera.camera import CameraConfig, CameraSensor
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.weather.parameters import PRESETS

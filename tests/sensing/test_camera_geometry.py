@@ -18,7 +18,7 @@ from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.sensors.camera.camera import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
 
 try:

@@ -16,12 +16,12 @@ from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.events import Motion
-from carlaloc_env.sensors.exposure import Imager, ImagerConfig
-from carlaloc_env.sensors.passing_surfaces import passing_surfaces
-from carlaloc_env.sensors.pixel_motion import Moment, motion_field
-from carlaloc_env.sensors.shutter import ShutterConfig, exposed, picked
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.event_camera.pixels import Motion
+from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
+from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.occluders import passing_surfaces
+from carlaloc_env.sensors.imaging.shutter import ShutterConfig, exposed, picked
 from carlaloc_env.weather.parameters import PRESETS
 
 STEP_NS = 50_000_000

@@ -12,14 +12,14 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.presets import rig_by_name
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.event_camera import EventConfig
-from carlaloc_env.sensors.lidar import LidarConfig
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.event_camera.event_camera import EventConfig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.build import load_town

@@ -16,18 +16,18 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.observation import Observer
-from carlaloc_env.rig import SensorRig
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Mount, SensorConfig
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.can import CanConfig
-from carlaloc_env.sensors.gnss import GnssConfig
-from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.gnss.gnss import GnssConfig
+from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
 from carlaloc_env.sensors.lidar_models import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS
-from carlaloc_env.sensors.radar import RadarConfig
-from carlaloc_env.sensors.speed import SpeedConfig
-from carlaloc_env.sensors.wheels import WheelsConfig
+from carlaloc_env.sensors.radar.radar import RadarConfig
+from carlaloc_env.sensors.vehicle.can import CanConfig
+from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
+from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 

@@ -12,13 +12,13 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.env import CarlaLocEnv
-from carlaloc_env.presets import rig_by_name
-from carlaloc_env.rig import SensorRig
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import ObjectList, PointCloud, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
 
 GO = np.array([0.0, 0.6, 0.0, 0.0, 0.0], np.float32)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.sensors.event_order import Slots
+from carlaloc_env.sensors.event_camera.time_sorting import Slots
 
 
 @pytest.mark.parametrize("room", [0, 900, 4000, 100_000])

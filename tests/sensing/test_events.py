@@ -13,21 +13,9 @@ from numpy.typing import NDArray
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.samples import EVENT, Events
-from carlaloc_env.sensors.event_lanes import LANES
-from carlaloc_env.sensors.event_sampling import (
-    BEGIN,
-    DX,
-    DY,
-    END,
-    GROWS,
-    LEVELS,
-    MORE,
-    X,
-    Y,
-)
-from carlaloc_env.sensors.event_search import ROWS
-from carlaloc_env.sensors.event_travel import ANYWHERE, FOUR_ROWS, THREE_ROWS, follow, travel
-from carlaloc_env.sensors.events import (
+from carlaloc_env.sensors.event_camera.chunk_sampling import ANYWHERE, FOUR_ROWS, THREE_ROWS, follow, travel
+from carlaloc_env.sensors.event_camera.edge_search import ROWS
+from carlaloc_env.sensors.event_camera.pixels import (
     NEVER_US,
     Motion,
     Pixels,
@@ -37,8 +25,10 @@ from carlaloc_env.sensors.events import (
     limit_rate,
     log_intensity,
 )
-from carlaloc_env.sensors.passing_surfaces import passing_surfaces
-from carlaloc_env.sensors.pixel_motion import Moment, motion_field
+from carlaloc_env.sensors.event_camera.simd import LANES
+from carlaloc_env.sensors.event_camera.simd_state import BEGIN, DX, DY, END, GROWS, LEVELS, MORE, X, Y
+from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
 F32 = NDArray[np.float32]
 SHAPE = (32, 48)

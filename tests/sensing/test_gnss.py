@@ -10,8 +10,8 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.observation import values_of
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.gnss import GnssConfig
-from carlaloc_env.sensors.satellites import CONSTELLATIONS, dilution
+from carlaloc_env.sensors.gnss.constellation import CONSTELLATIONS, dilution
+from carlaloc_env.sensors.gnss.gnss import GnssConfig
 
 STEP = 200_000_000
 

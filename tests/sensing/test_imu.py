@@ -13,14 +13,14 @@ from scipy.signal import welch
 from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError
-from carlaloc_env.rig import SensorRig
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar import LidarConfig
-from carlaloc_env.sensors.noise import Flicker, GaussMarkov, RandomWalk, WhiteSequence
-from carlaloc_env.sensors.speed import SpeedConfig
-from carlaloc_env.sensors.vibration import body_response
+from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, GaussMarkov, RandomWalk, WhiteSequence
+from carlaloc_env.sensors.inertial.vibration import body_response
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
 Array = NDArray[np.float64]

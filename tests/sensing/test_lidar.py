@@ -16,10 +16,10 @@ from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors import lidar_models
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.truth import truth_at
+from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 
 pytest.importorskip("open3d", reason="open3d is not installed")
-lidar = pytest.importorskip("carlaloc_env.sensors.lidar")
+lidar = pytest.importorskip("carlaloc_env.sensors.lidar.lidar")
 
 Array = NDArray[np.float64]
 HEIGHT = 1.85

@@ -17,7 +17,7 @@ from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.lidar_air import (
+from carlaloc_env.sensors.lidar.atmosphere import (
     BACKSCATTER_PER_MOR,
     PULSE_S,
     WATER_REFLECTANCE,
@@ -29,11 +29,11 @@ from carlaloc_env.sensors.lidar_air import (
     rain_extinction_per_m,
     wet_reflectance,
 )
-from carlaloc_env.sensors.lidar_weather import SolidEchoes, strongest_echoes
+from carlaloc_env.sensors.lidar.weather_echoes import SolidEchoes, strongest_echoes
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 pytest.importorskip("open3d", reason="open3d is not installed")
-lidar = pytest.importorskip("carlaloc_env.sensors.lidar")
+lidar = pytest.importorskip("carlaloc_env.sensors.lidar.lidar")
 
 Array = NDArray[np.float64]
 HEIGHT = 1.85

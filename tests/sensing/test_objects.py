@@ -14,11 +14,11 @@ from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.objects import objects_at
-from carlaloc_env.sensors.truth import truth_at
+from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
+from carlaloc_env.sensors.ground_truth.objects import objects_at
 
 pytest.importorskip("open3d", reason="open3d is not installed")
-lidar = pytest.importorskip("carlaloc_env.sensors.lidar")
+lidar = pytest.importorskip("carlaloc_env.sensors.lidar.lidar")
 
 BODY = ([-2.3, -0.9, 0.0], [2.3, 0.9, 1.5])
 

@@ -8,13 +8,13 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.observation import Observer, values_of
-from carlaloc_env.rig import SensorRig
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.gnss import GnssConfig
-from carlaloc_env.sensors.imu import ImuConfig
-from carlaloc_env.sensors.lidar import LidarConfig
-from carlaloc_env.sensors.speed import SpeedConfig
+from carlaloc_env.sensors.gnss.gnss import GnssConfig
+from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 STEP = 50_000_000

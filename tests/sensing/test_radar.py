@@ -16,9 +16,10 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.radar import RadarConfig
-from carlaloc_env.sensors.radar_detector import CLUTTER, GHOST, THING
-from carlaloc_env.sensors.radar_echo import (
+from carlaloc_env.sensors.radar.cross_sections import actor_rcs_dbsm, texture
+from carlaloc_env.sensors.radar.detector import CLUTTER, GHOST, THING
+from carlaloc_env.sensors.radar.radar import RadarConfig
+from carlaloc_env.sensors.radar.radar_equation import (
     Echoes,
     detect,
     errors,
@@ -27,7 +28,6 @@ from carlaloc_env.sensors.radar_echo import (
     rain_loss_db_per_m,
     snr_at,
 )
-from carlaloc_env.sensors.radar_targets import actor_rcs_dbsm, texture
 from carlaloc_env.weather.parameters import WeatherParameters
 
 pytest.importorskip("open3d", reason="open3d is not installed")

@@ -15,12 +15,12 @@ from carlaloc_env.actors.instances import place_ego, place_signals
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.transforms import transform
-from carlaloc_env.presets import rig_by_name
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import Instances, concatenate_instances
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.sensors.camera.camera import CameraConfig
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import PRESETS

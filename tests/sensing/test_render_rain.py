@@ -14,7 +14,6 @@ from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.render.gl.context import create_context
-from carlaloc_env.render.lens_drops import with_lens_drops
 from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, street_lamps
 from carlaloc_env.render.lighting.sky_model import sky_light
 from carlaloc_env.render.precipitation.rain_drops import (
@@ -30,6 +29,7 @@ from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 
 try:

@@ -17,11 +17,11 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
 from carlaloc_env.driving import DrivingWorld
-from carlaloc_env.presets import flu_rig
-from carlaloc_env.rig import SensorRig
+from carlaloc_env.rigs.presets import flu_rig
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
-from carlaloc_env.sensors.camera import CameraConfig
-from carlaloc_env.stage import SensorStage
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.sensors.camera.camera import CameraConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name

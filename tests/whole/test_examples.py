@@ -12,8 +12,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.errors import RaycastError, RenderError
-from carlaloc_env.rig import SensorRig
-from carlaloc_env.sensors.lidar import LidarConfig
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode import Episode
 from recorder.evaluation.metrics import Metric

@@ -14,9 +14,9 @@ import carlaloc_env
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ActionError, CarlaLocError, ConfigError, MapError, RenderError
 from carlaloc_env.env import CarlaLocEnv, controls_of
-from carlaloc_env.presets import rig_by_name
-from carlaloc_env.rig import SensorRig
-from carlaloc_env.sensors.camera import CameraConfig
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.camera.camera import CameraConfig
 
 COAST = np.array([0.0, 0.3, 0.0, 0.0, 0.0], np.float32)
 

@@ -1,0 +1,1 @@
+"""Which sensors a car carries."""

@@ -1,0 +1,145 @@
+"""Rigs by name. Distances along the car are the CARLA-Loc paper's, counted from its IMU.
+
+The paper does not print heights. Here the IMU lies in the cabin 1.5 m ahead of the rear axle; the
+cameras stand above the windscreen so that the bonnet shows at the bottom of the picture, and the
+LiDAR stands 0.4 m above the roof, whose shadow hides the ground near the car.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.gnss.gnss import GnssConfig
+from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.radar.radar import RadarConfig
+from carlaloc_env.sensors.vehicle.can import CanConfig
+from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
+from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig
+
+IMU_X_M = 1.5
+"""The IMU, the paper's origin, ahead of the rear axle [m]."""
+IMU_Z_M = 1.2
+"""Height of the IMU above the ground [m]."""
+CAMERA_Z_M = 1.60
+"""Height of the cameras above the ground [m]."""
+LIDAR_Z_M = 1.85
+"""Height of LiDAR and radars above the ground [m]."""
+GNSS_Z_M = 1.5
+"""Height of the GNSS antenna above the ground [m]."""
+
+
+def paper_rig() -> SensorRig:
+    """The rig of the CARLA-Loc paper, IMU axes up, right, forward."""
+    return SensorRig(
+        name="paper",
+        sensors=(
+            _imu("paper_imu"),
+            *_cameras(),
+            LidarConfig(mount=_mount(-0.3, LIDAR_Z_M)),
+            *_radars(),
+            _gnss(),
+            SpeedConfig(),
+        ),
+    )
+
+
+def flu_rig() -> SensorRig:
+    """The same places with the IMU in FLU axes, the angles and timing of an HDL-32E, wheels and CAN."""
+    sensors: tuple[SensorConfig, ...] = (
+        _imu("flu"),
+        *_cameras(),
+        _hdl32e(),
+        *_radars(),
+        _gnss(),
+        SpeedConfig(),
+    )
+    sensors += (WheelsConfig(), CanConfig())
+    return SensorRig(name="flu", sensors=sensors)
+
+
+def minimal_rig() -> SensorRig:
+    """One small colour camera, IMU and speed: for a first look."""
+    camera = CameraConfig(
+        name="front",
+        mount=_mount(0.3, CAMERA_Z_M, "optical"),
+        pinhole=Pinhole.from_fov(320, 180, 90.0),
+        outputs=("rgb",),
+    )
+    return SensorRig(name="minimal", sensors=(_imu("flu"), camera, SpeedConfig()))
+
+
+def lidar_rig() -> SensorRig:
+    """HDL-32E, IMU, GNSS and speed; needs no OpenGL."""
+    return SensorRig(name="lidar", sensors=(_imu("flu"), _hdl32e(), _gnss(), SpeedConfig()))
+
+
+def state_rig() -> SensorRig:
+    """IMU, GNSS and speed: thousands of steps per second."""
+    return SensorRig(name="state", sensors=(_imu("flu"), _gnss(), SpeedConfig()))
+
+
+RIGS = {
+    "paper": paper_rig,
+    "flu": flu_rig,
+    "minimal": minimal_rig,
+    "lidar": lidar_rig,
+    "state": state_rig,
+}
+"""Makers of the named rigs."""
+
+
+def rig_by_name(rig: str | Path) -> SensorRig:
+    """Named rig, or the rig of a YAML file.
+
+    Raises:
+        ConfigError: neither a known name nor a readable rig file.
+    """
+    if str(rig) in RIGS:
+        return RIGS[str(rig)]()
+    path = Path(rig)
+    if path.suffix in (".yaml", ".yml"):
+        return SensorRig.load(path)
+    raise ConfigError(unknown_name("rig", str(rig), RIGS) + ", or a .yaml file")
+
+
+def _mount(forward_m: float, height_m: float, axes: str = "flu", left_m: float = 0.0) -> Mount:
+    return Mount(position_m=(round(IMU_X_M + forward_m, 6), left_m, height_m), axes=axes)
+
+
+def _imu(axes: str) -> ImuConfig:
+    return ImuConfig(mount=_mount(0.0, IMU_Z_M, axes))
+
+
+def _gnss() -> GnssConfig:
+    return GnssConfig(mount=_mount(-0.8, GNSS_Z_M))
+
+
+def _hdl32e() -> LidarConfig:
+    return LidarConfig(mount=_mount(-0.3, LIDAR_Z_M), **LidarConfig.preset_values("hdl32e"))
+
+
+def _radars() -> tuple[RadarConfig, ...]:
+    """Three radars that together see all around, at the LiDAR's place."""
+    place = _mount(-0.3, LIDAR_Z_M).position_m
+    return tuple(
+        RadarConfig(name=name, mount=Mount(position_m=place, rpy_deg=(0.0, 0.0, yaw)))
+        for name, yaw in (("front", 0.0), ("left", 120.0), ("right", -120.0))
+    )
+
+
+def _cameras() -> tuple[CameraConfig, CameraConfig]:
+    left, right = (
+        CameraConfig(
+            name=name,
+            mount=_mount(0.3, CAMERA_Z_M, "optical", left_m=y),
+            outputs=("rgb", "depth", "semantic", "events"),
+        )
+        for name, y in (("left", 0.2), ("right", -0.2))
+    )
+    return left, right

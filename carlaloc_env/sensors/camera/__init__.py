@@ -1,0 +1,1 @@
+"""The camera: colour, depth, semantics, flow, normals, events."""

@@ -1,0 +1,308 @@
+"""The camera: colour, planar depth and semantics of one pinhole, drawn in one pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from carlaloc_env.actors.instances import ego_lights, place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.lens_distortion import Lens
+from carlaloc_env.render.geometry.projection import FAR_M
+from carlaloc_env.samples import (
+    DepthImage,
+    Events,
+    FlowImage,
+    Image,
+    NormalImage,
+    Sample,
+    SemanticImage,
+)
+from carlaloc_env.scene.mesh import Instances, concatenate_instances
+from carlaloc_env.scene.semantic_tags import TAG_TABLES, Tag, tags_in
+from carlaloc_env.sensors.base import Camera, Mount, SensorConfig, World
+from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain, EventConfig, Glance
+from carlaloc_env.sensors.event_camera.pixels import F32, log_intensity
+from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
+from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.imager import ImagerConfig
+from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
+from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.shutter import ShutterConfig
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.parameters import WIND_DIRECTION
+from carlaloc_env.weather.schedule import Weather
+
+OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
+"""What a camera can give; stream names are ``<output>_<name>``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraConfig(SensorConfig):
+    """A camera; the defaults are the CARLA-Loc paper's."""
+
+    kind: ClassVar[str] = "camera"
+
+    name: str = "left"
+    """Name of the camera; its streams end with it, and its frame is ``camera_<name>``."""
+    mount: Mount = field(default_factory=lambda: Mount(axes="optical"))
+    """Where it sits on the car."""
+    rate_hz: float = 20.0
+    """Pictures per second [Hz]."""
+    pinhole: Pinhole = field(default_factory=Pinhole)
+    """Intrinsics."""
+    lens: Lens = field(default_factory=Lens)
+    """Distortion; the default has none."""
+    imager: ImagerConfig | None = None
+    """Exposure control, noise and tone curve; None: the renderer's own picture, which has noise by night."""
+    shutter: ShutterConfig | None = None
+    """Motion blur and rolling shutter, which need an imager; None: an infinitely short exposure."""
+    leaf_wind_mps: float = 0.0
+    """Wind that sways leaves [m/s], the same in all weathers; LiDARs, events and flow see still leaves."""
+    lens_drops: bool = False
+    """Whether drops cling to the lens while it rains."""
+    outputs: tuple[str, ...] = ("rgb", "depth", "semantic")
+    """Streams, of `OUTPUTS`; with ``flow`` all of them come one period late in a live run."""
+    events: EventConfig = field(default_factory=EventConfig)
+    """Pixels of the event camera behind the same lens, if ``events`` is given; falling drops fire none."""
+    tag_table: str = TAG_TABLES[0]
+    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
+
+    def __post_init__(self) -> None:
+        SensorConfig.__post_init__(self)
+        if not self.outputs or set(self.outputs) - set(OUTPUTS):
+            raise ConfigError(
+                f"camera '{self.name}': outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}"
+            )
+        if self.shutter is not None and self.imager is None:
+            raise ConfigError(f"camera '{self.name}': a shutter needs an imager, which sets its exposure")
+        if not 0.0 <= self.leaf_wind_mps <= 40.0:
+            raise ConfigError(f"camera '{self.name}': leaf_wind_mps must lie between 0 and 40")
+        if self.tag_table not in TAG_TABLES:
+            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
+
+    @property
+    def frame_id(self) -> str:
+        """Optical frame: x right, y down, z forward."""
+        return f"camera_{self.name}"
+
+    def build(self, world: World) -> CameraSensor:
+        """The camera in a world."""
+        return CameraSensor(self, world)
+
+
+class CameraSensor(Camera):
+    """Draws the town, the ego's own body, actors and lit signals as they were at the stamp."""
+
+    config: CameraConfig
+
+    def __init__(self, config: CameraConfig, world: World) -> None:
+        super().__init__(config)
+        self._world = world
+        self._T_base_camera = config.mount.T_base_sensor
+        self._period_ns = self.schedule.period_ticks * TICK_NS
+        self._optics = Optics(config.pinhole, config.lens)
+        self._chain: EventChain | None = None
+        self._imaging: Imaging | None = None
+        self._made_seed: int | None = None
+        if config.imager is not None and config.shutter is not None:
+            self.latency_ns = config.shutter.span_ns(config.imager.exposure_max_ms) // 2
+        if "flow" in config.outputs:
+            self.latency_ns = max(self.latency_ns, self._period_ns)
+
+    def streams(self) -> dict[str, spaces.Space[Any]]:
+        """Observation spaces of the streams.
+
+        Colour (H, W, 3) sRGB, depth (H, W) [m] with 0 = sky, semantic `Tag` (H, W), flow (H, W, 2)
+        [px], normals (H, W, 3), counts of brighter and darker events (H, W, 2).
+        """
+        shape = (self.config.pinhole.height_px, self.config.pinhole.width_px)
+        known: dict[str, spaces.Space[Any]] = {
+            "rgb": spaces.Box(0, 255, (*shape, 3), np.uint8),
+            "depth": spaces.Box(0.0, FAR_M, shape, np.float32),
+            "semantic": spaces.Box(0, max(Tag), shape, np.uint8),
+            "flow": spaces.Box(-np.inf, np.inf, (*shape, 2), np.float32),
+            "normal": spaces.Box(-1.0, 1.0, (*shape, 3), np.float32),
+            "events": spaces.Box(0, 255, (*shape, 2), np.uint8),
+        }
+        return {self._stream(output): known[output] for output in OUTPUTS if output in self.config.outputs}
+
+    def measure(self, timeline: Timeline, stamps_ns: Sequence[int]) -> list[Sample]:
+        """Pictures under the world's weather at the given stamps [ns]."""
+        weather = self._world.weather
+        return [
+            sample
+            for stamp in stamps_ns
+            for sample in self.measure_conditions(timeline, int(stamp), [weather])[0]
+        ]
+
+    def measure_conditions(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]
+    ) -> list[list[Sample]]:
+        """Pictures of one instant under several weathers, one list per weather.
+
+        Geometry is drawn once. Only colour and events depend on the weather: the lists share all other
+        samples.
+        """
+        self._make(self._world.seed)
+        shots: dict[int, tuple[Shot, Moment]] = {}
+
+        def draw(at_ns: int) -> tuple[Shot, Moment]:
+            if at_ns not in shots:
+                # A long look back would fill the graphics memory: the picture itself and the last one stay.
+                for old in [t for t in shots if t != stamp_ns][:-1]:
+                    del shots[old]
+                shots[at_ns] = self._draw(timeline, at_ns), self._moment(timeline, at_ns)
+            return shots[at_ns]
+
+        imaging = self._imaging
+        swept = imaging.sweep(timeline, stamp_ns, draw) if imaging is not None else None
+        shared = self._shared(timeline, stamp_ns, draw, swept)
+        conditions: list[list[Sample]] = [[] for _ in weathers]
+        if "rgb" in self.config.outputs:
+            if imaging is not None:
+                pictures = imaging.pictures(timeline, stamp_ns, weathers, draw, swept)
+            else:
+                shot, seed = draw(stamp_ns)[0], self._world.seed
+                pictures = shot.rgbs([weather.at(stamp_ns) for weather in weathers], stamp_ns, seed)
+            for samples, rgb, weather in zip(conditions, pictures, weathers, strict=True):
+                if self.config.lens_drops:
+                    rgb = self._through_drops(rgb, weather, stamp_ns)
+                samples.append(Image(rgb=rgb, **self._labels("rgb", stamp_ns)))
+        for samples in conditions:
+            samples += shared
+        if "events" in self.config.outputs:
+            for samples, one in zip(
+                conditions, self._events(timeline, stamp_ns, weathers, draw), strict=True
+            ):
+                samples.append(one)
+        return conditions
+
+    def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[Glance, Shot]:
+        """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
+        shot = self._draw(timeline, stamp_ns)
+        return Glance.of(shot, self._moment(timeline, stamp_ns)), shot
+
+    def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
+        now, seed = weather.at(stamp_ns), self._world.seed
+        if now.precipitation <= 0.0:
+            return rgb
+        return with_lens_drops(rgb, now, stamp_ns=stamp_ns, seed=seed, camera=self.config.name)
+
+    def _make(self, seed: int) -> None:
+        """Fixed patterns of noise, for a seed."""
+        if seed == self._made_seed:
+            return
+        config, self._made_seed = self.config, seed
+        if "events" in config.outputs:
+            camera = EventCamera(config.events, config.name, self._optics, seed)
+            self._chain = EventChain(camera, self._period_ns)
+        if config.imager is not None:
+            self._imaging = Imaging(
+                config.imager, config.shutter, config.name, self._optics, self._period_ns, seed
+            )
+
+    def _pose(self, timeline: Timeline, stamp_ns: int) -> NDArray[np.float64]:
+        T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
+        # Written out without BLAS, so that the pose has the same bits on every machine.
+        result: NDArray[np.float64] = np.sum(T_world_base[:, :, None] * self._T_base_camera[None], axis=1)
+        return result
+
+    def _draw(self, timeline: Timeline, stamp_ns: int) -> Shot:
+        renderer = self._world.renderer()
+        gbuffer = renderer.draw(
+            self._optics.drawn,
+            self._pose(timeline, stamp_ns),
+            instances_at(self._world, timeline, stamp_ns),
+            velocity_mps=timeline.ego_motion([stamp_ns]).velocity_world_mps[0],
+            wind_mps=self.config.leaf_wind_mps * WIND_DIRECTION,
+            stamp_ns=stamp_ns,
+        )
+        return Shot(gbuffer, renderer, self._optics.view)
+
+    def _moment(self, timeline: Timeline, stamp_ns: int) -> Moment:
+        return Moment.of(timeline, stamp_ns, self._pose(timeline, stamp_ns))
+
+    def _shared(self, timeline: Timeline, stamp_ns: int, draw: Draw, swept: Swept | None) -> list[Sample]:
+        outputs, samples = self.config.outputs, list[Sample]()
+        rolled = self._imaging.rolled(stamp_ns, swept) if self._imaging is not None else None
+        if "depth" in outputs:
+            depth_m = draw(stamp_ns)[0].depth_m if rolled is None else rolled[0]
+            samples.append(DepthImage(depth_m=depth_m, **self._labels("depth", stamp_ns)))
+        if "semantic" in outputs:
+            tag, instance = draw(stamp_ns)[0].labels if rolled is None else rolled[1:]
+            tag = tags_in(self.config.tag_table, tag)
+            samples.append(SemanticImage(tag=tag, instance=instance, **self._labels("semantic", stamp_ns)))
+        if "flow" in outputs:
+            shot, now = draw(stamp_ns)
+            field = motion_field(
+                self.config.pinhole,
+                shot.depth_m,
+                shot.labels[1],
+                now,
+                self._moment(timeline, stamp_ns + self._period_ns),
+                lens=self.config.lens,
+                rays=self._optics.rays,
+            )
+            flow_px = np.ascontiguousarray(field[..., :2])
+            samples.append(FlowImage(flow_px=flow_px, **self._labels("flow", stamp_ns)))
+        if "normal" in outputs:
+            normal = draw(stamp_ns)[0].normal
+            samples.append(NormalImage(normal=normal, **self._labels("normal", stamp_ns)))
+        return samples
+
+    def _events(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
+    ) -> list[Events]:
+        assert self._chain is not None
+        pinhole, dark = self.config.pinhole, self.config.events.dark_cd_m2
+
+        def look(at_ns: int) -> tuple[Glance, list[F32]]:
+            seen, moment = draw(at_ns)
+            return Glance.of(seen, moment), [
+                log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
+                for weather in weathers
+            ]
+
+        return [
+            Events(
+                events=events,
+                width_px=pinhole.width_px,
+                height_px=pinhole.height_px,
+                period_ns=self._period_ns,
+                **self._labels("events", stamp_ns),
+            )
+            for events in self._chain.events(timeline, stamp_ns, weathers, look)
+        ]
+
+    def _labels(self, output: str, stamp_ns: int) -> dict[str, Any]:
+        return {
+            "sensor": self._stream(output),
+            "frame_id": self.config.frame_id,
+            "stamp_ns": stamp_ns,
+        }
+
+    def _stream(self, output: str) -> str:
+        return f"{output}_{self.config.name}"
+
+
+def instances_at(world: World, timeline: Timeline, stamp_ns: int) -> Instances:
+    """Ego, actors, their lit lamps and lit signal lenses at one time [ns]."""
+    T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
+    # Detail goes by the ego's place, so that both eyes see the same shapes.
+    actors, eye_m = timeline.actors_at(stamp_ns), T_world_base[:3, 3]
+    return concatenate_instances(
+        [
+            place_ego(T_world_base, world.library, ego_lights(timeline.car, stamp_ns)),
+            place_actors(timeline.catalog, actors, world.library, eye_m=eye_m),
+            place_lights(timeline.catalog, actors, world.library, stamp_ns, eye_m=eye_m),
+            place_signals(world.lenses, timeline.signals_at(stamp_ns), world.library),
+        ]
+    )

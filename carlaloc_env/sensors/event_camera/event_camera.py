@@ -1,0 +1,215 @@
+"""The event camera: what a camera's pixels fire between its pictures, carried from one to the next.
+
+Pixels remember. So that any stretch of a drive can still be made on its own with the same bytes,
+their memory is begun anew, without firing, every `restart_s` of the drive: each reference lies
+anywhere within its thresholds, as in a camera that has run for long. Asked for a stamp that does
+not follow the one before, the camera first goes over the drive from the last such moment.
+
+Weather changes the light that events come from, fog and wet ground included. Falling drops do not: a
+streak is there for one picture alone and has no place in the next, so it would fire at the wrong time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.jit import over_bands
+from carlaloc_env.samples import EVENT
+from carlaloc_env.sensors.event_camera.pixels import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
+from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.occluders import passing_surfaces
+from carlaloc_env.sensors.imaging.state_chain import Chain
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.weather.schedule import Weather
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventConfig:
+    """Pixels of an event camera; the defaults are CARLA's threshold with the noise of a good chip."""
+
+    threshold_on: float = 0.3
+    """Rise of log intensity that makes an event, no unit."""
+    threshold_off: float = 0.3
+    """Fall of log intensity that makes an event, no unit."""
+    threshold_sigma: float = 0.03
+    """Standard deviation of both thresholds between pixels, no unit (v2e: 0.03)."""
+    refractory_us: int = 500
+    """Shortest time between two events of a pixel [µs] (v2e: 500)."""
+    leak_hz: float = 0.1
+    """Positive events of a pixel in steady light [Hz]."""
+    shot_hz: float = 0.1
+    """Noise events of a pixel [Hz]."""
+    dark_cd_m2: float = 0.05
+    """Luminance whose photocurrent equals the dark current [cd/m²]."""
+    rate_max_mev_s: float = 0.0
+    """Most events the read-out passes on [million/s]; 0 = all."""
+    step_px: float = 1.0
+    """Farthest that anything moves between two samples of the signal [px]."""
+    restart_s: float = 10.0
+    """Pixels' memory begins anew at multiples of this time [s]."""
+
+    def __post_init__(self) -> None:
+        if min(self.threshold_on, self.threshold_off) < 0.01:
+            raise ConfigError("event thresholds must be at least 0.01")
+        rates = (self.leak_hz, self.shot_hz, self.rate_max_mev_s, self.threshold_sigma)
+        if min(*rates, self.refractory_us) < 0:
+            raise ConfigError(
+                "leak, shot noise, refractory time and rate limit of events must not be negative"
+            )
+        if self.dark_cd_m2 <= 0 or self.step_px <= 0 or self.restart_s <= 0:
+            raise ConfigError("dark_cd_m2, step_px and restart_s of events must be above zero")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Glance:
+    """All that is needed of one picture."""
+
+    moment: Moment
+    """Where everything was."""
+    depth_m: F32
+    """Planar depth [m], 0 = sky, shape (H, W)."""
+    instance: NDArray[np.uint32]
+    """Instance ids, shape (H, W)."""
+
+    @classmethod
+    def of(cls, shot: Shot, moment: Moment) -> Glance:
+        """Glance of a drawn picture."""
+        return cls(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
+
+
+def motion_between(optics: Optics, before: Glance, after: Glance) -> Motion:
+    """How everything moves between two pictures of a camera."""
+
+    def field(now: Glance, then: Glance) -> F32:
+        return motion_field(
+            optics.pinhole,
+            now.depth_m,
+            now.instance,
+            now.moment,
+            then.moment,
+            lens=optics.lens,
+            rays=optics.rays,
+        )
+
+    forward = field(before, after)
+    # Side by side, since not all that the one does can be shared among threads.
+    jobs = (lambda: passing_surfaces(forward), lambda: field(after, before))
+    passing, backward = over_bands(lambda job, _: jobs[job](), len(jobs), 1)
+    return Motion(forward=forward, backward=backward, passing=passing)
+
+
+class EventCamera:
+    """The pixels of one event camera; holds what never changes, the caller holds the states."""
+
+    def __init__(self, config: EventConfig, name: str, optics: Optics, seed: int) -> None:
+        self.config = config
+        self._name, self._seed, self._optics = f"events_{name}", seed, optics
+        self._shape = (optics.pinhole.height_px, optics.pinhole.width_px)
+        self._pixels = Pixels.draw(
+            seed, self._name, self._shape, config.threshold_on, config.threshold_off, config.threshold_sigma
+        )
+
+    @property
+    def restart_ns(self) -> int:
+        """Time between two new beginnings [ns]."""
+        return round(self.config.restart_s * 1e9)
+
+    def begin(self, log_intensity: F32, stamp_ns: int) -> PixelState:
+        """State at a moment without history."""
+        return PixelState.begun(log_intensity, self._pixels, self._seed, self._name, stamp_ns)
+
+    def motion(self, before: Glance, after: Glance) -> Motion:
+        """How everything moves between two pictures; the same for all weathers."""
+        return motion_between(self._optics, before, after)
+
+    def fire(
+        self, before: F32, after: F32, motion: Motion, state: PixelState, span_ns: tuple[int, int]
+    ) -> tuple[NDArray[np.void], PixelState]:
+        """Events between two pictures of log intensity, and the state after them.
+
+        Args:
+            before: Log intensity at the beginning, shape (H, W).
+            after: Log intensity at the end, shape (H, W).
+            motion: From `motion`.
+            state: State at the beginning.
+            span_ns: Beginning and end [ns].
+        """
+        config, (start_ns, end_ns) = self.config, span_ns
+        span_us = (end_ns - start_ns) // 1000
+        shots = Shots.draw(self._seed, self._name, end_ns, self._shape, config.shot_hz, span_us)
+        events, state = fire(
+            before,
+            after,
+            motion,
+            state,
+            self._pixels,
+            shots,
+            start_ns=start_ns,
+            span_us=span_us,
+            refractory_us=config.refractory_us,
+            leak_hz=config.leak_hz,
+            step_px=config.step_px,
+        )
+        if config.rate_max_mev_s > 0:
+            events = limit_rate(events, start_ns, 1e6 * config.rate_max_mev_s)
+        if start_ns // self.restart_ns < end_ns // self.restart_ns:
+            state = self.begin(after, end_ns)
+        return events, state
+
+
+Look = Callable[[int], tuple[Glance, list[F32]]]
+"""Takes a picture at a stamp [ns]: the glance, and the log intensity under each weather."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Held:
+    stamp_ns: int
+    glance: Glance
+    intensity: list[F32]
+    states: list[PixelState]
+    events: list[NDArray[np.void]]
+
+
+class EventChain:
+    """Events of picture after picture under several weathers, whatever the order they are asked for in."""
+
+    def __init__(self, camera: EventCamera, period_ns: int) -> None:
+        self._camera = camera
+        self._chain: Chain[_Held] = Chain(period_ns, camera.restart_ns)
+
+    def events(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look
+    ) -> list[NDArray[np.void]]:
+        """Events of the period that ends at a stamp [ns], for each weather.
+
+        There are none at the first picture of a drive, nor at the oldest one that a timeline knows.
+        """
+
+        def begin(at_ns: int) -> _Held:
+            glance, intensity = look(at_ns)
+            states = [self._camera.begin(one, at_ns) for one in intensity]
+            none = [np.zeros(0, EVENT) for _ in intensity]
+            return _Held(stamp_ns=at_ns, glance=glance, intensity=intensity, states=states, events=none)
+
+        def follow(held: _Held, at_ns: int) -> _Held:
+            glance, intensity = look(at_ns)
+            motion = self._camera.motion(held.glance, glance)
+            fired = [
+                self._camera.fire(before, after, motion, state, (held.stamp_ns, at_ns))
+                for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
+            ]
+            return _Held(
+                stamp_ns=at_ns,
+                glance=glance,
+                intensity=intensity,
+                states=[one[1] for one in fired],
+                events=[one[0] for one in fired],
+            )
+
+        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).events

@@ -1,0 +1,1 @@
+"""GNSS receivers and the satellites they see."""

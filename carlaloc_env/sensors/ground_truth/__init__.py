@@ -1,0 +1,1 @@
+"""What is true: the ego's state, all objects and their visibility."""

@@ -1,0 +1,105 @@
+"""Ground truth of all other road users: boxes, velocities, and how much of each can be seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.transforms import quat_rotate
+from carlaloc_env.samples import ObjectList
+from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes, boxes_at
+from carlaloc_env.timeline.timeline import Timeline
+
+if TYPE_CHECKING:
+    from carlaloc_env.raycast import RayScene
+
+Array = NDArray[np.float64]
+
+REACH_M = 120.0
+"""Farther away visibility is not asked for [m]."""
+_RAYS = 40
+"""Rays aimed at each object."""
+
+
+def objects_at(
+    timeline: Timeline,
+    stamp_ns: int,
+    *,
+    rays: RayScene | None = None,
+    eye_m: tuple[float, float, float] = (1.2, 0.0, 1.85),
+) -> ObjectList:
+    """All actors at one time; their ids are those of points and pixels.
+
+    Args:
+        timeline: Where everything is.
+        stamp_ns: When [ns].
+        rays: Finds what is in the way; None: visibility is unknown (NaN).
+        eye_m: Place in `base_link` from which visibility is judged [m]: the LiDAR's in the named rigs.
+    """
+    boxes = boxes_at(timeline, stamp_ns)
+    motion = timeline.ego_motion([stamp_ns])
+    eye = motion.position_m[0] + quat_rotate(motion.quat_xyzw[0], eye_m)
+    away = boxes.centre_m - eye
+    distance = np.sqrt(np.sum(away * away, axis=-1))
+    visible = np.full(len(boxes), np.nan)
+    near = np.flatnonzero(distance < REACH_M)
+    if rays is not None and len(near):
+        visible[near] = _visible(timeline, stamp_ns, rays, eye, boxes.take(near))
+    return ObjectList(
+        sensor="objects",
+        frame_id="world",
+        stamp_ns=int(stamp_ns),
+        id=boxes.id.copy(),
+        tag=boxes.tag.copy(),
+        position_m=boxes.centre_m,
+        heading_rad=boxes.heading_rad,
+        pitch_rad=boxes.pitch_rad,
+        roll_rad=boxes.roll_rad,
+        size_m=boxes.size_m,
+        velocity_mps=boxes.velocity_mps,
+        yaw_rate_radps=boxes.yaw_rate_radps,
+        visible=visible,
+        distance_m=distance,
+    )
+
+
+def _visible(timeline: Timeline, stamp_ns: int, rays: RayScene, eye_m: Array, boxes: Boxes) -> Array:
+    """Share of each object that is not hidden behind other things, 0–1.
+
+    Rays go to points spread evenly through the box; those that meet the object count as seen, those
+    that something else stops before it as hidden, and those that pass it by say nothing.
+    """
+    index = np.repeat(np.arange(len(boxes)), _RAYS)
+    inside = np.tile(_spread(_RAYS) - 0.5, (len(boxes), 1)) * 0.9 * boxes.size_m[index]
+    towards = boxes.to_world(index, inside) - eye_m
+    far = np.maximum(np.sqrt(np.sum(towards * towards, axis=-1)), 1e-6)
+    hits = rays.cast(
+        np.broadcast_to(eye_m, towards.shape),
+        towards / far[:, None],
+        np.full(len(far), stamp_ns, dtype=np.int64),
+        timeline,
+        1.5 * REACH_M,
+        ego=False,
+    )
+    met = hits.instance == boxes.id[index]
+    size = np.sqrt(np.sum(boxes.size_m * boxes.size_m, axis=-1))
+    stopped = ~met & (hits.range_m < far - 0.3 * size[index])
+    seen, hidden = (np.bincount(index[kind], minlength=len(boxes)) for kind in (met, stopped))
+    share: Array = seen / np.maximum(seen + hidden, 1)
+    return share
+
+
+def _spread(count: int) -> Array:
+    """Points spread evenly through a unit cube (Halton's sequence, bases 2, 3, 5), shape (count, 3)."""
+    columns = []
+    for base in (2, 3, 5):
+        values = np.zeros(count)
+        left, share = np.arange(1, count + 1), 1.0
+        while left.any():
+            share /= base
+            values += share * (left % base)
+            left = left // base
+        columns.append(values)
+    return np.stack(columns, axis=-1)

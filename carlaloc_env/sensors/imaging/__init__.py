@@ -1,0 +1,1 @@
+"""From scene to image: frames, exposure, shutter, motion between frames."""

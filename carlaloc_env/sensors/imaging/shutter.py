@@ -1,0 +1,162 @@
+"""Motion blur and rolling shutter: pixels between two drawn pictures, along the true motion.
+
+A row begins and ends its exposure at times of its own; the light of a pixel is the mean over them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.jit import compiled, over_bands
+from carlaloc_env.sensors.event_camera.pixels import Motion
+from carlaloc_env.sensors.imaging.motion_warping import BOTH, FIRST, NOWHERE, SECOND, sources
+
+F32 = NDArray[np.float32]
+
+SAMPLES_MAX = 64
+"""Most samples in one exposure of a pixel."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShutterConfig:
+    """When the rows of a picture gather light; the stamp is the middle of the middle row's exposure."""
+
+    motion_blur: bool = True
+    """Whether light is gathered during the exposure, or at its middle."""
+    readout_ms: float = 0.0
+    """Time from the first row's exposure to the last row's [ms]; 0 = global shutter."""
+
+    def __post_init__(self) -> None:
+        if self.readout_ms < 0:
+            raise ConfigError("shutter: readout_ms must not be negative")
+
+    def span_ns(self, exposure_max_ms: float) -> int:
+        """Time around the stamp in which any row may gather light [ns]."""
+        return round(1e6 * (self.readout_ms + (exposure_max_ms if self.motion_blur else 0.0)))
+
+    def rows_ns(self, stamp_ns: int, exposure_s: float, height: int) -> NDArray[np.float64]:
+        """Beginning and end of every row's light [ns], shape (H, 2)."""
+        middle = stamp_ns + 1e6 * self.readout_ms * (np.arange(height) / max(height - 1, 1) - 0.5)
+        half = 0.5e9 * exposure_s if self.motion_blur else 0.0
+        return np.stack([middle - half, middle + half], axis=-1)
+
+
+def exposed(before: F32, after: F32, motion: Motion, shares: NDArray[np.float64]) -> F32:
+    """Mean of a picture over every row's share of the time between two pictures.
+
+    Args:
+        before: Picture at the beginning, shape (H, W, C).
+        after: Picture at the end, shape (H, W, C).
+        motion: Motion in between.
+        shares: Beginning and end of every row's light, 0 to 1 of the time, shape (H, 2).
+    """
+    out = np.empty_like(before)
+    rows = np.clip(shares, 0.0, 1.0).astype(np.float32)
+    over_bands(
+        lambda first, end: _expose(before, after, motion.forward, motion.backward, rows, out, first, end),
+        len(before),
+    )
+    return out
+
+
+def picked(
+    before: NDArray[Any], after: NDArray[Any], motion: Motion, shares: NDArray[np.float64]
+) -> NDArray[Any]:
+    """Value of the nearest pixel at the middle of every row's time, never between two; shape (H, W)."""
+    out = np.empty_like(before)
+    rows = np.clip(shares.mean(axis=1), 0.0, 1.0).astype(np.float32)
+    over_bands(
+        lambda first, end: _pick(before, after, motion.forward, motion.backward, rows, out, first, end),
+        len(before),
+    )
+    return out
+
+
+@compiled
+def _expose(
+    before: Any, after: Any, forward: Any, backward: Any, rows: Any, out: Any, first: int, end: int
+) -> None:
+    one = np.float32(1)
+    for y in range(first, end):
+        s0, s1 = rows[y, 0], rows[y, 1]
+        for x in range(before.shape[1]):
+            u, v = np.float32(x), np.float32(y)
+            length = max(
+                max(abs(forward[y, x, 0]), abs(forward[y, x, 1])),
+                max(abs(backward[y, x, 0]), abs(backward[y, x, 1])),
+            )
+            count = min(max(math.ceil(length * (s1 - s0)), 1), SAMPLES_MAX)
+            share = one / np.float32(count)
+            for channel in range(before.shape[2]):
+                out[y, x, channel] = np.float32(0)
+            for j in range(count):
+                s = s0 + (s1 - s0) * share * (np.float32(j) + np.float32(0.5))
+                rest = one - s
+                ax, ay, bx, by, kind = sources(
+                    forward,
+                    backward,
+                    u,
+                    v,
+                    s,
+                    u + s * backward[y, x, 0],
+                    v + s * backward[y, x, 1],
+                    u + rest * forward[y, x, 0],
+                    v + rest * forward[y, x, 1],
+                )
+                if kind == NOWHERE:
+                    ax, ay, bx, by, kind = u, v, u, v, BOTH
+                weight = one - s if kind == BOTH else one if kind == FIRST else np.float32(0)
+                for channel in range(before.shape[2]):
+                    value = np.float32(0)
+                    if kind != SECOND:
+                        value += weight * _between(before, ax, ay, channel)
+                    if kind != FIRST:
+                        value += (one - weight) * _between(after, bx, by, channel)
+                    out[y, x, channel] += share * value
+
+
+@compiled
+def _pick(
+    before: Any, after: Any, forward: Any, backward: Any, rows: Any, out: Any, first: int, end: int
+) -> None:
+    half = np.float32(0.5)
+    for y in range(first, end):
+        s = rows[y]
+        rest = np.float32(1) - s
+        for x in range(before.shape[1]):
+            u, v = np.float32(x), np.float32(y)
+            ax, ay, bx, by, kind = sources(
+                forward,
+                backward,
+                u,
+                v,
+                s,
+                u + s * backward[y, x, 0],
+                v + s * backward[y, x, 1],
+                u + rest * forward[y, x, 0],
+                v + rest * forward[y, x, 1],
+            )
+            if kind == NOWHERE:
+                ax, ay, bx, by, kind = u, v, u, v, BOTH
+            if kind == FIRST or (kind == BOTH and s < half):
+                out[y, x] = before[int(ay + half), int(ax + half)]
+            else:
+                out[y, x] = after[int(by + half), int(bx + half)]
+
+
+@compiled
+def _between(image: Any, x: Any, y: Any, channel: int) -> Any:
+    """Value of one channel of a picture (H, W, C) between pixels."""
+    i = min(np.uint32(x), np.uint32(image.shape[1] - 2))
+    j = min(np.uint32(y), np.uint32(image.shape[0] - 2))
+    k, m = i + np.uint32(1), j + np.uint32(1)
+    a, b = x - np.float32(i), y - np.float32(j)
+    upper = image[j, i, channel] + a * (image[j, k, channel] - image[j, i, channel])
+    lower = image[m, i, channel] + a * (image[m, k, channel] - image[m, i, channel])
+    return upper + b * (lower - upper)

@@ -1,0 +1,1 @@
+"""The IMU: noise, bias, vibration."""

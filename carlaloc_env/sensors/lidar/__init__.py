@@ -1,0 +1,1 @@
+"""The LiDAR: scan pattern, intensity, weather."""

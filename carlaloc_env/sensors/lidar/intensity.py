@@ -1,0 +1,105 @@
+"""How strongly surfaces answer a LiDAR, and which answers are lost or drowned by the weather's."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.raycast import Hits
+from carlaloc_env.scene import materials
+from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Air
+from carlaloc_env.sensors.lidar.kernels import strengths
+from carlaloc_env.sensors.lidar.weather_echoes import BEAM_MRAD, SolidEchoes, strongest_echoes
+
+if TYPE_CHECKING:
+    from carlaloc_env.sensors.lidar.lidar import LidarConfig
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+Index = NDArray[np.intp]
+
+
+class Echoes:
+    """Strength and loss of the echoes of one LiDAR."""
+
+    def __init__(self, config: LidarConfig) -> None:
+        self._config = config
+        self._reflectance = materials.table("reflectance")
+        self._retro = materials.table("retro")
+
+    def strength(self, hits: Hits) -> F32:
+        """Return strength 0–255: diffuse surfaces up to 100, retro-reflectors above (Velodyne's scale)."""
+        strength = np.empty(len(hits), np.float32)
+        strengths(
+            hits.range_m,
+            hits.material,
+            hits.cos_incidence,
+            self._reflectance,
+            self._retro,
+            self._config.attenuation_per_m,
+            strength,
+        )
+        return strength
+
+    def power(self, hits: Hits) -> Array:
+        """Strength of echoes without their R⁻²: ρ·cosθ, and ten times as much for retro-reflectors."""
+        diffuse = self._reflectance[hits.material] * hits.cos_incidence
+        return (diffuse + 10.0 * self._retro[hits.material]).astype(np.float64)
+
+    def is_detected(self, hits: Hits) -> NDArray[np.bool_]:
+        """Whether the echo ρ·cosθ/R² exceeds that of a 90 % target at the longest range (LISA)."""
+        share = (hits.range_m / self._config.range_max_m).astype(np.float64)
+        result: NDArray[np.bool_] = self.power(hits) >= 0.9 * share * share
+        return result
+
+    def stays(self, range_m: F32, lots: Array) -> NDArray[np.bool_]:
+        """Whether points survive CARLA's drop-off (RayCastLidar.cpp): some of all, more of the weak."""
+        config = self._config
+        intensity = np.exp(-config.attenuation_per_m * range_m.astype(np.float64))
+        slope = config.dropoff_zero_intensity / config.dropoff_intensity_limit
+        likely = slope * intensity + 1.0 - config.dropoff_zero_intensity
+        strong = intensity > config.dropoff_intensity_limit
+        result: NDArray[np.bool_] = (lots[:, 0] >= config.dropoff_general) & (strong | (lots[:, 1] < likely))
+        return result
+
+    def in_weather(self, hits: Hits, air: Air, spray_m: Array | None, lots: Array) -> tuple[Index, Hits, F32]:
+        """What is left of N hits in some air, and how strong it is: the strongest echo of each wins.
+
+        Echoes of fog, drops and spray have no tag and no instance.
+
+        Args:
+            hits: First surfaces.
+            air: The air.
+            spray_m: Where spray catches the rays [m], inf where it does not, shape (N,).
+            lots: Numbers of (0, 1], shape (N, 6).
+
+        Returns:
+            Rows of the M hits that are left, shape (M,), what they are now, and their strength.
+        """
+        config = self._config
+        ground = np.isin(hits.tag, GROUND_TAGS)
+        echoes = SolidEchoes(
+            range_m=np.minimum(hits.range_m, np.float32(config.range_max_m)).astype(np.float64),
+            power=np.where(np.isfinite(hits.range_m), self.power(hits), 0.0),
+            intensity=self.strength(hits).astype(np.float64),
+            reflectance=np.where(ground, self._reflectance[hits.material], 0.0).astype(np.float64),
+            cos_incidence=hits.cos_incidence.astype(np.float64),
+        )
+        place, intensity, airborne = strongest_echoes(
+            air,
+            echoes,
+            beam_rad=1e-3 * (config.divergence_mrad or BEAM_MRAD),
+            range_min_m=config.range_min_m,
+            power_min=0.9 / config.range_max_m**2,
+            spray_m=spray_m,
+            lots=lots,
+        )
+        seen = np.flatnonzero(np.isfinite(place))
+        found = hits.take(seen)
+        soft = np.flatnonzero(airborne[seen])
+        found.put(soft, Hits.none(len(soft)))
+        found.range_m[:] = place[seen]
+        found.cos_incidence[soft] = 1.0
+        return seen, found, intensity[seen]

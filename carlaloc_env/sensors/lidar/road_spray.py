@@ -1,0 +1,86 @@
+"""Spray that wheels throw up from a wet road, as a LiDAR meets it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.raycast import Cylinders, candidates, into_actor_frame
+from carlaloc_env.sensors.ground_truth.bounding_boxes import boxes_at
+from carlaloc_env.sensors.lidar.atmosphere import spray_density_per_m
+from carlaloc_env.timeline.timeline import Timeline
+
+Array = NDArray[np.float64]
+
+_HEIGHT_M = 1.8
+_DRIFT_S = 0.5
+"""How long spray hangs in the air [s]."""
+
+
+def spray_ranges(
+    origins_m: Array,
+    directions: Array | NDArray[np.float32],
+    limit_m: NDArray[np.float32],
+    stamp_ns: int,
+    timeline: Timeline,
+    *,
+    wetness: float,
+    uniform: Array,
+) -> Array:
+    """Where rays are caught by the spray behind moving vehicles [m], inf where they are not, shape (N,).
+
+    A plume is a box behind the vehicle, half a second of its way long; within it rays are caught like
+    light in fog, after an exponentially distributed way.
+
+    Args:
+        origins_m: Where rays start [m], world, shape (N, 3).
+        directions: Unit directions, world, shape (N, 3).
+        limit_m: How far each ray reaches [m], shape (N,).
+        stamp_ns: Time at which the plumes stand [ns].
+        timeline: Where everything is.
+        wetness: How wet the ground is, 0–1.
+        uniform: Numbers of (0, 1], shape (N,).
+    """
+    caught = np.full(len(origins_m), np.inf)
+    boxes = boxes_at(timeline, stamp_ns)
+    if len(boxes) == 0 or wetness <= 0:
+        return caught
+    speed = np.sqrt(np.sum(boxes.velocity_mps * boxes.velocity_mps, axis=-1))
+    density = spray_density_per_m(wetness, speed)
+    wet = np.flatnonzero(density > 1e-3)
+    if len(wet) == 0:
+        return caught
+    boxes, density = boxes.take(wet), density[wet]
+    length = np.minimum(_DRIFT_S * speed[wet], 14.0)
+    half = np.stack(
+        [0.5 * length, 0.5 * boxes.size_m[:, 1] + 0.3, np.full(len(wet), 0.5 * _HEIGHT_M)], axis=-1
+    )
+    local = np.stack(
+        [
+            -0.5 * boxes.size_m[:, 0] - half[:, 0],
+            np.zeros(len(wet)),
+            half[:, 2] - 0.5 * boxes.size_m[:, 2],
+        ],
+        axis=-1,
+    )
+    centre = boxes.to_world(np.arange(len(wet)), local)
+    around = Cylinders(
+        centre_m=centre, radius_m=np.hypot(half[:, 0], half[:, 1]), half_height_m=half[:, 2] + 0.5
+    )
+    rays, plume = candidates(origins_m, directions, limit_m, around)
+    inside = into_actor_frame(
+        origins_m[rays] - centre[plume],
+        directions[rays],
+        boxes.heading_rad[plume],
+        boxes.pitch_rad[plume],
+        boxes.roll_rad[plume],
+    ).astype(np.float64)
+    start, along = inside[:, :3], inside[:, 3:]
+    along = np.where(np.abs(along) < 1e-9, 1e-9, along)
+    a, b = (-half[plume] - start) / along, (half[plume] - start) / along
+    enter = np.maximum(np.minimum(a, b).max(axis=-1), 0.0)
+    leave = np.minimum(np.maximum(a, b).min(axis=-1), limit_m[rays])
+    way = -np.log(uniform[rays]) / density[plume]
+    hit = np.flatnonzero((leave > enter) & (way < leave - enter))
+    np.minimum.at(caught, rays[hit], enter[hit] + way[hit])
+    return caught

@@ -1,0 +1,1 @@
+"""The radar: targets, radar equation, detector, multipath."""

@@ -1,0 +1,155 @@
+"""What is in a radar's view: echoes of scenery and road users that rays find, and their mirror images."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.raycast import Hits
+from carlaloc_env.sensors.base import World
+from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes, boxes_at
+from carlaloc_env.sensors.radar.angles import dot, into, out_of, polar
+from carlaloc_env.sensors.radar.cross_sections import actor_rcs_dbsm, scenery_db, texture
+from carlaloc_env.sensors.radar.multipath import mirror_images
+from carlaloc_env.sensors.radar.radar_equation import Echoes
+from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.timeline import Timeline
+
+if TYPE_CHECKING:
+    from carlaloc_env.sensors.radar.radar import RadarConfig
+
+Array = NDArray[np.float64]
+
+
+class View:
+    """Looks out of one radar; each ray stands for a share of a radar cross-section."""
+
+    def __init__(self, config: RadarConfig, world: World) -> None:
+        self._config, self._world = config, world
+        self._half = (
+            0.5 * math.radians(config.azimuth_fov_deg),
+            0.5 * math.radians(config.elevation_fov_deg),
+        )
+
+    def look(self, timeline: Timeline, stamp_ns: int, motion: Motion) -> tuple[Echoes, Echoes, Echoes]:
+        """Echoes of scenery, of actors, and of their mirror images.
+
+        Args:
+            timeline: Where everything is.
+            stamp_ns: Time of the frame [ns].
+            motion: Motion of the radar then.
+        """
+        config = self._config
+        boxes = self._near(boxes_at(timeline, stamp_ns), motion)
+        generator = rng.stream(self._world.seed, f"{config.frame_id}/rays", stamp_ns)
+        grid = self._grid(generator)
+        aimed_at = np.repeat(np.arange(len(boxes)), config.rays_per_actor)
+        inside = (generator.random((len(aimed_at), 3)) - 0.5) * 0.9 * boxes.size_m[aimed_at]
+        origin = motion.position_m[0]
+        towards = boxes.to_world(aimed_at, inside) - origin
+        aimed_m = np.maximum(np.sqrt(np.sum(towards * towards, axis=-1)), 1e-6)
+        directions = np.concatenate([out_of(motion, grid), towards / aimed_m[:, None]])
+
+        def cast(origins_m: Array, along: Array) -> Hits:
+            when = np.full(len(along), stamp_ns, dtype=np.int64)
+            return self._world.rays().cast(origins_m, along, when, timeline, config.range_max_m, ego=False)
+
+        hits = cast(np.broadcast_to(origin, directions.shape), directions)
+        count = len(grid)
+        static = np.flatnonzero(np.isfinite(hits.range_m[:count]) & ~np.isin(hits.instance[:count], boxes.id))
+        scenery = self._scenery(hits.take(static), directions[static], grid[static], motion)
+        mine = hits.take(np.arange(count, len(hits)))
+        actors, of_box = self._actors(mine, directions[count:], aimed_at, aimed_m, boxes, motion)
+        mirrors = actors.take(np.zeros(0, np.intp))
+        if config.ghosts and len(of_box):
+            mirrors = mirror_images(
+                actors, of_box, boxes, hits.take(static), directions[static], motion, cast,
+                loss_db=config.reflection_loss_db, generator=generator,
+            )  # fmt: skip
+        return scenery, self._in_view(actors), self._in_view(mirrors)
+
+    def _near(self, boxes: Boxes, motion: Motion) -> Boxes:
+        """Boxes of which a part may be in view."""
+        local = into(motion, boxes.centre_m - motion.position_m[0])
+        distance, azimuth, elevation = polar(local)
+        reach = 0.5 * np.sqrt(np.sum(boxes.size_m * boxes.size_m, axis=-1))
+        slack = np.where(
+            distance > reach, np.arcsin(np.minimum(reach / np.maximum(distance, 1e-3), 1.0)), np.pi
+        )
+        seen = distance - reach < self._config.range_max_m
+        seen &= (np.abs(azimuth) < self._half[0] + slack) & (np.abs(elevation) < self._half[1] + slack)
+        return boxes.take(np.flatnonzero(seen))
+
+    def _grid(self, generator: np.random.Generator) -> Array:
+        """Directions over the field of view, one in every part of an even grid, sensor frame (M, 3)."""
+        columns, rows = self._config.columns, self._config.rows
+        place = generator.random((rows, columns, 2))
+        azimuth = ((np.arange(columns) + place[..., 0]) / columns * 2 - 1) * self._half[0]
+        elevation = ((np.arange(rows)[:, None] + place[..., 1]) / rows * 2 - 1) * self._half[1]
+        flat = np.cos(elevation)
+        return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1).reshape(
+            -1, 3
+        )
+
+    def _scenery(self, hits: Hits, directions: Array, local: Array, motion: Motion) -> Echoes:
+        """Each ray stands for the projected area R²·dΩ, whose cross-section is γ times as large."""
+        distance, azimuth, elevation = polar(local * hits.range_m[:, None].astype(np.float64))
+        solid = 4 * self._half[0] * self._half[1] / (self._config.columns * self._config.rows)
+        area = distance * distance * solid * np.cos(elevation)
+        strength = texture(motion.position_m[0] + distance[:, None] * directions)
+        return Echoes(
+            range_m=distance,
+            azimuth_rad=azimuth,
+            elevation_rad=elevation,
+            doppler_mps=-dot(directions, motion.velocity_world_mps[0]),
+            rcs_m2=area * strength * 10.0 ** (0.1 * scenery_db(hits.tag, hits.cos_incidence)),
+            tag=hits.tag,
+            instance=hits.instance,
+        )
+
+    def _actors(
+        self,
+        hits: Hits,
+        directions: Array,
+        aimed_at: NDArray[np.intp],
+        aimed_m: Array,
+        boxes: Boxes,
+        motion: Motion,
+    ) -> tuple[Echoes, NDArray[np.intp]]:
+        """Each ray that meets its actor carries an even share of the cross-section of what is visible.
+
+        Rays that pass the actor by say nothing; those that something else stops take their share away.
+        """
+        met = hits.instance == boxes.id[aimed_at]
+        stopped = ~met & (hits.range_m < aimed_m - 1.0)
+        told = np.bincount(aimed_at[met | stopped], minlength=len(boxes))
+        rows = np.flatnonzero(met)
+        of_box = aimed_at[rows]
+        distance = hits.range_m[rows].astype(np.float64)
+        along = directions[rows]
+        points = motion.position_m[0] + distance[:, None] * along
+        _, azimuth, elevation = polar(into(motion, along))
+        to_radar = motion.position_m[0] - boxes.centre_m
+        aspect = np.arctan2(to_radar[:, 1], to_radar[:, 0]) - boxes.heading_rad
+        whole = 10.0 ** (0.1 * actor_rcs_dbsm(boxes.tag, aspect))
+        closing = boxes.velocity_at(of_box, points) - motion.velocity_world_mps[0]
+        echoes = Echoes(
+            range_m=distance,
+            azimuth_rad=azimuth,
+            elevation_rad=elevation,
+            doppler_mps=dot(along, closing),
+            rcs_m2=whole[of_box] / np.maximum(told[of_box], 1),
+            tag=boxes.tag[of_box],
+            instance=boxes.id[of_box],
+        )
+        return echoes, of_box
+
+    def _in_view(self, echoes: Echoes) -> Echoes:
+        inside = (np.abs(echoes.azimuth_rad) <= self._half[0]) & (
+            np.abs(echoes.elevation_rad) <= self._half[1]
+        )
+        return echoes.take(np.flatnonzero(inside))

@@ -1,0 +1,181 @@
+"""Ghosts: mirror images of road users in walls, rails and the road (multipath of even order)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import transforms
+from carlaloc_env.raycast import Hits
+from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes
+from carlaloc_env.sensors.radar.cross_sections import REFLECTORS
+from carlaloc_env.sensors.radar.radar_equation import Echoes
+from carlaloc_env.timeline.ego_spline import Motion
+
+Array = NDArray[np.float64]
+Cast = Callable[[Array, Array], Hits]
+"""First hits of rays given by origins [m] and unit directions, world, each (M, 3)."""
+
+REACH_M = 60.0
+"""Targets and mirrors farther away give no ghosts worth keeping [m]."""
+ROAD_EXTRA_LOSS_DB = 5.0
+"""What the road's reflection loses beyond a wall's, each way [dB]."""
+_PAIRS = 64
+"""Pairs of scatterer and mirror tried per frame."""
+_PLANE_SLACK_M = 0.3
+
+
+def mirror_images(
+    actors: Echoes,
+    of_box: NDArray[np.intp],
+    boxes: Boxes,
+    hits: Hits,
+    directions: Array,
+    motion: Motion,
+    cast: Cast,
+    *,
+    loss_db: float,
+    generator: np.random.Generator,
+) -> Echoes:
+    """Echoes along radar → mirror → target → mirror → radar: they seem to come from behind the mirror.
+
+    A ghost lies at the target's image p' = p − 2((p − w)·n)n, with the Doppler of the image, and is
+    weaker by twice the reflection's loss (Kraus et al., "Using machine learning to detect ghost
+    images in automotive radar", ITSC 2020, call it type-2 second bounce). It exists only where the
+    mirror really stands on the line to the image, and the target is in view of that place.
+
+    Args:
+        actors: Echoes of road users.
+        of_box: Box of each echo, shape (N,).
+        boxes: Road users in view.
+        hits: Scenery that was met.
+        directions: Direction of each of these hits, world, shape (M, 3).
+        motion: Motion of the radar.
+        cast: Finds first hits.
+        loss_db: Loss of a reflection by a wall, each way [dB].
+        generator: Chooses the pairs that are tried.
+    """
+    origin = motion.position_m[0]
+    choice = generator.random((2, _PAIRS))
+    flat = np.isin(hits.tag, REFLECTORS) & (hits.range_m < REACH_M)
+    walls = np.flatnonzero(flat)
+    near = np.flatnonzero(actors.range_m < REACH_M)
+    if len(near) == 0:
+        return actors.take(near)
+    target = near[(choice[0] * len(near)).astype(np.intp)]
+    points = origin + actors.range_m[target, None] * _directions_of(actors.take(target), motion)
+    on_wall, normal, loss = _mirrors(hits, directions, walls, choice[1], motion, cast, loss_db)
+    off = _dot(points - on_wall, normal)
+    image = points - 2.0 * off[:, None] * normal
+    towards = image - origin
+    far = np.sqrt(_dot(towards, towards))
+    along = towards / np.maximum(far, 1e-6)[:, None]
+    facing = _dot(along, normal)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = _dot(on_wall - origin, normal) / facing
+    possible = np.isfinite(reach) & (reach > 0.5) & (reach < far)
+    possible &= off * _dot(origin - on_wall, normal) > 0
+    rows = np.flatnonzero(possible)
+    rows = rows[np.abs(cast(np.broadcast_to(origin, (len(rows), 3)), along[rows]).range_m - reach[rows])
+                < _PLANE_SLACK_M]  # fmt: skip
+    bounce = origin + reach[rows, None] * along[rows] - 0.05 * along[rows]
+    onward = points[rows] - bounce
+    length = np.maximum(np.sqrt(_dot(onward, onward)), 1e-6)
+    met = cast(bounce, onward / length[:, None])
+    rows = rows[met.instance == actors.instance[target[rows]]]
+    return _images(actors, target[rows], of_box, boxes, points[rows], image[rows], normal[rows], motion,
+                   loss[rows])  # fmt: skip
+
+
+def _mirrors(
+    hits: Hits,
+    directions: Array,
+    walls: NDArray[np.intp],
+    choice: Array,
+    motion: Motion,
+    cast: Cast,
+    loss_db: float,
+) -> tuple[Array, Array, Array]:
+    """A point, the normal and the loss each way [dB] of a mirror for every pair.
+
+    Every fourth mirror is the road below the radar. The normal of a wall comes from two more rays
+    beside the one that met it.
+    """
+    origin = motion.position_m[0]
+    up = transforms.quat_rotate(motion.quat_xyzw, np.array([[0.0, 0.0, 1.0]]))[0]
+    count = len(choice)
+    road = np.arange(count) % 4 == 0
+    below = cast(origin[None], -up[None]).range_m[0]
+    road &= bool(np.isfinite(below))
+    wall = (
+        walls[np.minimum((choice * max(len(walls), 1)).astype(np.intp), max(len(walls) - 1, 0))]
+        if len(walls)
+        else np.zeros(count, np.intp)
+    )
+    along = directions[wall] if len(walls) else np.broadcast_to(up, (count, 3))
+    aside = transforms.cross(along, np.broadcast_to(up, along.shape))
+    above = transforms.cross(aside, along)
+    rays = np.concatenate([along + 0.01 * aside, along + 0.01 * above, along])
+    rays = rays / np.sqrt(_dot(rays, rays))[:, None]
+    ranges = cast(np.broadcast_to(origin, rays.shape), rays).range_m.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # rays into the sky have no end, and their mirrors none either
+        ends = (origin + ranges[:, None] * rays).reshape(3, count, 3)
+        normal = transforms.cross(ends[0] - ends[2], ends[1] - ends[2])
+        size = np.sqrt(_dot(normal, normal))
+        normal = normal / size[:, None]
+    if not len(walls):
+        normal[:] = np.nan
+    normal[road] = up
+    place = ends[2]
+    place[road] = origin - below * up if np.isfinite(below) else np.nan
+    return place, normal, np.where(road, loss_db + ROAD_EXTRA_LOSS_DB, loss_db)
+
+
+def _images(
+    actors: Echoes,
+    target: NDArray[np.intp],
+    of_box: NDArray[np.intp],
+    boxes: Boxes,
+    points: Array,
+    image: Array,
+    normal: Array,
+    motion: Motion,
+    loss_db: Array,
+) -> Echoes:
+    velocity = boxes.velocity_at(of_box[target], points)
+    mirrored = velocity - 2.0 * _dot(velocity, normal)[:, None] * normal
+    towards = image - motion.position_m[0]
+    distance = np.sqrt(_dot(towards, towards))
+    along = towards / np.maximum(distance, 1e-6)[:, None]
+    local = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), along)
+    flat = np.sqrt(local[:, 0] * local[:, 0] + local[:, 1] * local[:, 1])
+    return Echoes(
+        range_m=distance,
+        azimuth_rad=np.arctan2(local[:, 1], local[:, 0]),
+        elevation_rad=np.arctan2(local[:, 2], flat),
+        doppler_mps=_dot(along, mirrored - motion.velocity_world_mps[0]),
+        rcs_m2=actors.rcs_m2[target] * 10.0 ** (-0.2 * loss_db),
+        tag=actors.tag[target],
+        instance=actors.instance[target],
+    )
+
+
+def _directions_of(echoes: Echoes, motion: Motion) -> Array:
+    flat = np.cos(echoes.elevation_rad)
+    local = np.stack(
+        [
+            flat * np.cos(echoes.azimuth_rad),
+            flat * np.sin(echoes.azimuth_rad),
+            np.sin(echoes.elevation_rad),
+        ],
+        axis=-1,
+    )
+    return transforms.quat_rotate(motion.quat_xyzw, local)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    product = a * b
+    result: Array = product[..., 0] + product[..., 1] + product[..., 2]
+    return result

@@ -1,0 +1,1 @@
+"""What the car knows of itself: speed, wheels, CAN."""
