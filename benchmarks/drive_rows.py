@@ -15,7 +15,7 @@ from scenario import SEED, TOWN
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.world import TrafficConfig
 from carlaloc_env.weather.parameters import weather_by_name

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.world import TrafficConfig

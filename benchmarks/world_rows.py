@@ -17,7 +17,7 @@ from timing import time_calls
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.env import CarlaLocEnv
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld

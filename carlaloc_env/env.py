@@ -16,7 +16,7 @@ from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.observation import Observation, Observer
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.rigs.presets import rig_by_name

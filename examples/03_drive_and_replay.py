@@ -7,7 +7,7 @@ from pathlib import Path
 from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.driver_view import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from recorder.record import RecordConfig, record
 from recorder.replay import ReplayConfig, replay
 

@@ -14,11 +14,11 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.config_mapping import from_mapping
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.transforms import quat_to_matrix
-from carlaloc_env.driving import ego_view
+from carlaloc_env.driving.driving_world import ego_view
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.ego_view import EgoView
+from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 from recorder.episode import Episode
 from recorder.episode_edit import rewrite_traffic

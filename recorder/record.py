@@ -14,7 +14,7 @@ from typing import Any
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town

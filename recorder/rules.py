@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
-from carlaloc_env.driver_view import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.signal_plan import SignalState
+from carlaloc_env.traffic.signals import SignalState
 
 VIOLATIONS = ("red_light", "off_road", "wrong_way", "speeding", "off_route")
 """Kinds of violations; each is an event of an episode when it begins."""

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from recorder.devices.base import Device
 from recorder.devices.commands import Command

@@ -13,9 +13,9 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.ego_view import EgoView
-from carlaloc_env.traffic.signal_plan import SignalState
-from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.signals import SignalState
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 Array = NDArray[np.float64]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.traffic.signal_plan import SignalTiming
-from carlaloc_env.traffic.state import Habits
+from carlaloc_env.traffic.signals import SignalTiming
+from carlaloc_env.traffic.tables.vehicle_state import Habits
 
 if TYPE_CHECKING:
     from carlaloc_env.town.town import Town

@@ -11,12 +11,12 @@ from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town
-from carlaloc_env.traffic.ego_view import EgoView
-from carlaloc_env.traffic.fleet import draw_catalog, draw_drivers, draw_vehicles
-from carlaloc_env.traffic.signal_plan import SignalPlan
-from carlaloc_env.traffic.tables import TrafficTables
-from carlaloc_env.traffic.vehicles import Vehicles
-from carlaloc_env.traffic.walkers import Walkers
+from carlaloc_env.traffic.population import draw_catalog, draw_drivers, draw_vehicles
+from carlaloc_env.traffic.signals import SignalPlan
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.vehicle_step import Vehicles
+from carlaloc_env.traffic.vehicles.ego_agent import EgoView
+from carlaloc_env.traffic.walkers.walkers import Walkers
 
 Array = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.driver_view import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 
 
 class Device(Protocol):

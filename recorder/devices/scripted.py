@@ -7,10 +7,10 @@ import math
 from carlaloc_env.core import rng
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.driver_view import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.routing.route import Route
-from carlaloc_env.traffic.signal_plan import SignalState
+from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.driver_pedals import DriverPedals
 from recorder.devices.driver_route import DriverRoute
 from recorder.devices.driver_speed import DriverSpeed, Leader

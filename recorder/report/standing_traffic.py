@@ -10,7 +10,7 @@ from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.traffic_tables import TrafficTables
 
 _PER_SIDEWALK_M = 45.0
 """Metres of pavement per walker."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import TICK_HZ
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from carlaloc_env.traffic.signal_plan import SignalState
+from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.keys import HELP_LINES
 
 _WHITE, _GREY, _DARK = (245, 245, 245), (150, 156, 162), (18, 22, 26)

@@ -15,7 +15,7 @@ from carlaloc_env.actors.instances import (
     place_lights,
     place_signals,
 )
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.scene.mesh import Instances, concatenate_instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_RIGHT, ActorCatalog, ActorFrame

@@ -18,7 +18,7 @@ pytest.importorskip("pygame")
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.driver_view import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.town.routing.route import Route
 from recorder.devices.calibrate import calibrate

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import is_blink
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.render.lighting.light_sources import Emitters
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town

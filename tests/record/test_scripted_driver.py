@@ -14,12 +14,12 @@ from carlaloc_env.assets.catalog import EGO_SIZE_M
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import DeviceError
-from carlaloc_env.driver_view import DriverView
+from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.town.routing.route import Route
-from carlaloc_env.traffic.signal_plan import SignalState
+from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.driver_pedals import DriverPedals
 from recorder.devices.driver_route import DriverRoute
 from recorder.devices.registry import open_device

@@ -16,11 +16,11 @@ import pytest
 
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError, EpisodeError
-from carlaloc_env.driver_view import DriverView
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.signal_plan import SignalState
+from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.world import traffic_of_town
 from recorder.episode import EgoRow, Episode, EpisodeWriter, open_episode
 from recorder.pacing import MOST_TICKS, Pacer

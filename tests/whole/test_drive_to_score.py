@@ -16,7 +16,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
-from carlaloc_env.driving import DrivingWorld
+from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample

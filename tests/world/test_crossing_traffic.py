@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from carlaloc_env.crossing_traffic import crossing_traffic
+from carlaloc_env.driving.crossing_traffic import crossing_traffic
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
 from carlaloc_env.town.routing.route import Route
 

@@ -15,8 +15,8 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.config import traffic_of_town
-from carlaloc_env.traffic.crossings import TAKEN
-from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
+from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import audit_traffic
-from carlaloc_env.traffic.overlaps import CLEAR_M
-from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.vehicles.overlapping_lanes import CLEAR_M
 from carlaloc_env.traffic.world import TrafficConfig
 
 ROAD = (

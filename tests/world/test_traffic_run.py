@@ -20,8 +20,8 @@ from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
-from carlaloc_env.traffic.signal_plan import SignalTiming
-from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.signals import SignalTiming
+from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 PAPER_COUNTS = {

@@ -10,11 +10,11 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, walking_ground
-from carlaloc_env.traffic.crossings import TAKEN
-from carlaloc_env.traffic.ego_view import EgoView
-from carlaloc_env.traffic.footway_tables import CROSSWALK
-from carlaloc_env.traffic.signal_plan import SignalState
-from carlaloc_env.traffic.tables import TrafficTables
+from carlaloc_env.traffic.signals import SignalState
+from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
+from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 

@@ -1,0 +1,1 @@
+"""Physics, traffic and signals, tick by tick: they fill a timeline."""

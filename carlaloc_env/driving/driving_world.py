@@ -1,0 +1,198 @@
+"""The living town: physics, traffic and signals advance together and fill a Timeline.
+
+Physics runs one tick ahead of `now`, because the ego's spline needs the tick after the one asked
+for; traffic runs one step ahead, because actors are interpolated between steps.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.driving.road_ahead import RoadAhead
+from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.ego import EgoCar, EgoState
+from carlaloc_env.physics.world import PhysicsWorld
+from carlaloc_env.timeline.actor_quantisation import on_grid
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.town.routing.route import Route
+from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.vehicles.ego_agent import EgoView
+from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
+
+_PARKED = Controls(brake=1.0)
+
+
+class DriveListener(Protocol):
+    """Who wants to know of every tick, e.g. the writer of an episode."""
+
+    def on_start(self, catalog: ActorCatalog) -> None:
+        """A drive begins with these actors."""
+
+    def on_tick(self, tick: int, state: EgoState, controls: Controls) -> None:
+        """The ego's state at a tick, and the controls that led there."""
+
+    def on_step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
+        """Actors and signals of a 50 ms step."""
+
+    def on_contact(self, tick: int, contact: Contact) -> None:
+        """The ego touched something."""
+
+
+class DrivingWorld:
+    """One town with the ego, other road users and signals, advanced by 200 Hz ticks."""
+
+    def __init__(self, town: Town, traffic: TrafficConfig, *, friction: float = 1.0) -> None:
+        if town.route is None:
+            raise ConfigError(f"town '{town.name}' has no route; add [route] points to its town.toml")
+        self.town = town
+        self.route: Route = town.route
+        self.traffic_config = traffic
+        self._tables = TrafficTables(town.network)
+        self._physics = PhysicsWorld(town.collision_vertices_m, town.collision_triangles, friction=friction)
+        self._ego = EgoCar(self._physics)
+        self._listener: DriveListener | None = None
+
+    def reset(self, seed: int | None = None, listener: DriveListener | None = None) -> None:
+        """Stand the ego at the start of the route, let traffic run in, and begin time at 0.
+
+        Args:
+            seed: New seed of the traffic; the last one when left out.
+            listener: Told of every tick and step from now on.
+        """
+        if seed is not None:
+            self.traffic_config = replace(self.traffic_config, seed=seed)
+        self._listener = listener
+        start = self.route.at(0.0)
+        self._ego.reset(start.position_m[0], float(start.heading_rad[0]))
+        self._traffic = TrafficWorld(self.town.network, self.traffic_config, self._tables)
+        self.timeline = Timeline(self._traffic.catalog)
+        if listener is not None:
+            listener.on_start(self._traffic.catalog)
+        self._road = RoadAhead(self.town.network, self.route)
+        self._tick = 0
+        self._step = 0
+        self._contacts: list[Contact] = []
+        self.state = self._ego.state()
+        self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
+        self._append_tick(_PARKED)
+        self._tell_tick(_PARKED)
+        self._add_step(self._traffic.reset(self._ego_view()))
+        self._add_step(self._traffic.step(self._ego_view()))
+        self.tick(_PARKED)
+        self._road.start(self.state.position_m)
+
+    @property
+    def now_ns(self) -> int:
+        """Present time [ns]: everything up to it is known for certain."""
+        return stamp_ns(self._tick - 1)
+
+    @property
+    def tick_count(self) -> int:
+        """Ticks since the drive began."""
+        return self._tick - 1
+
+    @property
+    def route_s_m(self) -> float:
+        """How far along its route the ego is [m]; keeps growing on a closed route."""
+        return self._road.progress_m
+
+    @property
+    def route_offset_m(self) -> float:
+        """How far left of its route the ego is [m]."""
+        return self._road.offset_m
+
+    def tick(self, controls: Controls) -> list[Contact]:
+        """Advance by 5 ms under the given controls and return what the ego touched.
+
+        Raises:
+            ActionError: a control is not finite or out of range; nothing has moved then.
+        """
+        controls = controls.checked()
+        if self._tick % 2 == 0:
+            self._physics.set_actors(self.timeline.actors_at(stamp_ns(self._tick)), self.timeline.catalog)
+        self._ego.tick(controls)
+        self._tick += 1
+        self.state = self._ego.state()
+        self._speeds.append(self.state.speed_mps)
+        self._append_tick(controls)
+        self._tell_tick(controls)
+        contacts = self._physics.contacts()
+        if self._listener is not None:
+            for contact in contacts:
+                self._listener.on_contact(self._tick, contact)
+        if (self._tick - 1) % STEP_TICKS == 0 and self._tick > 1:
+            self._add_step(self._traffic.step(self._ego_view()))
+            self._road.follow(self.state.position_m)
+        return contacts
+
+    def driver_view(self) -> DriverView:
+        """What a driver sees now."""
+        tick = self._tick - 1
+        return self._road.view(
+            tick=tick,
+            state=self.state,
+            acceleration_mps2=(self._speeds[-1] - self._speeds[0]) / (max(len(self._speeds) - 1, 1) * TICK_S),
+            actors=self.timeline.actors_at(tick // STEP_TICKS * STEP_NS),
+            catalog=self.timeline.catalog,
+            signals=self.timeline.signals_at(stamp_ns(tick)),
+        )
+
+    def forget_before(self, time_ns: int) -> None:
+        """Drop the past of the Timeline, for runs that keep no record."""
+        self.timeline.forget_before(time_ns)
+
+    def set_friction(self, factor: float) -> None:
+        """Grip of the road, 1 = dry."""
+        self._physics.set_friction(factor)
+
+    def close(self) -> None:
+        """End the physics."""
+        self._physics.close()
+
+    def _add_step(self, frame: ActorFrame) -> None:
+        frame, signals = on_grid(frame), self._traffic.signals(self._step * STEP_NS)
+        self.timeline.append_step(frame, signals)
+        if self._listener is not None:
+            self._listener.on_step(self._step, frame, signals)
+        self._step += 1
+
+    def _append_tick(self, controls: Controls) -> None:
+        state = self.state
+        self.timeline.ego.append(state.position_m, state.quat_xyzw)
+        self.timeline.car.append(state.wheel_spin_radps, state.road_wheel_rad, controls)
+
+    def _tell_tick(self, controls: Controls) -> None:
+        if self._listener is not None:
+            self._listener.on_tick(self._tick, self.state, controls)
+
+    def _ego_view(self) -> EgoView:
+        return ego_view(self.state.position_m, self.state.heading_rad, self.state.speed_mps)
+
+
+def ego_view(position_m: NDArray[np.float64], heading_rad: float, speed_mps: float) -> EgoView:
+    """The ego as other road users see it.
+
+    Args:
+        position_m: Place of `base_link` [m], world (3,).
+        heading_rad: Direction of the car [rad].
+        speed_mps: Forward speed [m/s].
+    """
+    x, y, z = (float(value) for value in position_m)
+    ahead = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
+    return EgoView(
+        position_m=(x + ahead * float(np.cos(heading_rad)), y + ahead * float(np.sin(heading_rad)), z),
+        heading_rad=heading_rad,
+        speed_mps=speed_mps,
+        length_m=EGO_SIZE_M[0],
+    )

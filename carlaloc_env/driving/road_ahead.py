@@ -1,0 +1,176 @@
+"""What lies ahead of the ego on its route: stop lines and their lights, and who drives in front."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.driving.crossing_traffic import crossing_traffic
+from carlaloc_env.driving.driver_view import DriverView
+from carlaloc_env.physics.ego import EgoState
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route
+
+Array = NDArray[np.float64]
+
+SIGHT_M = 100.0
+"""How far ahead a driver looks for others and for lights [m]."""
+_SAMPLE_M = 1.0
+_EGO_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
+
+
+class _Sight(NamedTuple):
+    """What is in sight, named as in `DriverView`."""
+
+    speed_limit_mps: float
+    stop_line_distance_m: float | None
+    signal_state: int
+    leader_gap_m: float | None
+    leader_speed_mps: float
+
+
+class RoadAhead:
+    """Follows the ego along its route.
+
+    Place, actors and lights are known anew every 50 ms, at `follow`; ticks in between see the same.
+    """
+
+    def __init__(self, network: LaneNetwork, route: Route) -> None:
+        self._route = route
+        self._stop_s_m, self._stop_heads = _stop_lines(network, route)
+        self.progress_m = 0.0
+        self.offset_m = 0.0
+        self._sight: _Sight | None = None
+
+    def start(self, position_m: Array) -> None:
+        """Begin at a point of the route [m], world (3,)."""
+        self._sight = None
+        s, self.offset_m = self._route.project(position_m, None)
+        closed_end = self._route.closed and s > self._route.length_m - 5.0
+        self.progress_m = s - self._route.length_m if closed_end else s
+
+    def follow(self, position_m: Array) -> None:
+        """Take note of where the ego is now [m], world (3,)."""
+        self._sight = None
+        length = self._route.length_m
+        near = self.progress_m % length if self._route.closed else self.progress_m
+        s, self.offset_m = self._route.project(position_m, near)
+        step = s - near
+        if self._route.closed:
+            step = (step + 0.5 * length) % length - 0.5 * length
+        self.progress_m += step
+
+    def view(
+        self,
+        *,
+        tick: int,
+        state: EgoState,
+        acceleration_mps2: float,
+        actors: ActorFrame,
+        catalog: ActorCatalog,
+        signals: NDArray[np.uint8],
+    ) -> DriverView:
+        """What a driver at the wheel sees now."""
+        if self._sight is None:
+            self._sight = self._look(state.speed_mps, actors, catalog, signals)
+        return DriverView(
+            tick=tick,
+            position_m=state.position_m,
+            heading_rad=state.heading_rad,
+            speed_mps=state.speed_mps,
+            acceleration_mps2=acceleration_mps2,
+            route=self._route,
+            route_s_m=self.progress_m,
+            offset_m=self.offset_m,
+            **self._sight._asdict(),
+        )
+
+    def _look(
+        self, speed_mps: float, actors: ActorFrame, catalog: ActorCatalog, signals: NDArray[np.uint8]
+    ) -> _Sight:
+        route = self._route
+        s = self.progress_m % route.length_m if route.closed else self.progress_m
+        stop_distance, stop_state = self._next_stop(s, signals)
+        gap, leader_speed = self._leader(s, actors, catalog)
+        crossing = crossing_traffic(route, s, speed_mps, actors, catalog)
+        if crossing is not None and (gap is None or crossing[0] < gap):
+            gap, leader_speed = crossing
+        return _Sight(
+            speed_limit_mps=float(route.at(s).speed_limit_mps[0]),
+            stop_line_distance_m=stop_distance,
+            signal_state=stop_state,
+            leader_gap_m=gap,
+            leader_speed_mps=leader_speed,
+        )
+
+    def _next_stop(self, s_m: float, signals: NDArray[np.uint8]) -> tuple[float | None, int]:
+        """Distance from the front bumper to the next line with a light [m], and what it shows."""
+        if not len(self._stop_s_m):
+            return None, 0
+        ahead = self._stop_s_m - s_m - _EGO_FRONT_M
+        if self._route.closed:
+            ahead = np.where(ahead < -4.0, ahead + self._route.length_m, ahead)
+        valid = (ahead > -4.0) & (ahead < SIGHT_M)
+        if not valid.any():
+            return None, 0
+        nearest = int(np.argmin(np.where(valid, ahead, np.inf)))
+        return float(ahead[nearest]), int(signals[self._stop_heads[nearest]].max())
+
+    def _leader(self, s_m: float, actors: ActorFrame, catalog: ActorCatalog) -> tuple[float | None, float]:
+        """Bumper-to-bumper gap to whoever is first in the ego's way [m], and its speed along the route."""
+        if not len(actors):
+            return None, 0.0
+        ahead = np.arange(0.0, SIGHT_M, _SAMPLE_M)
+        s = s_m + ahead
+        if self._route.closed:
+            s = np.mod(s, self._route.length_m)
+        else:
+            s = s[s <= self._route.length_m]
+            ahead = ahead[: len(s)]
+        path = self._route.at(s)
+        half = 0.5 * catalog.size_m[:, :2].astype(np.float64)
+        place = actors.position_m.astype(np.float64)
+        near = np.linalg.norm(place[:, :2] - path.position_m[0, :2], axis=-1) < SIGHT_M + 10.0
+        if not near.any():
+            return None, 0.0
+        index = np.flatnonzero(near)
+        delta = place[index, None, :] - path.position_m[None]
+        distance = delta[..., 0] ** 2 + delta[..., 1] ** 2
+        closest = np.argmin(distance, axis=1)
+        rows = np.arange(len(index))
+        turn = actors.heading_rad[index].astype(np.float64) - path.heading_rad[closest]
+        reach = half[index, 0] * np.abs(np.sin(turn)) + half[index, 1] * np.abs(np.cos(turn))
+        side = np.sqrt(distance[rows, closest])
+        in_way = (side < reach + 0.5 * EGO_SIZE_M[1] + 0.25) & (np.abs(delta[rows, closest, 2]) < 3.0)
+        in_way &= (closest > 0) & (closest < len(ahead) - 1)
+        if not in_way.any():
+            return None, 0.0
+        along = half[index, 0] * np.abs(np.cos(turn)) + half[index, 1] * np.abs(np.sin(turn))
+        gap = np.where(in_way, ahead[closest] - along - _EGO_FRONT_M, np.inf)
+        first = int(np.argmin(gap))
+        speed = float(actors.speed_mps[index[first]]) * float(np.cos(turn[first]))
+        return float(gap[first]), max(speed, 0.0)
+
+
+def _stop_lines(network: LaneNetwork, route: Route) -> tuple[Array, list[list[int]]]:
+    """Places of the route [m] at which lights must be obeyed, and the heads that count there."""
+    found: dict[float, list[int]] = {}
+    for index, head in enumerate(network.signals):
+        for lane, stop in zip(head.lanes, head.stop_station_m, strict=True):
+            on_lane = np.flatnonzero(route.lane == lane)
+            if not len(on_lane):
+                continue
+            # A closed route may pass a lane twice; each run of samples is one passing.
+            for run in np.split(on_lane, np.flatnonzero(np.diff(on_lane) > 1) + 1):
+                onward = int(route.lane[(run[-1] + 1) % len(route.lane)])
+                if head.junction_lanes and onward not in head.junction_lanes:
+                    continue
+                k = run[np.argmin(np.abs(route.lane_station_m[run] - stop))]
+                s = float(k * route.step_m + (stop - route.lane_station_m[k]))
+                found.setdefault(round(s, 2), []).append(index)
+    stops = sorted(found)
+    return np.array(stops), [found[s] for s in stops]

@@ -1,0 +1,1 @@
+"""Who drives first at junctions."""

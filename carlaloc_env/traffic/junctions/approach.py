@@ -1,0 +1,194 @@
+"""Coming up to a junction: what lights and signs say, where to stop, and who asks to be let in first."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.jit import compiled
+from carlaloc_env.traffic.tables.hash_random import chance
+from carlaloc_env.traffic.tables.lane_tables import Roads
+from carlaloc_env.traffic.tables.record_arrays import Array
+from carlaloc_env.traffic.tables.reservations import MAX_WAITING, Requests, drop_holds_ahead, holds
+from carlaloc_env.traffic.tables.vehicle_state import PLAN, REFUSED_LIGHT, Drivers, Fleet, Habits
+from carlaloc_env.traffic.vehicles.car_following import COMFORT_BRAKING_MPS2
+
+GREEN, YELLOW = 3, 2
+YELLOW_BRAKING_MPS2 = 3.0
+"""At yellow, drivers stop if that takes less braking [m/s²]."""
+HARDEST_BRAKING_MPS2 = 6.0
+"""At yellow, drivers who would come to the line too late brake up to this [m/s²]."""
+STOP_SIGN_S = 1.0
+"""How long they stand at a stop sign [s]."""
+PATIENCE_S = 25.0
+"""After so long a wait, a driver's turn comes before that of higher ranks [s]."""
+_LATE_S = 0.4
+_CLOSES_M = 0.6
+_STUCK_OUTSIDE_S, _STUCK_OUTSIDE_M = 3.0, 2.0
+_AT_SIGN_M = 3.0
+_LIGHTS, _SIGNS = 23, 24
+
+
+@compiled
+def permitted(
+    roads: Roads,
+    lane: int,
+    signals: NDArray[np.uint8],
+    red_in_s: Array,
+    to_line_m: float,
+    speed_mps: float,
+) -> bool:
+    """Whether the lights before a junction lane let a vehicle go that far before its line [m].
+
+    At yellow, who can stop in comfort does; so does who would come too late, unless it would have to
+    brake too hard.
+    """
+    if to_line_m < -1.0:
+        return True
+    lit, left_s = False, 0.0
+    for k in range(roads.lane.head_first[lane], roads.lane.head_end[lane]):
+        head = roads.head[k]
+        if signals[head] == GREEN:
+            return True
+        lit = lit or signals[head] > 0
+        if signals[head] == YELLOW:
+            left_s = max(left_s, red_in_s[head] + 1e-6)
+    if not lit:
+        return True
+    if left_s <= 0.0:
+        return False
+    braking = speed_mps * speed_mps / (2.0 * max(to_line_m, 0.1))
+    if braking < YELLOW_BRAKING_MPS2:
+        return False
+    return bool(braking > HARDEST_BRAKING_MPS2 or 1.15 * to_line_m < speed_mps * (left_s + _LATE_S))
+
+
+@compiled
+def collect(
+    asks: Requests,
+    roads: Roads,
+    drivers: Drivers,
+    fleet: Fleet,
+    habits: Habits,
+    signals: NDArray[np.uint8],
+    red_in_s: Array,
+    count: int,
+) -> None:
+    """Find all who want in, and where they must stop if they may not; `fleet.stop_gap_m` says where."""
+    asks.used[0] = 0
+    for v in range(count):
+        fleet.stop_gap_m[v] = np.inf
+        fleet.at_stop_sign[v] = False
+        fleet.refused[v], fleet.blocker[v] = 0, -1
+        front = fleet.station_m[v] + 0.5 * drivers.length_m[v]
+        speed = fleet.speed_mps[v]
+        reach = max(30.0, speed * speed / (2.0 * COMFORT_BRAKING_MPS2) + 12.0)
+        lane = fleet.plan[v, 0]
+        distance = roads.lane.length_m[lane] - front
+        for hop in range(1, PLAN):
+            if distance > reach:
+                break
+            lane = fleet.plan[v, hop]
+            if lane < 0 and roads.lane.leaves[fleet.plan[v, hop - 1]]:
+                break
+            if lane < 0:
+                fleet.stop_gap_m[v] = max(_until_narrow(roads, fleet, v, hop, distance) - 1.0, 0.0)
+                break
+            before = fleet.plan[v, hop - 1]
+            if roads.lane.junction[lane] >= 0 and roads.lane.junction[before] < 0:
+                _ask(asks, roads, fleet, habits, signals, red_in_s, v, hop, distance)
+                if not holds(fleet, v, lane):
+                    break
+            distance += roads.lane.length_m[lane]
+    _sort_requests(asks, roads, fleet)
+
+
+@compiled
+def _until_narrow(roads: Roads, fleet: Fleet, v: int, hop: int, distance_m: float) -> float:
+    """How far a vehicle may go whose plan ends after some lanes, without a lane change [m].
+
+    It waits behind the stop line, too, and where the first of those lanes begins to close.
+    """
+    ending = fleet.plan[v, hop - 1]
+    halt = min(roads.lane.wide_m[ending], roads.lane.stop_m[ending] + 1.0)
+    until = distance_m - roads.lane.length_m[ending] + halt
+    end = distance_m
+    for k in range(hop - 1, -1, -1):
+        lane = fleet.plan[v, k]
+        closed = roads.lane.length_m[lane] - roads.lane.wide_m[lane]
+        if closed > _CLOSES_M:
+            until = min(until, end - closed)
+        end -= roads.lane.length_m[lane]
+    return float(until)
+
+
+@compiled
+def _ignores(share: float, seed: int, purpose: int, fleet: Fleet, v: int) -> bool:
+    """Whether a driver pays no heed this time; drawn once for each junction that it comes to."""
+    return share > 0.0 and chance(seed, purpose, v, fleet.draws[v]) < share
+
+
+@compiled
+def _ask(
+    asks: Requests,
+    roads: Roads,
+    fleet: Fleet,
+    habits: Habits,
+    signals: NDArray[np.uint8],
+    red_in_s: Array,
+    v: int,
+    hop: int,
+    distance_m: float,
+) -> None:
+    lane, before = fleet.plan[v, hop], fleet.plan[v, hop - 1]
+    to_line = distance_m - (roads.lane.length_m[before] - roads.lane.stop_m[before])
+    ready = permitted(roads, lane, signals, red_in_s, to_line, fleet.speed_mps[v])
+    if not ready and _ignores(habits.ignore_lights, habits.seed, _LIGHTS, fleet, v):
+        ready = True
+    if holds(fleet, v, lane):
+        stuck = fleet.waited_s[v] > _STUCK_OUTSIDE_S and distance_m > _STUCK_OUTSIDE_M
+        speed = fleet.speed_mps[v]
+        too_late = to_line < -1.0 or speed * speed > 2.0 * HARDEST_BRAKING_MPS2 * max(to_line, 0.05)
+        if (ready or too_late) and not stuck:
+            return
+        drop_holds_ahead(fleet, v)
+    gap = to_line if to_line > -1.0 else max(distance_m - 0.3, 0.0)
+    fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], max(gap, 0.0))
+    if roads.lane.stop_sign[lane] and not _ignores(habits.ignore_signs, habits.seed, _SIGNS, fleet, v):
+        fleet.at_stop_sign[v] = to_line < _AT_SIGN_M
+        ready = ready and fleet.stopped_s[v] >= STOP_SIGN_S
+    fleet.refused[v] = REFUSED_LIGHT
+    if ready and asks.used[0] < MAX_WAITING:
+        k = asks.used[0]
+        asks.ask.vehicle[k], asks.ask.hop[k], asks.ask.distance_m[k] = v, hop, distance_m
+        asks.used[0] = k + 1
+
+
+@compiled
+def _sort_requests(asks: Requests, roads: Roads, fleet: Fleet) -> None:
+    """Order of decision: patience at its end, then rank, then who is there first, then the number."""
+    for k in range(asks.used[0]):
+        v = asks.ask.vehicle[k]
+        lane = fleet.plan[v, asks.ask.hop[k]]
+        waited = fleet.waited_s[v]
+        arrives = asks.ask.distance_m[k] / max(fleet.speed_mps[v], 1.0)
+        rank = 10.0 if waited > PATIENCE_S and asks.ask.distance_m[k] < 8.0 else float(roads.lane.rank[lane])
+        asks.ask.urgency[k] = 1000.0 * rank + waited - arrives
+    for k in range(1, asks.used[0]):
+        v, hop, distance, urgency = (
+            asks.ask.vehicle[k],
+            asks.ask.hop[k],
+            asks.ask.distance_m[k],
+            asks.ask.urgency[k],
+        )
+        j = k
+        while j > 0 and asks.ask.urgency[j - 1] < urgency:
+            asks.ask.vehicle[j], asks.ask.hop[j] = asks.ask.vehicle[j - 1], asks.ask.hop[j - 1]
+            asks.ask.distance_m[j], asks.ask.urgency[j] = asks.ask.distance_m[j - 1], asks.ask.urgency[j - 1]
+            j -= 1
+        asks.ask.vehicle[j], asks.ask.hop[j], asks.ask.distance_m[j], asks.ask.urgency[j] = (
+            v,
+            hop,
+            distance,
+            urgency,
+        )

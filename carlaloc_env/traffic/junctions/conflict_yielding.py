@@ -1,0 +1,80 @@
+"""Inside a junction: stop before zones that are not clear after all, and give up what lies behind."""
+
+from __future__ import annotations
+
+from carlaloc_env.core.jit import compiled
+from carlaloc_env.traffic.junctions.conflict_times import agree
+from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
+from carlaloc_env.traffic.tables.lane_tables import Roads
+from carlaloc_env.traffic.tables.reservations import Requests
+from carlaloc_env.traffic.tables.vehicle_state import HELD, PLAN, Drivers, Fleet
+
+STANDING_MPS = 0.1
+_STANDING_INSIDE_S = 8.0
+_BEFORE_ZONE_M = 0.6
+
+
+@compiled
+def wait_inside(asks: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
+    """Stop before zones on one's way that somebody admitted earlier, or somebody standing there, holds."""
+    for v in range(count):
+        for slot in range(HELD):
+            lane = fleet.held_lane[v, slot]
+            if lane < 0:
+                continue
+            front = fleet.held_front_m[v, slot]
+            for z in range(roads.lane.zone_first[lane], roads.lane.zone_end[lane]):
+                to_zone = roads.zone.enter_m[z] - front
+                if roads.zone.kind[z] == PARTING or to_zone < 0.0:
+                    continue
+                if _must_wait(asks, roads, drivers, fleet, v, slot, z, to_zone):
+                    gap = max(to_zone - _BEFORE_ZONE_M, 0.0)
+                    fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], gap)
+
+
+@compiled
+def _must_wait(
+    asks: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, v: int, slot: int, z: int, to_zone_m: float
+) -> bool:
+    other = roads.zone.other[z]
+    for place in range(asks.holder_first[other], asks.holder_first[other + 1]):
+        h, h_slot = asks.holder[place] // HELD, asks.holder[place] % HELD
+        if h == v:
+            continue
+        h_front = fleet.held_front_m[h, h_slot]
+        if h_front - drivers.length_m[h] > roads.zone.other_leave_m[z]:
+            continue
+        inside = h_front > roads.zone.other_enter_m[z]
+        if inside:
+            # Who merges into the same lane is followed, not waited for.
+            if roads.zone.kind[z] != MERGING:
+                return True
+            continue
+        if fleet.held_ticket[h, h_slot] > fleet.held_ticket[v, slot]:
+            continue
+        if fleet.waited_s[v] > _STANDING_INSIDE_S and fleet.speed_mps[h] < STANDING_MPS:
+            continue
+        ahead = to_zone_m - roads.zone.enter_m[z]
+        if not agree(roads, drivers, fleet, v, ahead, z, h, h_front, 0.4):
+            return True
+    return False
+
+
+@compiled
+def release_passed(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
+    """Give up lanes that the tail has left, and lanes that are no longer in the plan."""
+    for v in range(count):
+        for slot in range(HELD):
+            lane = fleet.held_lane[v, slot]
+            if lane < 0:
+                continue
+            front = fleet.held_front_m[v, slot]
+            gone = front - drivers.length_m[v] > roads.lane.length_m[lane]
+            if not gone and front < 0.0:
+                gone = True
+                for hop in range(PLAN):
+                    if fleet.plan[v, hop] == lane:
+                        gone = False
+                        break
+            if gone:
+                fleet.held_lane[v, slot] = -1

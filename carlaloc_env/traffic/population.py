@@ -1,0 +1,108 @@
+"""Who drives and who walks: models, colours and habits drawn from the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
+from carlaloc_env.core import rng
+from carlaloc_env.scene.mesh import EGO_INSTANCE
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorCatalog
+from carlaloc_env.traffic.config import TrafficConfig
+from carlaloc_env.traffic.tables.record_arrays import fill
+from carlaloc_env.traffic.tables.vehicle_state import Drivers
+from carlaloc_env.traffic.vehicles.ego_agent import EgoView
+
+Array = NDArray[np.float64]
+
+_HEAVY_TOP_MPS = 25.0
+_CYCLIST_MPS = (15.0 / 3.6, 22.0 / 3.6)
+_CYCLE_EDGE_M = 0.75
+
+
+def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
+    """Model names of all vehicles and their colours (N, 3)."""
+    draw = rng.stream(config.seed, "traffic/fleet")
+    names = _draw_names(draw, {name: model.weight for name, model in VEHICLES.items()}, config.vehicles)
+    return names, np.array([_draw_tint(draw, VEHICLES[name].tints) for name in names], np.uint8)
+
+
+def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
+    """Drivers' habits, the ego's size in the last row.
+
+    Headways as in towns (Treiber & Kesting, "Traffic Flow Dynamics", ch. 11); accelerations up to those of
+    SUMO's vehicle classes.
+    """
+    draw = rng.stream(config.seed, "traffic/drivers")
+    count = len(names)
+    models = [VEHICLES[name] for name in names]
+    tag = np.array([int(model.tag) for model in models], dtype=np.int64)
+    heavy = np.isin(tag, (int(Tag.TRUCK), int(Tag.BUS))) & np.array([m.length_m > 6.5 for m in models], bool)
+    motorcycle, bicycle = tag == int(Tag.MOTORCYCLE), tag == int(Tag.BICYCLE)
+    two_wheels = motorcycle | bicycle
+    factor = np.clip(draw.normal(1.0, 0.1, count), 0.8, 1.2)
+    headway = np.clip(draw.normal(1.1, 0.2, count), 0.8, 1.8)
+    standstill = draw.uniform(2.0, 2.5, count)
+    pull = draw.uniform(1.8, 2.6, count)
+    change = np.clip(draw.normal(4.6, 0.8, count), 3.0, 7.0)
+    cyclist = draw.uniform(*_CYCLIST_MPS, count)
+    keeps_right = draw.random(count) < 0.01 * config.keep_right_rule_percentage
+    slower = 1.0 - 0.01 * config.global_percentage_speed_difference
+    distance = config.distance_to_leading_vehicle
+    ego = EgoView(position_m=(0.0, 0.0, 0.0), heading_rad=0.0, speed_mps=0.0)
+
+    def with_ego(values: Array, its: float) -> Array:
+        return np.append(values.astype(np.float64), its)
+
+    return fill(
+        Drivers,
+        count + 1,
+        length_m=with_ego(np.array([model.length_m for model in models]), ego.length_m),
+        width_m=with_ego(np.array([model.width_m for model in models]), ego.width_m),
+        wheelbase_m=with_ego(np.array([model.wheelbase_m for model in models]), 2.9),
+        speed_factor=with_ego(factor * slower * np.where(heavy, 0.9, 1.0), 1.0),
+        top_mps=with_ego(np.where(bicycle, cyclist * slower, np.where(heavy, _HEAVY_TOP_MPS, 70.0)), 70.0),
+        headway_s=with_ego(np.where(heavy, 1.6, np.where(two_wheels, 1.1, headway)), 1.2),
+        standstill_m=with_ego(
+            np.where(heavy, 3.0, np.where(two_wheels, 1.5, standstill))
+            if distance is None
+            else np.full(count, distance),
+            2.0,
+        ),
+        acceleration_mps2=with_ego(np.where(heavy | bicycle, 1.2, np.where(motorcycle, 2.6, pull)), 1.5),
+        braking_mps2=with_ego(np.where(heavy | bicycle, 1.5, np.where(motorcycle, 2.5, 2.0)), 2.0),
+        change_s=with_ego(np.where(two_wheels, 3.0, change), 4.0),
+        keeps_right=with_ego(np.where(keeps_right | bicycle, 0.2, 0.0), 0.0),
+        aside_m=with_ego(np.where(bicycle, _CYCLE_EDGE_M, 0.0), 0.0),
+    )
+
+
+def draw_catalog(names: list[str], tints: NDArray[np.uint8], config: TrafficConfig) -> ActorCatalog:
+    """All vehicles, then all walkers."""
+    draw = rng.stream(config.seed, "traffic/people")
+    who = _draw_names(draw, {name: model.weight for name, model in WALKERS.items()}, config.walkers)
+    clothes = np.array([_draw_tint(draw, WALKERS[name].tints) for name in who], np.uint8)
+    size = [VEHICLES[name].size_m for name in names] + [WALKERS[name].size_m for name in who]
+    tags = [int(VEHICLES[name].tag) for name in names] + [int(Tag.PEDESTRIAN)] * len(who)
+    return ActorCatalog(
+        id=np.arange(EGO_INSTANCE + 1, EGO_INSTANCE + 1 + len(tags), dtype=np.uint32),
+        model=tuple(names + who),
+        tag=np.array(tags, np.uint8),
+        size_m=np.array(size, np.float32).reshape(-1, 3),
+        tint=np.concatenate([tints.reshape(-1, 3), clothes.reshape(-1, 3)]).astype(np.uint8),
+    )
+
+
+def _draw_names(draw: np.random.Generator, weights: Mapping[str, float], count: int) -> list[str]:
+    share = np.array(list(weights.values()))
+    names = list(weights)
+    return [names[k] for k in draw.choice(len(names), size=count, p=share / share.sum())]
+
+
+def _draw_tint(draw: np.random.Generator, tints: Tints) -> tuple[int, int, int]:
+    share = np.array([weight for _, weight in tints])
+    return tints[int(draw.choice(len(tints), p=share / share.sum()))][0]

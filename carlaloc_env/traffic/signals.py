@@ -1,0 +1,163 @@
+"""Traffic lights as a closed formula of time: no state to keep, none to record."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import defaultdict
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.traffic.tables.lane_tables import Roads
+
+_LEFT_RAD = 0.5
+
+
+class SignalState(IntEnum):
+    """What a signal head shows."""
+
+    OFF = 0
+    RED = 1
+    YELLOW = 2
+    GREEN = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalTiming:
+    """Durations that all junctions of a town share; by default those of CARLA's traffic lights."""
+
+    green_s: float = 10.0
+    """Green of each phase [s]."""
+    left_green_s: float = 7.0
+    """Green of phases that hold protected left turns alone, at most `green_s` [s]."""
+    yellow_s: float = 3.0
+    """Yellow [s]."""
+    all_red_s: float = 2.0
+    """Red for everybody between two phases [s]."""
+    offset_s: float = 0.0
+    """How much later all cycles begin [s]."""
+
+    def __post_init__(self) -> None:
+        if self.green_s <= 0 or self.left_green_s <= 0 or self.yellow_s < 0 or self.all_red_s < 0:
+            raise ConfigError("signal timing: greens must be positive, yellow_s and all_red_s not negative")
+
+
+class SignalPlan:
+    """State of every signal head of a town at any time.
+
+    Heads of one controller show the same; controllers of a junction with the same sequence number
+    are green together; phases follow each other in the order of that number. Heads without a
+    controller form one phase per direction of approach.
+    """
+
+    def __init__(
+        self,
+        start_ns: NDArray[np.int64],
+        green_ns: NDArray[np.int64],
+        cycle_ns: NDArray[np.int64],
+        yellow_s: float,
+    ) -> None:
+        self._start_ns = start_ns
+        self._green_ns = green_ns
+        self._cycle_ns = cycle_ns
+        self._yellow_ns = round(yellow_s * 1e9)
+
+    @classmethod
+    def from_network(cls, network: LaneNetwork, timing: SignalTiming | None = None) -> SignalPlan:
+        """Plan of all heads of `network.signals`, in their order."""
+        timing = timing or SignalTiming()
+        count = len(network.signals)
+        start, green = np.zeros(count, np.int64), np.zeros(count, np.int64)
+        cycle = np.ones(count, np.int64)
+        groups: dict[str, list[int]] = defaultdict(list)
+        for index, head in enumerate(network.signals):
+            groups[head.junction_id or f"signal {head.id}"].append(index)
+        for junction, heads in groups.items():
+            phases = _phases(network, junction, heads)
+            durations = _green_durations(network, heads, phases, timing)
+            clear_s = timing.yellow_s + timing.all_red_s
+            begins = np.cumsum([0.0, *(duration + clear_s for duration in durations)])
+            total = round(float(begins[-1]) * 1e9)
+            offset = int.from_bytes(hashlib.blake2b(junction.encode(), digest_size=4).digest(), "big")
+            for index, phase in zip(heads, phases, strict=True):
+                cycle[index], green[index] = total, round(durations[phase] * 1e9)
+                start[index] = round(float(begins[phase]) * 1e9)
+                start[index] += offset % 1000 * total // 1000 + round(timing.offset_s * 1e9)
+        return cls(start, green, cycle, timing.yellow_s)
+
+    def state_at(self, stamp_ns: int) -> NDArray[np.uint8]:
+        """`SignalState` of every head at a time [ns], shape (S,)."""
+        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
+        state = np.where(into < self._green_ns, SignalState.GREEN, SignalState.RED)
+        yellow = (into >= self._green_ns) & (into < self._green_ns + self._yellow_ns)
+        return np.where(yellow, SignalState.YELLOW, state).astype(np.uint8)
+
+    def until_green_s(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Time until each head next turns green [s], 0 while it is green, shape (S,)."""
+        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
+        return np.where(into < self._green_ns, 0.0, (self._cycle_ns - into) / 1e9)
+
+    def until_red_s(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Time until each head next turns red [s], 0 while it is red, shape (S,)."""
+        into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
+        return np.maximum(self._green_ns + self._yellow_ns - into, 0) / 1e9
+
+    def open_share(self, roads: Roads) -> NDArray[np.float64]:
+        """Share of time for which the lights let vehicles into each lane, 1 without lights, shape (N,)."""
+        share = np.zeros(len(roads.lane.head_first))
+        lane = np.repeat(np.arange(len(share)), roads.lane.head_end - roads.lane.head_first)
+        np.maximum.at(share, lane, (self._green_ns / self._cycle_ns)[roads.head])
+        share[roads.lane.head_first == roads.lane.head_end] = 1.0
+        return share
+
+
+def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:
+    """Phase number of each head of one junction, counted from 0."""
+    sequence = {
+        controller.id: controller.sequence
+        for junction in network.xodr.junctions
+        if junction.id == junction_id
+        for controller in junction.controllers
+    }
+    keys: list[tuple[int, int | str]] = []
+    for index in heads:
+        head = network.signals[index]
+        if head.controller_id is not None and head.controller_id in sequence:
+            keys.append((0, sequence[head.controller_id]))
+        else:
+            keys.append((1, _axis(network, index)))
+    order = sorted(set(keys))  # type: ignore[type-var]
+    return [order.index(key) for key in keys]
+
+
+def _green_durations(
+    network: LaneNetwork, heads: list[int], phases: list[int], timing: SignalTiming
+) -> list[float]:
+    """Green of each phase [s]; a lone phase is followed by one in which nobody may drive."""
+    durations = []
+    for phase in range(1 + max(phases)):
+        members = [network.signals[k] for k, own in zip(heads, phases, strict=True) if own == phase]
+        lanes = [lane for head in members for lane in head.junction_lanes]
+        left = bool(lanes) and all(_turns_left(network, lane) for lane in lanes)
+        durations.append(min(timing.left_green_s, timing.green_s) if left else timing.green_s)
+    return durations if len(durations) > 1 else [*durations, timing.green_s]
+
+
+def _turns_left(network: LaneNetwork, lane: int) -> bool:
+    tables = network.tables
+    first, count = int(tables.first[lane]), int(tables.count[lane])
+    return bool(tables.heading_rad[first + count - 1] - tables.heading_rad[first] > _LEFT_RAD)
+
+
+def _axis(network: LaneNetwork, index: int) -> str:
+    """Direction of approach in steps of 90°, opposite directions alike."""
+    head = network.signals[index]
+    if not head.lanes:
+        return "none"
+    pose = network.pose(np.array(head.lanes[:1]), np.array(head.stop_station_m[:1]))
+    quarter = int(np.round(float(pose.heading_rad[0]) / (np.pi / 2)))
+    return "east-west" if quarter % 2 == 0 else "north-south"

@@ -1,0 +1,1 @@
+"""Arrays that compiled traffic reads and writes."""

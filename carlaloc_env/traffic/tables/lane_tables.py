@@ -1,0 +1,309 @@
+"""The lane network as tables that compiled functions read."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from carlaloc_env.core.jit import compiled
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
+from carlaloc_env.traffic.tables.crosswalk_tables import Crossings, find_crossings
+from carlaloc_env.traffic.tables.lane_reachability import Ways, find_ways, road_ends
+from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index, columns, fill, starts
+from carlaloc_env.traffic.vehicles.car_following import allowed_speeds
+
+WIDE_M = 2.6
+"""A lane of this width holds any vehicle [m]."""
+
+
+class Lanes:
+    """All N lanes. Names in ``_first`` and ``_end`` bound a lane's rows in another table."""
+
+    length_m: Array
+    """Length [m]."""
+    wide_m: Array
+    """Station up to which the lane is wide enough for any vehicle [m]."""
+    junction: Index
+    """Number of the junction that a driving lane lies in, −1 = none."""
+    left: Index
+    """Lane to the left with the same direction, −1 = none."""
+    right: Index
+    """Lane to the right with the same direction, −1 = none."""
+    turn_rad: Array
+    """Change of heading along the lane [rad], −π…π."""
+    lasting: Flags
+    """Whether one can drive for ever from here, or out of the map."""
+    leaves: Flags
+    """Whether one leaves the map at the lane's end."""
+    stretch: Index
+    """Number of the stretch between two junctions that the lane belongs to."""
+    stretch_m: Array
+    """Length of all lanes of that stretch together [m]."""
+    rank: Index
+    """Rank of a junction lane: the higher goes first."""
+    stop_m: Array
+    """Station at which a driver stops before the junction [m]."""
+    stop_sign: Flags
+    """Whether a junction lane lies behind a stop sign."""
+    after_first: Index
+    after_end: Index
+    before_first: Index
+    before_end: Index
+    row_first: Index
+    row_count: Index
+    row_step_m: Array
+    """Spacing of the samples [m]."""
+    way_first: Index
+    way_end: Index
+    zone_first: Index
+    zone_end: Index
+    head_first: Index
+    head_end: Index
+    crossing_first: Index
+    crossing_end: Index
+
+
+class Samples:
+    """Samples of all lanes along their centre lines, R rows."""
+
+    position_m: Annotated[Array, 3]
+    """World [m]."""
+    tangent: Annotated[Array, 3]
+    """Cosine and sine of the heading, and rise per metre."""
+    bank: Array
+    """Rise of the road per metre to the left of the lane's direction."""
+    along_m: Array
+    """Distance along the road's reference line from the lane's start [m]."""
+    width_m: Array
+    """Width of the lane [m]."""
+    allowed_mps: Array
+    """Speed that limit, bends and what follows in the lane allow [m/s]."""
+
+
+class Roads(NamedTuple):
+    """Everything about the roads that traffic needs."""
+
+    lane: Lanes
+    row: Samples
+    way: Ways
+    zone: Zones
+    crossing: Crossings
+    after: Index
+    """Successors of all lanes."""
+    before: Index
+    """Predecessors of all lanes."""
+    head: Index
+    """Signal heads that lanes obey."""
+    entrance: Index
+    """Lanes on which vehicles come into the map that have left it elsewhere."""
+
+
+def build_roads(network: LaneNetwork) -> Roads:
+    """Tables of a network."""
+    tables, links = network.tables, _Links(network)
+    length = tables.length_m.astype(np.float64)
+    sides = (links.junction, links.left, links.right)
+    way_first, ways, lasting, leaves = find_ways(length, *sides, links.after, links.before, links.driving)
+    begins = road_ends(links.driving, *sides, links.before)
+    entrance = np.flatnonzero(lasting & begins & leaves.any()).astype(np.int64)
+    turn = _turns(network)
+    rules = find_rules(network, links.junction, turn, links.after, links.before)
+    zone_first, zones = find_zones(network, links.junction, links.after, links.before)
+    crossing_first, crossings = find_crossings(network)
+    stretch = _stretches(links)
+    bounds: dict[str, Index] = {}
+    for name, first in (
+        ("after", starts(links.after)),
+        ("before", starts(links.before)),
+        ("way", way_first),
+        ("zone", zone_first),
+        ("head", starts(rules.heads)),
+        ("crossing", crossing_first),
+    ):
+        bounds |= {f"{name}_first": first[:-1], f"{name}_end": first[1:]}
+    lanes = fill(
+        Lanes,
+        len(length),
+        length_m=length,
+        wide_m=_wide_until(network),
+        junction=links.junction,
+        left=links.left,
+        right=links.right,
+        turn_rad=turn,
+        lasting=lasting,
+        leaves=leaves,
+        stretch=stretch,
+        stretch_m=np.bincount(stretch, weights=length)[stretch],
+        rank=rules.rank,
+        stop_m=rules.stop_m,
+        stop_sign=rules.stop_sign,
+        row_first=tables.first,
+        row_count=tables.count,
+        row_step_m=tables.step_m,
+        **bounds,
+    )
+    samples = columns(Samples, len(tables.width_m))
+    samples.position_m[...] = tables.position_m
+    samples.tangent[...] = tables.tangent
+    samples.bank[...] = _banks(network)
+    samples.along_m[...] = tables.along_m
+    samples.width_m[...] = tables.width_m
+    samples.allowed_mps[...] = allowed_speeds(network)
+    flat = [
+        np.array([n for own in rows for n in own], np.int64)
+        for rows in (links.after, links.before, rules.heads)
+    ]
+    return Roads(lanes, samples, ways, zones, crossings, flat[0], flat[1], flat[2], entrance)
+
+
+class _Links:
+    """Neighbours, successors and predecessors of driving lanes."""
+
+    def __init__(self, network: LaneNetwork) -> None:
+        lanes = network.lanes
+        driving = [lane.type == "driving" for lane in lanes]
+        self.driving = np.array(driving, dtype=bool)
+        self.after = [[n for n in lane.successors if driving[n] and driving[lane.index]] for lane in lanes]
+        self.before = [[n for n in lane.predecessors if driving[n] and driving[lane.index]] for lane in lanes]
+        names = [lane.junction_id for lane in lanes]
+        number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+        inside = [own and name is not None for own, name in zip(driving, names, strict=True)]
+        self.junction = np.where(inside, [number[name] for name in names], -1).astype(np.int64)
+        self.left = np.array([-1 if lane.left is None else lane.left for lane in lanes], np.int64)
+        self.right = np.array([-1 if lane.right is None else lane.right for lane in lanes], np.int64)
+
+
+def _banks(network: LaneNetwork) -> Array:
+    """Rise per metre to the left at all samples: superelevation, lateral shape and heights of lanes."""
+    tables = network.tables
+    lane = np.repeat(np.arange(len(tables.count)), tables.count)
+    station = (np.arange(len(lane)) - tables.first[lane]) * tables.step_m[lane]
+    s = network.s_m(lane, station)
+    return np.where(network.forward[lane], 1.0, -1.0) * network.surface.lane_bank(lane, s)
+
+
+def _wide_until(network: LaneNetwork) -> Array:
+    """Last station of each lane that is `WIDE_M` wide [m]; half the length of lanes that never are."""
+    tables = network.tables
+    row = np.arange(len(tables.width_m)) - np.repeat(tables.first, tables.count)
+    last = np.maximum.reduceat(np.where(tables.width_m >= WIDE_M, row, -1), tables.first)
+    result: Array = np.where(last < 0, 0.5 * tables.length_m, last * tables.step_m)
+    return result
+
+
+def _stretches(links: _Links) -> Index:
+    """Numbers of stretches: driving lanes joined by links and lane changes without a junction between."""
+    number = np.arange(len(links.junction), dtype=np.int64)
+    for lane in range(len(number)):
+        if links.junction[lane] >= 0 or number[lane] != lane:
+            continue
+        waiting = [lane]
+        while waiting:
+            here = waiting.pop()
+            number[here] = lane
+            near = [*links.after[here], *links.before[here], int(links.left[here]), int(links.right[here])]
+            waiting += [n for n in near if n > lane and links.junction[n] < 0 and number[n] == n]
+    return number
+
+
+def _turns(network: LaneNetwork) -> Array:
+    tables = network.tables
+    change = tables.heading_rad[tables.first + tables.count - 1] - tables.heading_rad[tables.first]
+    result: Array = np.mod(change + np.pi, 2.0 * np.pi) - np.pi
+    return result
+
+
+@compiled
+def sample(roads: Roads, lane: int, station_m: float) -> tuple[int, float]:
+    """Row before a station, and the fraction of the way to the next row."""
+    at = min(max(station_m / roads.lane.row_step_m[lane], 0.0), roads.lane.row_count[lane] - 1.0)
+    k = min(int(at), roads.lane.row_count[lane] - 2)
+    return roads.lane.row_first[lane] + k, at - k
+
+
+@compiled
+def allowed_at(roads: Roads, lane: int, station_m: float) -> float:
+    """Speed allowed at a station [m/s]."""
+    row, _ = sample(roads, lane, station_m)
+    return float(roads.row.allowed_mps[row])
+
+
+@compiled
+def width_at(roads: Roads, lane: int, station_m: float) -> float:
+    """Width of a lane at a station [m]."""
+    row, f = sample(roads, lane, station_m)
+    return float(roads.row.width_m[row] * (1.0 - f) + roads.row.width_m[row + 1] * f)
+
+
+@compiled
+def place_of(roads: Roads, lane: int, station_m: float) -> tuple[float, float, float, float]:
+    """x, y [m], cosine and sine of a lane's centre line, by straight lines between the samples."""
+    row, f = sample(roads, lane, station_m)
+    c = roads.row.tangent[row, 0] * (1.0 - f) + roads.row.tangent[row + 1, 0] * f
+    s = roads.row.tangent[row, 1] * (1.0 - f) + roads.row.tangent[row + 1, 1] * f
+    x = roads.row.position_m[row, 0] * (1.0 - f) + roads.row.position_m[row + 1, 0] * f
+    y = roads.row.position_m[row, 1] * (1.0 - f) + roads.row.position_m[row + 1, 1] * f
+    norm = np.sqrt(c * c + s * s)
+    return float(x), float(y), float(c / norm), float(s / norm)
+
+
+@compiled
+def station_beside(roads: Roads, lane: int, station_m: float, other: int) -> float:
+    """Station of a neighbouring lane of the same section that lies beside a station [m]."""
+    row, f = sample(roads, lane, station_m)
+    along = roads.row.along_m[row] * (1.0 - f) + roads.row.along_m[row + 1] * f
+    first, last = roads.lane.row_first[other], roads.lane.row_first[other] + roads.lane.row_count[other] - 2
+    there = min(
+        first
+        + int(
+            (row - roads.lane.row_first[lane] + f) * roads.lane.row_count[other] / roads.lane.row_count[lane]
+        ),
+        last,
+    )
+    while there > first and roads.row.along_m[there] > along:
+        there -= 1
+    while there < last and roads.row.along_m[there + 1] < along:
+        there += 1
+    gap = roads.row.along_m[there + 1] - roads.row.along_m[there]
+    share = (along - roads.row.along_m[there]) / gap if gap > 1e-9 else 0.0
+    beyond = station_m - min(max(station_m, 0.0), roads.lane.length_m[lane])
+    return float((there - first + share) * roads.lane.row_step_m[other] + beyond)
+
+
+@compiled
+def bank_at(roads: Roads, lane: int, station_m: float) -> float:
+    """Rise of the road per metre to the left of a lane's direction at a station."""
+    row, f = sample(roads, lane, station_m)
+    return float(roads.row.bank[row] * (1.0 - f) + roads.row.bank[row + 1] * f)
+
+
+@compiled
+def put_point(roads: Roads, lane: int, station_m: float, aside_m: float, out: Array) -> None:
+    """Write a point of a lane and its direction to `out`: x, y, z [m], cos, sin, rise.
+
+    Args:
+        roads: The roads.
+        lane: The lane.
+        station_m: Station [m]; beyond the lane's ends its end directions go on straight.
+        aside_m: Distance to the left of the centre line [m].
+        out: Six numbers.
+    """
+    row, f = sample(roads, lane, station_m)
+    on_lane = min(max(station_m, 0.0), roads.lane.length_m[lane])
+    g, h, f2 = 1.0 - f, roads.lane.row_step_m[lane], f * f
+    w1 = f2 * (3.0 - 2.0 * f)
+    m0, m1 = h * f * g * g, h * f2 * g
+    for k in range(3):
+        t0, t1 = roads.row.tangent[row, k], roads.row.tangent[row + 1, k]
+        p0, p1 = roads.row.position_m[row, k], roads.row.position_m[row + 1, k]
+        tangent = t0 * g + t1 * f
+        out[k] = p0 * (1.0 - w1) + p1 * w1 + t0 * m0 - t1 * m1 + (station_m - on_lane) * tangent
+        out[3 + k] = tangent
+    norm = np.sqrt(out[3] * out[3] + out[4] * out[4])
+    out[3] /= norm
+    out[4] /= norm
+    out[0] -= aside_m * out[4]
+    out[1] += aside_m * out[3]
+    out[2] += aside_m * bank_at(roads, lane, station_m)

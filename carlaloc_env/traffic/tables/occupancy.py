@@ -1,0 +1,176 @@
+"""What stands on every lane: vehicles, their tails and noses on other lanes, the ego, sorted by place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from carlaloc_env.core.jit import compiled
+from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
+from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside, width_at
+from carlaloc_env.traffic.tables.record_arrays import Array, Index, columns
+from carlaloc_env.traffic.tables.vehicle_state import PAST, Drivers, Fleet
+
+HORIZON_M = 120.0
+"""How far drivers look for somebody in front [m]."""
+_PER_VEHICLE = 14
+_EGO_LANES = 64
+
+
+class Bodies:
+    """Bodies on lanes in the order of their gathering, E of them."""
+
+    lane: Index
+    """Lane, (E,)."""
+    centre_m: Array
+    """Station of the body's centre, may lie beyond the lane's ends [m], (E,)."""
+    half_m: Array
+    """Half its length [m], (E,)."""
+    speed_mps: Array
+    """Speed along the lane [m/s], (E,)."""
+    owner: Index
+    """Vehicle; the ego's number is the count of vehicles, (E,)."""
+
+
+class Presence(NamedTuple):
+    """All bodies on lanes."""
+
+    body: Bodies
+    """Rows; the first ``used[0]`` are in use."""
+    order: Index
+    """Rows sorted by lane and centre, (E,)."""
+    first: Index
+    """Where each lane begins in `order`, (N + 1,)."""
+    used: Index
+    """Number of rows in use, (1,)."""
+
+
+def empty_presence(vehicles: int, lanes: int) -> Presence:
+    """Room for all bodies of a number of vehicles and the ego."""
+    rows = _PER_VEHICLE * vehicles + _EGO_LANES
+    return Presence(
+        body=columns(Bodies, rows),
+        order=np.zeros(rows, np.int64),
+        first=np.zeros(lanes + 1, np.int64),
+        used=np.zeros(1, np.int64),
+    )
+
+
+@compiled
+def add_body(
+    there: Presence, lane: int, centre_m: float, half_m: float, speed_mps: float, owner: int
+) -> None:
+    """One more body on a lane; silently nothing when all rows are in use."""
+    k = there.used[0]
+    if k < len(there.order):
+        there.body.lane[k] = lane
+        there.body.centre_m[k] = centre_m
+        there.body.half_m[k] = half_m
+        there.body.speed_mps[k] = speed_mps
+        there.body.owner[k] = owner
+        there.used[0] = k + 1
+
+
+@compiled
+def _add_with_zones(
+    there: Presence, roads: Roads, lane: int, centre_m: float, half_m: float, speed: float, v: int
+) -> None:
+    """A body on a lane and, in junctions, on the lanes that part from or merge with it there."""
+    add_body(there, lane, centre_m, half_m, speed, v)
+    if roads.lane.junction[lane] < 0:
+        return
+    for z in range(roads.lane.zone_first[lane], roads.lane.zone_end[lane]):
+        other = roads.zone.other[z]
+        if roads.zone.kind[z] == PARTING and centre_m - half_m < roads.zone.leave_m[z]:
+            add_body(there, other, centre_m, half_m, speed, v)
+        elif roads.zone.kind[z] == MERGING and centre_m + half_m > roads.zone.enter_m[z]:
+            add_body(
+                there,
+                other,
+                roads.lane.length_m[other] - (roads.lane.length_m[lane] - centre_m),
+                half_m,
+                speed,
+                v,
+            )
+
+
+@compiled
+def gather(there: Presence, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
+    """Bodies of all vehicles on all lanes that they touch."""
+    there.used[0] = 0
+    for v in range(count):
+        lane, station = fleet.plan[v, 0], fleet.station_m[v]
+        half, speed = 0.5 * drivers.length_m[v], fleet.speed_mps[v]
+        _add_with_zones(there, roads, lane, station, half, speed, v)
+        centre = station
+        for k in range(PAST):
+            before = fleet.past[v, k]
+            if centre - half >= 0.0 or before < 0:
+                break
+            centre += roads.lane.length_m[before]
+            _add_with_zones(there, roads, before, centre, half, speed, v)
+        ahead = fleet.plan[v, 1]
+        if ahead >= 0 and station + half > roads.lane.length_m[lane]:
+            _add_with_zones(there, roads, ahead, station - roads.lane.length_m[lane], half, speed, v)
+        side = fleet.origin[v]
+        if side != 0 and on_origin(roads, drivers, fleet, v):
+            origin = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
+            if origin >= 0:
+                place = station_beside(roads, lane, station, origin)
+                add_body(there, origin, place, half, speed, v)
+                before = (
+                    roads.before[roads.lane.before_first[origin]]
+                    if (roads.lane.before_first[origin] < roads.lane.before_end[origin])
+                    else -1
+                )
+                if place - half < 0.0 and before >= 0:
+                    add_body(there, before, place + roads.lane.length_m[before], half, speed, v)
+
+
+@compiled
+def on_origin(roads: Roads, drivers: Drivers, fleet: Fleet, v: int) -> bool:
+    """Whether a vehicle that changes lanes still reaches into the lane it is leaving."""
+    lane = fleet.plan[v, 0]
+    reach = abs(fleet.aside_m[v]) + 0.5 * drivers.width_m[v] + 0.1
+    return bool(reach > 0.5 * width_at(roads, lane, fleet.station_m[v]))
+
+
+@compiled
+def sort_bodies(there: Presence) -> None:
+    """Order all bodies by lane and centre; equal ones in the order of their gathering."""
+    first, order, count = there.first, there.order, there.used[0]
+    first[:] = 0
+    for k in range(count):
+        first[there.body.lane[k] + 1] += 1
+    for lane in range(len(first) - 1):
+        first[lane + 1] += first[lane]
+    # Insertion into each lane's stretch: lanes hold few bodies.
+    for k in range(count - 1, -1, -1):
+        lane = there.body.lane[k]
+        first[lane + 1] -= 1
+        order[first[lane + 1]] = k
+    for lane in range(len(first) - 1):
+        first[lane] = first[lane + 1]
+    first[len(first) - 1] = count
+    for lane in range(len(first) - 1):
+        for i in range(first[lane] + 1, first[lane + 1]):
+            row = order[i]
+            j = i
+            while j > first[lane] and there.body.centre_m[order[j - 1]] > there.body.centre_m[row]:
+                order[j] = order[j - 1]
+                j -= 1
+            order[j] = row
+
+
+@compiled
+def place_after(there: Presence, lane: int, centre_m: float) -> int:
+    """Place in `order` of the first body of a lane whose centre lies beyond a station."""
+    low, high = there.first[lane], there.first[lane + 1]
+    while low < high:
+        middle = (low + high) // 2
+        if there.body.centre_m[there.order[middle]] > centre_m:
+            high = middle
+        else:
+            low = middle + 1
+    return int(low)

@@ -1,0 +1,96 @@
+"""Who wants into which junction, and who has been admitted to which lane."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from carlaloc_env.core.jit import compiled
+from carlaloc_env.traffic.tables.record_arrays import Array, Index, columns
+from carlaloc_env.traffic.tables.vehicle_state import HELD, Fleet
+
+MAX_WAITING = 512
+
+
+class Asks:
+    """Vehicles that come up to a junction and want in."""
+
+    vehicle: Index
+    """(W,)."""
+    hop: Index
+    """Place of the first junction lane in the vehicle's plan, (W,)."""
+    distance_m: Array
+    """From its front to that lane [m], (W,)."""
+    urgency: Array
+    """The greater goes first, (W,)."""
+
+
+class Requests(NamedTuple):
+    """Who wants in, and who has been admitted to which lane."""
+
+    ask: Asks
+    """The first ``used[0]`` rows are in use."""
+    holder_first: Index
+    """Rows of `holder` for each lane, (N + 1,)."""
+    holder: Index
+    """Vehicle · HELD + place in its list of held lanes, (N · HELD,)."""
+    claimed: Array
+    """Room claimed on each lane by those admitted to a junction before it [m], (N,)."""
+    used: Index
+    """Requests in use, and the number of the next ticket, (2,)."""
+
+
+def empty_requests(vehicles: int, lanes: int) -> Requests:
+    """Room for the requests of a number of vehicles and the ego."""
+    return Requests(
+        ask=columns(Asks, MAX_WAITING),
+        holder_first=np.zeros(lanes + 1, np.int64),
+        holder=np.zeros((vehicles + 1) * HELD, np.int64),
+        claimed=np.zeros(lanes),
+        used=np.zeros(2, np.int64),
+    )
+
+
+@compiled
+def list_holders(asks: Requests, fleet: Fleet) -> None:
+    """Sort everybody who has been admitted by lane."""
+    first = asks.holder_first
+    first[:] = 0
+    rows, places = fleet.held_lane.shape
+    for v in range(rows):
+        for k in range(places):
+            if fleet.held_lane[v, k] >= 0:
+                first[fleet.held_lane[v, k] + 1] += 1
+    for lane in range(len(first) - 1):
+        first[lane + 1] += first[lane]
+    for v in range(rows - 1, -1, -1):
+        for k in range(places - 1, -1, -1):
+            lane = fleet.held_lane[v, k]
+            if lane >= 0:
+                first[lane + 1] -= 1
+                asks.holder[first[lane + 1]] = v * HELD + k
+    total = 0
+    for v in range(rows):
+        for k in range(places):
+            total += fleet.held_lane[v, k] >= 0
+    for lane in range(len(first) - 1):
+        first[lane] = first[lane + 1]
+    first[len(first) - 1] = total
+
+
+@compiled
+def holds(fleet: Fleet, v: int, lane: int) -> bool:
+    """Whether a vehicle has been admitted to a lane."""
+    found = False
+    for k in range(HELD):
+        found = found or fleet.held_lane[v, k] == lane
+    return found
+
+
+@compiled
+def drop_holds_ahead(fleet: Fleet, v: int) -> None:
+    """Give up all lanes that the vehicle has not entered."""
+    for k in range(HELD):
+        if fleet.held_lane[v, k] >= 0 and fleet.held_front_m[v, k] < 0.0:
+            fleet.held_lane[v, k] = -1

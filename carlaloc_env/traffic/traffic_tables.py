@@ -1,0 +1,65 @@
+"""What traffic needs to know of a town, and where its vehicles may start."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.traffic.tables.lane_tables import build_roads
+from carlaloc_env.traffic.tables.sidewalks import build_ground
+from carlaloc_env.traffic.vehicles.ego_agent import build_cells
+from carlaloc_env.traffic.vehicles.overlapping_lanes import find_overlaps
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SPACING_M = 12.0
+"""Least distance between two vehicles at the start [m]."""
+KEEP_CLEAR_M = 20.0
+"""Distance from the ego's start that stays empty [m]."""
+_END_ROOM_M = 7.0
+_NARROWEST_M = 2.5
+
+
+class TrafficTables:
+    """Computed once per town and shared by all drives in it."""
+
+    def __init__(self, network: LaneNetwork) -> None:
+        self.network = network
+        self.roads = build_roads(network)
+        self.ground = build_ground(network, self.roads)
+        driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
+        self.cells = build_cells(self.roads, driving)
+        after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]
+        self.overlaps = find_overlaps(network, driving, self.roads.lane.junction, after)
+        self._driving = driving
+
+    def starting_places(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:
+        """Lanes and stations [m] at which vehicles may start, in the order in which they are taken.
+
+        They lie outside junctions, on lanes that lead into no dead end.
+
+        Args:
+            seed: Seed of the traffic.
+            keep_clear_m: Points [m] (K, 3) whose surroundings stay empty: the ego's start.
+        """
+        slots: list[tuple[int, float]] = []
+        usable = self._driving & (self.roads.lane.junction < 0) & self.roads.lane.lasting
+        for lane in np.flatnonzero(usable).tolist():
+            room = float(self.roads.lane.length_m[lane]) - 2 * _END_ROOM_M
+            for k in range(int(room // SPACING_M) + 1 if room > 0 else 0):
+                slots.append((lane, _END_ROOM_M + k * SPACING_M))
+        order = rng.stream(seed, "traffic/place").permutation(len(slots))
+        lanes = np.array([slots[k][0] for k in order], np.int64)
+        stations = np.array([slots[k][1] for k in order])
+        if not len(lanes):
+            return lanes, stations
+        keep = self.network.width_m(lanes, stations) > _NARROWEST_M
+        if len(keep_clear_m):
+            where = self.network.pose(lanes, stations).position_m
+            keep &= (
+                np.min(np.linalg.norm(where[:, None] - keep_clear_m[None], axis=-1), axis=1) > KEEP_CLEAR_M
+            )
+        return lanes[keep], stations[keep]

@@ -1,0 +1,1 @@
+"""How vehicles follow, change lanes and lean."""

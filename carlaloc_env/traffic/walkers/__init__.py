@@ -1,0 +1,1 @@
+"""How walkers walk, cross and avoid vehicles."""
