@@ -20,9 +20,9 @@ from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.world import TrafficConfig
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.devices.registry import open_device
-from recorder.drive_log import DriveLog
-from recorder.drive_status import DriveStatus
-from recorder.episode import EpisodeHeader, EpisodeWriter
+from recorder.drive.episode_listener import DriveLog
+from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.window.status import DriveStatus
 
 VEHICLES, WALKERS = 266, 34
 _CALM = TrafficConfig(vehicles=50, walkers=10, seed=SEED)
@@ -68,7 +68,7 @@ def _drive_with_pictures(
     world: DrivingWorld, driver: Any, cockpit: Any, status: DriveStatus, seconds: float
 ) -> tuple[float, float]:
     """Pictures in a second of a stretch of the drive, and how fast the world ran over real time."""
-    from recorder.pacing import Pacer
+    from recorder.drive.real_time_pacer import Pacer
 
     pacer, shown, ticks = Pacer(), cockpit.pictures, world.tick_count
     began = time.perf_counter()

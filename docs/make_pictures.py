@@ -22,9 +22,9 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode import Episode
-from recorder.episode_actors import actor_states
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
+from recorder.episode.actor_messages import actor_states
+from recorder.episode.episode import Episode
 from recorder.report.mosaic import depth_picture, lidar_picture, semantic_picture
 
 PICTURE = Path(__file__).parent / "pictures" / "sensors.jpg"

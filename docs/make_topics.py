@@ -26,7 +26,7 @@ from carlaloc_env.samples import (
     Speed,
     WheelTicks,
 )
-from recorder.writers.messages import ENCODERS
+from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import PROFILES, TopicProfile
 
 PAGE = Path(__file__).with_name("topics.md")

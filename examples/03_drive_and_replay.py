@@ -8,8 +8,8 @@ from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.driving.driver_view import DriverView
-from recorder.record import RecordConfig, record
-from recorder.replay import ReplayConfig, replay
+from recorder.drive.record import RecordConfig, record
+from recorder.generation.replay import ReplayConfig, replay
 
 
 class CruiseControl:

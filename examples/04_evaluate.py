@@ -12,7 +12,7 @@ from carlaloc_env.samples import GnssFix
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode import Episode
+from recorder.episode.episode import Episode
 from recorder.evaluation.align import Alignment
 from recorder.evaluation.evaluate import EvaluationResult, evaluate
 from recorder.evaluation.metrics import Metric

@@ -12,7 +12,7 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode import Episode
+from recorder.episode.episode import Episode
 
 RIG = """
 name: weather_station

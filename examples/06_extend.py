@@ -14,10 +14,10 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode import Episode
-from recorder.writers.messages import ENCODERS, MessageMaker
+from recorder.episode.episode import Episode
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.messages import ENCODERS, MessageMaker
+from recorder.writers.ros.rosbag1 import Rosbag1Writer
 from recorder.writers.topics import PROFILES, TopicProfile, TopicRule
 
 RIG = """

@@ -16,11 +16,11 @@ import numpy as np
 from tqdm import tqdm
 
 from carlaloc_env.core.errors import CarlaLocError
+from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.evaluate import EvaluationResult, evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory import read_tum, write_tum
-from recorder.record import RecordConfig, record
-from recorder.replay import ReplayConfig, ReplayResult, replay
+from recorder.generation.replay import ReplayConfig, ReplayResult, replay
 from recorder.report.trajectory_plot import plot_trajectories
 from recorder.slam.gicp import gicp_odometry
 from recorder.slam.kiss_icp import kiss_icp_odometry

@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Edit."""
-    from recorder.episode import Episode
-    from recorder.episode_summary import summarise
+    from recorder.episode.episode import Episode
+    from recorder.episode.summary import summarise
 
     extra = {"cut": _cut, "join": _join, "actors": _actors, "traffic": _traffic}[arguments.action](arguments)
     return {**asdict(summarise(Episode.load(arguments.out))), **extra}
@@ -59,7 +59,7 @@ def show(result: dict[str, Any]) -> None:
 
 
 def _cut(arguments: argparse.Namespace) -> dict[str, Any]:
-    from recorder.episode_edit import cut_episode
+    from recorder.episode.edit import cut_episode
 
     span = (arguments.start, arguments.end)
     cut_episode(arguments.episode, arguments.out, *span, overwrite=arguments.force)
@@ -67,14 +67,14 @@ def _cut(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _join(arguments: argparse.Namespace) -> dict[str, Any]:
-    from recorder.episode_edit import join_episodes
+    from recorder.episode.edit import join_episodes
 
     join_episodes(arguments.episode, arguments.second, arguments.out, overwrite=arguments.force)
     return {}
 
 
 def _actors(arguments: argparse.Namespace) -> dict[str, Any]:
-    from recorder.episode_edit import drop_actors, thin_actors
+    from recorder.episode.edit import drop_actors, thin_actors
 
     if (arguments.drop is None) == (arguments.keep is None):
         raise UsageError("give either --drop or --keep, e.g. --drop walkers")
@@ -89,7 +89,7 @@ def _actors(arguments: argparse.Namespace) -> dict[str, Any]:
 def _traffic(arguments: argparse.Namespace) -> dict[str, Any]:
     from tqdm import tqdm
 
-    from recorder.other_traffic import change_traffic
+    from recorder.drive.resimulate_traffic import change_traffic
 
     with tqdm(unit="step", desc="traffic", disable=None, leave=False) as bar:
 

@@ -22,9 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Look at, or repair, an episode."""
-    from recorder.episode import open_episode
-    from recorder.episode_repair import repair_episode
-    from recorder.episode_summary import summarise
+    from recorder.episode.episode import open_episode
+    from recorder.episode.repair import repair_episode
+    from recorder.episode.summary import summarise
 
     episode = repair_episode(arguments.episode) if arguments.repair else open_episode(arguments.episode)
     return asdict(summarise(episode))

@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         raise UsageError("where to? give --out, e.g. --out drive.mcap")
     from tqdm import tqdm
 
-    from recorder.record import RecordConfig, record
+    from recorder.drive.record import RecordConfig, record
 
     config = RecordConfig(
         map=arguments.map,
@@ -93,7 +93,7 @@ def _ask(line: str) -> None:
 def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
     from tqdm import tqdm
 
-    from recorder.resimulate import resimulate
+    from recorder.drive.resimulate import resimulate
 
     with tqdm(unit="tick", desc="driving again", disable=None, leave=False) as bar:
 

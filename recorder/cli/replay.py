@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
     from tqdm import tqdm
 
-    from recorder.replay import ReplayConfig, replay
+    from recorder.generation.replay import ReplayConfig, replay
 
     config = ReplayConfig(
         episode=arguments.episode,

@@ -7,7 +7,7 @@ from recorder.devices.base import Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import known_profiles
-from recorder.devices.scripted import ScriptedDriver
+from recorder.devices.scripted.driver import ScriptedDriver
 
 HUMAN = ("wheel", "gamepad", "keyboard")
 """Devices that a person holds."""

@@ -13,11 +13,11 @@ from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather
-from recorder.drive_status import DriveStatus
 from recorder.window.hud import HudState
 from recorder.window.minimap import MiniMap
-from recorder.window.moment import VIEWS, Moment
-from recorder.window.painter import GONE, Painter
+from recorder.window.render_process import GONE, Painter
+from recorder.window.snapshot import VIEWS, Moment
+from recorder.window.status import DriveStatus
 from recorder.window.window import WINDOW_PX, Window
 
 _PATIENCE_S = 0.003

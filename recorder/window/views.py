@@ -13,8 +13,8 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.sensor_stage import SensorStage
-from recorder.window.moment import Moment
 from recorder.window.resolution import LiveResolution
+from recorder.window.snapshot import Moment
 
 Array = NDArray[np.float64]
 

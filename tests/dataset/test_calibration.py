@@ -13,14 +13,14 @@ import yaml
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.sensors.base import Mount
-from recorder.writers.calibration import write_calibration
+from recorder.writers.calibration.files import write_calibration
+from recorder.writers.calibration.yaml_text import real
 from recorder.writers.rig_calibration import (
     CameraCalibration,
     ImuCalibration,
     LidarCalibration,
     RigCalibration,
 )
-from recorder.writers.yaml_text import real
 
 T_BASE_IMU = Mount(position_m=(1.5, 0.0, 1.05), axes="paper_imu").T_base_sensor
 T_BASE_LIDAR = Mount(position_m=(1.2, 0.0, 1.85), rpy_deg=(0.0, 1.0, 2.0)).T_base_sensor

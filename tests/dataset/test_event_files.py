@@ -14,14 +14,14 @@ from rosbags.typesys import Stores
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
 from carlaloc_env.sensors.camera.camera import CameraConfig
-from recorder.sequence import without_unwritten
+from recorder.generation.sequence_writers import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.dsec import DsecWriter
-from recorder.writers.event_messages import cdr_with_events
-from recorder.writers.message_parts import make_typestore
-from recorder.writers.messages import MessageMaker
+from recorder.writers.formats.dsec import DsecWriter
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.event_messages import cdr_with_events
+from recorder.writers.ros.message_parts import make_typestore
+from recorder.writers.ros.messages import MessageMaker
+from recorder.writers.ros.rosbag1 import Rosbag1Writer
 
 PERIOD_NS = 50_000_000
 

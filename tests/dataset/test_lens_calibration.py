@@ -25,7 +25,7 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.camera import CameraConfig
 from carlaloc_env.sensors.imaging.frame import Optics, Shot
 from carlaloc_env.weather.parameters import PRESETS
-from recorder.writers.calibration import write_calibration
+from recorder.writers.calibration.files import write_calibration
 from recorder.writers.rig_calibration import RigCalibration
 
 RADTAN = Lens(model="radtan", coefficients=(-0.28, 0.07, 0.0002, 2e-5))

@@ -34,7 +34,7 @@ from recorder.writers.rig_calibration import (
     LidarCalibration,
     RigCalibration,
 )
-from recorder.writers.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Rosbag1Writer
 
 OFFICIAL_MD5 = {
     "sensor_msgs/msg/Imu": "6a62c6daae103f4ff57a132d6f95cec2",

@@ -21,8 +21,8 @@ from carlaloc_env.samples import (
     WheelTicks,
 )
 from recorder.writers.can_bus import FRAMES, dbc
-from recorder.writers.message_parts import make_typestore
-from recorder.writers.messages import ENCODERS, MessageMaker
+from recorder.writers.ros.message_parts import make_typestore
+from recorder.writers.ros.messages import ENCODERS, MessageMaker
 from recorder.writers.topics import PROFILES, STANDARD
 
 OFFICIAL_MD5 = {

@@ -11,11 +11,11 @@ import pytest
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import EpisodeError, WriterError
 from carlaloc_env.samples import Image, Imu
-from recorder.episode import EgoRow, EpisodeHeader, EpisodeWriter, open_episode
+from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter, open_episode
 from recorder.writers.base import Writer
-from recorder.writers.euroc import EurocWriter
+from recorder.writers.formats.euroc import EurocWriter
 from recorder.writers.rig_calibration import CameraCalibration, ImuCalibration, RigCalibration
-from recorder.writers.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Rosbag1Writer
 
 resource = pytest.importorskip("resource")
 

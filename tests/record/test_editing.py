@@ -12,12 +12,12 @@ import pytest
 from carlaloc_env.core.errors import ConfigError, EpisodeError
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder.cli.main import main
-from recorder.conditions import traffic_level
-from recorder.episode import EgoRow, Episode, EpisodeWriter
-from recorder.episode_actors import actor_states
-from recorder.episode_edit import cut_episode, drop_actors, join_episodes, thin_actors
-from recorder.other_traffic import change_traffic
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
+from recorder.drive.resimulate_traffic import change_traffic
+from recorder.episode.actor_messages import actor_states
+from recorder.episode.edit import cut_episode, drop_actors, join_episodes, thin_actors
+from recorder.episode.episode import EgoRow, Episode, EpisodeWriter
+from recorder.generation.conditions import traffic_level
 
 
 @pytest.fixture(scope="module")

@@ -21,10 +21,10 @@ from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
-from recorder import episode_actors, episode_messages
-from recorder.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, open_episode
-from recorder.episode_mcap import ContainerWriter
-from recorder.episode_repair import repair_episode
+from recorder.episode import actor_messages, messages
+from recorder.episode.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, open_episode
+from recorder.episode.mcap_container import ContainerWriter
+from recorder.episode.repair import repair_episode
 
 SIGNALS = 7
 
@@ -148,26 +148,26 @@ def test_bytes_equal_those_of_another_cdr_implementation() -> None:
     """Rules out a file that only we can read: rosbags must produce the same bytes."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in (
-        (episode_messages.EGO_TYPE, episode_messages.EGO_DEFINITION),
-        (episode_actors.ACTORS_TYPE, episode_actors.ACTORS_DEFINITION),
-        (episode_messages.EVENT_TYPE, episode_messages.EVENT_DEFINITION),
+        (messages.EGO_TYPE, messages.EGO_DEFINITION),
+        (actor_messages.ACTORS_TYPE, actor_messages.ACTORS_DEFINITION),
+        (messages.EVENT_TYPE, messages.EVENT_DEFINITION),
     ):
         store.register(get_types_from_msg(text, name))
     row = row_of(5)
-    ego = store.deserialize_cdr(episode_messages.pack_ego(5, row), episode_messages.EGO_TYPE)
+    ego = store.deserialize_cdr(messages.pack_ego(5, row), messages.EGO_TYPE)
     assert ego.tick == 5  # type: ignore[attr-defined]
     assert ego.quat_xyzw.tolist() == np.asarray(row.quat_xyzw).tolist()  # type: ignore[attr-defined]
-    assert bytes(store.serialize_cdr(ego, episode_messages.EGO_TYPE)) == episode_messages.pack_ego(5, row)
+    assert bytes(store.serialize_cdr(ego, messages.EGO_TYPE)) == messages.pack_ego(5, row)
     for count in range(6):
-        ours = episode_actors.pack_actors(9, frame_of(9, count), np.arange(SIGNALS, dtype=np.uint8))
-        frame = store.deserialize_cdr(ours, episode_actors.ACTORS_TYPE)
+        ours = actor_messages.pack_actors(9, frame_of(9, count), np.arange(SIGNALS, dtype=np.uint8))
+        frame = store.deserialize_cdr(ours, actor_messages.ACTORS_TYPE)
         assert frame.signals.tolist() == list(range(SIGNALS))  # type: ignore[attr-defined]
-        assert bytes(store.serialize_cdr(frame, episode_actors.ACTORS_TYPE)) == ours
+        assert bytes(store.serialize_cdr(frame, actor_messages.ACTORS_TYPE)) == ours
     for kind in ("a", "ab", "abc", "abcd"):
-        ours = episode_messages.pack_event(3, kind, '{"x": 1}')
-        event = store.deserialize_cdr(ours, episode_messages.EVENT_TYPE)
+        ours = messages.pack_event(3, kind, '{"x": 1}')
+        event = store.deserialize_cdr(ours, messages.EVENT_TYPE)
         assert (event.kind, event.json) == (kind, '{"x": 1}')  # type: ignore[attr-defined]
-        assert bytes(store.serialize_cdr(event, episode_messages.EVENT_TYPE)) == ours
+        assert bytes(store.serialize_cdr(event, messages.EVENT_TYPE)) == ours
 
 
 def test_mcap_library_reads_the_file(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recorder.episode import Episode
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
+from recorder.episode.episode import Episode
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = (

@@ -15,9 +15,9 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.core.errors import EpisodeError
-from recorder.episode import open_episode
-from recorder.episode_repair import repair_episode
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
+from recorder.episode.episode import open_episode
+from recorder.episode.repair import repair_episode
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_full_disk_loses_at_most_the_last_second(small_disk: Path, tmp_path: Pat
 DRIVE = """
 import sys, time
 from pathlib import Path
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
 out = Path(sys.argv[1])
 record(
     RecordConfig(map="Town03", out=out, traffic="0.2"),

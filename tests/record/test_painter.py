@@ -22,9 +22,9 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.drive_status import DriveStatus
-from recorder.window.moment import Moment
-from recorder.window.painter import Painter
+from recorder.window.render_process import Painter
+from recorder.window.snapshot import Moment
+from recorder.window.status import DriveStatus
 from recorder.window.views import LiveView
 
 pytest.importorskip("moderngl")
@@ -33,7 +33,7 @@ import os, signal, sys
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather import weather_by_name
-from recorder.window.painter import Painter
+from recorder.window.render_process import Painter
 
 if __name__ == "__main__":
     stage = SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNoon"), quality="low")

@@ -11,7 +11,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera.camera import CameraConfig
 from recorder.cli import replay as command
-from recorder.replay import ReplayConfig, rig_of
+from recorder.generation.replay import ReplayConfig, rig_of
 
 
 def cameras(config: ReplayConfig) -> list[CameraConfig]:

@@ -20,10 +20,10 @@ from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState
-from recorder.devices.driver_pedals import DriverPedals
-from recorder.devices.driver_route import DriverRoute
 from recorder.devices.registry import open_device
-from recorder.devices.scripted import ScriptedDriver
+from recorder.devices.scripted.driver import ScriptedDriver
+from recorder.devices.scripted.pedals import DriverPedals
+from recorder.devices.scripted.route_profile import DriverRoute
 
 Array = NDArray[np.float64]
 

@@ -22,11 +22,11 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.world import traffic_of_town
-from recorder.episode import EgoRow, Episode, EpisodeWriter, open_episode
-from recorder.pacing import MOST_TICKS, Pacer
-from recorder.record import RecordConfig, record
-from recorder.resimulate import resimulate
-from recorder.rules import RuleWatch
+from recorder.drive.real_time_pacer import MOST_TICKS, Pacer
+from recorder.drive.record import RecordConfig, record
+from recorder.drive.resimulate import resimulate
+from recorder.drive.traffic_rules import RuleWatch
+from recorder.episode.episode import EgoRow, Episode, EpisodeWriter, open_episode
 
 
 class Clock:
@@ -140,7 +140,7 @@ class Parked:
 
 
 def test_a_drive_that_gets_nowhere_ends_and_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("recorder.record.PATIENCE_S", 3.0)
+    monkeypatch.setattr("recorder.drive.record.PATIENCE_S", 3.0)
     out = tmp_path / "stuck.mcap"
     result = record(RecordConfig(map="Town03", out=out, traffic="static"), device=Parked())
     assert result.stuck

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from recorder.episode import Episode, open_episode
+from recorder.episode.episode import Episode, open_episode
 
 NEEDED = ("Xvfb", "xdotool", "import")
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.street.signals_and_signs import add_signals
 from carlaloc_env.traffic.audit import audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
 
 SHAPES = {
     "grid": ["--grid", "--grid.number", "3", "--grid.length", "120", "--grid.attach-length", "80"],

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
 
 CALM = "dynamic,vehicles=50,walkers=10"
 

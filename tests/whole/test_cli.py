@@ -45,7 +45,7 @@ def test_record_and_info_agree(episode: Path, capfd: Capture) -> None:
 
 def test_recording_twice_gives_the_same_drive(episode: Path, tmp_path: Path) -> None:
     """The same command records the same motion, bit for bit."""
-    from recorder.episode import Episode
+    from recorder.episode.episode import Episode
 
     again = tmp_path / "again.mcap"
     assert main(["record", "--out", str(again), "--duration", "6", "--seed", "2"]) == 0

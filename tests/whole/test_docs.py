@@ -29,12 +29,12 @@ from carlaloc_env.town.config import (
     Zone,
 )
 from carlaloc_env.weather.parameters import WeatherParameters
-from recorder.conditions import TrafficLevel
-from recorder.episode_actors import ACTORS_TOPIC, ACTORS_TYPE
-from recorder.episode_messages import EGO_TOPIC, EGO_TYPE, EVENT_TYPE, EVENTS_TOPIC
+from recorder.drive.record import RecordConfig
+from recorder.episode.actor_messages import ACTORS_TOPIC, ACTORS_TYPE
+from recorder.episode.messages import EGO_TOPIC, EGO_TYPE, EVENT_TYPE, EVENTS_TOPIC
 from recorder.evaluation.align import Alignment
-from recorder.record import RecordConfig
-from recorder.replay import ReplayConfig
+from recorder.generation.conditions import TrafficLevel
+from recorder.generation.replay import ReplayConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 ROOT = Path(__file__).parents[2]

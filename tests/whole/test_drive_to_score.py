@@ -25,13 +25,13 @@ from carlaloc_env.sensors.camera.camera import CameraConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.dataset_record import checksums
-from recorder.episode import Episode
+from recorder.drive.record import RecordConfig, record
+from recorder.episode.episode import Episode
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory import read_tum
-from recorder.record import RecordConfig, record
-from recorder.replay import ReplayConfig, ReplayResult, replay
+from recorder.generation.dataset_manifest import checksums
+from recorder.generation.replay import ReplayConfig, ReplayResult, replay
 from recorder.slam.gicp import gicp_odometry
 from recorder.slam.kiss_icp import kiss_icp_odometry
 

@@ -15,9 +15,9 @@ from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.lidar.lidar import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
-from recorder.episode import Episode
+from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
-from recorder.writers.messages import ENCODERS
+from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import PROFILES
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -9,9 +9,9 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import welch
 
 from carlaloc_env.town.build import load_town
-from recorder.episode import Episode
-from recorder.episode_summary import summarise
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
+from recorder.episode.episode import Episode
+from recorder.episode.summary import summarise
 
 STEERING_RATIO = 12.0
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from recorder.episode import Episode
-from recorder.episode_summary import summarise
-from recorder.record import RecordConfig, record
+from recorder.drive.record import RecordConfig, record
+from recorder.episode.episode import Episode
+from recorder.episode.summary import summarise
 
 TABLE = {
     "Town01": (678.0, False),

@@ -8,7 +8,7 @@ import operator
 import pytest
 
 from carlaloc_env.core.errors import CarlaLocError
-from recorder.workers import run_jobs
+from recorder.generation.worker_processes import run_jobs
 
 
 def _ignore(number: int, done: float) -> None:

@@ -1,0 +1,1 @@
+"""A drive from its first tick to its episode: devices, rules, pace, recording, resimulation."""

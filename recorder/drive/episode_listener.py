@@ -1,0 +1,77 @@
+"""Writes all that happens in a driving world to an episode."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.physics.ego import EgoState
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from recorder.episode.episode import EgoRow, EpisodeWriter
+
+
+def ego_row(state: EgoState, controls: Controls, raw: Controls | None) -> EgoRow:
+    """What an episode keeps of the ego after a tick."""
+    return EgoRow(
+        position_m=state.position_m,
+        quat_xyzw=state.quat_xyzw,
+        velocity_world_mps=state.velocity_world_mps,
+        omega_body_radps=state.omega_body_radps,
+        controls=controls,
+        raw=raw,
+        road_wheel_rad=state.road_wheel_rad,
+        speed_mps=state.speed_mps,
+        wheel_spin_radps=state.wheel_spin_radps,
+    )
+
+
+class DriveLog:
+    """A `DriveListener` that records; one for each attempt at a drive.
+
+    Args:
+        begin: Makes the writer once the actors are known.
+    """
+
+    def __init__(self, begin: Callable[[ActorCatalog], EpisodeWriter]) -> None:
+        self._begin = begin
+        self._touching: set[str] = set()
+        self._seen: set[str] = set()
+        self.raw: Controls | None = None
+        """The device's axes before shaping, for the coming tick."""
+        self.counts: Counter[str] = Counter()
+        """How often each kind of event has happened."""
+
+    @property
+    def is_touching(self) -> bool:
+        """Whether the ego touches something now."""
+        return bool(self._seen or self._touching)
+
+    def on_start(self, catalog: ActorCatalog) -> None:
+        """Open the episode."""
+        self.writer = self._begin(catalog)
+
+    def on_tick(self, tick: int, state: EgoState, controls: Controls) -> None:
+        """Record the ego."""
+        self._touching, self._seen = self._seen, set()
+        self.writer.ego(tick, ego_row(state, controls, self.raw))
+
+    def on_step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
+        """Record the others and the lights."""
+        self.writer.step(step, frame, signals)
+
+    def on_contact(self, tick: int, contact: Contact) -> None:
+        """Record where a collision begins."""
+        what = str(contact.actor_id) if contact.actor_id is not None else "static"
+        self._seen.add(what)
+        if what not in self._touching:
+            self.event(tick, "collision", {"with": what, "impulse_ns": contact.impulse_ns})
+
+    def event(self, tick: int, kind: str, data: dict[str, object] | None = None) -> None:
+        """Record and count something that happened."""
+        self.counts[kind] += 1
+        self.writer.event(tick, kind, data)

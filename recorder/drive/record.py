@@ -1,0 +1,207 @@
+"""Record a drive: a device drives the ego through a living town, every tick goes to the episode."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from datetime import datetime, timezone
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env.core.clock import TICK_HZ
+from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
+from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.timeline.timeline import ActorCatalog
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.world import traffic_of_town
+from carlaloc_env.weather.schedule import weather_of
+from recorder.devices.base import Device
+from recorder.devices.human import HumanDevice
+from recorder.devices.inputs import Inputs
+from recorder.devices.panel import KeyPanel
+from recorder.devices.registry import DEVICES, HUMAN, open_device
+from recorder.drive.session import DriveSession
+from recorder.drive.traffic_rules import VIOLATIONS
+from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.window.cockpit import WindowCockpit
+
+Progress = Callable[[float, float], None]
+"""Called with seconds driven and metres along the route."""
+
+PATIENCE_S = 300.0
+"""A drive without a duration ends when the car has not got on for so long [s]; others wait 150 s at most."""
+VERSIONED = ("carlaloc-env", "pybullet", "numpy", "scipy")
+"""Distributions whose versions shape a drive."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordConfig:
+    """What to drive, how long, and where to."""
+
+    map: str = "Town03"
+    """Town, or path of an OpenDRIVE file."""
+    out: Path = Path("drive.mcap")
+    """Episode to write."""
+    device: str = "scripted"
+    """Input device."""
+    duration_s: float | None = None
+    """Length of the drive [s]; None: until the route has been driven once."""
+    seed: int = 0
+    """Seed of the traffic and of the scripted driver."""
+    traffic: str = "dynamic"
+    """Share of the town's traffic: ``static``, ``dynamic`` or a fraction."""
+    overwrite: bool = False
+    """Whether an older episode of this name is replaced."""
+    window: bool | None = None
+    """Whether a window shows the drive; None: where a person drives."""
+    weather: str = "ClearNoon"
+    """Weather in the window, by name or as a schedule (``.yaml``); a replay may choose any other."""
+
+    def __post_init__(self) -> None:
+        if self.device not in DEVICES:
+            raise DeviceError(unknown_name("device", self.device, DEVICES))
+        if self.duration_s is not None and not 0.0 < self.duration_s <= 86400.0:
+            raise ConfigError(f"duration {self.duration_s:g} s; give more than 0 and at most 86400 s")
+
+    @property
+    def wants_window(self) -> bool:
+        """Whether a window shows the drive."""
+        return self.device in HUMAN if self.window is None else self.window
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordResult:
+    """What was recorded."""
+
+    path: Path
+    """The episode."""
+    duration_s: float
+    """Length of the drive [s]."""
+    length_m: float
+    """Distance along the route [m]."""
+    collisions: int
+    """Number of collisions."""
+    violations: Mapping[str, int] = field(default_factory=dict)
+    """How often each rule was broken."""
+    attempts: tuple[Path, ...] = ()
+    """Earlier attempts, given up at a restart."""
+    slowest: float = 1.0
+    """Lowest speed of the world over real time, of drives in real time."""
+    stuck: bool = False
+    """Whether a drive without a duration ended before its route did, since the car no longer got on."""
+
+
+def record(
+    config: RecordConfig, *, device: Device | None = None, progress: Progress | None = None
+) -> RecordResult:
+    """Drive and record until the duration or the route is over, or the driver ends it.
+
+    Args:
+        config: What to drive.
+        device: Who drives; opened by its name when left out.
+        progress: Told four times a second how far the drive is.
+
+    Raises:
+        ConfigError: unknown town, device, weather or traffic level.
+        DeviceError: the device is not connected, or no window can be opened.
+        EpisodeError: the episode exists already or cannot be written.
+    """
+    town = load_town(config.map)
+    traffic = traffic_of_town(town, config.traffic, config.seed)
+    weather = weather_of(config.weather)
+    with ExitStack() as stack:
+        driver = device or open_device(config.device, config.seed, window=config.wants_window)
+        stack.callback(driver.close)
+        world = DrivingWorld(town, traffic)
+        stack.callback(world.close)
+
+        def begin(catalog: ActorCatalog) -> EpisodeWriter:
+            header = episode_header(config, town, world, driver.name, catalog)
+            return EpisodeWriter(config.out, header, overwrite=config.overwrite)
+
+        session = DriveSession(
+            world,
+            driver,
+            seed=config.seed,
+            begin=begin,
+            finished=_arrived if config.duration_s is None else _never,
+            end_tick=round((config.duration_s or 86400.0) * TICK_HZ),
+            progress=progress,
+        )
+        session.status.headlamps = weather.at(0).is_night
+        if config.wants_window:
+            panel = driver if isinstance(driver, HumanDevice) else KeyPanel(Inputs(window=True))
+            stack.callback(panel.close)
+            cockpit = stack.enter_context(WindowCockpit(town, weather))
+            return _drive(session, config, lambda: session.run_live(panel, cockpit))
+        if isinstance(driver, HumanDevice):
+            return _drive(session, config, lambda: session.run_live(driver, None))
+        patience_s = PATIENCE_S if config.duration_s is None else math.inf
+        return _drive(session, config, lambda: session.run_freely(patience_s=patience_s))
+
+
+def _drive(session: DriveSession, config: RecordConfig, run: Callable[[], None]) -> RecordResult:
+    session.start()
+    try:
+        run()
+        session.finish()
+    except BaseException:
+        # What has been driven stays readable under its `.recording` name.
+        session.log.writer.abandon()
+        raise
+    session.log.writer.close()
+    counts = session.log.counts
+    return RecordResult(
+        path=config.out,
+        duration_s=session.duration_s,
+        length_m=session.length_m,
+        collisions=counts["collision"],
+        violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
+        attempts=tuple(session.attempts),
+        slowest=session.slowest,
+        stuck=session.stuck,
+    )
+
+
+def _never(_: DrivingWorld) -> bool:
+    return False
+
+
+def _arrived(world: DrivingWorld) -> bool:
+    finish_m = world.route.length_m
+    if world.route.closed:
+        return world.route_s_m >= finish_m
+    return world.route_s_m >= finish_m - 8.0 and world.state.speed_mps < 0.05
+
+
+def episode_header(
+    config: RecordConfig, town: Town, world: DrivingWorld, device: str, catalog: ActorCatalog
+) -> EpisodeHeader:
+    """Everything that a replay needs to rebuild the drive's world."""
+    versions = {name: version(name) for name in VERSIONED}
+    return EpisodeHeader(
+        map_name=config.map,
+        map_hash=town.content_hash,
+        seed=config.seed,
+        catalog=catalog,
+        route={
+            "length_m": world.route.length_m,
+            "closed": world.route.closed,
+            "table_length_m": town.config.route.length_m if town.config.route is not None else None,
+        },
+        traffic=_plain(asdict(world.traffic_config)),
+        device=device,
+        versions={**versions, "python": platform.python_version()},
+        created_utc=datetime.now(timezone.utc).isoformat(timespec="seconds"),
+    )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return value if isinstance(value, (int, float, str, bool, list)) or value is None else str(value)

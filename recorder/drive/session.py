@@ -1,0 +1,238 @@
+"""A drive from start to end: in real time with a person and a window, or as fast as it goes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.timeline.timeline import ActorCatalog
+from recorder.devices.base import Device
+from recorder.devices.commands import Command
+from recorder.devices.human import HumanDevice
+from recorder.devices.panel import KeyPanel
+from recorder.drive.episode_listener import DriveLog
+from recorder.drive.real_time_pacer import Pacer
+from recorder.drive.traffic_rules import VIOLATIONS, RuleWatch
+from recorder.episode.episode import Episode, EpisodeWriter
+from recorder.window.status import DriveStatus
+
+_IDLE_S = 0.004
+_WARNING_S = 2.5
+_STEP_ON_M = 1.0
+"""Way that counts as getting on [m]."""
+_FIRST_DRIVEN_TICK = 2
+"""Ticks 0 and 1 are part of `DrivingWorld.reset`."""
+
+
+class Cockpit(Protocol):
+    """What shows a drive, e.g. a window."""
+
+    def show(self, world: DrivingWorld, status: DriveStatus) -> None:
+        """Show the present."""
+
+
+class DriveSession:
+    """Runs one drive.
+
+    Args:
+        world: The living town.
+        driver: Who drives.
+        seed: Seed of the drive.
+        begin: Makes the writer once the actors are known.
+        finished: Whether the drive is over.
+        end_tick: Tick at which it is over in any case.
+        progress: Told four times a second how far the drive is.
+    """
+
+    def __init__(
+        self,
+        world: DrivingWorld,
+        driver: Device,
+        *,
+        seed: int,
+        begin: Callable[[ActorCatalog], EpisodeWriter],
+        finished: Callable[[DrivingWorld], bool],
+        end_tick: int,
+        progress: Callable[[float, float], None] | None = None,
+    ) -> None:
+        self._world, self._driver, self._seed = world, driver, seed
+        self._begin, self._finished, self._end_tick = begin, finished, end_tick
+        self._progress = progress
+        self.status = DriveStatus(device=driver.name)
+        self.log = DriveLog(begin)
+        self.attempts: list[Path] = []
+        """Earlier attempts that were given up at a restart; nothing is thrown away."""
+        self.slowest = 1.0
+        """Lowest speed of the world over real time."""
+        self._rules = RuleWatch(world.town.network)
+        self._warned: dict[str, int] = {}
+        self._checkpoint = 0
+        self._over = False
+        self.stuck = False
+        """Whether the drive ended because the car no longer got on."""
+
+    def start(self) -> None:
+        """Open the episode and put everybody in place."""
+        self._world.reset(self._seed, self.log)
+
+    def run_freely(self, *, patience_s: float = math.inf) -> None:
+        """Drive to the end as fast as the machine can.
+
+        Args:
+            patience_s: The drive also ends when the car has not got on along its route for so long [s].
+        """
+        farthest_m, since = -math.inf, self._world.tick_count
+        while not self._is_over():
+            self._tick(self._driver.read(self._world.driver_view()))
+            if self._world.route_s_m > farthest_m + _STEP_ON_M:
+                farthest_m, since = self._world.route_s_m, self._world.tick_count
+            if self._world.tick_count - since > patience_s * TICK_HZ:
+                self.log.event(self._world.tick_count, "stuck", {"route_m": self._world.route_s_m})
+                self.stuck = True
+                return
+
+    def run_live(self, panel: HumanDevice | KeyPanel, cockpit: Cockpit | None) -> None:
+        """Drive in real time until the end, or until the driver ends it.
+
+        Args:
+            panel: Who takes in events: the device, or the keys of a drive that nobody steers.
+            cockpit: What shows the drive.
+        """
+        if cockpit is not None:
+            cockpit.show(self._world, self.status)
+        pacer = Pacer()
+        while not self._is_over():
+            panel.poll()
+            for kind, name in panel.plugged:
+                self.log.event(self._world.tick_count, kind, {"device": name})
+            for command in panel.commands:
+                self._obey(command, pacer, cockpit)
+            if panel.inputs.closed or self._over:
+                break
+            count = 0 if self.status.paused else pacer.due()
+            for _ in range(count):
+                if self._is_over():
+                    break
+                self._tick(self._driver.read(self._world.driver_view()))
+            if self.status.paused:
+                pacer.rest()
+            self._take_stock(panel, pacer)
+            if cockpit is not None:
+                cockpit.show(self._world, self.status)
+            if cockpit is None or self.status.paused:
+                time.sleep(_IDLE_S)
+
+    def replay_controls(self, episode: Episode, ticks: int) -> None:
+        """Drive by the controls of an episode up to a tick, its other events included."""
+        arising = (*VIOLATIONS, "collision", "given_up", "end")
+        kept = deque(event for event in episode.events if event.kind not in arising)
+        for tick in range(_FIRST_DRIVEN_TICK, ticks + 1):
+            self.log.raw = episode.raw_controls.at(tick)
+            self._advance(episode.controls.at(tick))
+            while kept and kept[0].tick <= self._world.tick_count:
+                event = kept.popleft()
+                self.log.event(event.tick, event.kind, event.data)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the drive so far [s]."""
+        return self._world.tick_count / TICK_HZ
+
+    @property
+    def length_m(self) -> float:
+        """Way along the route so far [m]."""
+        return self._world.route_s_m
+
+    def finish(self) -> None:
+        """Note the end; closing the file is the writer's."""
+        self.log.event(self._world.tick_count, "end", {"route_m": self._world.route_s_m})
+
+    def _is_over(self) -> bool:
+        return self._over or self._world.tick_count >= self._end_tick or self._finished(self._world)
+
+    def _tick(self, controls: Controls) -> None:
+        self.log.raw = getattr(self._driver, "raw", None)
+        self._advance(controls)
+        self.status.controls = controls
+        if self._progress is not None and self._world.tick_count % 50 == 0:
+            self._progress(self._world.tick_count / TICK_HZ, self._world.route_s_m)
+
+    def _advance(self, controls: Controls) -> None:
+        world = self._world
+        world.tick(controls)
+        if world.tick_count % STEP_TICKS == 0:
+            view = world.driver_view()
+            for kind in self._rules.look(view):
+                where = [round(float(value), 2) for value in view.position_m]
+                self.log.event(world.tick_count, kind, {"position_m": where, "route_m": view.route_s_m})
+                self._warned[kind] = world.tick_count
+
+    def _take_stock(self, panel: HumanDevice | KeyPanel, pacer: Pacer) -> None:
+        """Bring the status up to date."""
+        status, now = self.status, self._world.tick_count
+        if self.log.is_touching:
+            self._warned["collision"] = now
+        recent = {kind for kind, tick in self._warned.items() if now - tick < _WARNING_S * TICK_HZ}
+        status.warnings = tuple(sorted(recent | set(self._rules.present)))
+        status.message = panel.message
+        status.slow = pacer.speed if pacer.is_slow and not status.paused else None
+        self.slowest = min(self.slowest, pacer.speed)
+        status.size_mb = self.log.writer.size_bytes / 1e6
+        status.faults = sum(self.log.counts[kind] for kind in (*VIOLATIONS, "collision"))
+
+    def _obey(self, command: Command, pacer: Pacer, cockpit: Cockpit | None) -> None:
+        status, tick = self.status, self._world.tick_count
+        if command is Command.QUIT:
+            self._over = True
+        elif command is Command.PAUSE:
+            status.paused = not status.paused
+            self.log.writer.flush()
+        elif command is Command.HELP:
+            status.help = not status.help
+        elif command is Command.CAMERA:
+            status.view += 1
+        elif command in (Command.INDICATOR_LEFT, Command.INDICATOR_RIGHT):
+            side = "left" if command is Command.INDICATOR_LEFT else "right"
+            status.indicator = "" if status.indicator == side else side
+            self.log.event(tick, "indicator", {"side": status.indicator or "off"})
+        elif command is Command.HEADLAMPS:
+            status.headlamps = not status.headlamps
+            self.log.event(tick, "headlamps", {"on": status.headlamps})
+        elif command is Command.CHECKPOINT:
+            self._checkpoint = tick
+            self.log.event(tick, "checkpoint")
+        elif command is Command.RESTART:
+            status.message = "going back to the checkpoint …"
+            if cockpit is not None:
+                cockpit.show(self._world, status)
+            self._restart()
+            pacer.rest()
+
+    def _restart(self) -> None:
+        """Go back to the checkpoint: close this attempt and drive its beginning again, tick by tick."""
+        writer = self.log.writer
+        given_up = _free_name(writer.path, len(self.attempts) + 1)
+        self.log.event(self._world.tick_count, "given_up", {"checkpoint_tick": self._checkpoint})
+        writer.close(into=given_up)
+        self.attempts.append(given_up)
+        self.log = DriveLog(self._begin)
+        self._rules = RuleWatch(self._world.town.network)
+        self._warned.clear()
+        self.start()
+        if self._checkpoint > 1:
+            self.replay_controls(Episode.load(given_up), self._checkpoint + 1)
+
+
+def _free_name(path: Path, number: int) -> Path:
+    while True:
+        name = path.with_name(f"{path.stem}_attempt{number}{path.suffix}")
+        if not name.exists():
+            return name
+        number += 1

@@ -1,0 +1,206 @@
+"""An episode: a recorded drive, read back bit for bit into a Timeline.
+
+The file is MCAP with ROS 2 message definitions inside, so that any MCAP tool opens it.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.timeline.ego_spline import EgoTrack
+from carlaloc_env.timeline.timeline import ActorFrame, Timeline
+from carlaloc_env.timeline.vehicle_track import CarTrack
+from recorder.episode.actor_messages import ACTORS_TOPIC, actor_states, unpack_actors
+from recorder.episode.header import HEADER_RECORD, EpisodeHeader
+from recorder.episode.mcap_container import Container, is_container, read_container
+from recorder.episode.messages import EGO_TOPIC, EVENTS_TOPIC, EgoRow, Event, unpack_ego, unpack_event
+from recorder.episode.writer import RECORDING_SUFFIX, EpisodeWriter, recording_path
+
+__all__ = [
+    "RECORDING_SUFFIX",
+    "ControlLog",
+    "Episode",
+    "EpisodeHeader",
+    "EpisodeWriter",
+    "EgoRow",
+    "Event",
+    "open_episode",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ControlLog:
+    """Controls of every tick, as the physics took them or as the device gave them."""
+
+    steer: NDArray[np.float64]
+    """Steering −1…1 per tick, left positive, shape (K,)."""
+    throttle: NDArray[np.float64]
+    """Throttle pedal 0–1 per tick, shape (K,)."""
+    brake: NDArray[np.float64]
+    """Brake pedal 0–1 per tick, shape (K,)."""
+    reverse: NDArray[np.bool_]
+    """Whether the reverse gear is engaged, shape (K,)."""
+    handbrake: NDArray[np.bool_]
+    """Whether the handbrake is pulled, shape (K,)."""
+
+    def __len__(self) -> int:
+        return len(self.steer)
+
+    def at(self, tick: int) -> Controls:
+        """Controls of one tick."""
+        return Controls(
+            steer=float(self.steer[tick]),
+            throttle=float(self.throttle[tick]),
+            brake=float(self.brake[tick]),
+            reverse=bool(self.reverse[tick]),
+            handbrake=bool(self.handbrake[tick]),
+        )
+
+
+class Episode:
+    """A recorded drive."""
+
+    def __init__(
+        self,
+        header: EpisodeHeader,
+        ego: NDArray[np.void],
+        steps: NDArray[np.void],
+        events: tuple[Event, ...],
+        *,
+        path: Path,
+        last_good_ns: int,
+        problem: str | None,
+    ) -> None:
+        self.header = header
+        """Configuration of the drive."""
+        self.ego = ego
+        """Rows of `episode_messages.EGO_DTYPE`, one per tick."""
+        self.steps = steps
+        """Rows of `episode_actors.actors_dtype`, one per 50 ms step."""
+        self.events = events
+        """What happened, in order."""
+        self.path = path
+        """File that was read."""
+        self.last_good_ns = last_good_ns
+        """Newest whole message [ns]."""
+        self.problem = problem
+        """Why the file is not whole, or None."""
+
+    @classmethod
+    def load(cls, path: str | Path, *, allow_partial: bool = False) -> Episode:
+        """Read an episode; without the final name its `.recording` file is read.
+
+        Args:
+            path: File to read.
+            allow_partial: Whether a recording that was cut off is read up to where it is good.
+
+        Raises:
+            EpisodeError: the file is missing, foreign, damaged, or cut off (with the last good time).
+        """
+        path = Path(path)
+        if not path.exists() and recording_path(path).exists():
+            path = recording_path(path)
+        found = read_episode_file(path)
+        header = next((values for name, values in found.metadata if name == HEADER_RECORD), None)
+        if header is None:
+            why = f" ({found.problem})" if found.problem else ""
+            raise EpisodeError(f"{path} is no CarlaLoc episode: it has no header{why}; give another file")
+        if found.problem and not allow_partial:
+            raise EpisodeError(
+                f"{path} ends early: {found.problem}; last good time {found.last_good_ns / 1e9:.3f} s; "
+                f"`carlaloc info --repair {path}` saves what is there"
+            )
+        return _assemble(path, EpisodeHeader.from_metadata(header), found)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file was closed and is whole."""
+        return self.problem is None
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last tick [s]."""
+        return max(len(self.ego) - 1, 0) * TICK_S
+
+    @cached_property
+    def controls(self) -> ControlLog:
+        """Controls that the physics took."""
+        return self._log("")
+
+    @cached_property
+    def raw_controls(self) -> ControlLog:
+        """The device's axes before shaping."""
+        return self._log("raw_")
+
+    def timeline(self) -> Timeline:
+        """The whole drive, equal bit for bit to what the live sensors saw."""
+        track = EgoTrack.from_arrays(self.ego["position_m"], self.ego["quat_xyzw"])
+        switches = [self.ego[name] for name in ("throttle", "brake", "reverse", "handbrake")]
+        car = CarTrack.from_arrays(
+            self.ego["wheel_spin_radps"],
+            self.ego["road_wheel_rad"],
+            np.stack([np.asarray(column, dtype=np.float64) for column in switches], axis=-1),
+        )
+        timeline = Timeline(self.header.catalog, ego=track, car=car)
+        states = actor_states(self.steps)
+        signals = np.ascontiguousarray(self.steps["signals"])
+        for k in range(len(self.steps)):
+            frame = ActorFrame(**{name: getattr(states, name)[k] for name in ActorFrame.__slots__})
+            timeline.append_step(frame, signals[k])
+        return timeline
+
+    def _log(self, prefix: str) -> ControlLog:
+        names = ("steer", "throttle", "brake", "reverse", "handbrake")
+        return ControlLog(**{name: np.ascontiguousarray(self.ego[prefix + name]) for name in names})
+
+
+def open_episode(path: str | Path) -> Episode:
+    """Read an episode up to where it is good; `complete` and `problem` tell whether that is all of it.
+
+    Raises:
+        EpisodeError: the file is missing or foreign.
+    """
+    return Episode.load(path, allow_partial=True)
+
+
+def read_episode_file(path: Path) -> Container:
+    """Records of an MCAP file.
+
+    Raises:
+        EpisodeError: the file is missing or not MCAP.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise EpisodeError(f"cannot read {path}: {error.strerror}; give an episode file (.mcap)") from error
+    if not is_container(data):
+        raise EpisodeError(f"{path} is no CarlaLoc episode: not an MCAP file; give another file")
+    return read_container(data)
+
+
+def _assemble(path: Path, header: EpisodeHeader, found: Container) -> Episode:
+    payloads = found.payloads
+    try:
+        ego = unpack_ego(payloads.get(EGO_TOPIC, []))
+        steps = unpack_actors(payloads.get(ACTORS_TOPIC, []), len(header.catalog))
+        rows = [unpack_event(payload) for payload in payloads.get(EVENTS_TOPIC, [])]
+        events = tuple(Event(tick=tick, kind=kind, data=json.loads(text)) for tick, kind, text in rows)
+    except (ValueError, struct.error) as error:
+        raise EpisodeError(f"{path} is damaged: {error}; give another file") from error
+    for name, numbers in (("tick", ego["tick"]), ("step", steps["step"])):
+        gaps = np.flatnonzero(numbers != np.arange(len(numbers)))
+        if len(gaps):
+            raise EpisodeError(f"{path} is damaged: {name} {gaps[0]} is missing; give another file")
+    return Episode(
+        header, ego, steps, events, path=path, last_good_ns=found.last_good_ns, problem=found.problem
+    )

@@ -1,0 +1,77 @@
+"""Makes a whole episode of a recording that was cut off."""
+
+from __future__ import annotations
+
+import heapq
+from pathlib import Path
+
+from carlaloc_env.core.errors import EpisodeError
+from recorder.episode.actor_messages import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE
+from recorder.episode.episode import Episode, read_episode_file
+from recorder.episode.mcap_container import ContainerWriter
+from recorder.episode.messages import (
+    EGO_DEFINITION,
+    EGO_TOPIC,
+    EGO_TYPE,
+    EVENT_DEFINITION,
+    EVENT_TYPE,
+    EVENTS_TOPIC,
+)
+from recorder.episode.writer import FLUSH_NS, RECORDING_SUFFIX, recording_path
+
+_CHANNELS = (
+    (EGO_TOPIC, EGO_TYPE, EGO_DEFINITION),
+    (ACTORS_TOPIC, ACTORS_TYPE, ACTORS_DEFINITION),
+    (EVENTS_TOPIC, EVENT_TYPE, EVENT_DEFINITION),
+)
+
+
+def repair_episode(path: str | Path, target: str | Path | None = None) -> Episode:
+    """Write a whole file of what a cut-off recording holds; the recording itself is left alone.
+
+    Args:
+        path: The recording, with or without its `.recording` suffix.
+        target: New file; by default the name that the recording would have got.
+
+    Returns:
+        The repaired episode; its `path` is the new file.
+
+    Raises:
+        EpisodeError: nothing can be read, or the target exists.
+    """
+    source = Episode.load(path, allow_partial=True).path
+    stem = source.name.removesuffix(RECORDING_SUFFIX)
+    if target is None:
+        target = source.with_name(stem if stem != source.name else f"{source.stem}_repaired{source.suffix}")
+    target = Path(target)
+    part = recording_path(target) if recording_path(target) != source else target.with_name(stem + ".part")
+    for taken in (target, part):
+        if taken.exists():
+            raise EpisodeError(f"{taken} exists; choose another name for the repaired episode")
+    try:
+        _rewrite(source, part)
+        part.replace(target)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise EpisodeError(f"cannot write {target}: {error.strerror}") from error
+    return Episode.load(target)
+
+
+def _rewrite(source: Path, target: Path) -> None:
+    found = read_episode_file(source)
+    out = ContainerWriter(target)
+    for name, values in found.metadata:
+        out.add_metadata(name, values)
+    numbers = {topic: out.add_channel(topic, kind, text) for topic, kind, text in _CHANNELS}
+    streams = [
+        zip(found.stamps_ns[topic], [number] * len(found.payloads[topic]), found.payloads[topic], strict=True)
+        for topic, number in numbers.items()
+        if topic in found.payloads
+    ]
+    cut_ns = FLUSH_NS
+    for stamp, number, payload in heapq.merge(*streams, key=lambda message: message[0]):
+        if stamp >= cut_ns:
+            out.cut()
+            cut_ns = stamp + FLUSH_NS
+        out.add_message(number, stamp, payload)
+    out.finish()

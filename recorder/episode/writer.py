@@ -1,0 +1,188 @@
+"""Writes an episode as it happens; what is older than a second survives a killed process."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.clock import STEP_NS, stamp_ns
+from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.timeline.timeline import ActorFrame
+from recorder.episode.actor_messages import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE, pack_actors
+from recorder.episode.header import HEADER_RECORD, EpisodeHeader
+from recorder.episode.mcap_container import ContainerWriter
+from recorder.episode.messages import (
+    EGO_DEFINITION,
+    EGO_TOPIC,
+    EGO_TYPE,
+    EVENT_DEFINITION,
+    EVENT_TYPE,
+    EVENTS_TOPIC,
+    EgoRow,
+    pack_ego,
+    pack_event,
+)
+
+RECORDING_SUFFIX = ".recording"
+"""Added to the name of an episode until it is closed."""
+FLUSH_NS = 900_000_000
+"""Longest stretch of the drive, and of real time, that waits for the disk [ns]."""
+
+
+def recording_path(path: Path) -> Path:
+    """Where the episode `path` stands while it is being recorded."""
+    return path.with_name(path.name + RECORDING_SUFFIX)
+
+
+class EpisodeWriter:
+    """Appends ticks, steps and events; gives the file its final name when closed.
+
+    As a context manager it closes the file at the end of the block; an exception inside leaves the
+    file under its `.recording` name, readable up to the exception.
+    """
+
+    def __init__(
+        self, path: str | Path, header: EpisodeHeader, *, overwrite: bool = False, durable: bool = True
+    ) -> None:
+        """Create the file.
+
+        Args:
+            path: Final name, e.g. ``drive.mcap``.
+            header: Configuration of the drive.
+            overwrite: Whether an older episode of this name is replaced (when the new one is closed).
+            durable: Wait for the disk at every flush, so that even a power cut loses no more than the
+                last second.
+
+        Raises:
+            EpisodeError: the name is taken or the file cannot be created.
+        """
+        self.path = Path(path)
+        self.header = header
+        self._part = recording_path(self.path)
+        self._next_tick = self._next_step = 0
+        self._signal_count: int | None = None
+        self._flushed_ns = 0
+        self._flushed_at_s = time.monotonic()
+        if not overwrite:
+            for taken in (self.path, self._part):
+                if taken.exists():
+                    raise EpisodeError(f"{taken} exists; choose another name or overwrite it with --force")
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._part.unlink(missing_ok=True)
+            self._file = ContainerWriter(self._part, durable=durable)
+            self._file.add_metadata(HEADER_RECORD, header.to_metadata())
+        except OSError as error:
+            raise EpisodeError(f"cannot record to {self._part}: {error.strerror}") from error
+        self._ego = self._file.add_channel(EGO_TOPIC, EGO_TYPE, EGO_DEFINITION)
+        self._actors = self._file.add_channel(ACTORS_TOPIC, ACTORS_TYPE, ACTORS_DEFINITION)
+        self._events = self._file.add_channel(EVENTS_TOPIC, EVENT_TYPE, EVENT_DEFINITION)
+        self._open = True
+
+    def __enter__(self) -> EpisodeWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def ego(self, tick: int, row: EgoRow) -> None:
+        """Append the state after a tick; ticks come without gaps, from 0.
+
+        Raises:
+            EpisodeError: a tick was left out, or the disk is full.
+        """
+        if tick != self._next_tick:
+            raise EpisodeError(f"tick {tick} recorded where {self._next_tick} was due")
+        self._next_tick += 1
+        self._add(self._ego, stamp_ns(tick), pack_ego(tick, row))
+
+    def step(self, step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> None:
+        """Append the actors and signal heads of a 50 ms step; steps come without gaps, from 0.
+
+        Raises:
+            EpisodeError: a step was left out, the number of actors or signals changed, or the disk is full.
+        """
+        if step != self._next_step:
+            raise EpisodeError(f"step {step} recorded where {self._next_step} was due")
+        if self._signal_count is None:
+            self._signal_count = len(signals)
+        if len(frame) != len(self.header.catalog) or len(signals) != self._signal_count:
+            raise EpisodeError(
+                f"step {step} has {len(frame)} actors and {len(signals)} signal heads, "
+                f"not {len(self.header.catalog)} and {self._signal_count}"
+            )
+        self._next_step += 1
+        self._add(self._actors, step * STEP_NS, pack_actors(step, frame, signals))
+
+    def event(self, tick: int, kind: str, data: Mapping[str, object] | None = None) -> None:
+        """Append something that happened; `data` holds JSON values."""
+        text = json.dumps(dict(data or {}), ensure_ascii=False)
+        self._add(self._events, stamp_ns(tick), pack_event(tick, kind, text))
+
+    def flush(self) -> None:
+        """Put everything on the disk now, e.g. while the drive is paused.
+
+        Raises:
+            EpisodeError: the disk is full.
+        """
+        try:
+            self._file.cut()
+        except OSError as error:
+            self._open = False
+            self._file.abandon()
+            raise EpisodeError(
+                f"cannot go on recording to {self._part}: {error.strerror}; "
+                "the drive until a second ago is safe there"
+            ) from error
+        self._flushed_at_s = time.monotonic()
+
+    @property
+    def size_bytes(self) -> int:
+        """What has been written to the disk so far [bytes]."""
+        return self._file.size_bytes
+
+    def close(self, *, into: Path | None = None) -> None:
+        """Complete the file and give it its final name; a second call does nothing.
+
+        Args:
+            into: Another final name.
+
+        Raises:
+            EpisodeError: the disk is full.
+        """
+        if not self._open:
+            return
+        self.flush()
+        self._open = False
+        try:
+            self._file.finish()
+            self._part.replace(into or self.path)
+        except OSError as error:
+            raise EpisodeError(f"cannot complete {self._part}: {error.strerror}") from error
+
+    def abandon(self) -> None:
+        """Put everything on the disk and leave the file under its `.recording` name."""
+        if self._open:
+            self.flush()
+            self._open = False
+            self._file.abandon()
+
+    def _add(self, channel: int, stamp: int, payload: bytes) -> None:
+        if not self._open:
+            raise EpisodeError(f"{self._part} is closed; nothing can be added to it")
+        self._file.add_message(channel, stamp, payload)
+        waited_s = time.monotonic() - self._flushed_at_s
+        if stamp - self._flushed_ns >= FLUSH_NS or waited_s * 1e9 >= FLUSH_NS:
+            self._flushed_ns = stamp
+            self.flush()

@@ -1,0 +1,148 @@
+"""Pictures drawn in a process of their own, so that drawing and driving share no processor core."""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.errors import CarlaLocError, RenderError
+from carlaloc_env.sensor_stage import SensorStage
+from recorder.window.resolution import SIZES_PX
+from recorder.window.snapshot import Moment
+
+GONE = "no pictures: the drawing process has ended; P pauses, Escape keeps the drive and ends it"
+"""What the driver reads when there will be no more pictures."""
+_MOST_BYTES = 3 * max(width * height for width, height in SIZES_PX)
+_NICE = 3
+"""A picture may come late, a tick may not."""
+_PATIENCE_S = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Order:
+    """What to draw."""
+
+    moment: Moment
+    view: str
+
+
+class Painter:
+    """A process that draws one picture at a time; a context manager.
+
+    It ends with its parent, however that ends: the pipe between them breaks then.
+
+    Args:
+        stage: Town, weather and quality; its renderer is made in the other process.
+
+    Raises:
+        RenderError: there is no OpenGL.
+    """
+
+    def __init__(self, stage: SensorStage) -> None:
+        context = get_context("spawn")
+        # One picture is asked for at a time, so nobody writes here while the other side reads.
+        self._memory: Any = context.RawArray("B", _MOST_BYTES)
+        self._pipe, there = context.Pipe()
+        self._process = context.Process(target=_paint, args=(there, self._memory, stage), daemon=True)
+        self._process.start()
+        there.close()
+        self._busy = True
+        self.alive = True
+        """Whether pictures are still to come."""
+
+    def wait_until_ready(self) -> None:
+        """Wait until the scene stands.
+
+        Raises:
+            RenderError: there is no OpenGL, or the process ended.
+        """
+        try:
+            answer = self._pipe.recv()
+        except (EOFError, OSError):
+            self.close()
+            raise RenderError("the process that draws the window ended; its traceback stands above") from None
+        if isinstance(answer, CarlaLocError):
+            self.close()
+            raise answer
+        self._busy = False
+
+    @property
+    def idle(self) -> bool:
+        """Whether a picture can be ordered."""
+        return self.alive and not self._busy
+
+    def ask(self, moment: Moment, view: str) -> None:
+        """Order a picture, if the painter is idle."""
+        try:
+            self._pipe.send(_Order(moment=moment, view=view))
+            self._busy = True
+        except OSError:
+            self.alive = False
+
+    def picture(self, patience_s: float) -> NDArray[np.uint8] | None:
+        """The picture last ordered, sRGB (H, W, 3), when it is finished; waits a moment for it.
+
+        It is a view of shared memory and good until the next one is ordered.
+        """
+        if not (self._busy and self.alive):
+            return None
+        try:
+            if not self._pipe.poll(patience_s):
+                return None
+            width, height = self._pipe.recv()
+        except (EOFError, OSError):
+            self.alive = False
+            return None
+        self._busy = False
+        whole = np.frombuffer(self._memory, np.uint8)
+        return whole[: 3 * width * height].reshape(height, width, 3)
+
+    def close(self) -> None:
+        """End the process; may be called twice."""
+        self.alive = False
+        self._pipe.close()
+        self._process.join(_PATIENCE_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+    def __enter__(self) -> Painter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _paint(pipe: Connection, memory: Any, stage: SensorStage) -> None:
+    """Draw what is ordered until the pipe breaks."""
+    # Here and not above: drives without a window need no OpenGL.
+    from recorder.window.views import LiveView
+
+    # Ctrl-C is the parent's to answer: it ends the drive, closes the file and then the pipe.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with suppress(OSError):
+        os.nice(_NICE)
+    try:
+        stage.renderer()
+    except CarlaLocError as error:
+        pipe.send(error)
+        return
+    view, whole = LiveView(stage), np.frombuffer(memory, np.uint8)
+
+    def hand_over(picture: NDArray[np.uint8]) -> None:
+        whole[: picture.size] = picture.reshape(-1)
+        pipe.send(picture.shape[1::-1])
+
+    with suppress(EOFError, OSError):
+        pipe.send("ready")
+        while True:
+            order: _Order = pipe.recv()
+            view.picture(order.moment, order.view, hand_over)

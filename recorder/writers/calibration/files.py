@@ -1,0 +1,78 @@
+"""All calibration files of a rig in one folder, each loadable by its program as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from recorder.writers.calibration.fast_lio import fast_lio_yaml
+from recorder.writers.calibration.kalibr import camchain_yaml, imu_yaml
+from recorder.writers.calibration.lego_loam import lego_loam_notes
+from recorder.writers.calibration.orbslam3 import orbslam3_yaml
+from recorder.writers.calibration.vins_fusion import vins_camera_yaml, vins_yaml
+from recorder.writers.calibration.yaml_text import nested
+from recorder.writers.can_bus import dbc
+from recorder.writers.formats.euroc_states import write_text
+from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
+from recorder.writers.topics import TopicProfile, profile_by_name
+
+
+def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str = "standard") -> list[Path]:
+    """Write every file that the rig's sensors allow.
+
+    ``extrinsics.yaml`` always; with a camera and an IMU ``kalibr/camchain-imucam.yaml``; with an IMU
+    ``kalibr/imu.yaml``; with two cameras ``orbslam3_stereo.yaml`` and ``vins_fusion/stereo.yaml``,
+    with an IMU as well the inertial ones; with a LiDAR and an IMU ``fast_lio.yaml`` and notes for
+    LeGO-LOAM; with a CAN bus ``can.dbc``.
+
+    Args:
+        folder: Where the files go.
+        rig: The sensors.
+        profile: Name of the topic profile that the bags are written with.
+
+    Returns:
+        The files.
+
+    Raises:
+        WriterError: a file exists or cannot be written.
+    """
+    texts = calibration_texts(rig, profile_by_name(profile))
+    return [write_text(Path(folder) / name, text) for name, text in texts.items()]
+
+
+def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, str]:
+    """Text of every file by its name."""
+    texts = {"extrinsics.yaml": extrinsics_yaml(rig)}
+    stereo = len(rig.cameras) >= 2
+    if rig.imu is not None:
+        texts["kalibr/imu.yaml"] = imu_yaml(rig.imu, topics)
+    if rig.imu is not None and rig.cameras:
+        texts["kalibr/camchain-imucam.yaml"] = camchain_yaml(rig, topics)
+    if stereo:
+        texts["orbslam3_stereo.yaml"] = orbslam3_yaml(rig, inertial=False)
+        texts["vins_fusion/stereo.yaml"] = vins_yaml(rig, topics, inertial=False)
+        for k, camera in enumerate(rig.cameras[:2]):
+            texts[f"vins_fusion/cam{k}.yaml"] = vins_camera_yaml(camera)
+    if stereo and rig.imu is not None:
+        texts["orbslam3_stereo_inertial.yaml"] = orbslam3_yaml(rig, inertial=True)
+        texts["vins_fusion/stereo_inertial.yaml"] = vins_yaml(rig, topics, inertial=True)
+    if rig.lidar is not None and rig.imu is not None:
+        texts["fast_lio.yaml"] = fast_lio_yaml(rig, topics)
+        texts["lego_loam.md"] = lego_loam_notes(rig.lidar, topics)
+    if "can" in rig.frames:
+        texts["can.dbc"] = dbc()
+    return texts
+
+
+def extrinsics_yaml(rig: RigCalibration) -> str:
+    """Pose of every frame in `base_link`, and in the IMU frame where there is one."""
+    lines = [
+        "# T_a_b maps coordinates of frame b to frame a. base_link: x forward, y left, z up,",
+        "# on the ground below the rear axle. Cameras: x right, y down, z forward. Metres.",
+        f"base_frame: {BASE_FRAME}",
+        "frames:",
+    ]
+    for frame, T_base_frame in rig.frames.items():
+        lines += [f"  {frame}:", f"    T_{BASE_FRAME}_{frame}:", nested(T_base_frame, indent=6)]
+        if rig.imu is not None:
+            lines += [f"    T_{rig.imu.name}_{frame}:", nested(rig.T(rig.imu.name, frame), indent=6)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,106 @@
+"""ROS messages of points and detections: tables with a field per column."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carlaloc_env.samples import ObjectList, PointCloud, RadarScan
+from recorder.writers.ros.message_parts import Message, MessageParts
+
+_POINT_DTYPE = np.dtype(
+    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")]
+)
+"""velodyne_pointcloud's XYZIRT: offsets 0, 4, 8, 12, 16, 18; time [s] after the header's stamp."""
+_LABELLED_DTYPE = np.dtype([*_POINT_DTYPE.descr, ("label", "u1"), ("id", "<u4")])
+_RADAR_DTYPE = np.dtype(
+    [
+        *(
+            (name, "<f4")
+            for name in ("x", "y", "z", "doppler", "snr", "rcs", "range", "azimuth", "elevation")
+        ),
+        ("label", "u1"),
+        ("id", "<u4"),
+        ("origin", "u1"),
+    ]
+)
+"""Detections: metres, m/s (positive = moving away), dB, dBsm, radians; label, id and origin are truth."""
+_OBJECT_DTYPE = np.dtype(
+    [
+        ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("length", "<f4"), ("width", "<f4"), ("height", "<f4"),
+        ("heading", "<f4"), ("pitch", "<f4"), ("roll", "<f4"), ("vx", "<f4"), ("vy", "<f4"), ("vz", "<f4"),
+        ("yaw_rate", "<f4"), ("visible", "<f4"), ("distance", "<f4"), ("label", "u1"), ("id", "<u4"),
+    ]
+)  # fmt: skip
+"""True objects, world frame: metres, radians, m/s, rad/s; visible 0–1 or NaN."""
+
+
+def points(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
+    """Points as velodyne_pointcloud's XYZIRT."""
+    return _cloud(maker, header, sample, _POINT_DTYPE)
+
+
+def points_labelled(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
+    """The same with tag and instance id."""
+    return _cloud(maker, header, sample, _LABELLED_DTYPE)
+
+
+def _cloud(maker: MessageParts, header: Message, sample: PointCloud, dtype: np.dtype[np.void]) -> Message:
+    rows = np.zeros(len(sample.points_xyz_m), dtype=dtype)
+    for axis, name in enumerate("xyz"):
+        rows[name] = sample.points_xyz_m[:, axis]
+    rows["intensity"] = sample.intensity
+    rows["ring"] = sample.ring
+    rows["time"] = sample.offset_ns * 1e-9
+    if "label" in (dtype.names or ()):
+        rows["label"] = sample.tag if sample.tag is not None else 0
+        rows["id"] = sample.instance if sample.instance is not None else 0
+    return maker.table(header, rows)
+
+
+def radar_points(maker: MessageParts, header: Message, sample: RadarScan) -> Message:
+    """Detections with the truth behind each."""
+    rows = np.zeros(len(sample.range_m), dtype=_RADAR_DTYPE)
+    for axis, name in enumerate("xyz"):
+        rows[name] = sample.points_xyz_m[:, axis]
+    rows["doppler"], rows["snr"], rows["rcs"] = sample.doppler_mps, sample.snr_db, sample.rcs_dbsm
+    rows["range"], rows["azimuth"], rows["elevation"] = (
+        sample.range_m,
+        sample.azimuth_rad,
+        sample.elevation_rad,
+    )
+    rows["label"], rows["id"], rows["origin"] = sample.tag, sample.instance, sample.origin
+    return maker.table(header, rows)
+
+
+def radar_scan(maker: MessageParts, header: Message, sample: RadarScan) -> Message:
+    """The amplitude is the signal-to-noise ratio [dB]; the Doppler is positive when moving away."""
+    columns = (
+        sample.range_m,
+        sample.azimuth_rad,
+        sample.elevation_rad,
+        sample.doppler_mps,
+        sample.snr_db,
+    )
+    names = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
+    returns = [
+        maker.new("radar_msgs/RadarReturn", **dict(zip(names, row, strict=True)))
+        for row in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+    return maker.new("radar_msgs/RadarScan", header=header, returns=returns)
+
+
+def object_table(maker: MessageParts, header: Message, sample: ObjectList) -> Message:
+    """Boxes, velocities and visibility of true objects."""
+    rows = np.zeros(len(sample.id), dtype=_OBJECT_DTYPE)
+    for names, values in (
+        (("x", "y", "z"), sample.position_m),
+        (("length", "width", "height"), sample.size_m),
+        (("vx", "vy", "vz"), sample.velocity_mps),
+    ):
+        for axis, name in enumerate(names):
+            rows[name] = values[:, axis]
+    rows["heading"], rows["pitch"], rows["roll"] = sample.heading_rad, sample.pitch_rad, sample.roll_rad
+    rows["yaw_rate"] = sample.yaw_rate_radps
+    rows["visible"], rows["distance"] = sample.visible, sample.distance_m
+    rows["label"], rows["id"] = sample.tag, sample.id
+    return maker.table(header, rows)

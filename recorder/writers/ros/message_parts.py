@@ -1,0 +1,205 @@
+"""What ROS messages consist of, for ROS 1 and ROS 2 alike: types, headers, vectors, pictures, tables."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from carlaloc_env.core import transforms as geometry
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.lens_distortion import Lens
+from carlaloc_env.samples import Odometry
+from recorder.writers.ros import event_messages
+
+Message = Any
+"""An object of one of the typestore's classes, which exist at run time only."""
+_FLOAT32, _UINT32, _UINT16, _UINT8 = 7, 6, 4, 2
+_DATATYPES = {"<f4": _FLOAT32, "<u4": _UINT32, "<u2": _UINT16, "|u1": _UINT8}
+_DEFINITIONS = {
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
+    "derived_object_msgs/msg/Object": "std_msgs/Header header\nuint32 id\nuint8 detection_level\n"
+    "uint8 OBJECT_DETECTED=0\nuint8 OBJECT_TRACKED=1\nbool object_classified\ngeometry_msgs/Pose pose\n"
+    "geometry_msgs/Twist twist\ngeometry_msgs/Accel accel\ngeometry_msgs/Polygon polygon\n"
+    "shape_msgs/SolidPrimitive shape\nuint8 classification\nuint8 CLASSIFICATION_UNKNOWN=0\n"
+    "uint8 CLASSIFICATION_UNKNOWN_SMALL=1\nuint8 CLASSIFICATION_UNKNOWN_MEDIUM=2\n"
+    "uint8 CLASSIFICATION_UNKNOWN_BIG=3\nuint8 CLASSIFICATION_PEDESTRIAN=4\nuint8 CLASSIFICATION_BIKE=5\n"
+    "uint8 CLASSIFICATION_CAR=6\nuint8 CLASSIFICATION_TRUCK=7\nuint8 CLASSIFICATION_MOTORCYCLE=8\n"
+    "uint8 CLASSIFICATION_OTHER_VEHICLE=9\nuint8 CLASSIFICATION_BARRIER=10\nuint8 CLASSIFICATION_SIGN=11\n"
+    "uint8 classification_certainty\nuint32 classification_age\n",
+    "derived_object_msgs/msg/ObjectArray": "std_msgs/Header header\nderived_object_msgs/Object[] objects\n",
+    "radar_msgs/msg/RadarReturn": "float32 range\nfloat32 azimuth\nfloat32 elevation\n"
+    "float32 doppler_velocity\nfloat32 amplitude\n",
+    "can_msgs/msg/Frame": "std_msgs/Header header\nuint32 id\nbool is_rtr\nbool is_extended\n"
+    "bool is_error\nuint8 dlc\nuint8[8] data\n",
+    "radar_msgs/msg/RadarScan": "std_msgs/Header header\nradar_msgs/RadarReturn[] returns\n",
+}
+"""Public message types that the type stores of rosbags lack, or that ROS 1's does."""
+
+
+def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
+    """Type store with all message types that the writers use."""
+    typestore = get_typestore(store)
+    for name, text in {**_DEFINITIONS, **event_messages.definitions(store)}.items():
+        if name not in typestore.types:
+            typestore.register(get_types_from_msg(text, name))
+    return typestore
+
+
+class MessageParts:
+    """Makes the parts that messages of one type store consist of.
+
+    A header's `seq`, which ROS 1 has and ROS 2 has not, counts per maker and topic.
+    """
+
+    def __init__(
+        self,
+        typestore: Typestore,
+        *,
+        epoch_ns: int,
+        pinholes: Mapping[str, Pinhole],
+        lenses: Mapping[str, Lens] | None = None,
+    ) -> None:
+        """Make a maker of parts.
+
+        Args:
+            typestore: From `make_typestore`.
+            epoch_ns: Added to every stamp [ns].
+            pinholes: Intrinsics by name of the colour stream.
+            lenses: Distortion by name of the colour stream; none where left out.
+        """
+        self.typestore = typestore
+        self._epoch_ns = epoch_ns
+        self._pinholes = pinholes
+        self._lenses = lenses or {}
+        self._has_seq = "seq" in self.fields_of("std_msgs/Header")
+        self._seq: dict[str, int] = {}
+
+    def new(self, type_name: str, **values: Any) -> Message:
+        """Message of a type, e.g. ``sensor_msgs/Imu``."""
+        return self.typestore.types[type_name.replace("/", "/msg/")](**values)
+
+    def fields_of(self, type_name: str) -> tuple[str, ...]:
+        """Names of a message type's fields, which differ between ROS 1 and ROS 2."""
+        kind: Any = self.typestore.types[type_name.replace("/", "/msg/")]
+        return tuple(field.name for field in dataclasses.fields(kind))
+
+    def time(self, stamp_ns: int) -> Message:
+        """Time message of a stamp since the drive began [ns]."""
+        total = self._epoch_ns + stamp_ns
+        return self.new("builtin_interfaces/Time", sec=total // 10**9, nanosec=total % 10**9)
+
+    def header(self, stamp_ns: int, frame_id: str, topic: str = "") -> Message:
+        """Header of a stamp [ns] and frame."""
+        values: dict[str, Any] = {"stamp": self.time(stamp_ns), "frame_id": frame_id}
+        if self._has_seq:
+            values["seq"] = self._seq.get(topic, 0)
+            self._seq[topic] = values["seq"] + 1
+        return self.new("std_msgs/Header", **values)
+
+    def image(self, header: Message, pixels: NDArray[Any], encoding: str) -> Message:
+        """Image of rows of pixels (H, W) or (H, W, C)."""
+        data = np.ascontiguousarray(pixels)
+        return self.new(
+            "sensor_msgs/Image",
+            header=header,
+            height=data.shape[0],
+            width=data.shape[1],
+            encoding=encoding,
+            is_bigendian=0,
+            step=data.strides[0],
+            data=data.reshape(-1).view(np.uint8),
+        )
+
+    def table(self, header: Message, rows: NDArray[np.void]) -> Message:
+        """PointCloud2 of structured rows (N,), one field per column, none of them padded."""
+        dtype = rows.dtype
+        offsets = {name: place[1] for name, place in (dtype.fields or {}).items()}
+        fields = [
+            self.new(
+                "sensor_msgs/PointField",
+                name=name,
+                offset=offsets[name],
+                datatype=_DATATYPES[dtype[name].str],
+                count=1,
+            )
+            for name in dtype.names or ()
+        ]
+        return self.new(
+            "sensor_msgs/PointCloud2",
+            header=header,
+            height=1,
+            width=len(rows),
+            fields=fields,
+            is_bigendian=False,
+            point_step=dtype.itemsize,
+            row_step=dtype.itemsize * len(rows),
+            data=rows.view(np.uint8),
+            is_dense=True,
+        )
+
+    def vector(self, xyz: NDArray[np.float64]) -> Message:
+        """Vector3 of three numbers."""
+        x, y, z = (float(v) for v in xyz)
+        return self.new("geometry_msgs/Vector3", x=x, y=y, z=z)
+
+    def quaternion(self, quat_xyzw: NDArray[np.float64]) -> Message:
+        """Quaternion of x, y, z, w."""
+        x, y, z, w = (float(v) for v in quat_xyzw)
+        return self.new("geometry_msgs/Quaternion", x=x, y=y, z=z, w=w)
+
+    def pose(self, position_m: NDArray[np.float64], quat_xyzw: NDArray[np.float64]) -> Message:
+        """Pose of a position [m] and an attitude."""
+        x, y, z = (float(v) for v in position_m)
+        point = self.new("geometry_msgs/Point", x=x, y=y, z=z)
+        return self.new("geometry_msgs/Pose", position=point, orientation=self.quaternion(quat_xyzw))
+
+    def pose_stamped(self, sample: Odometry, topic: str = "") -> Message:
+        """Pose of the sample's frame in the world."""
+        header = self.header(sample.stamp_ns, "world", topic)
+        pose = self.pose(sample.position_m, sample.quat_xyzw)
+        return self.new("geometry_msgs/PoseStamped", header=header, pose=pose)
+
+    def clock(self, stamp_ns: int) -> Message:
+        """Clock at a stamp [ns]."""
+        return self.new("rosgraph_msgs/Clock", clock=self.time(stamp_ns))
+
+    def tf_static(self, parent: str, frames: Mapping[str, NDArray[np.float64]], stamp_ns: int) -> Message:
+        """Transforms from frames, each by its T_parent_frame (4, 4), to their parent."""
+        transforms = [
+            self.new(
+                "geometry_msgs/TransformStamped",
+                header=self.header(stamp_ns, parent, "/tf_static"),
+                child_frame_id=frame,
+                transform=self.new(
+                    "geometry_msgs/Transform",
+                    translation=self.vector(T[:3, 3]),
+                    rotation=self.quaternion(geometry.matrix_to_quat(T[:3, :3])),
+                ),
+            )
+            for frame, T in frames.items()
+        ]
+        return self.new("tf2_msgs/TFMessage", transforms=transforms)
+
+    def pinhole(self, stream: str) -> Pinhole:
+        """Intrinsics of a colour stream.
+
+        Raises:
+            WriterError: the calibration has no such camera.
+        """
+        if stream not in self._pinholes:
+            raise WriterError(f"no calibration of camera stream '{stream}'; give the rig to the writer")
+        return self._pinholes[stream]
+
+    def distortion(self, stream: str) -> tuple[str, NDArray[np.float64]]:
+        """Name and coefficients of a colour stream's lens, as sensor_msgs/CameraInfo wants them."""
+        lens = self._lenses.get(stream, Lens())
+        if lens.model == "equidistant":
+            return "equidistant", np.array(lens.coefficients)
+        return "plumb_bob", np.array([*lens.coefficients, 0.0])

@@ -1,0 +1,48 @@
+"""ROS messages of samples: one function per kind, for ROS 1 and ROS 2 alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from carlaloc_env.samples import Sample
+from recorder.writers.ros import camera_messages, cloud_messages, state_messages
+from recorder.writers.ros.message_parts import Message, MessageParts
+
+
+class MessageMaker(MessageParts):
+    """Makes messages of samples, of one type store."""
+
+    def make(self, encoder: str, sample: Sample, topic: str, frame_id: str | None = None) -> Message:
+        """Message of a sample by one of `ENCODERS`."""
+        header = self.header(sample.stamp_ns, frame_id or sample.frame_id, topic)
+        return ENCODERS[encoder][1](self, header, sample)
+
+
+ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]] = {
+    "image_rgb8": ("sensor_msgs/msg/Image", camera_messages.image_rgb8),
+    "image_mono8": ("sensor_msgs/msg/Image", camera_messages.image_mono8),
+    "image_32fc1": ("sensor_msgs/msg/Image", camera_messages.image_32fc1),
+    "image_tags": ("sensor_msgs/msg/Image", camera_messages.image_tags),
+    "image_32fc2": ("sensor_msgs/msg/Image", camera_messages.image_32fc2),
+    "image_32fc3": ("sensor_msgs/msg/Image", camera_messages.image_32fc3),
+    "event_array": ("dvs_msgs/msg/EventArray", camera_messages.event_array),
+    "camera_info": ("sensor_msgs/msg/CameraInfo", camera_messages.camera_info),
+    "points": ("sensor_msgs/msg/PointCloud2", cloud_messages.points),
+    "points_labelled": ("sensor_msgs/msg/PointCloud2", cloud_messages.points_labelled),
+    "radar_points": ("sensor_msgs/msg/PointCloud2", cloud_messages.radar_points),
+    "radar_scan": ("radar_msgs/msg/RadarScan", cloud_messages.radar_scan),
+    "imu": ("sensor_msgs/msg/Imu", state_messages.imu),
+    "nav_sat_fix": ("sensor_msgs/msg/NavSatFix", state_messages.nav_sat_fix),
+    "twist": ("geometry_msgs/msg/TwistStamped", state_messages.twist),
+    "wheel_joints": ("sensor_msgs/msg/JointState", state_messages.wheel_joints),
+    "can_steering": ("can_msgs/msg/Frame", state_messages.can_frame("STEERING_AND_SPEED")),
+    "can_wheels": ("can_msgs/msg/Frame", state_messages.can_frame("WHEEL_SPEEDS")),
+    "can_pedals": ("can_msgs/msg/Frame", state_messages.can_frame("PEDALS")),
+    "objects": ("derived_object_msgs/msg/ObjectArray", state_messages.objects),
+    "object_table": ("sensor_msgs/msg/PointCloud2", cloud_messages.object_table),
+    "image_instances": ("sensor_msgs/msg/Image", camera_messages.image_instances),
+    "acceleration": ("geometry_msgs/msg/AccelStamped", state_messages.acceleration),
+    "odometry": ("nav_msgs/msg/Odometry", state_messages.odometry),
+}
+"""Message type and function of every way to write a sample."""
