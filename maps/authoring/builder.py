@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from maps.authoring import furniture
-from maps.authoring.curves import turning_bulb
-from maps.authoring.gores import Gore, build_gore, gore_lines
-from maps.authoring.idents import JUNCTION, Numbers
-from maps.authoring.junctions import Movement, build_junction, connect
+from maps.authoring.elements import junction_furniture
+from maps.authoring.elements.ids import JUNCTION, Numbers
+from maps.authoring.elements.junctions import Movement, build_junction, connect
+from maps.authoring.elements.map_parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, leg_of
+from maps.authoring.elements.ramps import Gore, build_gore, gore_lines
+from maps.authoring.elements.roundabouts import RoundaboutShape, build_roundabout
+from maps.authoring.geometry.newton import PlanError
+from maps.authoring.geometry.path_operations import u_turn
+from maps.authoring.geometry.plan_view_curves import turning_bulb
 from maps.authoring.layout import Laid, lay_out
-from maps.authoring.newton import PlanError
-from maps.authoring.parts import ControllerPart, JunctionPart, Leg, Link, RoadPart, leg_of
-from maps.authoring.paths import u_turn
+from maps.authoring.opendrive_writer import opendrive_text
 from maps.authoring.plan import Node, TownPlan
-from maps.authoring.road_parts import road_parts
-from maps.authoring.roundabouts import RoundaboutShape, build_roundabout
-from maps.authoring.writer import opendrive_text
+from maps.authoring.road_splitting import road_parts
 
 SIGNED_M = 60.0
 """Shorter parts between gores carry no speed signs [m]."""
@@ -50,7 +50,7 @@ class Builder:
         for planned, own in zip(self.plan.roads, parts, strict=True):
             for part in own if planned.speed_signs else ():
                 if len(own) == 1 or part.length > SIGNED_M:
-                    furniture.speed_signs(part, self.numbers, 12.0)
+                    junction_furniture.speed_signs(part, self.numbers, 12.0)
         plan = self.plan
         return opendrive_text(plan.name, plan.projection, self.roads, self.junctions, self.controllers)
 
@@ -109,8 +109,10 @@ class Builder:
         self.junctions += parts
         _join(legs, [met[leg.road.id] for leg in legs])
         for leg in legs:
-            marks = furniture.mark_leg(leg, self.numbers, crosswalk=bool(node.crosswalks), stop_line=True)
-            furniture.sign_leg(leg, self.numbers, marks, furniture.YIELD)
+            marks = junction_furniture.mark_leg(
+                leg, self.numbers, crosswalk=bool(node.crosswalks), stop_line=True
+            )
+            junction_furniture.sign_leg(leg, self.numbers, marks, junction_furniture.YIELD)
 
     def _bulb(self, node: Node, part: JunctionPart, leg: Leg) -> RoadPart:
         inner = leg.incoming[0]
@@ -142,14 +144,16 @@ class Builder:
             stops = lights or i in minor
             crosswalk = i in minor if node.crosswalks == "minor" else bool(node.crosswalks)
             crosswalk = crosswalk and not (node.control == "walkers" and i > 0)
-            marks.append(furniture.mark_leg(leg, self.numbers, crosswalk=crosswalk, stop_line=stops))
+            marks.append(junction_furniture.mark_leg(leg, self.numbers, crosswalk=crosswalk, stop_line=stops))
         if lights:
             split = node.control == "split"
-            self.controllers += furniture.light_junction(part, legs, marks, self.numbers, split=split)
+            self.controllers += junction_furniture.light_junction(
+                part, legs, marks, self.numbers, split=split
+            )
         for i in minor if not lights else ():
-            code = furniture.YIELD if node.control == "yield" else furniture.STOP
-            furniture.sign_leg(legs[i], self.numbers, marks[i], code)
-        furniture.paint_arrows(legs, found, self.numbers, 8.0)
+            code = junction_furniture.YIELD if node.control == "yield" else junction_furniture.STOP
+            junction_furniture.sign_leg(legs[i], self.numbers, marks[i], code)
+        junction_furniture.paint_arrows(legs, found, self.numbers, 8.0)
 
 
 def _join(legs: Sequence[Leg], junctions: Sequence[int]) -> None:

@@ -7,13 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from maps.authoring.curves import Path, Pose, curve_between, fillet
-from maps.authoring.gores import Gore, OnRay, RampEnd, ramp_end
-from maps.authoring.junctions import setbacks
-from maps.authoring.newton import PlanError
-from maps.authoring.paths import meeting
-from maps.authoring.planes import leaning
-from maps.authoring.profiles import (
+from maps.authoring.elements.junctions import setbacks
+from maps.authoring.elements.ramps import Gore, OnRay, RampEnd, ramp_end
+from maps.authoring.geometry.elevation import (
     Climb,
     Dip,
     Profile,
@@ -27,6 +23,10 @@ from maps.authoring.profiles import (
     smooth,
     vertical_curves,
 )
+from maps.authoring.geometry.junction_planes import leaning
+from maps.authoring.geometry.newton import PlanError
+from maps.authoring.geometry.path_operations import meeting
+from maps.authoring.geometry.plan_view_curves import Path, Pose, curve_between, fillet
 
 if TYPE_CHECKING:
     from maps.authoring.plan import Road, TownPlan

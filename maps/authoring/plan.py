@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from maps.authoring.curves import Path
-from maps.authoring.extra_lanes import ExtraLane
-from maps.authoring.gores import Gore, OnRay
-from maps.authoring.planes import Plane
-from maps.authoring.profiles import Climb, Dip, Profile
-from maps.authoring.roundabouts import RoundaboutShape
-from maps.authoring.sections import CrossSection
+from maps.authoring.elements.auxiliary_lanes import ExtraLane
+from maps.authoring.elements.cross_sections import CrossSection
+from maps.authoring.elements.ramps import Gore, OnRay
+from maps.authoring.elements.roundabouts import RoundaboutShape
+from maps.authoring.geometry.elevation import Climb, Dip, Profile
+from maps.authoring.geometry.junction_planes import Plane
+from maps.authoring.geometry.plan_view_curves import Path
 
 
 @dataclass(slots=True, kw_only=True)

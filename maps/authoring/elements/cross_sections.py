@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass, field, replace
 
-from maps.authoring.newton import PlanError
+from maps.authoring.geometry.newton import PlanError
 
 Cubic = tuple[float, float, float, float]
 Records = tuple[tuple[float, Cubic], ...]

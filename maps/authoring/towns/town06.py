@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from maps.authoring.extra_lanes import ExtraLane
-from maps.authoring.gores import Exit, Merge, OnRay
+from maps.authoring.elements.auxiliary_lanes import ExtraLane
+from maps.authoring.elements.cross_sections import CrossSection
+from maps.authoring.elements.ramps import Exit, Merge, OnRay
+from maps.authoring.geometry.elevation import Profile
 from maps.authoring.plan import TownPlan
-from maps.authoring.profiles import Profile
-from maps.authoring.sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=49.05 +lon_0=8.3 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 

@@ -11,8 +11,8 @@ The drive: Market St westwards, right over the Old Bridge, left into Mill St, ri
 
 from __future__ import annotations
 
+from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.plan import TownPlan
-from maps.authoring.sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.0 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 

@@ -6,9 +6,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.idents import CONTROLLER, OBJECT, SIGNAL, Numbers
-from maps.authoring.junctions import Movement, turn_angle
-from maps.authoring.parts import Border, ControllerPart, JunctionPart, Leg, ObjectPart, RoadPart, SignalPart
+from maps.authoring.elements.ids import CONTROLLER, OBJECT, SIGNAL, Numbers
+from maps.authoring.elements.junctions import Movement, turn_angle
+from maps.authoring.elements.map_parts import (
+    Border,
+    ControllerPart,
+    JunctionPart,
+    Leg,
+    ObjectPart,
+    RoadPart,
+    SignalPart,
+)
 
 LIGHT, STOP, YIELD, SPEED = "1000001", "206", "205", "274"
 CROSSWALK_INSET_M = 1.5

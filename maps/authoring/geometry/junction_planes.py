@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.curves import Path, Pose
-from maps.authoring.newton import PlanError
-from maps.authoring.paths import curvature
-from maps.authoring.profiles import Record, height_at, hermite
+from maps.authoring.geometry.elevation import Record, height_at, hermite
+from maps.authoring.geometry.newton import PlanError
+from maps.authoring.geometry.path_operations import curvature
+from maps.authoring.geometry.plan_view_curves import Path, Pose
 
 STEP_M = 0.5
 """Distance of the points at which a bend is compared with the plane [m]."""

@@ -6,8 +6,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from maps.authoring.newton import PlanError
-from maps.authoring.sections import (
+from maps.authoring.elements.cross_sections import (
     CrossSection,
     LanePlan,
     Records,
@@ -18,6 +17,7 @@ from maps.authoring.sections import (
     link_sections,
     solid_before_junction,
 )
+from maps.authoring.geometry.newton import PlanError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,10 +11,10 @@ The drive's loop: R → E → hill → H → N → J → R, always in the left l
 
 from __future__ import annotations
 
+from maps.authoring.elements.cross_sections import CrossSection
+from maps.authoring.elements.roundabouts import RoundaboutShape
+from maps.authoring.geometry.elevation import Climb, Dip
 from maps.authoring.plan import TownPlan
-from maps.authoring.profiles import Climb, Dip
-from maps.authoring.roundabouts import RoundaboutShape
-from maps.authoring.sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.43 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 

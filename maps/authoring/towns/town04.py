@@ -19,13 +19,13 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from maps.authoring.curves import Path, Piece, Pose
-from maps.authoring.gores import Exit, Gore, Merge, OnRay
-from maps.authoring.newton import solve
-from maps.authoring.paths import meeting
+from maps.authoring.elements.cross_sections import CrossSection
+from maps.authoring.elements.ramps import Exit, Gore, Merge, OnRay
+from maps.authoring.geometry.elevation import Climb, Profile
+from maps.authoring.geometry.newton import solve
+from maps.authoring.geometry.path_operations import meeting
+from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose
 from maps.authoring.plan import TownPlan
-from maps.authoring.profiles import Climb, Profile
-from maps.authoring.sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 

@@ -1,6 +1,6 @@
 """Picture of a map for its author.
 
-`python -m maps.authoring.picture Town03 OUT.png [xmin xmax ymin ymax]` from the repository root.
+`python -m maps.authoring.map_picture Town03 OUT.png [xmin xmax ymin ymax]` from the repository root.
 """
 
 from __future__ import annotations

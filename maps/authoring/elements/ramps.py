@@ -15,15 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from maps.authoring.curves import Path, Piece, Pose
-from maps.authoring.extra_lanes import ExtraLane
-from maps.authoring.idents import Numbers
-from maps.authoring.junctions import connect
-from maps.authoring.newton import PlanError
-from maps.authoring.parts import JunctionPart, Leg, RoadPart
-from maps.authoring.paths import backwards, curvature, cut, shifted
-from maps.authoring.planes import Plane
-from maps.authoring.sections import CrossSection, Mark
+from maps.authoring.elements.auxiliary_lanes import ExtraLane
+from maps.authoring.elements.cross_sections import CrossSection, Mark
+from maps.authoring.elements.ids import Numbers
+from maps.authoring.elements.junctions import connect
+from maps.authoring.elements.map_parts import JunctionPart, Leg, RoadPart
+from maps.authoring.geometry.junction_planes import Plane
+from maps.authoring.geometry.newton import PlanError
+from maps.authoring.geometry.path_operations import backwards, curvature, cut, shifted
+from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose
 
 NOSE_GAP_M = 0.1
 """Clear distance between the shoulders of road and ramp where they part [m]."""

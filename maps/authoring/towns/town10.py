@@ -14,9 +14,9 @@ The drive's loop runs clockwise in the right lane: once round the town and once 
 
 from __future__ import annotations
 
-from maps.authoring.extra_lanes import ExtraLane
+from maps.authoring.elements.auxiliary_lanes import ExtraLane
+from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.plan import TownPlan
-from maps.authoring.sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=34.0 +lon_0=-118.2 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 

@@ -6,13 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.curves import Path, Piece, Pose, mirrored, ring_entry, wrap
-from maps.authoring.idents import JUNCTION, ROAD, Numbers
-from maps.authoring.junctions import connect
-from maps.authoring.parts import JunctionPart, Leg, Link, RoadPart, leg_of
-from maps.authoring.planes import Plane
-from maps.authoring.profiles import level
-from maps.authoring.sections import (
+from maps.authoring.elements.cross_sections import (
     NONE,
     SIDEWALK_HEIGHT_M,
     LanePlan,
@@ -21,6 +15,12 @@ from maps.authoring.sections import (
     border_mark,
     constant,
 )
+from maps.authoring.elements.ids import JUNCTION, ROAD, Numbers
+from maps.authoring.elements.junctions import connect
+from maps.authoring.elements.map_parts import JunctionPart, Leg, Link, RoadPart, leg_of
+from maps.authoring.geometry.elevation import level
+from maps.authoring.geometry.junction_planes import Plane
+from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose, mirrored, ring_entry, wrap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

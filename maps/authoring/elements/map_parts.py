@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from maps.authoring.curves import Path, Pose
-from maps.authoring.profiles import Record, height_at
-from maps.authoring.sections import LanePlan, SectionPlan
+from maps.authoring.elements.cross_sections import LanePlan, SectionPlan
+from maps.authoring.geometry.elevation import Record, height_at
+from maps.authoring.geometry.plan_view_curves import Path, Pose
 
 _OUTER = ("shoulder", "sidewalk", "biking", "parking")
 

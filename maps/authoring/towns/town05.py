@@ -17,11 +17,11 @@ from __future__ import annotations
 import itertools
 import math
 
-from maps.authoring.curves import Path, Piece, fillet
-from maps.authoring.gores import Exit, Gore, Merge, OnRay, ramp_end
+from maps.authoring.elements.cross_sections import CrossSection
+from maps.authoring.elements.ramps import Exit, Gore, Merge, OnRay, ramp_end
+from maps.authoring.geometry.elevation import Profile
+from maps.authoring.geometry.plan_view_curves import Path, Piece, fillet
 from maps.authoring.plan import TownPlan
-from maps.authoring.profiles import Profile
-from maps.authoring.sections import CrossSection
 
 PROJECTION = "+proj=tmerc +lat_0=41.88 +lon_0=-87.63 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 

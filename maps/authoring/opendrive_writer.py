@@ -7,9 +7,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr
 
-from maps.authoring.curves import Piece, Pose
-from maps.authoring.parts import ControllerPart, JunctionPart, Link, ObjectPart, RoadPart, SignalPart
-from maps.authoring.sections import Cubic, LanePlan, Mark, SectionPlan
+from maps.authoring.elements.cross_sections import Cubic, LanePlan, Mark, SectionPlan
+from maps.authoring.elements.map_parts import (
+    ControllerPart,
+    JunctionPart,
+    Link,
+    ObjectPart,
+    RoadPart,
+    SignalPart,
+)
+from maps.authoring.geometry.plan_view_curves import Piece, Pose
 
 DATE = "2025-01-01T00:00:00"
 _DIGITS = {"length": 10, "curvature": 14, "angle": 12}

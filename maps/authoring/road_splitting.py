@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from maps.authoring.curves import Path
-from maps.authoring.extra_lanes import add_extra_lanes
-from maps.authoring.gores import Gore, auxiliary_lanes
-from maps.authoring.idents import OBJECT, ROAD, Numbers
+from maps.authoring.elements.auxiliary_lanes import add_extra_lanes
+from maps.authoring.elements.cross_sections import road_sections
+from maps.authoring.elements.ids import OBJECT, ROAD, Numbers
+from maps.authoring.elements.map_parts import BridgePart, RoadPart, TunnelPart
+from maps.authoring.elements.ramps import Gore, auxiliary_lanes
+from maps.authoring.geometry.elevation import Record, cut_profile
+from maps.authoring.geometry.newton import PlanError
+from maps.authoring.geometry.path_operations import cut
+from maps.authoring.geometry.plan_view_curves import Path
 from maps.authoring.layout import Laid, along, nearest
-from maps.authoring.newton import PlanError
-from maps.authoring.parts import BridgePart, RoadPart, TunnelPart
-from maps.authoring.paths import cut
-from maps.authoring.profiles import Record, cut_profile
-from maps.authoring.sections import road_sections
 
 
 def road_parts(laid: Laid, numbers: Numbers) -> list[RoadPart]:

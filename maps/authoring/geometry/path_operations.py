@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from maps.authoring.curves import Path, Piece, Pose, wrap
-from maps.authoring.newton import PlanError
+from maps.authoring.geometry.newton import PlanError
+from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose, wrap
 
 
 def curvature(path: Path, s: float) -> float:

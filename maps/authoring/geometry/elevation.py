@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from maps.authoring.newton import PlanError
+from maps.authoring.geometry.newton import PlanError
 
 Record = tuple[float, float, float, float, float]
 """s, a, b, c, d of z = a + b·ds + c·ds² + d·ds³."""

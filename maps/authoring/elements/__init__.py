@@ -1,0 +1,1 @@
+"""Parts of maps: cross sections, junctions, ramps, roundabouts."""

@@ -1,0 +1,1 @@
+"""Curves, elevation and planes of maps."""
