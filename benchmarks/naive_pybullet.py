@@ -13,12 +13,11 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-
-Array = NDArray[np.float64]
 
 RAYS_PER_CALL = 16_383
 """`rayTestBatch` answers 16 384 rays and more with nothing at all, and says nothing."""

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from carlaloc_env.town.build import find_town
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.traffic.audit import TrafficReport, audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
 
@@ -40,7 +40,7 @@ def run_town(
         walkers=usual[1] if walkers is None else walkers,
         seed=seed,
     )
-    return audit_traffic(LaneNetwork.from_opendrive(source), config, duration_s)
+    return audit_traffic(build_network(source), config, duration_s)
 
 
 def table(rows: dict[str, TrafficReport]) -> str:

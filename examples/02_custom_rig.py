@@ -11,7 +11,7 @@ import numpy as np
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 
 RIG_FILE = Path(__file__).with_suffix(".yaml")
 REAR_PICTURE = Path("rear.png")

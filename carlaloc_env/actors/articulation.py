@@ -11,12 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.assets.vehicles.all_vehicles import vehicle
 from carlaloc_env.assets.vehicles.parts import VehicleParts
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 LOW_FROM_M = 30.0
 """Distance from the ego from which vehicles are drawn in few triangles and without turning wheels [m]."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -21,6 +19,7 @@ from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.timeline import (
     LIGHT_BRAKE,
     LIGHT_LEFT,
@@ -38,23 +37,6 @@ _BLINK_NS = 666_666_666
 _EGO_LAMPS = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT, "right": LIGHT_RIGHT, "reverse": LIGHT_REVERSE}
 _LIT = ("signal_red", "signal_yellow", "signal_green")
 """Model of a lit lens for the signal states 1, 2, 3."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SignalLenses:
-    """Lens discs of all traffic-light heads of a town, parallel arrays of L lenses."""
-
-    signal: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
-    """Index of the signal whose state lights the lens, shape (L,)."""
-    state: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
-    """State in which the lens is lit (1 red, 2 yellow, 3 green), shape (L,)."""
-    T_world_lens: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 4, 4)))
-    """Pose of each lens, x out of it, shape (L, 4, 4)."""
-    instance: NDArray[np.uint32] | None = None
-    """Instance id of each lens' traffic light, shape (L,); none when left out."""
-
-    def __len__(self) -> int:
-        return len(self.signal)
 
 
 def place_actors(

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from carlaloc_env.core import transforms
-
-Array = NDArray[np.float64]
+from carlaloc_env.core.array_types import Array
 
 WGS84_A_M = 6378137.0
 """Semi-major axis [m] (NIMA TR8350.2)."""

@@ -8,10 +8,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
 
-Array = NDArray[np.float64]
 _T = TypeVar("_T", bound=np.generic)
 
 MODELS = ("none", "radtan", "equidistant")

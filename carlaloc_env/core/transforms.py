@@ -6,9 +6,9 @@ Quaternions are ``quat_xyzw``. ``T_a_b`` maps coordinates of frame b to frame a.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from carlaloc_env.core.array_types import Array
 
 R_FLU_OPTICAL: Array = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Maps camera optical axes (x right, y down, z forward) to FLU axes, shape (3, 3)."""

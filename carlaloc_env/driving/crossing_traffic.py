@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.routing.route import Route
-
-Array = NDArray[np.float64]
 
 _REACH_M = 45.0
 _AHEAD_S = np.array([0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 3.5])

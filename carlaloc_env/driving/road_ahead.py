@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.driving.crossing_traffic import crossing_traffic
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
-
-Array = NDArray[np.float64]
 
 SIGHT_M = 100.0
 """How far ahead a driver looks for others and for lights [m]."""

@@ -7,9 +7,10 @@ from math import atan, cos, sin, sqrt, tan
 
 import numpy as np
 import pybullet
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError
@@ -17,8 +18,6 @@ from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain
 from carlaloc_env.physics.wheel import BodyMotion, Wheel, wet_at_speed
 from carlaloc_env.physics.world import PhysicsWorld, Point
-
-Array = NDArray[np.float64]
 
 _SETTLE_TICKS = 400
 _BRAKE_LIGHT_MPS2 = 1.3

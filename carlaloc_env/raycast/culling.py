@@ -6,13 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.jit import compiled
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
-Index = NDArray[np.intp]
 
 _SECTORS = 1024
 """Sectors of the horizon; each knows the cylinders that can be seen in it."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-F32 = NDArray[np.float32]
+from carlaloc_env.core.array_types import F32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from carlaloc_env.actors.articulation import steered_mesh
 from carlaloc_env.actors.ray_models import ray_models, ray_postures
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.raycast.culling import Cylinders, candidates
 from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.raycast.surface import Surface, import_open3d
@@ -25,8 +26,6 @@ from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
 Floats = Array | F32
 
 _STEER_KINDS = 64

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import RaycastError
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.scene.mesh import Mesh
-
-F32 = NDArray[np.float32]
 
 
 class Surface:

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
+from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.render.geometry.static_scene import Scenery
 from carlaloc_env.render.gl.context import Programs, set_uniforms
@@ -20,7 +22,7 @@ from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, Lights
 from carlaloc_env.render.lighting.night_lighting import Night
 from carlaloc_env.render.lighting.screen_tiles import DepthRange
 from carlaloc_env.render.lighting.shading_passes import Cover, Passes
-from carlaloc_env.render.lighting.shadow_maps import Casters, ShadowMap, Shadows
+from carlaloc_env.render.lighting.shadow_maps import ShadowMap, Shadows
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, exposure_time_s
 from carlaloc_env.render.lighting.sky_textures import Skies
 from carlaloc_env.render.lighting.tile_quads import TileQuads
@@ -38,8 +40,6 @@ from carlaloc_env.render.precipitation.rain_drops import Streaks, lit, rain_stre
 from carlaloc_env.render.precipitation.rain_layer import RainLayer
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
-
-Array = NDArray[np.float64]
 
 LIVE_SHADOWS = {"static_size_px": 3072, "actor_size_px": 512}
 """Shadow maps of a live window, which has a new static one drawn every few seconds."""

@@ -13,11 +13,11 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount, SensorConfig
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.gnss.gnss import GnssConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.lidar import LidarConfig
-from carlaloc_env.sensors.radar.radar import RadarConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.sensors.radar.config import RadarConfig
 from carlaloc_env.sensors.vehicle.can import CanConfig
 from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
 from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig

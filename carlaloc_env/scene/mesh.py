@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
-
-F32 = NDArray[np.float32]
 
 EGO_INSTANCE = 1 << 23
 """Instance id of the ego's own body; static things lie below, other actors above."""

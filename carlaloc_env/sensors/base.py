@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
@@ -20,10 +21,10 @@ from carlaloc_env.timeline.timeline import Timeline
 if TYPE_CHECKING:
     from gymnasium import spaces
 
-    from carlaloc_env.actors.instances import SignalLenses
     from carlaloc_env.raycast import RayScene
     from carlaloc_env.render.renderer import SceneRenderer
     from carlaloc_env.scene.mesh import ModelLibrary
+    from carlaloc_env.scene.signal_lenses import SignalLenses
     from carlaloc_env.weather.parameters import WeatherParameters
     from carlaloc_env.weather.schedule import Weather
 
@@ -94,6 +95,8 @@ class SensorConfig(ABC):
 
     kind: ClassVar[str] = ""
     """Name of the sensor type in YAML files."""
+    sensor: ClassVar[str] = ""
+    """The sensor's class as ``module:Class``, imported when it is built; or override `build`."""
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
     """Values of named variants; in YAML the key ``preset`` chooses one."""
 
@@ -123,9 +126,11 @@ class SensorConfig(ABC):
         """Name of the sensor's coordinate frame."""
         return self.name
 
-    @abstractmethod
     def build(self, world: World) -> Sensor:
         """The sensor in a world."""
+        module, _, name = self.sensor.partition(":")
+        sensor: Sensor = getattr(import_module(module), name)(self, world)
+        return sensor
 
 
 class Sensor(ABC):

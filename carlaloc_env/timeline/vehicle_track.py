@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import EpisodeError
-
-Array = NDArray[np.float64]
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 """Order of the wheels in all arrays."""

@@ -6,16 +6,16 @@ import importlib.resources
 import os
 from pathlib import Path
 
-from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core.array_cache import Arrays, cached, content_hash
 from carlaloc_env.core.errors import MapError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene import mesh_arrays
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.default_traffic import choose_traffic
 from carlaloc_env.town.default_zones import choose_zones
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.scenery import Scenery, build_scenery
@@ -71,7 +71,7 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     config = TownConfig.from_toml(toml) if has_toml else TownConfig(name=name)
     content = source.read_bytes()
     key = content_hash(str(BUILDER_VERSION).encode(), content, toml.read_bytes() if has_toml else b"")
-    network = LaneNetwork(read_opendrive(source))
+    network = build_network(source)
     if not has_toml:
         config = choose_traffic(network, choose_zones(network, config))
     route = _route(network, config)

@@ -10,12 +10,11 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.config import TownConfig, Zone
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.polygons import polygons_of
 from carlaloc_env.town.opendrive.records import Road
-
-Array = NDArray[np.float64]
 
 CELL_M = 40.0
 """Side of the squares that zones are made of [m]."""

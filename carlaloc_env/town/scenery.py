@@ -8,21 +8,21 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import SignalLenses
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.town.buildings.building_lots import lot_boxes
 from carlaloc_env.town.buildings.skyline import add_skyline
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.meshing.collision_mesh import lot_boxes, weld
+from carlaloc_env.town.meshing.collision_mesh import weld
 from carlaloc_env.town.meshing.tiles import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.roads.surfaces import Surfaces, add_surfaces
 from carlaloc_env.town.street.scene_dressing import Dressing, dress
 from carlaloc_env.town.street.site_plan import place_plots
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

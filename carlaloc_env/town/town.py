@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route

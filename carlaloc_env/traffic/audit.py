@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
@@ -17,9 +18,6 @@ from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 NOBODY = EgoView(position_m=(1e5, 1e5, 0.0), heading_rad=0.0, speed_mps=0.0)
 """An ego that is nowhere near."""

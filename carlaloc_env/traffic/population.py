@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog
@@ -16,8 +17,6 @@ from carlaloc_env.traffic.config import TrafficConfig
 from carlaloc_env.traffic.tables.record_arrays import fill
 from carlaloc_env.traffic.tables.vehicle_state import Drivers
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
-
-Array = NDArray[np.float64]
 
 _HEAVY_TOP_MPS = 25.0
 _CYCLIST_MPS = (15.0 / 3.6, 22.0 / 3.6)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.lane_tables import build_roads
 from carlaloc_env.traffic.tables.sidewalks import build_ground
 from carlaloc_env.traffic.vehicles.ego_agent import build_cells
 from carlaloc_env.traffic.vehicles.overlapping_lanes import find_overlaps
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 SPACING_M = 12.0
 """Least distance between two vehicles at the start [m]."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.junctions.approach import collect
 from carlaloc_env.traffic.junctions.conflict_yielding import release_passed, wait_inside
@@ -30,9 +31,6 @@ from carlaloc_env.traffic.vehicles.overlapping_lanes import Comers, Overlaps, em
 from carlaloc_env.traffic.vehicles.poses import put_poses
 from carlaloc_env.traffic.vehicles.vehicle_lights import put_lights
 from carlaloc_env.traffic.vehicles.yield_to_walkers import mind_walkers
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _CROWD_EVERY = 20
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
@@ -17,8 +18,6 @@ from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicle_step import Vehicles
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.walkers.walkers import Walkers
-
-Array = NDArray[np.float64]
 
 _NOWHERE = EgoView(position_m=(1e6, 1e6, 0.0), heading_rad=0.0, speed_mps=0.0)
 

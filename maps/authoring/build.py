@@ -7,23 +7,23 @@ import importlib
 import pathlib
 import sys
 
-if __package__ in (None, ""):
-    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]))
-    __package__ = "maps.authoring"
+from maps.authoring.builder import Builder
+
 MAPS = pathlib.Path(__file__).resolve().parents[1]
 
 
 def town_text(name: str) -> str:
     """OpenDRIVE text of a town that has a plan here."""
-    module = importlib.import_module(f"maps.authoring.{name.lower()}")
-    text: str = module.plan().build()
-    return text
+    module = importlib.import_module(f"maps.authoring.towns.{name.lower()}")
+    return Builder(module.plan()).build()
 
 
 def main() -> int:
     """Write maps/<town>/town.xodr for every town named."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("town", nargs="+", help="folder below maps/ whose plan is maps/authoring/<town>.py")
+    parser.add_argument(
+        "town", nargs="+", help="folder below maps/ whose plan is maps/authoring/towns/<town>.py"
+    )
     for name in parser.parse_args().town:
         folder = MAPS / name
         folder.mkdir(exist_ok=True)

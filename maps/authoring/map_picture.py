@@ -15,6 +15,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.records import OpenDrive
 
@@ -25,7 +26,7 @@ _SIGNS = {"206": "r8", "205": "y^", "274": "b."}
 
 def draw(source: Path, out: Path, window: Sequence[float], dpi: int = 110) -> None:
     """Lanes coloured by elevation, with lights, signs, crosswalks and stop lines."""
-    network = LaneNetwork.from_opendrive(source)
+    network = build_network(source)
     figure, axes = plt.subplots(figsize=(14, 14))
     shapes, colours = _lanes(network)
     axes.add_collection(PolyCollection(shapes, facecolors=colours, edgecolors="#0004", linewidths=0.3))

@@ -94,7 +94,7 @@ class Road:
 
 @dataclass(slots=True, kw_only=True)
 class TownPlan:
-    """Collects nodes and roads; `build` returns OpenDRIVE text."""
+    """Collects nodes and roads; `builder.Builder` makes OpenDRIVE text of them."""
 
     name: str
     projection: str
@@ -116,13 +116,3 @@ class TownPlan:
         self.roads.append(
             Road(name=name, a="", b="", cross=cross, speed_kmh=speed_kmh, path=path, **options)  # type: ignore[arg-type]
         )
-
-    def build(self) -> str:
-        """OpenDRIVE text of the town.
-
-        Raises:
-            PlanError: the geometry does not fit.
-        """
-        from maps.authoring.builder import Builder
-
-        return Builder(self).build()

@@ -88,16 +88,19 @@ def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _check(arguments: argparse.Namespace) -> dict[str, Any]:
-    from carlaloc_env.town.checks.report import check_map, write_waypoints_csv
-    from carlaloc_env.town.lanes.lane_network import LaneNetwork
+    from carlaloc_env.town.checks.report import report, write_waypoints_csv
+    from carlaloc_env.town.lanes.build_network import build_network
+    from carlaloc_env.town.opendrive.reader import read_opendrive
 
     if (arguments.waypoints is None) != (arguments.csv is None):
         raise ConfigError("--waypoints STEP_M and --csv OUT go together; give both")
-    report = check_map(arguments.file)
+    xodr = read_opendrive(arguments.file)
+    network = build_network(xodr)
+    found = report(xodr, network)
     if arguments.csv is not None:
-        write_waypoints_csv(LaneNetwork.from_opendrive(arguments.file), arguments.waypoints, arguments.csv)
+        write_waypoints_csv(network, arguments.waypoints, arguments.csv)
     return {
-        "report": report.as_dict(),
+        "report": found.as_dict(),
         "csv": str(arguments.csv) if arguments.csv is not None else None,
-        "failed": bool(report.errors),
+        "failed": bool(found.errors),
     }

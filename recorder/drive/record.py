@@ -26,8 +26,8 @@ from recorder.devices.inputs import Inputs
 from recorder.devices.panel import KeyPanel
 from recorder.devices.registry import DEVICES, HUMAN, open_device
 from recorder.drive.session import DriveSession
-from recorder.drive.traffic_rules import VIOLATIONS
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.episode.messages import VIOLATIONS
 from recorder.window.cockpit import WindowCockpit
 
 Progress = Callable[[float, float], None]

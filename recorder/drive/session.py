@@ -19,8 +19,9 @@ from recorder.devices.human import HumanDevice
 from recorder.devices.panel import KeyPanel
 from recorder.drive.episode_listener import DriveLog
 from recorder.drive.real_time_pacer import Pacer
-from recorder.drive.traffic_rules import VIOLATIONS, RuleWatch
+from recorder.drive.traffic_rules import RuleWatch
 from recorder.episode.episode import Episode, EpisodeWriter
+from recorder.episode.messages import VIOLATIONS
 from recorder.window.status import DriveStatus
 
 _IDLE_S = 0.004

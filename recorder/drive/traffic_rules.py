@@ -9,8 +9,6 @@ from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
 
-VIOLATIONS = ("red_light", "off_road", "wrong_way", "speeding", "off_route")
-"""Kinds of violations; each is an event of an episode when it begins."""
 SPEEDING_OVER_MPS = 10.0 / 3.6
 """How much above the limit counts as speeding [m/s]."""
 OFF_ROUTE_M = 8.0

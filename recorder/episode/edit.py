@@ -17,7 +17,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, Event
-from recorder.generation.conditions import TrafficLevel
+from recorder.episode.traffic_level import TrafficLevel
 
 STANDING_MPS = 0.02
 """Slower than this is a standstill [m/s]."""

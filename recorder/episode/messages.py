@@ -211,3 +211,7 @@ def message_rows(payloads: Sequence[bytes], dtype: np.dtype[np.void]) -> NDArray
     if any(len(payload) != dtype.itemsize for payload in payloads):
         raise ValueError(f"message not of {dtype.itemsize} bytes")
     return np.frombuffer(b"".join(payloads), dtype=dtype)
+
+
+VIOLATIONS = ("red_light", "off_road", "wrong_way", "speeding", "off_route")
+"""Kinds of violations; each is an event of an episode when it begins."""

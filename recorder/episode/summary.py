@@ -9,8 +9,8 @@ import numpy as np
 
 from carlaloc_env.core.transforms import quat_to_rpy, wrap_angle
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.drive.traffic_rules import VIOLATIONS
 from recorder.episode.episode import Episode
+from recorder.episode.messages import VIOLATIONS
 
 LOOP_CLOSED_M = 5.0
 """Ends nearer than this close a loop [m]."""

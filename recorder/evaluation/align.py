@@ -6,13 +6,11 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 class Alignment(Enum):

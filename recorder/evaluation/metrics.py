@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from recorder.evaluation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 class Metric(Enum):

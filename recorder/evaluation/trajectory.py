@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-
-Array = NDArray[np.float64]
 
 _NANOSECONDS_FROM = 10**14
 """Larger stamps are nanoseconds: as seconds they would lie three million years ahead."""

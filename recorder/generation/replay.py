@@ -24,14 +24,15 @@ from carlaloc_env.rigs.rig import Rig, SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.schedule import Weather
 from recorder.episode.episode import Episode
-from recorder.generation.conditions import TrafficLevel, conditions_of
+from recorder.episode.traffic_level import TrafficLevel
+from recorder.generation.conditions import conditions_of
 from recorder.generation.dataset_manifest import TownId, is_begun, origin_of, write_record
 from recorder.generation.sequence_writers import (
     Sequence,

@@ -14,16 +14,16 @@ from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events, Sample
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.generation.conditions import Condition
 from recorder.generation.dataset_manifest import as_yaml, checksums
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, write_text
 from recorder.writers.calibration.files import write_calibration
 from recorder.writers.formats.dsec import DsecWriter
 from recorder.writers.formats.euroc import EurocWriter
-from recorder.writers.formats.euroc_states import write_state_csv, write_text
+from recorder.writers.formats.euroc_states import write_state_csv
 from recorder.writers.formats.preview_video import PreviewWriter
 from recorder.writers.formats.tum import write_truth
 from recorder.writers.rig_calibration import RigCalibration

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import U8
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, colourise
-
-Picture = NDArray[np.uint8]
 
 DEPTH_RANGE_M = (2.0, 200.0)
 """Depths shown from black to white on a logarithmic scale [m]."""
@@ -17,7 +15,7 @@ LIDAR_REACH_M = 42.0
 """Half the width of the view from above [m]."""
 
 
-def depth_picture(depth: DepthImage) -> Picture:
+def depth_picture(depth: DepthImage) -> U8:
     """Grey sRGB picture (H, W, 3) of a depth image: near is dark, the sky white."""
     near, far = np.log(DEPTH_RANGE_M)
     z = np.where(depth.depth_m > 0, depth.depth_m, DEPTH_RANGE_M[1])
@@ -25,12 +23,12 @@ def depth_picture(depth: DepthImage) -> Picture:
     return np.repeat((grey * 255).astype(np.uint8)[..., None], 3, axis=-1)
 
 
-def semantic_picture(semantic: SemanticImage) -> Picture:
+def semantic_picture(semantic: SemanticImage) -> U8:
     """The semantic image in CARLA's colours, sRGB (H, W, 3)."""
     return colourise(semantic.tag)
 
 
-def lidar_picture(cloud: PointCloud, width_px: int, height_px: int) -> Picture:
+def lidar_picture(cloud: PointCloud, width_px: int, height_px: int) -> U8:
     """A point cloud from above, the car's nose up, sRGB (height, width, 3); moving things are amber."""
     scale = width_px / (2 * LIDAR_REACH_M)
     u = np.round(width_px / 2 - cloud.points_xyz_m[:, 1] * scale).astype(np.int64)
@@ -52,7 +50,7 @@ def mosaic(
     *,
     width_px: int = 1280,
     caption: str = "",
-) -> Picture:
+) -> U8:
     """Four panels, 16:9 each, sRGB (width · 9/16, width, 3); a missing one stays black."""
     panel = (width_px // 2, width_px * 9 // 32)
     pictures = [
@@ -69,17 +67,17 @@ def mosaic(
     return picture
 
 
-def _panel(picture: Picture | None, size_px: tuple[int, int], text: str) -> Picture:
+def _panel(picture: U8 | None, size_px: tuple[int, int], text: str) -> U8:
     if picture is None:
         picture = np.zeros((size_px[1], size_px[0], 3), np.uint8)
     shrink = picture.shape[1] > size_px[0]
     resized = cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA if shrink else cv2.INTER_NEAREST)
-    panel: Picture = np.ascontiguousarray(resized, dtype=np.uint8)
+    panel: U8 = np.ascontiguousarray(resized, dtype=np.uint8)
     _label(panel, text, (12, 24))
     return panel
 
 
-def _label(picture: Picture, text: str, place_px: tuple[int, int]) -> None:
+def _label(picture: U8, text: str, place_px: tuple[int, int]) -> None:
     font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.6
     (width, height), below = cv2.getTextSize(text, font, scale, 1)
     x, y = place_px

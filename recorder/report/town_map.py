@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import apply, invert
 from carlaloc_env.town.town import Town
 
-Picture = NDArray[np.uint8]
-Array = NDArray[np.float64]
 Point = tuple[int, int]
 Rgb = tuple[int, int, int]
 
@@ -46,7 +45,7 @@ class MapView:
         return float(self.camera.fx_px / (self.T_world_camera[2, 3] - z_m))
 
 
-def draw_map(town: Town, view: MapView, picture: Picture, spawn_m: Array) -> Picture:
+def draw_map(town: Town, view: MapView, picture: U8, spawn_m: Array) -> U8:
     """The view from above with everything marked and a legend below it, sRGB, shape (H + STRIP_PX, W, 3).
 
     Args:
@@ -80,12 +79,12 @@ def draw_map(town: Town, view: MapView, picture: Picture, spawn_m: Array) -> Pic
     return np.vstack([plan, _strip(town, len(spawn_m), plan.shape[1], px_per_m)])
 
 
-def _line(plan: Picture, view: MapView, points_m: Array, colour: Rgb, width_px: int) -> None:
+def _line(plan: U8, view: MapView, points_m: Array, colour: Rgb, width_px: int) -> None:
     corners = np.array(view.pixels(points_m)[0], dtype=np.int32)
     cv2.polylines(plan, [corners], False, colour, width_px, cv2.LINE_AA)
 
 
-def _dots(plan: Picture, view: MapView, points_m: Array, colour: Rgb, radius_px: int) -> None:
+def _dots(plan: U8, view: MapView, points_m: Array, colour: Rgb, radius_px: int) -> None:
     if not len(points_m):
         return
     places, inside = view.pixels(points_m)
@@ -93,7 +92,7 @@ def _dots(plan: Picture, view: MapView, points_m: Array, colour: Rgb, radius_px:
         cv2.circle(plan, places[k], radius_px, colour, -1, cv2.LINE_AA)
 
 
-def _strip(town: Town, spawn_points: int, width_px: int, px_per_m: float) -> Picture:
+def _strip(town: Town, spawn_points: int, width_px: int, px_per_m: float) -> U8:
     """Name, scale and the meaning of the colours, in a strip below the map."""
     strip = np.full((STRIP_PX, width_px, 3), 24, np.uint8)
     font, base = cv2.FONT_HERSHEY_SIMPLEX, STRIP_PX // 2 + 7

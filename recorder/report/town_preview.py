@@ -7,9 +7,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import place_actors
+from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
@@ -23,9 +23,6 @@ from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_map import STRIP_PX, MapView, draw_map
-
-Picture = NDArray[np.uint8]
-Array = NDArray[np.float64]
 
 STREET_VIEWS = 4
 MAP_PX = (1360, 1080 - STRIP_PX)
@@ -69,7 +66,7 @@ def draw_town(town: Town, out: Path, *, quality: str = "high") -> Path:
     return part.replace(out)
 
 
-def town_sheet(town: Town, *, quality: str = "high") -> Picture:
+def town_sheet(town: Town, *, quality: str = "high") -> U8:
     """View from above with its legend, and four street views beside it, sRGB, shape (1080, 1840, 3).
 
     Args:
@@ -133,7 +130,7 @@ def _from_above(town: Town) -> MapView:
     return MapView(camera=camera, T_world_camera=from_rotation(looking_down, eye))
 
 
-def _seen_from_above(town: Town, view: MapView, quality: str) -> Picture:
+def _seen_from_above(town: Town, view: MapView, quality: str) -> U8:
     """The town alone, drawn smaller from nearer."""
     chunks = [
         dataclasses.replace(chunk, vertices_m=chunk.vertices_m / np.float32(_SHRINK)) for chunk in town.chunks
@@ -153,7 +150,7 @@ def _spawn_points(town: Town) -> Array:
 
 def _street(
     stage: SensorStage, renderer: SceneRenderer, T: Array, catalog: ActorCatalog, frame: ActorFrame
-) -> Picture:
+) -> U8:
     eye = T[:3, 3]
     clear = np.flatnonzero(np.sum((frame.position_m - eye) ** 2, axis=1) > _CLEAR_M**2)
     seen = place_actors(catalog.take(clear), frame.take(clear), stage.library, eye_m=eye)
@@ -162,13 +159,13 @@ def _street(
     return np.asarray(cv2.resize(rgb, STREET_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _labelled(picture: Picture, text: str) -> Picture:
+def _labelled(picture: U8, text: str) -> U8:
     cv2.rectangle(picture, (6, 6), (30, 32), (0, 0, 0), -1)
     cv2.putText(picture, text, (11, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
     return picture
 
 
-def _mark(plan: Picture, view: MapView, T: Array, text: str) -> None:
+def _mark(plan: U8, view: MapView, T: Array, text: str) -> None:
     """Letter of a street view on the map, with an arrow the way it looks."""
     tip = T[:3, 3] + 16.0 * T[:3, 2]
     (a, b), _ = view.pixels(np.stack([T[:3, 3], tip]))

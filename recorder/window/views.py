@@ -9,14 +9,13 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.sensor_stage import SensorStage
 from recorder.window.resolution import LiveResolution
 from recorder.window.snapshot import Moment
-
-Array = NDArray[np.float64]
 
 _CHASE_TURN = 0.06
 _FOV_DEG = {"seat": 80.0, "chase": 75.0, "above": 60.0}

@@ -6,9 +6,14 @@ import shutil
 from abc import ABC, abstractmethod
 from pathlib import Path
 from types import TracebackType
+from typing import cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.samples import Sample
+from carlaloc_env.samples import Image, Sample
 
 DEFAULT_EPOCH_NS = 1_672_531_200_000_000_000
 """Unix time given to the beginning of a drive [ns]: 2023-01-01T00:00:00Z.
@@ -128,3 +133,27 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path)
     elif path.parent.is_dir():
         path.unlink(missing_ok=True)
+
+
+def write_text(path: str | Path, text: str) -> Path:
+    """Write a small new file, first under a temporary name.
+
+    Raises:
+        WriterError: the file exists or cannot be written.
+    """
+    path = Path(path)
+    if path.exists():
+        raise WriterError(f"{path} exists; choose another folder or delete it first")
+    part = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part.write_text(text, encoding="utf-8")
+        part.rename(path)
+    except OSError as error:
+        raise WriterError(f"cannot write {path}: {error.strerror}") from error
+    return path
+
+
+def grey(sample: Image) -> NDArray[np.uint8]:
+    """Brightness 0–255 of a picture (ITU-R BT.601), shape (H, W)."""
+    return cast(NDArray[np.uint8], cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2GRAY))

@@ -7,15 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.lens_distortion import Lens
 from carlaloc_env.sensors.base import SensorConfig
-
-Array = NDArray[np.float64]
 
 BASE_FRAME = "base_link"
 """Frame of the car: FLU, on the ground below the rear axle."""

@@ -14,13 +14,13 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.sensors.base import Mount
 from recorder.writers.calibration.files import write_calibration
-from recorder.writers.calibration.yaml_text import real
 from recorder.writers.rig_calibration import (
     CameraCalibration,
     ImuCalibration,
     LidarCalibration,
     RigCalibration,
 )
+from recorder.writers.yaml_text import real
 
 T_BASE_IMU = Mount(position_m=(1.5, 0.0, 1.05), axes="paper_imu").T_base_sensor
 T_BASE_LIDAR = Mount(position_m=(1.2, 0.0, 1.85), rpy_deg=(0.0, 1.0, 2.0)).T_base_sensor
@@ -245,10 +245,10 @@ def test_reals_are_reals_to_both_parsers(tmp_path: Path, value: float) -> None:
 
 
 def test_rig_from_sensor_configurations() -> None:
-    from carlaloc_env.sensors.camera.camera import CameraConfig
+    from carlaloc_env.sensors.camera.config import CameraConfig
     from carlaloc_env.sensors.gnss.gnss import GnssConfig
     from carlaloc_env.sensors.inertial.imu import ImuConfig
-    from carlaloc_env.sensors.lidar.lidar import LidarConfig
+    from carlaloc_env.sensors.lidar.config import LidarConfig
 
     configs = (
         CameraConfig(name="left", mount=Mount(position_m=(1.8, 0.2, 1.4), axes="optical")),

@@ -22,7 +22,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.imaging.frame import Optics, Shot
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.writers.calibration.files import write_calibration

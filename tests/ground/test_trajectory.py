@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import TICK_NS, TICK_S
 from carlaloc_env.timeline.ego_spline import EgoTrack
-
-Array = NDArray[np.float64]
 
 
 def wild_track(count: int = 400) -> EgoTrack:

@@ -17,7 +17,7 @@ from recorder.drive.resimulate_traffic import change_traffic
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.edit import cut_episode, drop_actors, join_episodes, thin_actors
 from recorder.episode.episode import EgoRow, Episode, EpisodeWriter
-from recorder.generation.conditions import traffic_level
+from recorder.episode.traffic_level import traffic_level
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_SIZE_M
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import DeviceError
@@ -24,8 +24,6 @@ from recorder.devices.registry import open_device
 from recorder.devices.scripted.driver import ScriptedDriver
 from recorder.devices.scripted.pedals import DriverPedals
 from recorder.devices.scripted.route_profile import DriverRoute
-
-Array = NDArray[np.float64]
 
 FRONT_M = 3.75
 """From base_link to the front bumper."""

@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline, empty_catalog, empty_frame
 from carlaloc_env.weather.parameters import PRESETS
 
-Array = NDArray[np.float64]
 Path = Callable[[Array], tuple[Array, Array]]
 
 CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2 & 1] for i in range(8)], dtype=np.float64)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
@@ -19,8 +18,10 @@ from carlaloc_env.samples import DepthImage, Image, SemanticImage
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.camera import CameraConfig, CameraSensor
+from carlaloc_env.sensors.camera.camera import CameraSensor
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.weather.parameters import PRESETS

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.lens_distortion import Lens
@@ -18,7 +19,7 @@ from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
 
 try:
@@ -26,7 +27,6 @@ try:
 except RenderError as no_opengl:
     pytest.skip(str(no_opengl), allow_module_level=True)
 
-Array = NDArray[np.float64]
 PINHOLE = Pinhole.from_fov(320, 180, 90.0)
 MOUNT = Mount(position_m=(1.8, 0.2, 1.6), axes="optical")
 STEP_NS = 50_000_000

@@ -16,7 +16,7 @@ from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.event_camera.pixels import Motion
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import CarlaLocError
@@ -17,9 +18,9 @@ from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.event_camera.event_camera import EventConfig
-from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.build import load_town
@@ -27,7 +28,6 @@ from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import PRESETS
 
 pytestmark = pytest.mark.soak
-Array = NDArray[np.float64]
 SMALL = Pinhole.from_fov(640, 360, 90.0)
 SPEED_MPS = 10.0
 STAMPS_NS = (0, 6_000_000_000, 14_000_000_000)

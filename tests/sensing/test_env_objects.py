@@ -17,8 +17,8 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import ObjectList, PointCloud, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.sensors.camera.camera import CameraConfig
-from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 
 GO = np.array([0.0, 0.6, 0.0, 0.0, 0.0], np.float32)
 

@@ -15,7 +15,7 @@ from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.base import Mount
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.event_camera.event_camera import EventConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import PRESETS

@@ -8,8 +8,8 @@ import numba
 import numpy as np
 import pytest
 from llvmlite import binding  # type: ignore[import-untyped]
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.samples import EVENT, Events
@@ -30,7 +30,6 @@ from carlaloc_env.sensors.event_camera.simd_state import BEGIN, DX, DY, END, GRO
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
-F32 = NDArray[np.float32]
 SHAPE = (32, 48)
 SPAN_US = 50_000
 SILENT = Shots.draw(1, "x", 0, SHAPE, 0.0, SPAN_US)

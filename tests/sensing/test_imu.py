@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.fft import dst
 from scipy.optimize import nnls
 from scipy.signal import welch
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError
 from carlaloc_env.rigs.rig import SensorRig
@@ -19,11 +19,10 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.inertial.imu import ImuConfig
 from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, GaussMarkov, RandomWalk, WhiteSequence
 from carlaloc_env.sensors.inertial.vibration import body_response
-from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
 from carlaloc_env.timeline.vehicle_track import CarTrack
 
-Array = NDArray[np.float64]
 QUIET = {
     "accel_noise_density": 0.0,
     "gyro_noise_density": 0.0,

@@ -9,24 +9,24 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.sensors import lidar_models
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
+from carlaloc_env.sensors.lidar.config import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS
 
 pytest.importorskip("open3d", reason="open3d is not installed")
 lidar = pytest.importorskip("carlaloc_env.sensors.lidar.lidar")
 
-Array = NDArray[np.float64]
 HEIGHT = 1.85
 MOUNT = Mount(position_m=(1.2, 0.0, HEIGHT))
 HDL32E: dict[str, Any] = {
-    "elevations_deg": lidar_models.HDL32E_ELEVATIONS_DEG,
-    "firing_ns": lidar_models.HDL32E_FIRING_NS,
+    "elevations_deg": HDL32E_ELEVATIONS_DEG,
+    "firing_ns": HDL32E_FIRING_NS,
     "columns": 1085,
 }
 

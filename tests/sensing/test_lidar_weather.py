@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.materials import MATERIALS, Material
@@ -35,7 +35,6 @@ from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 pytest.importorskip("open3d", reason="open3d is not installed")
 lidar = pytest.importorskip("carlaloc_env.sensors.lidar.lidar")
 
-Array = NDArray[np.float64]
 HEIGHT = 1.85
 POWER_MIN = 0.9 / 120.0**2
 

@@ -13,7 +13,7 @@ from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss.gnss import GnssConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
-from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig
 
 pytest.importorskip("open3d", reason="open3d is not installed")

@@ -16,9 +16,9 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.radar.config import RadarConfig
 from carlaloc_env.sensors.radar.cross_sections import actor_rcs_dbsm, texture
 from carlaloc_env.sensors.radar.detector import CLUTTER, GHOST, THING
-from carlaloc_env.sensors.radar.radar import RadarConfig
 from carlaloc_env.sensors.radar.radar_equation import (
     Echoes,
     detect,

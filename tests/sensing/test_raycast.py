@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import RaycastError
 from carlaloc_env.scene.materials import Material
@@ -18,7 +19,6 @@ from carlaloc_env.scene.semantic_tags import Tag
 pytest.importorskip("open3d", reason="open3d is not installed")
 raycast = pytest.importorskip("carlaloc_env.raycast")
 
-Array = NDArray[np.float64]
 CAR_LOW, CAR_HIGH = np.array([-2.35, -0.92, 0.1]), np.array([2.35, 0.92, 1.45])
 
 

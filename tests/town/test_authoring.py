@@ -59,7 +59,7 @@ def assert_continuous(path: Any) -> None:
     h=st.floats(-3, 3),
 )
 def test_a_corner_joins_two_straights(turn: float, first: float, second: float, left: bool, h: float) -> None:
-    curves = tool("curves")
+    curves = tool("geometry.plan_view_curves")
     delta = turn if left else -turn
     start = curves.Pose(3.0, -7.0, h)
     bend = start.ahead(first)
@@ -73,14 +73,14 @@ def test_a_corner_joins_two_straights(turn: float, first: float, second: float, 
 @settings(max_examples=30, deadline=None)
 @given(ahead=st.floats(15, 80), aside=st.floats(-3.5, 3.5).filter(lambda v: abs(v) > 1e-3))
 def test_a_shift_ends_beside_its_start(ahead: float, aside: float) -> None:
-    curves = tool("curves")
+    curves = tool("geometry.plan_view_curves")
     path = curves.curve_between(curves.Pose(0.0, 0.0, 0.0), curves.Pose(ahead, aside, 0.0))
     assert_continuous(path)
     assert walked(path) == pytest.approx((ahead, aside, 0.0), abs=1e-8)
 
 
 def test_a_bend_that_no_clothoid_fits_becomes_a_cubic_of_true_length() -> None:
-    curves = tool("curves")
+    curves = tool("geometry.plan_view_curves")
     path = curves.curve_between(curves.Pose(0.0, 0.0, 0.0), curves.Pose(10.0, 20.0, -0.6))
     (piece,) = path.pieces
     bu, cu, du, bv, cv, dv = piece.cubic
@@ -94,7 +94,7 @@ def test_a_bend_that_no_clothoid_fits_becomes_a_cubic_of_true_length() -> None:
 
 
 def test_entry_and_exit_of_a_roundabout_meet_the_ring() -> None:
-    curves, shapes = tool("curves"), tool("roundabouts")
+    curves, shapes = tool("geometry.plan_view_curves"), tool("elements.roundabouts")
     shape = shapes.RoundaboutShape()
     angle, k = math.pi + shape.half_angle_rad, 1 / shape.island_m
     ring = curves.Pose(
@@ -115,7 +115,7 @@ def test_entry_and_exit_of_a_roundabout_meet_the_ring() -> None:
 
 
 def test_a_bulb_returns_beside_its_start() -> None:
-    curves = tool("curves")
+    curves = tool("geometry.plan_view_curves")
     path = curves.turning_bulb(curves.Pose(2.0, 1.0, 0.5), 8.5, 16.0, 4.0)
     assert_continuous(path)
     x, y, h = walked(path)
@@ -125,7 +125,7 @@ def test_a_bulb_returns_beside_its_start() -> None:
 
 def test_vertical_curves_are_smooth_and_pass_the_grades() -> None:
     """A dip to −6 m: level ends, both grades, the lowest point where it was asked for."""
-    profiles = tool("profiles")
+    profiles = tool("geometry.elevation")
     spec = profiles.Dip(bottom_m=-6.0, grade=0.078, k_m=4.2, x=0.0, y=0.0)
     records = profiles.dip(0.0, 0.0, 230.0, spec, 113.0)
 
@@ -145,7 +145,7 @@ def test_vertical_curves_are_smooth_and_pass_the_grades() -> None:
 
 
 def test_a_width_change_has_no_curvature_jump() -> None:
-    sections = tool("sections")
+    sections = tool("elements.cross_sections")
     records = sections.blend(3.5, 4.6, 22.0)
     ds = np.linspace(0.0, 22.0, 4401)
     w = np.array([sections.value_at(records, float(v)) for v in ds])
@@ -159,11 +159,11 @@ def test_a_width_change_has_no_curvature_jump() -> None:
 
 def odd_town() -> Any:
     """Five roads at uneven angles, a skew T, a lane drop and a roundabout of three arms."""
-    plan, cross = tool("plan"), tool("sections").CrossSection
+    plan, cross = tool("plan"), tool("elements.cross_sections").CrossSection
     wide, narrow = cross(lanes=2, median_m=3.0), cross(lanes=1, lane_m=3.2, sidewalk_m=2.0)
     town = plan.TownPlan(name="odd", projection="+proj=tmerc +lat_0=0 +lon_0=0")
     town.node("star", 0.0, 0.0, corner_m=12.0)
-    town.node("ring", 220.0, 0.0, roundabout=tool("roundabouts").RoundaboutShape(arm_m=46.0))
+    town.node("ring", 220.0, 0.0, roundabout=tool("elements.roundabouts").RoundaboutShape(arm_m=46.0))
     town.node("skew", 40.0, 170.0, control="stop")
     for name, x, y in (("a", -120.0, 60.0), ("b", -120.0, -70.0), ("c", 60.0, -120.0), ("d", 30.0, 290.0)):
         town.node(name, x, y, control="bulb")
@@ -182,7 +182,7 @@ def odd_town() -> Any:
 def test_an_odd_town_is_a_whole_network() -> None:
     """carla.Map finds every driving lane of a town with uneven junctions connected at both ends."""
     carla = pytest.importorskip("carla")
-    text = odd_town().build()
+    text = tool("builder").Builder(odd_town()).build()
     root = ElementTree.fromstring(text)
     assert root.find("header") is not None
     town = carla.Map("odd", text)
@@ -201,22 +201,22 @@ def test_an_odd_town_is_a_whole_network() -> None:
 
 
 def test_impossible_plans_say_what_does_not_fit() -> None:
-    plan, cross = tool("plan"), tool("sections").CrossSection
-    error = tool("newton").PlanError
+    plan, cross = tool("plan"), tool("elements.cross_sections").CrossSection
+    error = tool("geometry.newton").PlanError
     town = plan.TownPlan(name="x", projection="")
     town.node("a", 0.0, 0.0)
     town.node("b", 60.0, 0.0)
     town.road("r", "a", "c", cross(lanes=1), 50)
     with pytest.raises(error, match="'c'"):
-        town.build()
+        tool("builder").Builder(town).build()
     town.roads[0].b = "b"
     town.roads[0].ends = ("pocket", "pocket")
     with pytest.raises(error, match="no room for its pockets"):
-        town.build()
+        tool("builder").Builder(town).build()
     town.roads[0].ends = ("plain", "plain")
     town.roads[0].bends = ((30.0, 2.0, 500.0, 10.0),)
     with pytest.raises(error, match="overlap"):
-        town.build()
+        tool("builder").Builder(town).build()
 
 
 @pytest.mark.parametrize("name", TOWNS)

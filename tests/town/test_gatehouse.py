@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.buildings.gatehouse import ASIDE_M
 from carlaloc_env.town.config import Feature, TownConfig
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.routing.route import plan_route
 from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roofed_sites, sites
 
@@ -103,7 +103,7 @@ def test_lamps_hang_below_its_roof(mesh: Mesh) -> None:
 
 def test_town05_is_driven_below_one() -> None:
     config = TownConfig.from_toml(TOWN05 / "town.toml")
-    network = LaneNetwork.from_opendrive(TOWN05 / "town.xodr")
+    network = build_network(TOWN05 / "town.xodr")
     route = plan_route(network, config.route.points, length_m=config.route.length_m)
     roof = roofed_sites(sites(config.features))
     below = shapely.contains_xy(roof, *route.position_m[:, :2].T)

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 from carlaloc_env.town.checks.report import MapReport, check_map, write_waypoints_csv
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.build_network import build_network
 
 CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
 TEXT = CROSSING.read_text(encoding="utf-8")
@@ -115,7 +115,7 @@ def test_carla_maps(name: str, lane_km: float, junction_lane_km: float, junction
 
 def test_waypoints_csv(tmp_path: pathlib.Path) -> None:
     """The columns that users rely on, and the values of the network."""
-    network = LaneNetwork.from_opendrive(CROSSING)
+    network = build_network(CROSSING)
     path = tmp_path / "waypoints.csv"
     count = write_waypoints_csv(network, 2.0, path)
     with path.open(encoding="utf-8") as file:

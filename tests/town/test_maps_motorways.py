@@ -11,6 +11,7 @@ import shapely
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import Lane, LaneNetwork
 from carlaloc_env.town.meshing.polygons import union
 from carlaloc_env.town.routing.route import plan_route
@@ -19,7 +20,7 @@ MAPS = pathlib.Path(__file__).parents[2] / "maps"
 
 
 def network_of(name: str) -> LaneNetwork:
-    return LaneNetwork.from_opendrive(MAPS / name / "town.xodr")
+    return build_network(MAPS / name / "town.xodr")
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")
@@ -24,7 +25,7 @@ STEP_M = 2.0
 @pytest.fixture(scope="module", params=MAPS, ids=lambda p: p.parent.name if p.stem == "town" else p.stem)
 def pair(request: pytest.FixtureRequest) -> tuple[LaneNetwork, Any]:
     path: pathlib.Path = request.param
-    return LaneNetwork.from_opendrive(path), carla.Map("map", path.read_text(encoding="utf-8"))
+    return build_network(path), carla.Map("map", path.read_text(encoding="utf-8"))
 
 
 def carla_heading(network: LaneNetwork, rows: NDArray[np.void]) -> NDArray[np.float64]:

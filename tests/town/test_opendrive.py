@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.special import fresnel
 
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
@@ -150,7 +151,7 @@ def lane_points(network: LaneNetwork, lane_id: int, s: NDArray[np.float64]) -> N
 def test_superelevation_lifts_the_left_side() -> None:
     """A bank of 0.1 rad turns the whole cross-section about the reference line."""
     bank = '<superelevation s="0" a="0.1" b="0" c="0" d="0"/>'
-    network = LaneNetwork(road("<line/>", 50.0, lateral=bank))
+    network = build_network(road("<line/>", 50.0, lateral=bank))
     s = np.linspace(0.0, 50.0, 11)
     x, y = to_world(s, np.full(11, 1.5 * math.cos(0.1)))
     left = lane_points(network, 1, s)
@@ -172,7 +173,7 @@ def test_lateral_shape_is_blended_between_profiles() -> None:
 
 def test_elevation_gives_height_and_pitch() -> None:
     """z = 1 + 0.05 s + 0.001 s²; nose up with rising road, down for the oncoming lane."""
-    network = LaneNetwork(
+    network = build_network(
         road("<line/>", 40.0, elevation='<elevation s="0" a="1" b="0.05" c="0.001" d="0"/>')
     )
     by_id = {lane.lane_id: lane.index for lane in network.lanes}
@@ -186,7 +187,7 @@ def test_elevation_gives_height_and_pitch() -> None:
 
 def test_lane_on_an_arc_is_a_concentric_circle() -> None:
     """Length, curvature and heading of lanes at ±1.5 m of an arc of radius 20 m."""
-    network = LaneNetwork(road('<arc curvature="0.05"/>', 30.0))
+    network = build_network(road('<arc curvature="0.05"/>', 30.0))
     for lane in network.lanes:
         radius = 20.0 - math.copysign(1.5, lane.lane_id)
         assert lane.length_m == pytest.approx(30.0 * radius / 20.0, rel=1e-9)
@@ -201,7 +202,7 @@ def test_heading_of_a_widening_lane_is_its_tangent() -> None:
         '<lane id="-1" type="driving"><width sOffset="0" a="3" b="0.2" c="0.01" d="-0.0001"/>',
     )
     offset = '<laneOffset s="0" a="0" b="0.1" c="0" d="0"/>'
-    network = LaneNetwork(road('<arc curvature="-0.03"/>', 30.0, lanes=lanes, offset=offset))
+    network = build_network(road('<arc curvature="-0.03"/>', 30.0, lanes=lanes, offset=offset))
     lane = next(n.index for n in network.lanes if n.lane_id == -1)
     s = np.linspace(1.0, 29.0, 57)
     step = 1e-5
@@ -223,7 +224,7 @@ def test_left_hand_traffic_turns_the_lanes_round() -> None:
         '<left><lane id="2" type="driving"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>',
     )
     for rule, lane_id, heading in (("RHT", -1, H0), ("LHT", 1, H0), ("LHT", -1, H0 + math.pi)):
-        network = LaneNetwork(road("<line/>", 20.0, lanes=second, attributes=f'rule="{rule}"'))
+        network = build_network(road("<line/>", 20.0, lanes=second, attributes=f'rule="{rule}"'))
         by_id = {lane.lane_id: lane for lane in network.lanes}
         pose = network.pose([by_id[lane_id].index], [5.0])
         assert math.cos(pose.heading_rad[0] - heading) == pytest.approx(1.0)
@@ -258,7 +259,7 @@ def test_lane_speed_overrides_the_road() -> None:
     )
     head = '<type s="0" type="town"><speed max="20"/></type>'
     head += '<type s="15" type="town"><speed max="15"/></type>'
-    network = LaneNetwork(road("<line/>", 40.0, lanes=lanes, head=head))
+    network = build_network(road("<line/>", 40.0, lanes=lanes, head=head))
     by_id = {lane.lane_id: lane.index for lane in network.lanes}
     np.testing.assert_allclose(network.speed_limit_mps([by_id[-1]] * 3, [1.0, 13.0, 30.0]), [10.0, 10.0, 5.0])
     np.testing.assert_allclose(network.speed_limit_mps([by_id[1]] * 2, [1.0, 39.0]), [15.0, 20.0])
@@ -272,7 +273,7 @@ def test_borders_replace_widths() -> None:
         '<lane id="-2" type="driving"><width sOffset="0" a="2" b="0" c="0" d="0"/></lane></right>'
         "</laneSection>"
     )
-    network = LaneNetwork(road("<line/>", 20.0, lanes=lanes))
+    network = build_network(road("<line/>", 20.0, lanes=lanes))
     edges = network.surface.edges
     s = np.array([10.0, 10.0])
     np.testing.assert_allclose(edges.outer(np.array([0, 1]), s).t_m, [-4.0, -6.0])
@@ -285,7 +286,7 @@ def test_lane_heights_are_linear_across() -> None:
         '<lane id="-1" type="driving">',
         '<lane id="-1" type="sidewalk"><height sOffset="0" inner="0.1" outer="0.2"/>',
     )
-    network = LaneNetwork(road("<line/>", 20.0, lanes=lanes))
+    network = build_network(road("<line/>", 20.0, lanes=lanes))
     assert lane_points(network, -1, np.array([5.0]))[0, 2] == pytest.approx(0.15)
 
 
@@ -318,7 +319,7 @@ def test_geo_reference_gives_the_origin() -> None:
 def test_lanes_beside_a_stretched_curve_keep_their_true_length() -> None:
     """A quarter-like curve stated 20 % too long: lane lengths are those of their points."""
     shape = '<paramPoly3 pRange="normalized" aU="0" bU="20" cU="3" dU="-2" aV="0" bV="0" cV="9" dV="-4"/>'
-    network = LaneNetwork(road(shape, 26.0))
+    network = build_network(road(shape, 26.0))
     for lane in network.lanes:
         points = network.pose(np.full(4001, lane.index), np.linspace(0.0, lane.length_m, 4001)).position_m
         assert np.hypot(*np.diff(points[:, :2], axis=0).T).sum() == pytest.approx(lane.length_m, rel=1e-4)

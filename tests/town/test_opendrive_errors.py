@@ -7,7 +7,7 @@ import time
 import pytest
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive import xml_document
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
@@ -140,7 +140,7 @@ def test_sizes_that_would_fill_the_memory_are_refused() -> None:
     )
     start = time.perf_counter()
     with pytest.raises(MapError, match="split it"):
-        LaneNetwork.from_opendrive(text.encode())
+        build_network(text.encode())
     many = text.replace(lanes, lanes * 2)
     with pytest.raises(MapError, match="lanes"):
         read_opendrive(many.encode())
@@ -152,7 +152,7 @@ def test_polynomial_that_leaves_the_world_is_named() -> None:
         '<width sOffset="0" a="3.5" b="0" c="0" d="0"/>', '<width sOffset="0" a="3.5" b="0" c="0" d="1e11"/>'
     )
     with pytest.raises(MapError, match=r"line \d+: lane 1 of road 1"):
-        LaneNetwork.from_opendrive(data)
+        build_network(data)
 
 
 def test_unknown_elements_are_skipped_anywhere() -> None:

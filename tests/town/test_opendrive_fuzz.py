@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.checks.report import report
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
 SEED = (pathlib.Path(__file__).parent / "data/crossing.xodr").read_bytes()
@@ -50,7 +50,7 @@ def must_answer(data: bytes) -> None:
     with deadline(DEADLINE_S):
         try:
             xodr = read_opendrive(data)
-            network = LaneNetwork.from_opendrive(xodr)
+            network = build_network(xodr)
             report(xodr, network)
         except MapError as error:
             text = str(error)

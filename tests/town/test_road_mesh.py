@@ -7,6 +7,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import load_town
@@ -17,8 +18,6 @@ from carlaloc_env.town.roads.sidewalks import KERB_STONE_M, RAMP_M
 from carlaloc_env.town.town import Town
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
-
-Array = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.default_traffic import choose_traffic
 from carlaloc_env.town.ground.flush_sidewalks import BELOW_M, lower_walks
 from carlaloc_env.town.ground.lane_strips import KERB_M, road_strips
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.polygons import strip_polygon
 from carlaloc_env.town.routing.off_tracking import inside_line
@@ -42,7 +43,7 @@ def crossing(bridge_m: float) -> LaneNetwork:
     north = ROAD.format(
         id=2, length=80, plan=LINE.format(0, 0, -40, math.pi / 2, 80), lanes=WALKED, z=bridge_m
     )
-    return LaneNetwork.from_opendrive(f"{HEAD}{east}{north}</OpenDRIVE>".encode())
+    return build_network(f"{HEAD}{east}{north}</OpenDRIVE>".encode())
 
 
 def corner(radius_m: float, width_m: float, *, walks: bool = False) -> LaneNetwork:
@@ -64,7 +65,7 @@ def corner(radius_m: float, width_m: float, *, walks: bool = False) -> LaneNetwo
         section = road[road.index("<center>") : road.index("</left>") + len("</left>")]
         centre, outer = section.split("</center>")
         road = road.replace(section, f"{outer}{centre}</center>")
-    return LaneNetwork.from_opendrive(f"{HEAD}{road}</OpenDRIVE>".encode())
+    return build_network(f"{HEAD}{road}</OpenDRIVE>".encode())
 
 
 def swept_off_m2(network: LaneNetwork, route: Route) -> float:

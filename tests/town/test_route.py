@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 
@@ -37,7 +38,7 @@ def driving(lane_id: int) -> str:
 
 @pytest.fixture(scope="module")
 def crossing() -> LaneNetwork:
-    return LaneNetwork.from_opendrive(CROSSING)
+    return build_network(CROSSING)
 
 
 def check_smooth(route: Route, *, bend_max: float = 0.5) -> None:
@@ -80,7 +81,7 @@ def test_samples_lie_on_their_lanes(crossing: LaneNetwork) -> None:
 
 def test_lane_change_is_blended_and_mild() -> None:
     """Over one lane of 3.5 m: a smooth swerve of 35 m whose curvature is the quintic's."""
-    network = LaneNetwork.from_opendrive(STRAIGHT.format("", driving(-1) + driving(-2)).encode())
+    network = build_network(STRAIGHT.format("", driving(-1) + driving(-2)).encode())
     first, second = network.pose([0, 1], [10.0, 170.0]).position_m[:, :2]
     route = plan_route(network, [tuple(first), tuple(second)])
     check_smooth(route)
@@ -119,7 +120,7 @@ POCKET = (
 
 def test_change_into_a_short_pocket_starts_in_its_taper() -> None:
     """The pocket is reached 15 m behind its start; the swerve uses the taper of 15 m too."""
-    network = LaneNetwork.from_opendrive(POCKET.encode())
+    network = build_network(POCKET.encode())
     route = plan_route(network, [(100.0, -1.75), (180.0, -5.25)])
     check_smooth(route, bend_max=0.03)
     np.testing.assert_allclose(route.position_m[-1], [180.0, -5.25, 0.0], atol=1e-3)
@@ -131,16 +132,14 @@ def test_change_into_a_short_pocket_starts_in_its_taper() -> None:
 
 def test_change_needs_room() -> None:
     """10 m do not hold two changes; the error says between which points."""
-    network = LaneNetwork.from_opendrive(
-        STRAIGHT.format("", driving(-1) + driving(-2) + driving(-3)).encode()
-    )
+    network = build_network(STRAIGHT.format("", driving(-1) + driving(-2) + driving(-3)).encode())
     points = network.pose([0, 2], [10.0, 20.0]).position_m[:, :2]
     with pytest.raises(MapError, match="point 1 to point 2"):
         plan_route(network, [tuple(p) for p in points])
 
 
 def test_route_does_not_run_against_traffic() -> None:
-    network = LaneNetwork.from_opendrive(STRAIGHT.format(driving(1), driving(-1)).encode())
+    network = build_network(STRAIGHT.format(driving(1), driving(-1)).encode())
     out = next(lane.index for lane in network.lanes if lane.lane_id == -1)
     points = network.pose([out, out], [100.0, 50.0]).position_m[:, :2]
     with pytest.raises(MapError, match="no way leads"):
@@ -172,7 +171,7 @@ def test_open_route_is_cut_at_its_start(crossing: LaneNetwork) -> None:
 @pytest.mark.parametrize("path", MAPS, ids=lambda p: p.parent.name if p.stem == "town" else p.stem)
 def test_loops_on_real_maps(path: pathlib.Path) -> None:
     """Loops through drawn points: closed, smooth, projected back to where they were asked."""
-    network = LaneNetwork.from_opendrive(path)
+    network = build_network(path)
     rng = np.random.default_rng(11)
     free = [
         n.index for n in network.lanes if n.type == "driving" and n.junction_id is None and n.length_m > 20.0
@@ -198,7 +197,7 @@ def test_loops_on_real_maps(path: pathlib.Path) -> None:
 @pytest.mark.skipif(not SINGLE_LANE_MAPS, reason="no map without lane changes at hand")
 def test_path_is_the_shortest() -> None:
     """Lengths of routes against scipy's Dijkstra on the same lanes, where no lane changes exist."""
-    network = LaneNetwork.from_opendrive(SINGLE_LANE_MAPS[-1])
+    network = build_network(SINGLE_LANE_MAPS[-1])
     graph = lil_array((len(network.lanes), len(network.lanes)))
     for lane in network.lanes:
         for n in lane.successors:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route, lanes_that_go_on
 
@@ -28,7 +29,7 @@ CROSSING = Path(__file__).parent / "data" / "crossing.xodr"
 @pytest.mark.parametrize("path", MAPS, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_chosen_routes_follow_lanes(path: Path) -> None:
     """A chosen route has the length asked for and runs on driving lanes without a jump."""
-    network = LaneNetwork.from_opendrive(path)
+    network = build_network(path)
     route = choose_route(network, 800.0)
     assert route is not None
     assert route.length_m == pytest.approx(800.0, rel=0.03)
@@ -41,7 +42,7 @@ def test_chosen_routes_follow_lanes(path: Path) -> None:
 
 def test_dead_ends_are_known() -> None:
     """On a lone crossing no lane goes on for ever; a route is found all the same."""
-    network = LaneNetwork.from_opendrive(CROSSING)
+    network = build_network(CROSSING)
     assert not lanes_that_go_on(network).any()
     route = choose_route(network)
     assert route is not None
@@ -70,7 +71,7 @@ def hairpin(radius_m: float, kink_deg: float) -> LaneNetwork:
         )
         lanes = "".join(f'<{end} id="-1"/>' for end in known)
         text += ROAD.format(number, length, link, x, y, heading, length, shape, lanes)
-    return LaneNetwork.from_opendrive(f"{text}</OpenDRIVE>".encode())
+    return build_network(f"{text}</OpenDRIVE>".encode())
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -21,17 +21,16 @@ from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid, Juncti
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
 from carlaloc_env.town.ground.terrain import LAP_M, Ground, add_terrain, zone_areas
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import strip_polygon
-from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.roads.gore_hatching import gore_bars
 from carlaloc_env.town.scenery import Scenery, build_scenery
 from carlaloc_env.town.structures.overhead_lines import catenary_m
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 
-Array = NDArray[np.float64]
 EAST, NORTH, UP = np.eye(3)
 FLAT = EAST + NORTH
 STREET = (("driving", 3.5), ("driving", 3.5), ("sidewalk", 2.5))
@@ -136,7 +135,7 @@ def _build(folder: Path, roads: list[str], toml: str) -> Built:
     text = '<?xml version="1.0"?><OpenDRIVE><header revMajor="1" revMinor="7" name="small"/>'
     (folder / "town.xodr").write_text(text + "".join(roads) + "</OpenDRIVE>")
     (folder / "town.toml").write_text(toml)
-    network = LaneNetwork(read_opendrive(folder / "town.xodr"))
+    network = build_network(folder / "town.xodr")
     scenery = build_scenery(network, TownConfig.from_toml(folder / "town.toml"), 7)
     return Built(network, scenery, merge(scenery.chunks))
 
@@ -340,7 +339,7 @@ def test_every_lane_of_every_town_is_whole_and_free(name: str) -> None:
 @pytest.mark.parametrize("name", ["Town03", "Town07"])
 def test_surfaces_of_junctions_lie_on_their_lanes(name: str) -> None:
     """Along the lanes' middles: everywhere where connecting roads agree, 97 % of them on slopes."""
-    network = LaneNetwork.from_opendrive(known_towns()[name])
+    network = build_network(known_towns()[name])
     groups: dict[str, list[Strip]] = {}
     for strip in road_strips(network.xodr.roads, network.surface):
         if strip.junction_id is not None:
@@ -360,7 +359,7 @@ def test_surfaces_of_junctions_lie_on_their_lanes(name: str) -> None:
 
 def test_no_grass_grows_along_kerbs() -> None:
     """Kerb lines of Town01 lie deep inside what is paved: no hairline parts roadway and pavement."""
-    network = LaneNetwork.from_opendrive(known_towns()["Town01"])
+    network = build_network(known_towns()["Town01"])
     strips = road_strips(network.xodr.roads, network.surface)
     zones = zone_areas(
         TownConfig.from_toml(known_towns()["Town01"].with_name("town.toml")),
@@ -470,7 +469,7 @@ def test_one_looks_through_the_railings_of_a_bridge_over_water(river: Built) -> 
 
 @pytest.mark.parametrize(("name", "exits"), [("Town04", 8), ("Town06", 3)])
 def test_wedges_at_exits_are_hatched_and_lanes_are_not(name: str, exits: int) -> None:
-    network = LaneNetwork.from_opendrive(known_towns()[name])
+    network = build_network(known_towns()[name])
     strips = road_strips(network.xodr.roads, network.surface)
     driven = shapely.union_all([shapely.union_all(_driving(strip)) for strip in strips])
     found = gore_bars(strips, network.xodr.roads)

@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town01"
@@ -17,7 +18,7 @@ FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town01"
 
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
-    return LaneNetwork.from_opendrive(FOLDER / "town.xodr")
+    return build_network(FOLDER / "town.xodr")
 
 
 def test_four_bridges_span_the_whole_river(network: LaneNetwork) -> None:

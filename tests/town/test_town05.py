@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 
@@ -19,7 +20,7 @@ RING_M, HEIGHT_M = 520.0, 6.5
 
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
-    return LaneNetwork.from_opendrive(FOLDER / "town.xodr")
+    return build_network(FOLDER / "town.xodr")
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ import shapely
 
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import plan_route
 
@@ -20,7 +21,7 @@ FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town10"
 
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
-    return LaneNetwork.from_opendrive(FOLDER / "town.xodr")
+    return build_network(FOLDER / "town.xodr")
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +85,7 @@ def test_the_promenade_lies_between_road_and_water(root: ElementTree.Element) ->
     assert set(widths) == {5.0, 9.0}
     water = next(z for z in TownConfig.from_toml(FOLDER / "town.toml").zones if z.kind == "water")
     harbour = shapely.Polygon(water.polygon)
-    network = LaneNetwork.from_opendrive(FOLDER / "town.xodr")
+    network = build_network(FOLDER / "town.xodr")
     for lane in network.lanes:
         line = network.pose([lane.index] * 9, np.linspace(0.0, lane.length_m, 9)).position_m[:, :2]
         gap = shapely.distance(harbour, shapely.points(line)).min()
@@ -93,7 +94,7 @@ def test_the_promenade_lies_between_road_and_water(root: ElementTree.Element) ->
 
 def test_the_drive_goes_round_the_town_and_its_harbour_block() -> None:
     """Two full turns to the right; the harbour block's outer sides are driven twice."""
-    network = LaneNetwork.from_opendrive(FOLDER / "town.xodr")
+    network = build_network(FOLDER / "town.xodr")
     config = TownConfig.from_toml(FOLDER / "town.toml").route
     route = plan_route(network, config.points, loop=True)
     turned = np.unwrap(np.append(route.heading_rad, route.heading_rad[0]))

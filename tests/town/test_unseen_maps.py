@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.street.signals_and_signs import add_signals
@@ -43,7 +44,7 @@ def generated(shape: str, folder: Path) -> Path:
 @pytest.fixture(params=["grid", "spider"], scope="module")
 def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> LaneNetwork:
     """Lanes of a generated town."""
-    return LaneNetwork.from_opendrive(generated(request.param, tmp_path_factory.mktemp("unseen")))
+    return build_network(generated(request.param, tmp_path_factory.mktemp("unseen")))
 
 
 def test_lights_act_on_the_lanes_below_them(network: LaneNetwork) -> None:
@@ -79,7 +80,7 @@ def test_traffic_flows_and_a_route_is_found(network: LaneNetwork) -> None:
 
 def test_vehicles_take_turns_where_roads_lie_on_each_other(tmp_path: Path) -> None:
     """Two roads of this town run into each other; without turns taken, boxes would overlap there."""
-    network = LaneNetwork.from_opendrive(generated("rough", tmp_path))
+    network = build_network(generated("rough", tmp_path))
     report = audit_traffic(network, TrafficConfig(vehicles=50, walkers=0, seed=4), 100.0)
     assert report.overlap_share <= 0.0005
     assert report.longest_stand_s < 60.0

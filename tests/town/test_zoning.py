@@ -11,8 +11,8 @@ import shapely
 from carlaloc_env.town.config import ZONE_KINDS, TownConfig
 from carlaloc_env.town.default_zones import choose_zones, road_kind
 from carlaloc_env.town.ground.terrain import zone_areas
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import Lane, LaneSection, SpeedRecord
 
 ROAD = """<road name="r" length="400" id="{id}" junction="-1"><link/>
@@ -48,7 +48,7 @@ def _map(folder: Path, rows: tuple[tuple[str, int, int, bool, str], ...]) -> Lan
         + "".join(roads)
         + "</OpenDRIVE>"
     )
-    return LaneNetwork(read_opendrive(path))
+    return build_network(path)
 
 
 @pytest.mark.parametrize("row", EXPECTED)

@@ -32,8 +32,8 @@ from carlaloc_env.weather.parameters import WeatherParameters
 from recorder.drive.record import RecordConfig
 from recorder.episode.actor_messages import ACTORS_TOPIC, ACTORS_TYPE
 from recorder.episode.messages import EGO_TOPIC, EGO_TYPE, EVENT_TYPE, EVENTS_TOPIC
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.evaluation.align import Alignment
-from recorder.generation.conditions import TrafficLevel
 from recorder.generation.replay import ReplayConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS
 

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.lidar.lidar import LidarConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from carlaloc_env.actors.instances import (
-    SignalLenses,
     ground_poses,
     headlamps,
     place_actors,
@@ -39,6 +38,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_LEFT, ActorCatalog, ActorFrame
 
 PLAIN = Look(Material.PLAIN, Tag.STATIC)

@@ -16,7 +16,7 @@ from carlaloc_env.core.errors import ActionError, CarlaLocError, ConfigError, Ma
 from carlaloc_env.env import CarlaLocEnv, controls_of
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.camera.camera import CameraConfig
+from carlaloc_env.sensors.camera.config import CameraConfig
 
 COAST = np.array([0.0, 0.3, 0.0, 0.0, 0.0], np.float32)
 

@@ -9,6 +9,7 @@ import pytest
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.timeline.timeline import JUMP_M, Timeline
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.traffic.audit import NOBODY, overlapping_boxes
@@ -27,7 +28,7 @@ ROAD = (
 @pytest.fixture(scope="module")
 def road() -> LaneNetwork:
     """600 m of road that begins and ends nowhere, two lanes one way and one the other."""
-    return LaneNetwork.from_opendrive(ROAD.encode())
+    return build_network(ROAD.encode())
 
 
 def test_a_road_that_ends_has_traffic(road: LaneNetwork) -> None:

@@ -10,6 +10,7 @@ import pytest
 from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.town.build import find_town
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
@@ -54,7 +55,7 @@ def circle() -> LaneNetwork:
     """A round road of 60 m radius that falls by 0.08 rad to its outside."""
     radius = 60.0
     text = ROUND.format(length=2 * np.pi * radius, k=1.0 / radius, tilt=TILT_RAD)
-    return LaneNetwork.from_opendrive(text.encode())
+    return build_network(text.encode())
 
 
 def test_vehicles_lean_as_a_banked_circle_does(circle: LaneNetwork) -> None:
@@ -84,7 +85,7 @@ def wheel_points(catalog: Any, frame: Any) -> np.ndarray:
 
 def test_wheels_touch_the_roads_of_town07() -> None:
     """Outside junctions, wheels lie within 2 cm of the lanes' own surface; level cars were 3.7 cm off."""
-    network = LaneNetwork.from_opendrive(find_town("Town07"))
+    network = build_network(find_town("Town07"))
     world = TrafficWorld(network, TrafficConfig(vehicles=60, walkers=0, seed=2))
     world.reset()
     worst, leaning = [], 0

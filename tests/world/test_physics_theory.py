@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.physics.ego import EgoCar, EgoState
@@ -16,7 +17,6 @@ from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.timeline.ego_spline import EgoTrack
 
-Array = NDArray[np.float64]
 Height = Callable[[Array, Array], Array]
 
 

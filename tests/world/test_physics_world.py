@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
-
-Array = NDArray[np.float64]
 
 SQUARE = (
     np.array([[-100.0, -100, 0], [300, -100, 0], [300, 100, 0], [-100, 100, 0]]),

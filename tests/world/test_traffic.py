@@ -13,16 +13,17 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.build import find_town
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalPlan, SignalState, SignalTiming
-from carlaloc_env.traffic.traffic_tables import TrafficTables
-from carlaloc_env.traffic.vehicles.car_following import (
+from carlaloc_env.traffic.tables.speed_profile import (
     COMFORT_BRAKING_MPS2,
     LATERAL_ACCELERATION_MPS2,
     SLOWEST_BEND_MPS,
     allowed_speeds,
-    idm_plus,
 )
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.vehicles.car_following import idm_plus
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
@@ -32,7 +33,7 @@ FAR_AWAY = EgoView(position_m=(1e5, 1e5, 0.0), heading_rad=0.0, speed_mps=0.0)
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town03's lanes."""
-    return LaneNetwork.from_opendrive(find_town("Town03"))
+    return build_network(find_town("Town03"))
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import audit_traffic
 from carlaloc_env.traffic.traffic_tables import TrafficTables
@@ -39,7 +40,7 @@ def crossing(angle_rad: float, *, bridge_m: float = 0.0, lanes: int = 1) -> Lane
             lanes="".join(LANE.format(k + 1) for k in range(lanes)),
         )
     text = f'<OpenDRIVE><header revMajor="1" revMinor="4"/>{roads}</OpenDRIVE>'
-    return LaneNetwork.from_opendrive(text.encode())
+    return build_network(text.encode())
 
 
 @pytest.mark.parametrize("angle_deg", [90.0, 60.0, 30.0])

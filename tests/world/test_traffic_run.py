@@ -18,6 +18,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.signals import SignalTiming
@@ -47,7 +48,7 @@ def town_timing(town: str) -> SignalTiming:
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town03's lanes."""
-    return LaneNetwork.from_opendrive(find_town("Town03"))
+    return build_network(find_town("Town03"))
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +192,7 @@ def test_ten_minutes_of_every_town(town: str) -> None:
         pytest.skip(f"{town} is not there yet")
     vehicles, walkers = PAPER_COUNTS[town]
     config = TrafficConfig(vehicles=vehicles, walkers=walkers, seed=1, timing=town_timing(town))
-    report = audit_traffic(LaneNetwork.from_opendrive(source), config, 600.0)
+    report = audit_traffic(build_network(source), config, 600.0)
     check(report)
     assert report.speed_share > 0.35
     assert report.step_ms[0] < 2.0
@@ -212,7 +213,7 @@ def test_ten_minutes_of_real_maps(
     if not source.exists():
         pytest.skip("CARLA's maps are not there")
     config = TrafficConfig(vehicles=vehicles, walkers=walkers, seed=1)
-    report = audit_traffic(LaneNetwork.from_opendrive(source), config, 600.0)
+    report = audit_traffic(build_network(source), config, 600.0)
     record_property("speed_share", report.speed_share)
     check(report)
 

@@ -8,7 +8,7 @@ import pytest
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import find_town
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.traffic.audit import NOBODY, walking_ground
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
@@ -21,7 +21,7 @@ from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 @pytest.fixture(scope="module")
 def tables() -> TrafficTables:
     """What traffic knows of Town03."""
-    return TrafficTables(LaneNetwork.from_opendrive(find_town("Town03")))
+    return TrafficTables(build_network(find_town("Town03")))
 
 
 def test_every_crosswalk_joins_two_pavements(tables: TrafficTables) -> None:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, mirrored
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.mesh import Mesh, make_mesh
-
-Array = NDArray[np.float64]
 
 _REACH_M = 1.0
 """How far behind the foremost point of nose or tail a patch may lie [m]."""

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 
 def crease(mesh: Mesh, crease_deg: float) -> Mesh:

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.modelling.normals import crease
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply, cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 
-Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 
 WHITE: Colour = (255, 255, 255)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, placed
 from carlaloc_env.assets.vegetation.foliage import GREEN
@@ -13,7 +12,6 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-Array = NDArray[np.float64]
 Tint = tuple[int, int, int]
 
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 
-Array = NDArray[np.float64]
 Tint = tuple[int, int, int]
 """Tint relative to a green leaf; parts of yellow and red leaves may exceed 255."""
 GREEN = np.array([0.65, 0.82, 0.84])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, tube
 from carlaloc_env.assets.vegetation.foliage import GREEN, clumps, directions, leaf_triangles
@@ -11,8 +10,6 @@ from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-
-Array = NDArray[np.float64]
 
 
 def hedge(

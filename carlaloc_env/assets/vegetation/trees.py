@@ -7,7 +7,6 @@ the total leaf area with fewer, larger pieces, so that colour and LiDAR returns 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, tube
 from carlaloc_env.assets.vegetation.foliage import (
@@ -19,15 +18,13 @@ from carlaloc_env.assets.vegetation.foliage import (
 )
 from carlaloc_env.assets.vegetation.palms import palm
 from carlaloc_env.assets.vegetation.tree_species import DETAILS, FORMS, TreeForm
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.rng import stream
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-
-Array = NDArray[np.float64]
-
 
 _CORE_SHARE = {"high": 0.78, "low": 0.90, "far": 0.95}
 """Part of the leaf area that clumps have."""

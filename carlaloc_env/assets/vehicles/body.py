@@ -6,15 +6,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.normals import crease
 from carlaloc_env.assets.modelling.primitives import Look, grid_triangles, mirrored
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-Array = NDArray[np.float64]
 Points = tuple[tuple[float, float], ...]
 
 DARK = (9, 9, 10)

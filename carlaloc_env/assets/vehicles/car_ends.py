@@ -7,17 +7,16 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.decals import Decals
 from carlaloc_env.assets.modelling.primitives import Look
 from carlaloc_env.assets.vehicles.body import DARK
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 
 if TYPE_CHECKING:
-    from carlaloc_env.assets.vehicles.cars import CarSpec
+    from carlaloc_env.assets.vehicles.car_spec import CarSpec
 
-Array = NDArray[np.float64]
 
 REVERSE_TINT = (188, 190, 192)
 """Linear tint of unlit reversing lamps."""

@@ -9,7 +9,8 @@ import numpy as np
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M, EGO_TINT, EGO_WHEELBASE_M
 from carlaloc_env.assets.modelling.primitives import placed
 from carlaloc_env.assets.vehicles.body import BodyShape
-from carlaloc_env.assets.vehicles.cars import CarSpec, car
+from carlaloc_env.assets.vehicles.car_spec import CarSpec
+from carlaloc_env.assets.vehicles.cars import car
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 

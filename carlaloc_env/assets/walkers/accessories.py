@@ -6,7 +6,8 @@ import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, rings, tube
 from carlaloc_env.assets.walkers.clothing import Tailor, by, up
-from carlaloc_env.assets.walkers.skeleton import BONES, Array
+from carlaloc_env.assets.walkers.skeleton import BONES
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 

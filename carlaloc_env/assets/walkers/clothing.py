@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.modelling.primitives import Colour, Look, ellipsoid, rings, surface
 from carlaloc_env.assets.walkers.gait import standing
 from carlaloc_env.assets.walkers.skeleton import BONES, Joints, Skin, shoe_sole
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-Array = NDArray[np.float64]
 Hang = tuple[str, str, float]
 """Two bones and the share of the first."""
 Level = tuple[Array, float, float, Hang]

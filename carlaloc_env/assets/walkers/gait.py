@@ -10,11 +10,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.walkers.skeleton import Joints, shoe_sole
-
-Array = NDArray[np.float64]
 
 _SHARE = np.arange(0.0, 1.0, 0.1)
 _HIP_DEG = np.array([25, 22, 14, 4, -5, -10, -2, 14, 26, 28], dtype=np.float64)

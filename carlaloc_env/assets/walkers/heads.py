@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from carlaloc_env.assets.modelling.primitives import Look, ellipsoid
 from carlaloc_env.assets.walkers.clothing import Hang, Tailor, by, up
-from carlaloc_env.assets.walkers.skeleton import Array
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 
 

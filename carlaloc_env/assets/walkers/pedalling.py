@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, tube
 from carlaloc_env.assets.walkers.gait import SHANK, THIGH
 from carlaloc_env.assets.walkers.skeleton import Joints
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 CRANK_M = 0.17
 """Length of a crank [m]."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.mesh import Mesh
 
-Array = NDArray[np.float64]
 Joints = dict[str, Array]
 """Positions [m] of pelvis, chest, neck, head and, with suffix _l and _r, shoulder, elbow, hand, hip,
 knee, ankle, toe."""

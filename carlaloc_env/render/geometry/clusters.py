@@ -11,10 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.scene.mesh import Mesh
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 CLUSTER_TRIANGLES = 160
 """Most triangles of a cluster."""

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
 from carlaloc_env.render.geometry.material_table import surface_table, upload_textures
@@ -18,7 +19,6 @@ from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
 from carlaloc_env.render.geometry.static_scene import Scenery
 from carlaloc_env.render.geometry.triangle_culling import Sieve
 from carlaloc_env.render.gl.context import Programs, is_software, set_uniforms
-from carlaloc_env.render.lighting.shadow_maps import Casters
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 
@@ -33,8 +33,6 @@ LARGE_M = 120.0
 DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
 """Clip depth = first · z + second."""
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Sway = tuple[float, float, float, float]
 
 
@@ -295,3 +293,15 @@ def distance_m(instances: Instances, view: View) -> Array:
 def _read_depth(targets: Targets) -> NDArray[np.float32]:
     width, height = targets.depth.size
     return np.frombuffer(targets.depth.read(), dtype=np.float32).reshape(height, width)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Casters:
+    """Movable models that throw shadows."""
+
+    library: Geometry
+    poses: InstanceBuffer
+    """Room for their poses."""
+    instances: Instances
+    reach_m: Array
+    """How far each model of the library reaches from its origin [m], shape (M,)."""

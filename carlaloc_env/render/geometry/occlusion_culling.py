@@ -13,12 +13,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.render.geometry.projection import NEAR_M, View
 from carlaloc_env.scene.mesh import EGO_INSTANCE
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
 
 TILE_PX = 4
 """Edge of a tile; `_farthest` has it written out [px]."""

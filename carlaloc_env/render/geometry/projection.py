@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.jit import compiled
-
-Array = NDArray[np.float64]
 
 NEAR_M = 0.2
 """Nearest distance drawn [m]."""

@@ -9,15 +9,13 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.render.geometry.clusters import cut, in_order
 from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
 from carlaloc_env.render.geometry.mesh_buffers import Geometry, seen_from_front
 from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.mesh import Mesh, merge
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 _WORN_FROM = 0.15
 """Porosity from which dirt and wear show: not on leaves, metal and glass."""

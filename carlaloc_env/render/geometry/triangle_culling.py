@@ -14,13 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32, U32, Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.render.geometry.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import NEAR_M, View
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
-U32 = NDArray[np.uint32]
 
 SNAP_PX = 0.03
 """How far a corner may lie from where it is computed here, since drivers snap to fractions of a pixel."""

@@ -11,10 +11,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.static_scene import Scenery
 from carlaloc_env.render.gl.context import Programs, set_uniforms
-
-Array = NDArray[np.float64]
 
 SIZE_PX = 1024
 CELL_MIN_M = 0.75

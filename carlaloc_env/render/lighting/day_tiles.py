@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.render.lighting.screen_tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
-from carlaloc_env.render.lighting.shadow_maps import Casters
 from carlaloc_env.render.lighting.tile_kernels import shaded_by
-
-Array = NDArray[np.float64]
 
 LEAST_PX = 200_000
 """Pixels of pictures that are worth the sorting of their tiles."""

@@ -7,9 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled, inlined
-
-Array = NDArray[np.float64]
 
 RAYS = 3
 """Rays that look for a glow along each edge of a tile, besides the one that comes nearest to the lamp."""

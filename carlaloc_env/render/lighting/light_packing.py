@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.lighting.light_sources import HEADLAMP_COLOUR, Lights
 
-Array = NDArray[np.float64]
 Words = NDArray[np.uint32]
 
 
@@ -100,3 +100,7 @@ def _fixed(values: Array) -> Words:
 
 def _joined(high: Words, low: Words) -> Words:
     return np.asarray(high << np.uint32(16) | low, dtype=np.uint32)
+
+
+UNSEEN_STEP, UNSEEN_NOISE = 0.25, 0.2
+"""Changes that nobody sees, in steps of 8 bits and in standard deviations of the noise."""

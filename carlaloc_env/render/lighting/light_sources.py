@@ -11,10 +11,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary
-
-Array = NDArray[np.float64]
 
 LAMP_CD = 260.0
 """Intensity of a street lamp straight down [cd]: 3 klm in a full cut-off beam, an old dim street."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.gl.context import set_uniforms
-from carlaloc_env.render.lighting.light_packing import air_words, surface_words
+from carlaloc_env.render.lighting.light_packing import UNSEEN_NOISE, air_words, surface_words
 from carlaloc_env.render.lighting.light_sources import (
     Emitters,
     Lights,
@@ -23,7 +23,6 @@ from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons
 from carlaloc_env.render.lighting.tile_quads import TileQuads
 from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, Air, LightGrid, light_grid
 from carlaloc_env.render.lighting.uniforms import Scene
-from carlaloc_env.render.precipitation.streak_kernels import UNSEEN_NOISE
 from carlaloc_env.scene.mesh import ModelLibrary
 
 _LISTS = 0

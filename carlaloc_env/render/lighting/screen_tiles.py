@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.lighting.tile_kernels import depth_ranges
-
-Array = NDArray[np.float64]
 
 TILE_PX = 32
 FEW_TILES = 16

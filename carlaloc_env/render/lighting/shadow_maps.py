@@ -8,16 +8,13 @@ from dataclasses import dataclass
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.geometry.mesh_buffers import Geometry, InstanceBuffer
+from carlaloc_env.render.geometry.geometry_pass import Casters
 from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.render.geometry.static_scene import Scenery
 from carlaloc_env.render.gl.context import Programs, set_uniforms
-from carlaloc_env.scene.mesh import Instances
-
-Array = NDArray[np.float64]
 
 STATIC_SIZE_PX = 4096
 STATIC_EXTENT_M = 320.0
@@ -54,18 +51,6 @@ class ShadowMap:
         """Matrix (3, 3) and offset (3,) from world offsets of the eye to texture coordinates 0…1."""
         matrix = 0.5 * self.clip
         return matrix, np.sum(matrix * (eye_m - self.origin_m), axis=1) + 0.5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Casters:
-    """Movable models that throw shadows."""
-
-    library: Geometry
-    poses: InstanceBuffer
-    """Room for their poses."""
-    instances: Instances
-    reach_m: Array
-    """How far each model of the library reaches from its origin [m], shape (M,)."""
 
 
 def light_axes(sun_direction: Array) -> Array:

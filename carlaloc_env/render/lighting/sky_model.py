@@ -10,12 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.weather.parameters import WeatherParameters
-
-Array = NDArray[np.float64]
 
 SKY_SIZE_PX = 512
 """Edge length of the hemi-octahedral sky map [px]."""

@@ -10,11 +10,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.gl.context import is_software
 from carlaloc_env.render.lighting.sky_model import SkyLight, sky_light
 from carlaloc_env.weather.parameters import WeatherParameters
-
-Array = NDArray[np.float64]
 
 CACHED_WEATHERS = 8
 

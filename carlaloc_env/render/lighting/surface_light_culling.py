@@ -7,10 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled, inlined
-from carlaloc_env.render.precipitation.rain_kernels import low_beam
-
-Array = NDArray[np.float64]
+from carlaloc_env.render.lighting.low_beam import low_beam
 
 STEP_U, STEP_V, SHIFT = 8, 2, 5
 """Samples of a row and rows are so many pixels apart, each row shifted [px]: no post or arm slips through."""

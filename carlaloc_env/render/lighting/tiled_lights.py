@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.render.lighting.fog_light_culling import keep_glowing
@@ -19,8 +20,6 @@ from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.lighting.screen_tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
 from carlaloc_env.render.lighting.surface_light_culling import keep_lit
 from carlaloc_env.render.lighting.tile_kernels import level_tiles, list_lights
-
-Array = NDArray[np.float64]
 
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""

@@ -14,14 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.projection import View
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.precipitation.rain_kernels import fill as _fill
 from carlaloc_env.render.precipitation.rain_kernels import shine as _shine
 from carlaloc_env.weather.parameters import WeatherParameters
-
-Array = NDArray[np.float64]
 
 CELL_M = 1.0
 SIZES_MM = ((1.6, 0.5, 2.2), (2.1, 0.55, 3.2), (2.7, 0.7, 4.5), (3.5, 1.0, 6.5))

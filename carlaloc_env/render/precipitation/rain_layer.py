@@ -12,18 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.lighting.light_packing import UNSEEN_NOISE, UNSEEN_STEP
 from carlaloc_env.render.precipitation.rain_drops import Streaks
-from carlaloc_env.render.precipitation.streak_kernels import (
-    UNSEEN_NOISE,
-    UNSEEN_STEP,
-    noticeable,
-    over_codes,
-    over_light,
-    streak_pixels,
-)
-
-Array = NDArray[np.float64]
+from carlaloc_env.render.precipitation.streak_kernels import noticeable, over_codes, over_light, streak_pixels
 
 SHOULDER, ROOM = 0.6, 0.4
 """Value up to which the tone curve is straight, and what lies above it, as in ``air.glsl``."""

@@ -7,16 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.render.precipitation.rain_kernels import mixed
-
-Array = NDArray[np.float64]
 
 THINNEST_PX = 0.8
 """Streaks are never drawn thinner, but paler instead, so that they do not twinkle [px]."""
 _NEAREST_M = 0.2
-UNSEEN_STEP, UNSEEN_NOISE = 0.25, 0.2
-"""Changes that nobody sees, in steps of 8 bits and in standard deviations of the noise."""
 
 
 @compiled

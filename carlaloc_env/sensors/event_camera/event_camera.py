@@ -17,10 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.jit import over_bands
 from carlaloc_env.samples import EVENT
-from carlaloc_env.sensors.event_camera.pixels import F32, Motion, Pixels, PixelState, Shots, fire, limit_rate
+from carlaloc_env.sensors.event_camera.pixels import Motion, Pixels, PixelState, Shots, fire, limit_rate
 from carlaloc_env.sensors.imaging.frame import Optics, Shot
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces

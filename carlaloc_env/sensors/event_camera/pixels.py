@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.jit import BAND_ROWS, compiled, over_bands
 from carlaloc_env.sensors.event_camera.band_kernel import fire_rows
 from carlaloc_env.sensors.event_camera.simd import float_of, word_of
@@ -23,8 +24,6 @@ from carlaloc_env.sensors.event_camera.time_sorting import Slots
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX
 from carlaloc_env.sensors.imaging.motion_warping import tile_ranges
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
-
-F32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

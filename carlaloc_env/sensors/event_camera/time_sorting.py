@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import I32, U32, U64
 from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.samples import EVENT
 
 SLOT_BITS = 8
 """A slot is 2 to the power of this long [µs]."""
-I32 = NDArray[np.int32]
-U32 = NDArray[np.uint32]
-U64 = NDArray[np.uint64]
 
 
 class Slots:

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geodesy import GeoReference
-
-Array = NDArray[np.float64]
 
 GM_M3PS2 = 3.986004418e14
 """Earth's gravitational constant [m³/s²] (WGS84)."""

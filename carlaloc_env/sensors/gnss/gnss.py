@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import GnssFix, Sample
@@ -19,8 +19,6 @@ from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.gnss.constellation import CONSTELLATIONS, dilution, least_squares, sky_directions
 from carlaloc_env.sensors.inertial.stochastic_processes import GaussMarkov, white
 from carlaloc_env.timeline.timeline import Timeline
-
-Array = NDArray[np.float64]
 
 MODELS = ("white", "satellites")
 """What `GnssConfig.model` may be."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.samples import ObjectList
 from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes, boxes_at
@@ -15,7 +15,6 @@ from carlaloc_env.timeline.timeline import Timeline
 if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene
 
-Array = NDArray[np.float64]
 
 REACH_M = 120.0
 """Farther away visibility is not asked for [m]."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.sensors.event_camera.event_camera import Glance, motion_between
-from carlaloc_env.sensors.event_camera.pixels import F32, Motion
+from carlaloc_env.sensors.event_camera.pixels import Motion
 from carlaloc_env.sensors.imaging.frame import Optics, Shot
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
 from carlaloc_env.sensors.imaging.motion_field import Moment

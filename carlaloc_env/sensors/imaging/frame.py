@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.lens_distortion import Lens, LensView
 from carlaloc_env.weather.parameters import WeatherParameters
@@ -17,8 +18,6 @@ from carlaloc_env.weather.parameters import WeatherParameters
 if TYPE_CHECKING:
     from carlaloc_env.render.geometry.gbuffer import GBuffer
     from carlaloc_env.render.renderer import SceneRenderer
-
-F32 = NDArray[np.float32]
 
 
 class Optics:

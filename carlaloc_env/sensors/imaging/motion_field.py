@@ -20,15 +20,13 @@ from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.core.lens_distortion import MODELS, Lens
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import Timeline
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
 
 SKY_M = 1e6
 """Distance given to the sky [m]."""

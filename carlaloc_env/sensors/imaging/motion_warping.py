@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX, bilinear, motion_at, source_of
-
-F32 = NDArray[np.float32]
 
 SAME_DEPTH = np.float32(0.10)
 """Depths that differ by less, as a ratio, are of the same surface."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.sensors.imaging.motion_field import SKY_M, SURFACE_RATIO, TILE_PX
-
-F32 = NDArray[np.float32]
 
 _RIM_PX = np.float32(0.6)
 """A pixel shows what is half a pixel beside it, and a little more for roundings [px]."""

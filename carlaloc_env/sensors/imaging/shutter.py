@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.sensors.event_camera.pixels import Motion
 from carlaloc_env.sensors.imaging.motion_warping import BOTH, FIRST, NOWHERE, SECOND, sources
-
-F32 = NDArray[np.float32]
 
 SAMPLES_MAX = 64
 """Most samples in one exposure of a pixel."""

@@ -12,6 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng, transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.samples import Imu, Sample
@@ -20,8 +21,6 @@ from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, RandomWa
 from carlaloc_env.sensors.inertial.vibration import ROAD_CLASSES, MotorShake, RoadShake
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
-
-Array = NDArray[np.float64]
 
 GRAVITY_MPS2 = 9.81
 """Gravity along −z of the world [m/s²]."""

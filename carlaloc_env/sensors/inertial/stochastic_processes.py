@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from carlaloc_env.core import rng
-
-Array = NDArray[np.float64]
+from carlaloc_env.core.array_types import Array
 
 _BLOCK = 200
 """Samples whose numbers are drawn at once."""

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.timeline.vehicle_track import CarState
-
-Array = NDArray[np.float64]
 
 ROAD_CLASSES = "ABCDE"
 """Road classes of ISO 8608, smooth to rough."""

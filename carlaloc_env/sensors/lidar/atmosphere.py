@@ -11,12 +11,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import MOR_CONTRAST, WeatherParameters
-
-Array = NDArray[np.float64]
 
 BACKSCATTER_PER_MOR = 0.046
 """Backscatter of fog β [1/(m sr)] times its optical range [m] (Rasshofer et al. 2011; Hahner et al. 2021)."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
-
-Array = NDArray[np.float64]
 
 PULSE_LENGTH_M = 0.6
 """Surfaces nearer to each other than this give one echo at a place between them [m]."""

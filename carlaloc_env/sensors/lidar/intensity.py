@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.scene import materials
 from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Air
@@ -14,11 +15,7 @@ from carlaloc_env.sensors.lidar.kernels import strengths
 from carlaloc_env.sensors.lidar.weather_echoes import BEAM_MRAD, SolidEchoes, strongest_echoes
 
 if TYPE_CHECKING:
-    from carlaloc_env.sensors.lidar.lidar import LidarConfig
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
-Index = NDArray[np.intp]
+    from carlaloc_env.sensors.lidar.config import LidarConfig
 
 
 class Echoes:

@@ -7,11 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.jit import compiled
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
-Index = NDArray[np.intp]
 
 
 @compiled

@@ -6,139 +6,31 @@ plain and the semantic cloud come from the same rays and carry the same noise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
-from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.samples import PointCloud, Sample
-from carlaloc_env.scene.semantic_tags import TAG_TABLES, tags_in
-from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
+from carlaloc_env.scene.semantic_tags import tags_in
+from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.inertial.stochastic_processes import white
 from carlaloc_env.sensors.lidar.atmosphere import air_at
+from carlaloc_env.sensors.lidar.config import (
+    OUTPUTS,
+    LidarConfig,
+)
 from carlaloc_env.sensors.lidar.intensity import Echoes
 from carlaloc_env.sensors.lidar.kernels import points_of
 from carlaloc_env.sensors.lidar.road_spray import spray_ranges
 from carlaloc_env.sensors.lidar.scan_pattern import Revolution
-from carlaloc_env.sensors.lidar_models import HDL32E_ELEVATIONS_DEG, HDL32E_FIRING_NS, PAPER_ELEVATIONS_DEG
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
-Index = NDArray[np.intp]
-
-OUTPUTS = ("cloud", "semantic")
-"""Streams that a LiDAR can give."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LidarConfig(SensorConfig):
-    """A spinning LiDAR; the defaults are the CARLA-Loc paper's.
-
-    ``preset: hdl32e`` has the angles, firing order and timing of the Velodyne HDL-32E, its elevations
-    0.02° higher so that none lies on the edge of A-LOAM's ring bins.
-    """
-
-    kind: ClassVar[str] = "lidar"
-    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {
-        "paper": {},
-        "hdl32e": {
-            "elevations_deg": HDL32E_ELEVATIONS_DEG,
-            "elevation_offset_deg": 0.02,
-            "firing_ns": HDL32E_FIRING_NS,
-            "columns": 1085,
-        },
-    }
-
-    name: str = "lidar"
-    """Name of the sensor, its first stream and its frame."""
-    mount: Mount = field(default_factory=Mount)
-    """Where it sits on the car."""
-    rate_hz: float = 20.0
-    """Revolutions per second [Hz]."""
-    elevations_deg: tuple[float, ...] = PAPER_ELEVATIONS_DEG
-    """Elevation of each beam, lowest first [deg]."""
-    elevation_offset_deg: float = 0.0
-    """Added to every elevation [deg]; +0.02 keeps A-LOAM's ring formula off its bin edges."""
-    firing_ns: tuple[int, ...] = ()
-    """When each beam fires after its column began [ns]; none = all at once."""
-    columns: int = 2078
-    """Firings of all beams in one revolution."""
-    range_min_m: float = 1.0
-    """Nearest return [m]."""
-    range_max_m: float = 120.0
-    """Farthest return [m]."""
-    range_noise_m: float = 0.02
-    """Standard deviation along the ray [m]."""
-    attenuation_per_m: float = 0.004
-    """Loss of intensity on the way there, exp(−a·R) [1/m]; CARLA's default."""
-    drop_weak: bool = False
-    """Whether surfaces too dark for their distance give no return."""
-    sectors: int = 0
-    """Parts of a revolution in which time stands still, 10 = CARLA at 200 Hz; 0: time runs on."""
-    divergence_mrad: float = 0.0
-    """Width of the beam [mrad]; above 0 five rays per beam are weighed, which mixes near edges."""
-    dropoff_general: float = 0.0
-    """Share of points lost at random, as CARLA's, 0.45 = its default."""
-    dropoff_intensity_limit: float = 0.8
-    """Intensity exp(−a·R) above which no point is lost for weakness, 1 = at the sensor."""
-    dropoff_zero_intensity: float = 0.0
-    """Share of points of no intensity that are lost, as CARLA's, 0.4 = its default."""
-    weather: bool = False
-    """Whether fog, rain, spray and wet ground are felt; weak returns are dropped then."""
-    ego_returns: bool = False
-    """Whether hits on the ego's own body are reported; they always throw a shadow."""
-    outputs: tuple[str, ...] = OUTPUTS
-    """Streams: ``cloud`` (named as the sensor) and ``semantic`` (with ``_semantic`` behind)."""
-    tag_table: str = TAG_TABLES[0]
-    """Numbers of the semantic tags: as in CARLA ``0.9.14`` and later, or up to ``0.9.13``."""
-
-    def __post_init__(self) -> None:
-        SensorConfig.__post_init__(self)
-        what = f"LiDAR '{self.name}'"
-        if self.tag_table not in TAG_TABLES:
-            raise ConfigError(unknown_name("tag table", self.tag_table, TAG_TABLES))
-        if not self.elevations_deg or any(abs(e) > 90 for e in self.elevations_deg):
-            raise ConfigError(f"{what}: elevations_deg needs angles from −90 to 90")
-        if list(self.elevations_deg) != sorted(self.elevations_deg):
-            raise ConfigError(f"{what}: list elevations_deg from the lowest to the highest")
-        if self.firing_ns and len(self.firing_ns) != len(self.elevations_deg):
-            raise ConfigError(f"{what}: {len(self.firing_ns)} firing_ns for {len(self.elevations_deg)} beams")
-        if self.firing_ns and not 0 <= min(self.firing_ns) <= max(self.firing_ns) < 1e9 / (
-            self.rate_hz * max(self.columns, 1)
-        ):
-            raise ConfigError(f"{what}: firing_ns must lie within one column")
-        if self.columns < 1 or not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
-            raise ConfigError(f"{what}: needs columns ≥ 1, 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")
-        shares = (self.dropoff_general, self.dropoff_intensity_limit, self.dropoff_zero_intensity)
-        if not all(0.0 <= share <= 1.0 for share in shares) or self.dropoff_intensity_limit == 0.0:
-            raise ConfigError(f"{what}: drop-off figures must lie in 0…1, the intensity limit above 0")
-        if self.sectors < 0 or self.divergence_mrad < 0:
-            raise ConfigError(f"{what}: sectors and divergence_mrad must not be negative")
-        if not self.outputs or set(self.outputs) - set(OUTPUTS):
-            raise ConfigError(f"{what}: outputs {list(self.outputs)}; choose from {', '.join(OUTPUTS)}")
-
-    @property
-    def sweep_ns(self) -> int:
-        """Length of a revolution [ns]."""
-        return round(1e9 / self.rate_hz)
-
-    @property
-    def rays(self) -> int:
-        """Rays in one revolution, the most points a cloud can have."""
-        return self.columns * len(self.elevations_deg)
-
-    def build(self, world: World) -> LidarSensor:
-        """The LiDAR in a world."""
-        return LidarSensor(self, world)
 
 
 class LidarSensor(Sensor):

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Cylinders, candidates, into_actor_frame
 from carlaloc_env.sensors.ground_truth.bounding_boxes import boxes_at
 from carlaloc_env.sensors.lidar.atmosphere import spray_density_per_m
 from carlaloc_env.timeline.timeline import Timeline
-
-Array = NDArray[np.float64]
 
 _HEIGHT_M = 1.8
 _DRIFT_S = 0.5

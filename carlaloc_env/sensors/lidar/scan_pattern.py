@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.lidar.beam_divergence import sub_rays, weigh
@@ -19,11 +20,7 @@ from carlaloc_env.sensors.lidar.kernels import aim
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
-    from carlaloc_env.sensors.lidar.lidar import LidarConfig
-
-Array = NDArray[np.float64]
-F32 = NDArray[np.float32]
-Index = NDArray[np.intp]
+    from carlaloc_env.sensors.lidar.config import LidarConfig
 
 
 class Revolution:

@@ -9,9 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.sensors.lidar.atmosphere import Air, DropEcho, FogEcho, wet_reflectance
-
-Array = NDArray[np.float64]
 
 BEAM_MRAD = 3.0
 """Width of a beam whose divergence is not given [mrad] (HDL-32E: 2.79 × 1.4)."""

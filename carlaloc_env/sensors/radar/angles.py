@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.timeline.ego_spline import Motion
-
-Array = NDArray[np.float64]
 
 
 def polar(local_m: Array) -> tuple[Array, Array, Array]:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.semantic_tags import Tag
-
-Array = NDArray[np.float64]
 
 RCS_DBSM: dict[Tag, tuple[float, float, float, float]] = {
     Tag.PEDESTRIAN: (-5.0, -5.0, -4.0, -6.0),

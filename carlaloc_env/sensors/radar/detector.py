@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.radar.angles import dot, out_of
@@ -24,9 +25,8 @@ from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.weather.parameters import WeatherParameters
 
 if TYPE_CHECKING:
-    from carlaloc_env.sensors.radar.radar import RadarConfig
+    from carlaloc_env.sensors.radar.config import RadarConfig
 
-Array = NDArray[np.float64]
 
 THING, GHOST, CLUTTER = 0, 1, 2
 """Values of `RadarScan.origin`."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes, boxes_at
@@ -20,9 +21,7 @@ from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
-    from carlaloc_env.sensors.radar.radar import RadarConfig
-
-Array = NDArray[np.float64]
+    from carlaloc_env.sensors.radar.config import RadarConfig
 
 
 class View:

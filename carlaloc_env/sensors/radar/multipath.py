@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes
 from carlaloc_env.sensors.radar.cross_sections import REFLECTORS
 from carlaloc_env.sensors.radar.radar_equation import Echoes
 from carlaloc_env.timeline.ego_spline import Motion
 
-Array = NDArray[np.float64]
 Cast = Callable[[Array, Array], Hits]
 """First hits of rays given by origins [m] and unit directions, world, each (M, 3)."""
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from carlaloc_env.core.array_types import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.buildings import BuildingPlan, draw_plan
 from carlaloc_env.town.ground.height_fields import densify
 from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.meshing.mesh_builder import box_quads
 from carlaloc_env.town.meshing.polygons import Area
-
-Array = NDArray[np.float64]
 
 CLEARANCE_M = 0.1
 """Least distance between a building and anything paved [m]."""
@@ -240,3 +239,17 @@ def _rectangle(corner: Array, heading: float, width: float, depth: float) -> Are
         corner + inward * depth,
     ]
     return shapely.Polygon(points)
+
+
+def lot_boxes(lots: Sequence[Lot], base_m: Sequence[float]) -> Array:
+    """Walls and roofs of buildings, shape (N, 4, 3)."""
+    faces = []
+    for lot, base in zip(lots, base_m, strict=True):
+        plan = lot.plan
+        box = box_quads([0.0, 0.0, base - 1.0], [plan.width_m, plan.depth_m, base + plan.height_m])
+        c, s = np.cos(lot.heading_rad), np.sin(lot.heading_rad)
+        turned = box.copy()
+        turned[..., 0] = lot.corner_m[0] + c * box[..., 0] - s * box[..., 1]
+        turned[..., 1] = lot.corner_m[1] + s * box[..., 0] + c * box[..., 1]
+        faces.append(turned)
+    return np.concatenate(faces) if faces else np.zeros((0, 4, 3))

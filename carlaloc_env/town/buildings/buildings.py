@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -20,8 +20,6 @@ from carlaloc_env.town.buildings.styles import STYLES, ZONE_STYLES, Style
 from carlaloc_env.town.buildings.walls import Wall, around
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-
-Array = NDArray[np.float64]
 
 FOUNDATION_M = 1.2
 """How far walls reach below their ground level, so that no gap opens on sloping ground [m]."""

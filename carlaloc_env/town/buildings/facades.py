@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.appearance import Look, trim_faces, wall_faces
@@ -13,8 +13,6 @@ from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR, street_storey
 from carlaloc_env.town.buildings.walls import Wall
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-
-Array = NDArray[np.float64]
 
 FULL_DETAIL_M = 24.0
 """Above this height windows lose sills and reveals: from the street nobody sees them [m]."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look as Stuff
 from carlaloc_env.assets.modelling.primitives import lathe
@@ -19,8 +18,6 @@ from carlaloc_env.town.buildings.walls import Wall, around
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.prop_copies import copies, poses
-
-Array = NDArray[np.float64]
 
 EAVES_M = 4.4
 """Height of a barn's walls [m]."""

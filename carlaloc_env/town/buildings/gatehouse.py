@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -19,12 +19,10 @@ from carlaloc_env.town.buildings.roofs import add_roof
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import Wall, around
 from carlaloc_env.town.config import Feature
+from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
-from carlaloc_env.town.structures.gantries_and_jetties import HeightOf
-
-Array = NDArray[np.float64]
 
 WIDTH_M, DEPTH_M, STOREYS = 52.0, 24.0, 6
 """Usual measures across the street and along it [m], and storeys."""

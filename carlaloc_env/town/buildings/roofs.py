@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.appearance import Look
 from carlaloc_env.town.buildings.walls import Wall
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
-
-Array = NDArray[np.float64]
 
 PARAPET_M = 0.9
 """Height of the wall round a flat roof [m]."""

@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.appearance import Look, trim_faces, wall_faces
 from carlaloc_env.town.buildings.walls import Wall
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-
-Array = NDArray[np.float64]
 
 GARAGE_DOOR = 3
 """The door picture that is a garage's; those before it are for people."""

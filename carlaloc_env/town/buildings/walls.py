@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from carlaloc_env.core.array_types import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,6 +14,7 @@ from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
 from carlaloc_env.town.checks.roads import clearance_problems, plan_view_problems, road_problems
 from carlaloc_env.town.checks.signals import signal_problems
+from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
@@ -80,7 +81,7 @@ def check_map(path: Path) -> MapReport:
         MapError: The file cannot be read as a map at all.
     """
     xodr = read_opendrive(path)
-    return report(xodr, LaneNetwork(xodr))
+    return report(xodr, build_network(xodr))
 
 
 def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:

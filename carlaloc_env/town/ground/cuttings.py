@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_graph import RoadGraph, grown, runs
 from carlaloc_env.town.ground.grade_levels import State, States, Stretch
 from carlaloc_env.town.ground.height_fields import GroundGrid
-
-Array = NDArray[np.float64]
 
 CLEARANCE_M = 4.5
 """Free height under a roof [m]."""

@@ -10,12 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.polygons import Area, strip_polygon
-
-Array = NDArray[np.float64]
 
 BELOW_M = 0.01
 """How far such a pavement lies below the lanes [m]."""

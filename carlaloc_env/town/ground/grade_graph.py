@@ -7,16 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.polygons import Area, polygons_of, strip_polygon
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 APART_M = 3.0
 """Roads that cross with at least this height between them are on different levels [m]."""

@@ -10,14 +10,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.town.ground.grade_graph import RoadGraph, grown, runs
 from carlaloc_env.town.ground.height_fields import EdgeField
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.water import Water
 from carlaloc_env.town.meshing.polygons import Area, areas_only, strip_polygon
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 States = NDArray[np.int8]
 
 WALL_M = 0.3

@@ -9,16 +9,15 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.town.ground.cuttings import cuttings
 from carlaloc_env.town.ground.grade_graph import Crossing, RoadGraph, grown, runs
-from carlaloc_env.town.ground.grade_levels import Levels, Mask, State, States, strips_area
+from carlaloc_env.town.ground.grade_levels import Levels, State, States, strips_area
 from carlaloc_env.town.ground.height_fields import GroundGrid
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.terrain import BANK_SLOPE
 from carlaloc_env.town.ground.water import Water, water_areas, water_level_m
 from carlaloc_env.town.meshing.polygons import Area, areas_only
-
-Array = NDArray[np.float64]
 
 REACH_M = 400.0
 """Roads farther than this from a crossing do not leave the ground for its sake [m]."""

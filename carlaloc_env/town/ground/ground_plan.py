@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.flush_sidewalks import lower_walks
 from carlaloc_env.town.ground.grade_levels import Levels, State, level_fields
 from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.town.ground.lane_strips import KERB_M, Strip, road_strips
-from carlaloc_env.town.ground.paved_areas import TownAreas, town_areas
+from carlaloc_env.town.ground.paved_areas import TownAreas, corner_edges, town_areas
 from carlaloc_env.town.ground.raised_parts import RaisedParts, raised_parts
 from carlaloc_env.town.ground.terrain import MARGIN_M, Ground, zone_areas
 from carlaloc_env.town.ground.water import Shore, bank_tops, shores
@@ -23,9 +23,6 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
-from carlaloc_env.town.roads.junction_surfaces import corner_edges
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,12 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
-Array = NDArray[np.float64]
+HeightOf = Callable[[Array], Array]
+"""Height of the ground [m] at points (N, 2) of the world [m]."""
 
 
 class EdgeField:

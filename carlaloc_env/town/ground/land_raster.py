@@ -11,11 +11,10 @@ import shapely
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.terrain import Ground
 from carlaloc_env.town.meshing.polygons import Area, polygons_of
-
-Array = NDArray[np.float64]
 
 CELL_M = 0.5
 """Side of the raster's cells [m]."""

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.meshing.polygons import strip_polygon, union
 from carlaloc_env.town.opendrive.records import Lane, Road
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
-
-Array = NDArray[np.float64]
 
 ROADWAY = frozenset(
     {

@@ -8,13 +8,20 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.town.ground.height_fields import EdgeField
 from carlaloc_env.town.ground.lane_strips import KERB_M, Strip
-from carlaloc_env.town.meshing.polygons import Area, areas_only, fill_holes, polygons_of, strip_polygon, union
+from carlaloc_env.town.meshing.polygons import (
+    Area,
+    areas_only,
+    fill_holes,
+    polygons_of,
+    rings,
+    strip_polygon,
+    union,
+)
 from carlaloc_env.town.opendrive.records import Road
-
-Array = NDArray[np.float64]
 
 FILLED_HOLE_M2 = 90.0
 """Gaps between the turning paths of a junction up to this size are asphalt [m²]."""
@@ -234,3 +241,11 @@ def _corners(
         if shapely.dwithin(plain_raised, part, 0.15) or shapely.dwithin(own, part, 0.15)
     ]
     return shapely.MultiPolygon(kept)
+
+
+def corner_edges(junction: JunctionArea, edge: EdgeField) -> list[Array]:
+    """Boundary lines (N, 3) of a junction's pavements at their top."""
+    lines = []
+    for ring in rings(junction.pavement, 0.5):
+        lines.append(np.column_stack([ring, edge.nearest(ring)[0] + junction.kerb_m]))
+    return lines

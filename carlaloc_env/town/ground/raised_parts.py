@@ -9,15 +9,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import Levels, State
 from carlaloc_env.town.ground.height_fields import EdgeField
 from carlaloc_env.town.ground.paved_areas import JunctionArea
 from carlaloc_env.town.ground.terrain import Ground
 from carlaloc_env.town.meshing.polygons import Area, areas_only
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 DECK_M = 0.9
 """Thickness of a deck [m]."""

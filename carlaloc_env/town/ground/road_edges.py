@@ -6,14 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_levels import Levels, States
 from carlaloc_env.town.ground.height_fields import densify
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.opendrive.records import Road
-
-Array = NDArray[np.float64]
 
 USUAL_LIMIT_MPS = 50.0 / 3.6
 """Stands for the limit of roads that do not state one."""

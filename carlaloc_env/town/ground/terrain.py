@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
-
-Array = NDArray[np.float64]
 
 MARGIN_M = 90.0
 """How far the near ground reaches beyond the roads [m]."""

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import grown, runs
 from carlaloc_env.town.ground.terrain import LAP_M, Ground
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, rings, triangulate
-
-Array = NDArray[np.float64]
 
 BRIDGE_DROP_M = 2.7
 """Height of the lowest bridge over the water below it [m]."""

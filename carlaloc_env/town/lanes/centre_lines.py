@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.opendrive.cubic_tables import Array, Index, last_at_or_before
+from carlaloc_env.town.opendrive.cubic_tables import last_at_or_before
 from carlaloc_env.town.opendrive.road_surface import RoadSurface, SurfaceCurve
 
 TABLE_STEP_M = 0.5

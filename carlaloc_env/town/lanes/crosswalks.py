@@ -3,37 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.town.lanes.signals import object_pose
 from carlaloc_env.town.opendrive.records import CornerLocal, Outline, Road, RoadObject
 
 if TYPE_CHECKING:
     from carlaloc_env.town.lanes.lane_network import LaneNetwork
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Crosswalk:
-    """A marked way for walkers across a road."""
-
-    id: str
-    road_id: str
-    polygon_m: NDArray[np.float64]
-    """World outline, first corner not repeated, (K, 3)."""
-    start_m: NDArray[np.float64]
-    """Middle of one kerb side (3,)."""
-    end_m: NDArray[np.float64]
-    """Middle of the other kerb side (3,)."""
-    width_m: float
-    """Extent along the road."""
-    lanes: tuple[int, ...]
-    """Driving lanes that it crosses."""
-    span_m: tuple[tuple[float, float], ...]
-    """Stations between which each of them is crossed."""
 
 
 def outline_points(

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.centre_lines import LanePose, LaneTables, build_tables
-from carlaloc_env.town.lanes.crosswalks import Crosswalk, find_crosswalks
 from carlaloc_env.town.lanes.nearest_lane import LaneSearch, NearestLane
-from carlaloc_env.town.lanes.signals import SignalHead, StaticSign, find_signals
+from carlaloc_env.town.lanes.records import Crosswalk, SignalHead, StaticSign
 from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES, BrokenLink, LaneLinks
-from carlaloc_env.town.opendrive.cubic_tables import Array, Index
-from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive, Road
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
@@ -52,10 +49,13 @@ class Lane:
 
 
 class LaneNetwork:
-    """Lanes, signals and crosswalks of one OpenDRIVE map. World frame ENU, metres."""
+    """Lanes, signals and crosswalks of one OpenDRIVE map. World frame ENU, metres.
+
+    `build_network` makes one with all that stands along its lanes; a bare one has lanes alone.
+    """
 
     def __init__(self, xodr: OpenDrive) -> None:
-        """Builds the network.
+        """Builds the lanes.
 
         Raises:
             MapError: The map is too large, or a lane is not finite.
@@ -90,19 +90,9 @@ class LaneNetwork:
             )
             self.lanes: tuple[Lane, ...] = self._lanes(links)
             self._searches: dict[tuple[tuple[str, ...], int], LaneSearch] = {}
-            self.signals: tuple[SignalHead, ...]
-            self.static_signs: tuple[StaticSign, ...]
-            self.signals, self.static_signs = find_signals(self)
-            self.crosswalks: tuple[Crosswalk, ...] = find_crosswalks(self)
-
-    @classmethod
-    def from_opendrive(cls, xodr: OpenDrive | Path | bytes) -> LaneNetwork:
-        """The network of a map, a file or its bytes.
-
-        Raises:
-            MapError: The map cannot be used.
-        """
-        return cls(xodr if isinstance(xodr, OpenDrive) else read_opendrive(xodr))
+        self.signals: tuple[SignalHead, ...] = ()
+        self.static_signs: tuple[StaticSign, ...] = ()
+        self.crosswalks: tuple[Crosswalk, ...] = ()
 
     @property
     def sidewalks(self) -> tuple[int, ...]:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M, LaneTables
-from carlaloc_env.town.opendrive.cubic_tables import Array, Index
 
 _CANDIDATES = 8
 

@@ -7,61 +7,18 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import from_rotation
+from carlaloc_env.town.lanes.records import SIGN_KINDS, SignalHead, StaticSign
 from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
 from carlaloc_env.town.opendrive.records import Road, RoadObject, Signal, Validity
 
 if TYPE_CHECKING:
     from carlaloc_env.town.lanes.lane_network import LaneNetwork
-
-SignKind = Literal["stop", "yield", "speed", "other"]
-SIGN_KINDS: dict[str, SignKind] = {"206": "stop", "205": "yield", "274": "speed"}
-"""CARLA's and RoadRunner's sign codes (after the German catalogue)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SignalHead:
-    """A dynamic traffic light."""
-
-    id: str
-    name: str
-    type: str
-    T_world_signal: NDArray[np.float64]
-    """Pose (4, 4); x faces the drivers it speaks to, z up."""
-    width_m: float
-    height_m: float
-    lanes: tuple[int, ...]
-    """Lanes that must stop for it."""
-    stop_station_m: tuple[float, ...]
-    """Where each of them must stop."""
-    junction_lanes: tuple[int, ...]
-    """Lanes inside the junction that it opens and closes."""
-    controller_id: str | None
-    junction_id: str | None
-    road_id: str
-    s_m: float
-    t_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StaticSign:
-    """A sign that never changes."""
-
-    id: str
-    kind: SignKind
-    type: str
-    T_world_sign: NDArray[np.float64]
-    """Pose (4, 4); x faces the drivers it speaks to, z up."""
-    lanes: tuple[int, ...]
-    stop_station_m: tuple[float, ...]
-    """Where each lane meets the sign: the stop line of stop and yield signs."""
-    speed_mps: float | None
-    road_id: str
 
 
 @dataclass(frozen=True, slots=True)

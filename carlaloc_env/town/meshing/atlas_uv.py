@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.texture_atlas import GRID
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import MATERIALS, Material
-
-Array = NDArray[np.float64]
 
 MARGIN = 1.0 / 64.0
 """Share of a picture left out at each edge, so that coarse mip levels do not bleed."""

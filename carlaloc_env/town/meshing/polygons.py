@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from carlaloc_env.core.array_types import Array
+
 Area = Any
 """A shapely geometry; shapely ships no type information."""
 

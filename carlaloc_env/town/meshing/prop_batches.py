@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.meshing.prop_copies import copies, poses
-
-Array = NDArray[np.float64]
 
 
 class PropField:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 
 def poses(feet_m: ArrayLike, yaw_rad: ArrayLike, scale: ArrayLike = 1.0) -> Array:

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.opendrive.records import Cubic
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 def last_at_or_before(first: Index, count: Index, starts: Array, s: Array) -> Index:

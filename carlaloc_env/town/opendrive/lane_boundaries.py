@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.town.opendrive.cubic_tables import Array, CubicTable, Index
+from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.town.opendrive.cubic_tables import CubicTable
 from carlaloc_env.town.opendrive.records import Cubic, Lane, LaneSection, Road
 
 

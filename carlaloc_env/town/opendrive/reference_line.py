@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.town.opendrive.cubic_tables import Array, Index, last_at_or_before
+from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.town.opendrive.cubic_tables import last_at_or_before
 from carlaloc_env.town.opendrive.records import Geometry, Road
 
 KINDS = ("line", "arc", "spiral", "poly3", "paramPoly3")

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.roads import motorways
-
-Array = NDArray[np.float64]
 
 TRACKS = np.array([0.0, 0.12, 0.23, 0.34, 0.5, 0.66, 0.77, 0.88, 1.0])
 """Columns across a driving lane, as shares of its width: wheel tracks near 0.23 and 0.77."""
@@ -111,3 +109,14 @@ def _outer_lanes(strip: Strip) -> list[tuple[int, int]]:
         if lane == len(kinds) - 1 or kinds[lane + 1] == "none":
             found.append((lane, -1))
     return found
+
+
+def add_plain_lanes(out: MeshBuilder, strips: Sequence[Strip]) -> None:
+    """Road lanes outside junctions, one quad per step: the same surface as the seen one."""
+    for strip in strips:
+        if strip.junction_id is not None:
+            continue
+        for lane in range(len(strip.lanes)):
+            if strip.kind(lane) == "roadway":
+                left, right = strip.lane_edges(lane)
+                out.grid(np.stack([right, left], axis=1), material=Material.ASPHALT, tag=Tag.ROAD)

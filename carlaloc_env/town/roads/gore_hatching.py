@@ -7,13 +7,11 @@ from itertools import combinations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.polygons import Area, areas_only, strip_polygon
 from carlaloc_env.town.opendrive.records import Road
-
-Array = NDArray[np.float64]
 
 BAR_M, BAR_STEP_M = 0.5, 2.0
 """Width of the oblique bars and their distance along the road [m] (German guideline RMS: 0.5 m wide)."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.height_fields import EdgeField, JunctionField
@@ -17,8 +17,6 @@ from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, ri
 from carlaloc_env.town.roads import motorways
 from carlaloc_env.town.roads.carriageways import LOOSE
 from carlaloc_env.town.roads.sidewalks import BELOW_M, KERB_STONE_M
-
-Array = NDArray[np.float64]
 
 SURFACE_CELL_M = 1.5
 """Side of the triangles of a junction's surface [m]."""
@@ -92,14 +90,6 @@ def _raise(
             points = np.column_stack([xy, edge.nearest(xy)[0] + kerb_m])
             out.triangles(points, triangles, material=material, tag=tag, colour=colour)
     _rims(out, area, kerb_m, near, edge)
-
-
-def corner_edges(junction: JunctionArea, edge: EdgeField) -> list[Array]:
-    """Boundary lines (N, 3) of a junction's pavements at their top."""
-    lines = []
-    for ring in rings(junction.pavement, 0.5):
-        lines.append(np.column_stack([ring, edge.nearest(ring)[0] + junction.kerb_m]))
-    return lines
 
 
 def _rims(out: MeshBuilder, area: Area, kerb_m: float, roadway: Area, edge: EdgeField) -> None:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.height_fields import JunctionField
@@ -28,8 +28,6 @@ from carlaloc_env.town.roads.patches_and_covers import (
     repair_look,
 )
 from carlaloc_env.town.roads.road_wear import CRACK_M
-
-Array = NDArray[np.float64]
 
 AREA_M2 = 80.0
 """Area of a junction for each repair and each crack; covers have three times as much [m²]."""

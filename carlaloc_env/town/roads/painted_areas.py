@@ -7,23 +7,22 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.height_fields import JunctionField
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.paved_areas import TownAreas
-from carlaloc_env.town.lanes.crosswalks import Crosswalk, outline_points
+from carlaloc_env.town.lanes.crosswalks import outline_points
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.town.lanes.signals import object_pose
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, areas_only, strip_polygon, triangulate
 from carlaloc_env.town.opendrive.records import Road, RoadObject
 from carlaloc_env.town.roads.gore_hatching import gore_bars
 from carlaloc_env.town.roads.road_markings import PAINT_M
-
-Array = NDArray[np.float64]
 
 BAR_M, BAR_GAP_M = 0.5, 0.6
 """Width of a crosswalk's bars and the gap between them [m]."""

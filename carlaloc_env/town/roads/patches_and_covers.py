@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
-
-Array = NDArray[np.float64]
 
 PATCH_M = 0.002
 """Height of repairs above the road [m]; paint lies higher."""

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road, RoadMark
-
-Array = NDArray[np.float64]
 
 PAINT_M = 0.005
 """Height of paint above the road [m]."""

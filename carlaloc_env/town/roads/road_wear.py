@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
@@ -26,7 +26,6 @@ from carlaloc_env.town.roads.patches_and_covers import (
 )
 from carlaloc_env.town.roads.road_markings import beside
 
-Array = NDArray[np.float64]
 Spans = list[tuple[float, float]]
 Rectangle = tuple[float, float, float, float]
 """From and to along the road [m], from and to across a lane from its right edge [m]."""

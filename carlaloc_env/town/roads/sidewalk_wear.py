@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
 from carlaloc_env.scene.materials import Material
@@ -15,7 +14,6 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.roads.sidewalks import FLARE_M, KERB_STONE_M, raised_runs, run_edges
 
-Array = NDArray[np.float64]
 Rectangle = tuple[float, float, float, float]
 """From and to along the road [m], from and to across the pavement from its right edge [m]."""
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.opendrive.records import Road
-
-Array = NDArray[np.float64]
 
 KERB_STONE_M = 0.15
 """Width of the kerb stone's top [m]."""

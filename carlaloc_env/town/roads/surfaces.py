@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_graph import grown
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
 from carlaloc_env.town.ground.ground_plan import Groundwork
@@ -13,10 +12,9 @@ from carlaloc_env.town.ground.height_fields import JunctionField
 from carlaloc_env.town.ground.terrain import add_terrain
 from carlaloc_env.town.ground.water import add_water
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.meshing.collision_mesh import add_plain_lanes
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, areas_only
-from carlaloc_env.town.roads.carriageways import add_roads
+from carlaloc_env.town.roads.carriageways import add_plain_lanes, add_roads
 from carlaloc_env.town.roads.junction_surfaces import add_corners, add_islands, add_junction_surface
 from carlaloc_env.town.roads.junction_wear import add_junction_details
 from carlaloc_env.town.roads.motorways import is_fast_junction
@@ -27,8 +25,6 @@ from carlaloc_env.town.roads.sidewalk_wear import add_pavement_details
 from carlaloc_env.town.roads.sidewalks import add_pavements
 from carlaloc_env.town.structures.bridges import add_bridges
 from carlaloc_env.town.structures.underpasses import add_underpasses
-
-Array = NDArray[np.float64]
 
 PROMENADE_M = 3.7
 """Quays this near to something paved have a railing of their own [m]."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.cubic_tables import Array
 from carlaloc_env.town.routing.route import Route, cut_start, plan_route
 
 ROUTE_LENGTH_M = 1000.0

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
-
-Array = NDArray[np.float64]
+from carlaloc_env.core.array_types import Array
 
 EASE_M = 2.0
 """The way aside is the running mean over twice this length, taken twice [m]."""

@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.shortest_paths import Place, path_through
-from carlaloc_env.town.opendrive.cubic_tables import Array, Index
 from carlaloc_env.town.routing.smoothing import RouteLine, trace
 from carlaloc_env.town.routing.tight_turns import fit_turns
 

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.shortest_paths import Span
-from carlaloc_env.town.opendrive.cubic_tables import Array, Index
 
 SAMPLE_M = 0.25
 """Spacing of the points."""

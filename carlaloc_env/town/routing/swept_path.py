@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.flush_sidewalks import lower_walks
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES
 from carlaloc_env.town.meshing.polygons import Area, strip_polygon
-from carlaloc_env.town.opendrive.cubic_tables import Array
 from carlaloc_env.town.routing.smoothing import RouteLine
 
 EASY_M = 4.75

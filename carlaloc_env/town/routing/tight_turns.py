@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.cubic_tables import Array
 from carlaloc_env.town.routing.off_tracking import inside_line
 from carlaloc_env.town.routing.smoothing import SAMPLE_M, RouteLine
 from carlaloc_env.town.routing.swept_path import cost_of, kerb_room, room_about

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -22,8 +22,6 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.street.parked_cars import ParkedCars
-
-Array = NDArray[np.float64]
 
 BAY_M = (2.5, 5.0)
 """Width and length of a bay [m]."""

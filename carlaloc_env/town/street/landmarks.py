@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.street.billboards import billboard
 from carlaloc_env.assets.street.construction_sites import construction_site
 from carlaloc_env.assets.street.furniture import bus_shelter
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -25,14 +25,12 @@ from carlaloc_env.town.buildings.gatehouse import gatehouse, gatehouse_lamps
 from carlaloc_env.town.buildings.monuments import fountain, monument
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.config import Feature
+from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.street.car_parks import BAY_M, DEPTH_M, CarPark
 from carlaloc_env.town.structures.gantries_and_jetties import gantry, pier
-
-Array = NDArray[np.float64]
-HeightOf = Callable[[Array], Array]
 
 EXTENTS_M: dict[str, tuple[float, float]] = {
     "filling_station": (27.0, 26.0),

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_uv
 from carlaloc_env.assets.vehicles.all_vehicles import vehicle
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -23,8 +23,6 @@ from carlaloc_env.town.ground.terrain import Ground
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
-
-Array = NDArray[np.float64]
 
 CARS = (*(name for name, model in VEHICLES.items() if model.tag == Tag.CAR), "pickup", "van")
 """Models that are parked."""

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.street.fences_and_poles import delineator
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -17,7 +17,7 @@ from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.paved_areas import TownAreas
 from carlaloc_env.town.ground.road_edges import RoadEdge
 from carlaloc_env.town.ground.terrain import Ground
-from carlaloc_env.town.lanes.crosswalks import Crosswalk
+from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.town.meshing.collision_mesh import posts
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
@@ -29,8 +29,6 @@ from carlaloc_env.town.structures.guard_rails import add_guard_rails, add_median
 from carlaloc_env.town.structures.overhead_lines import POLE_M, add_lines, corridor, place_lines
 from carlaloc_env.town.structures.street_lights import mast_meshes
 from carlaloc_env.town.structures.wire_fences import add_wire_fences
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.assets.vegetation.tree_species import FORMS
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.land_raster import Land, Raster
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -29,8 +29,6 @@ from carlaloc_env.town.street.site_plan import Plots
 from carlaloc_env.town.street.street_furniture import Furnisher
 from carlaloc_env.town.street.street_props import Placement
 from carlaloc_env.town.vegetation.land_cover import dress_land, is_tree
-
-Array = NDArray[np.float64]
 
 SOLID_PROPS = (
     ("bus_shelter", 0.8, 2.4),

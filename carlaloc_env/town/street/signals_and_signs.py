@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import SignalLenses
 from carlaloc_env.assets.street.traffic_lights import traffic_light
 from carlaloc_env.assets.street.traffic_signs import sign
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.signals import SignalHead, StaticSign
+from carlaloc_env.town.lanes.records import SignalHead, StaticSign
 from carlaloc_env.town.meshing.prop_copies import copies, poses
-
-Array = NDArray[np.float64]
-HeightOf = Callable[[Array], Array]
 
 SHORTEST_ARM_M, LONGEST_ARM_M = 3.5, 11.0
 """Mast arms that are built; nearer lanes are served from the post [m]."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
 from carlaloc_env.scene.mesh import Mesh
@@ -21,8 +20,6 @@ from carlaloc_env.town.ground.terrain import BANK_SLOPE, Ground
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.street.car_parks import CarPark, place_car_parks
 from carlaloc_env.town.street.landmarks import Site, feature_car_parks, sites
-
-Array = NDArray[np.float64]
 
 OVERHEAD_CLEAR_M = 2.5
 """Distance of buildings and trees from raised roads [m]."""

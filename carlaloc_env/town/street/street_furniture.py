@@ -6,18 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.roads.sidewalks import raised_runs, run_edges
 from carlaloc_env.town.street.street_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
-
-Array = NDArray[np.float64]
 
 LAMP_STEP_M = 30.0
 """Distance of lamps on one side of a street [m]."""

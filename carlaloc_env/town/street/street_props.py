@@ -6,16 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.street import furniture
 from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.assets.texture_atlas import STREET_NAMES
 from carlaloc_env.assets.vegetation.shrubs import hedge
 from carlaloc_env.assets.vegetation.trees import tree
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 LAMP_HEIGHT_M, LAMP_ARM_M = 8.5, 2.0
 """Height of a lamp's light, and how far it reaches over the road [m]."""

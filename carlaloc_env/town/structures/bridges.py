@@ -6,11 +6,12 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import Levels
 from carlaloc_env.town.ground.height_fields import EdgeField
-from carlaloc_env.town.ground.raised_parts import DECK_M, DIM, FOOTING_M, Array, Floor, RaisedParts
+from carlaloc_env.town.ground.raised_parts import DECK_M, DIM, FOOTING_M, Floor, RaisedParts
 from carlaloc_env.town.ground.terrain import Ground
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, rings, triangulate

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, tube
 from carlaloc_env.assets.street.furniture import bench, bollard, lamp
 from carlaloc_env.assets.street.traffic_signs import board
 from carlaloc_env.assets.texture_atlas import cell_corners, street_name_uv
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import Feature
+from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
-
-Array = NDArray[np.float64]
-HeightOf = Callable[[Array], Array]
 
 GANTRY_CLEAR_M = 5.7
 """Free height under the boards of a gantry [m]."""

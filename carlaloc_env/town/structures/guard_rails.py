@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
@@ -19,9 +20,6 @@ from carlaloc_env.town.ground.terrain import Ground
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.opendrive.records import Road
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 FAST_MPS = 75.0 / 3.6
 """Roads with at least this limit have rails [m/s]."""

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import placed
 from carlaloc_env.assets.street import furniture
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
 from carlaloc_env.town.ground.road_edges import RoadEdge, right_of
@@ -18,8 +18,6 @@ from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.structures.guard_rails import FAST_MPS
 from carlaloc_env.town.structures.parapets import RAIL_KERB_M
-
-Array = NDArray[np.float64]
 
 STEP_M, DECK_STEP_M = 44.0, 32.0
 """Distance of masts along fast roads, and of lamps on parapets [m]."""

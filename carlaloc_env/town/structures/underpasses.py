@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.cuttings import ROOF_M
 from carlaloc_env.town.ground.grade_graph import grown, runs
 from carlaloc_env.town.ground.grade_levels import WALL_M, Levels, Stretch
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
-
-Array = NDArray[np.float64]
 
 PARAPET_M = 0.95
 """Height of walls and rails above the ground beside a cut [m]."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
@@ -16,8 +16,6 @@ from carlaloc_env.town.ground.road_edges import RoadEdge
 from carlaloc_env.town.ground.terrain import Ground
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
-
-Array = NDArray[np.float64]
 
 FAST_MPS = 69.0 / 3.6
 """Roads with this limit or a higher one are fenced [m/s]."""

@@ -8,12 +8,12 @@ from functools import partial
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.vegetation.farm_plants import bale, fence_panel, maize, stalks
 from carlaloc_env.assets.vegetation.tree_species import DETAILS
 from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.land_raster import Land
@@ -22,7 +22,6 @@ from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, ri
 from carlaloc_env.town.meshing.prop_batches import PropField
 from carlaloc_env.town.vegetation.planting import PROTOTYPES, put_bushes, tree_detail
 
-Array = NDArray[np.float64]
 Tint = tuple[int, int, int]
 
 VERGE_M = 5.5

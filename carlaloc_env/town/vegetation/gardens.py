@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box
 from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.vegetation.farm_plants import picket_panel
 from carlaloc_env.assets.vegetation.shrubs import shrub
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -20,8 +20,6 @@ from carlaloc_env.town.buildings.building_lots import Lot
 from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.prop_batches import PropField
-
-Array = NDArray[np.float64]
 
 LEAST_M = 2.0
 """Gardens less deep than this have no fence [m]."""

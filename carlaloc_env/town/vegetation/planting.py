@@ -12,13 +12,12 @@ from carlaloc_env.assets.vegetation.shrubs import shrub, tufts
 from carlaloc_env.assets.vegetation.tree_species import DETAILS
 from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.building_lots import frontages
 from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.ground.terrain import YARD_M
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_batches import PropField
-
-Array = NDArray[np.float64]
 
 STANDS: dict[str, tuple[float, tuple[str, ...]]] = {
     "park": (9.0, ("park", "conifer", "plane", "autumn", "birch", "lime")),

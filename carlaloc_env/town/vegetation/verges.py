@@ -5,10 +5,10 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.street.billboards import billboard
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.building_lots import frontages
@@ -17,8 +17,6 @@ from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.meshing.prop_batches import PropField
 from carlaloc_env.town.vegetation.planting import put_bushes, put_trees, rights
-
-Array = NDArray[np.float64]
 
 STRETCH_M = (70.0, 190.0)
 """Length of one kind of wayside [m]."""

@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe
 from carlaloc_env.assets.street.furniture import bench, planter
 from carlaloc_env.assets.vegetation.shrubs import shrub
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -20,8 +20,6 @@ from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.meshing.polygons import areas_only, rings
 from carlaloc_env.town.meshing.prop_batches import PropField
 from carlaloc_env.town.vegetation.planting import put_trees, rights
-
-Array = NDArray[np.float64]
 
 BAY_M = 2.0
 """Length of one bay of the balustrade [m]."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import chance
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.record_arrays import Array
 from carlaloc_env.traffic.tables.reservations import MAX_WAITING, Requests, drop_holds_ahead, holds
+from carlaloc_env.traffic.tables.speed_profile import COMFORT_BRAKING_MPS2
 from carlaloc_env.traffic.tables.vehicle_state import PLAN, REFUSED_LIGHT, Drivers, Fleet, Habits
-from carlaloc_env.traffic.vehicles.car_following import COMFORT_BRAKING_MPS2
 
 GREEN, YELLOW = 3, 2
 YELLOW_BRAKING_MPS2 = 3.0

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
 
 Links = Sequence[Sequence[int]]
 _Row = tuple[int, int, float, float, float, float]

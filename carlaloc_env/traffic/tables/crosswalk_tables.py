@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.tables.record_arrays import Array, Index, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import fill, starts
 
 WANTED, TAKEN = 1, 2
 """What walkers do with a crossing: they wait to cross, or they walk there or will within seconds."""

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index, fill, starts
+from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
 
 CHANGE_ROOM_M = 18.0
 """Shortest lane on which a lane change is planned [m]."""

@@ -6,13 +6,14 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
 from carlaloc_env.traffic.tables.crosswalk_tables import Crossings, find_crossings
 from carlaloc_env.traffic.tables.lane_reachability import Ways, find_ways, road_ends
-from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index, columns, fill, starts
-from carlaloc_env.traffic.vehicles.car_following import allowed_speeds
+from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
+from carlaloc_env.traffic.tables.speed_profile import allowed_speeds
 
 WIDE_M = 2.6
 """A lane of this width holds any vehicle [m]."""

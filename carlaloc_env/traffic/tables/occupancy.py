@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
 from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside, width_at
-from carlaloc_env.traffic.tables.record_arrays import Array, Index, columns
+from carlaloc_env.traffic.tables.record_arrays import columns
 from carlaloc_env.traffic.tables.vehicle_state import PAST, Drivers, Fleet
 
 HORIZON_M = 120.0

@@ -7,8 +7,8 @@ from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from carlaloc_env.core.array_types import Index
+
 Flags = NDArray[np.bool_]
 
 T = TypeVar("T")

@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.record_arrays import Array, Index, columns
+from carlaloc_env.traffic.tables.record_arrays import columns
 from carlaloc_env.traffic.tables.vehicle_state import HELD, Fleet
 
 MAX_WAITING = 512

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from carlaloc_env.traffic.tables.record_arrays import Array, Index
+from carlaloc_env.core.array_types import Array, Index
 
 PAVEMENT, CROSSWALK = 0, 1
 """Kinds of footways."""

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from carlaloc_env.town.lanes.crosswalks import Crosswalk
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.record_arrays import Array, columns, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import columns, fill, starts
 from carlaloc_env.traffic.tables.sidewalk_tables import (
     CROSSWALK,
     PAVEMENT,

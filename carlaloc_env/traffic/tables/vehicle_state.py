@@ -9,7 +9,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index, columns
+from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.traffic.tables.record_arrays import Flags, columns
 
 PLAN = 12
 """Lanes that a plan holds, the present one first."""

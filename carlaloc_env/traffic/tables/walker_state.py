@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index
+from carlaloc_env.traffic.tables.record_arrays import Flags
 
 STEP_S = STEP_NS / 1e9
 RADIUS_M = 0.3

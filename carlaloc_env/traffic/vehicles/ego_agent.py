@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from carlaloc_env.assets.catalog import EGO_SIZE_M
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Presence, add_body
-from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index, columns
+from carlaloc_env.traffic.tables.record_arrays import Flags, columns
 from carlaloc_env.traffic.tables.vehicle_state import HELD, Fleet
 
 CELL_M = 8.0

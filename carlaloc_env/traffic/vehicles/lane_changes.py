@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import chance
@@ -19,8 +20,6 @@ from carlaloc_env.traffic.tables.vehicle_state import PAST, REFUSED_ROOM, Driver
 from carlaloc_env.traffic.vehicles.car_following import idm_plus
 from carlaloc_env.traffic.vehicles.lane_plans import change_goal, find_way, plan_ahead
 from carlaloc_env.traffic.vehicles.neighbours import find_beside
-
-Array = NDArray[np.float64]
 
 STEP_S = STEP_NS / 1e9
 DECIDE_EVERY = 10

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import chance
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.vehicle_state import GOALS, HELD, PLAN, Fleet
-
-Array = NDArray[np.float64]
 
 ROOM_PER_CHANGE_M = 70.0
 """A way is chosen only if there is that much room for each of its lane changes [m]."""

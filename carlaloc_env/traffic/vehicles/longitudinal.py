@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import chance
 from carlaloc_env.traffic.tables.lane_tables import Roads, allowed_at, station_beside
 from carlaloc_env.traffic.tables.occupancy import Presence, on_origin, place_after
+from carlaloc_env.traffic.tables.speed_profile import COMFORT_BRAKING_MPS2
 from carlaloc_env.traffic.tables.vehicle_state import HELD, PAST, PLAN, Drivers, Fleet, Habits
-from carlaloc_env.traffic.vehicles.car_following import COMFORT_BRAKING_MPS2, idm_plus
+from carlaloc_env.traffic.vehicles.car_following import idm_plus
 from carlaloc_env.traffic.vehicles.lane_plans import plan_ahead, reach_goal
 from carlaloc_env.traffic.vehicles.neighbours import find_ahead, find_beside, find_leader
-
-Array = NDArray[np.float64]
 
 STEP_S = STEP_NS / 1e9
 _COURTEOUS_BRAKING_MPS2 = 1.5

@@ -6,11 +6,11 @@ single crossing or a piece of motorway, only what may leave can drive there at a
 
 from __future__ import annotations
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import chance
 from carlaloc_env.traffic.tables.lane_tables import Roads, allowed_at
 from carlaloc_env.traffic.tables.occupancy import Presence
-from carlaloc_env.traffic.tables.record_arrays import Array, Index
 from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
 from carlaloc_env.traffic.vehicles.lane_plans import plan_ahead
 from carlaloc_env.traffic.vehicles.neighbours import find_ahead

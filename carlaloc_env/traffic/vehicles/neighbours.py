@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import HORIZON_M, Presence, place_after
 from carlaloc_env.traffic.tables.vehicle_state import PLAN, Fleet
-
-Array = NDArray[np.float64]
 
 
 @compiled

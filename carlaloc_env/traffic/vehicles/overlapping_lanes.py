@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Links
 from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside
 from carlaloc_env.traffic.tables.occupancy import Presence, on_origin
-from carlaloc_env.traffic.tables.record_arrays import Array, Flags, Index, columns, fill, starts
+from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
 
 NEAR_M = 2.3

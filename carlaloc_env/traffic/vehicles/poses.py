@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads, bank_at, put_point, sample
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
-
-Array = NDArray[np.float64]
 
 _QUARTER = 0.7853981633974483
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN, WANTED
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Presence, place_after
-from carlaloc_env.traffic.tables.record_arrays import Array
 from carlaloc_env.traffic.tables.sidewalk_tables import Ground
 from carlaloc_env.traffic.tables.walker_state import Boxes, Walking
 from carlaloc_env.traffic.vehicles.neighbours import who_is_behind

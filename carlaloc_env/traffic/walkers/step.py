@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import chance
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Presence
-from carlaloc_env.traffic.tables.record_arrays import Array
 from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK, PAVEMENT, Ground
 from carlaloc_env.traffic.tables.walker_state import STEP_S, Boxes, Walking
 from carlaloc_env.traffic.walkers.crossing_decisions import claim_crossings, wait_or_go

@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Presence
-from carlaloc_env.traffic.tables.record_arrays import Array, columns
+from carlaloc_env.traffic.tables.record_arrays import columns
 from carlaloc_env.traffic.tables.sidewalk_tables import PAVEMENT, Ground
 from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
 from carlaloc_env.traffic.tables.walker_state import Boxes, Walking

@@ -5,13 +5,11 @@ from __future__ import annotations
 from math import cos, floor, pi, sin
 
 import numpy as np
-from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.routing.off_tracking import EASE_M, wanted_inside
 from carlaloc_env.town.routing.route import Route
-
-Array = NDArray[np.float64]
 
 SPACING_M = 0.5
 _CURVE_WINDOW_M = 4.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Imu, PointCloud
-from recorder.writers.calibration.yaml_text import real, rows
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.topics import TopicProfile
+from recorder.writers.yaml_text import real, rows
 
 
 def fast_lio_yaml(rig: RigCalibration, topics: TopicProfile) -> str:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from recorder.writers.base import write_text
 from recorder.writers.calibration.fast_lio import fast_lio_yaml
 from recorder.writers.calibration.kalibr import camchain_yaml, imu_yaml
 from recorder.writers.calibration.lego_loam import lego_loam_notes
 from recorder.writers.calibration.orbslam3 import orbslam3_yaml
 from recorder.writers.calibration.vins_fusion import vins_camera_yaml, vins_yaml
-from recorder.writers.calibration.yaml_text import nested
 from recorder.writers.can_bus import dbc
-from recorder.writers.formats.euroc_states import write_text
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.topics import TopicProfile, profile_by_name
+from recorder.writers.yaml_text import nested
 
 
 def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str = "standard") -> list[Path]:

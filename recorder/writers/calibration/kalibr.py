@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu
-from recorder.writers.calibration.yaml_text import nested, real
 from recorder.writers.rig_calibration import ImuCalibration, RigCalibration
 from recorder.writers.topics import TopicProfile
+from recorder.writers.yaml_text import nested, real
 
 
 def camchain_yaml(rig: RigCalibration, topics: TopicProfile) -> str:

@@ -6,8 +6,8 @@ ORB-SLAM3 stops at a setting of the wrong type, so reals have a point and intege
 from __future__ import annotations
 
 from carlaloc_env.core.errors import WriterError
-from recorder.writers.calibration.yaml_text import opencv_matrix, real
 from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.yaml_text import opencv_matrix, real
 
 _TRACKING = """\
 ORBextractor.nFeatures: 1500

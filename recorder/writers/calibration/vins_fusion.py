@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu
-from recorder.writers.calibration.yaml_text import opencv_matrix, real
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 from recorder.writers.topics import TopicProfile
+from recorder.writers.yaml_text import opencv_matrix, real
 
 _TRACKING = """\
 # 0: trust body_T_cam0 and body_T_cam1, which are exact

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
-from recorder.writers.calibration.yaml_text import real, rows
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, grey
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuCalibration, RigCalibration
-from recorder.writers.ros.camera_messages import grey
+from recorder.writers.yaml_text import real, rows
 
 TIMES_FILE = "times.txt"
 """Times of the pictures [ns], one per line: ORB-SLAM3's EuRoC programs take this file beside the folder."""

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from carlaloc_env.core.errors import WriterError
 from carlaloc_env.timeline.ego_spline import Motion
-from recorder.writers.base import DEFAULT_EPOCH_NS
+from recorder.writers.base import DEFAULT_EPOCH_NS, write_text
 
 STATE_HEADER = (
     "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], "
@@ -77,22 +76,3 @@ def write_state_csv(
             )
         )
     write_text(path, "\n".join(lines) + "\n")
-
-
-def write_text(path: str | Path, text: str) -> Path:
-    """Write a small new file, first under a temporary name.
-
-    Raises:
-        WriterError: the file exists or cannot be written.
-    """
-    path = Path(path)
-    if path.exists():
-        raise WriterError(f"{path} exists; choose another folder or delete it first")
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8")
-        part.rename(path)
-    except OSError as error:
-        raise WriterError(f"cannot write {path}: {error.strerror}") from error
-    return path

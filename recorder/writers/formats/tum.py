@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.evaluation.trajectory import tum_text
-from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.formats.euroc_states import write_text
+from recorder.writers.base import DEFAULT_EPOCH_NS, write_text
 
 
 def write_tum(path: str | Path, motion: Motion, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> Path:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import cast
-
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from carlaloc_env.samples import DepthImage, Events, FlowImage, Image, NormalImage, SemanticImage
+from recorder.writers.base import grey
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 
@@ -20,11 +17,6 @@ def image_rgb8(maker: MessageParts, header: Message, sample: Image) -> Message:
 def image_mono8(maker: MessageParts, header: Message, sample: Image) -> Message:
     """Brightness of a colour picture."""
     return maker.image(header, grey(sample), "mono8")
-
-
-def grey(sample: Image) -> NDArray[np.uint8]:
-    """Brightness 0–255 of a picture (ITU-R BT.601), shape (H, W)."""
-    return cast(NDArray[np.uint8], cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2GRAY))
 
 
 def image_32fc1(maker: MessageParts, header: Message, sample: DepthImage) -> Message:

@@ -1,0 +1,19 @@
+"""Names of numpy's array types, in one place: shapes and units stand where they are used."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""Numbers to compute with."""
+F32 = NDArray[np.float32]
+"""What sensors measure and GPUs read."""
+I32 = NDArray[np.int32]
+U8 = NDArray[np.uint8]
+U32 = NDArray[np.uint32]
+U64 = NDArray[np.uint64]
+Index = NDArray[np.intp]
+"""Rows of other arrays."""
+Mask = NDArray[np.bool_]
+"""Which rows or pixels are meant."""
