@@ -13,9 +13,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from carlaloc_env.core.array_types import I32
 from carlaloc_env.sensors.event_camera.interpolation import can_pick
-from carlaloc_env.sensors.event_camera.simd import I64, LANES, WORDS, Room, Wide, all_of, data_of, spread
+from carlaloc_env.sensors.event_camera.simd import I32, I64, LANES, WORDS, Room, Wide, all_of, data_of, spread
 from carlaloc_env.sensors.event_camera.simd_state import (
     LEVELS,
     LOWER,

@@ -13,11 +13,11 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
-from carlaloc_env.core.array_types import I32
 from carlaloc_env.core.jit import inlined
 from carlaloc_env.sensors.event_camera.interpolation import between
 from carlaloc_env.sensors.event_camera.simd import (
     FLOATS,
+    I32,
     I64,
     Room,
     Wide,

@@ -8,8 +8,17 @@ from typing import Any
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils
 
-from carlaloc_env.core.array_types import I32
-from carlaloc_env.sensors.event_camera.simd import FLOATS, I64, LANES, WORDS, Wide, all_of, spread, within
+from carlaloc_env.sensors.event_camera.simd import (
+    FLOATS,
+    I32,
+    I64,
+    LANES,
+    WORDS,
+    Wide,
+    all_of,
+    spread,
+    within,
+)
 
 _WINDOW_ROWS = 4
 

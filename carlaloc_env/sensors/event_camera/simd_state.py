@@ -12,9 +12,19 @@ from llvmlite import ir  # type: ignore[import-untyped]
 from numba import types
 from numba.extending import intrinsic
 
-from carlaloc_env.core.array_types import F32, I32
 from carlaloc_env.sensors.event_camera.interpolation import between
-from carlaloc_env.sensors.event_camera.simd import FLOATS, I64, LANES, WORDS, Room, Wide, data_of, spread
+from carlaloc_env.sensors.event_camera.simd import (
+    F32,
+    FLOATS,
+    I32,
+    I64,
+    LANES,
+    WORDS,
+    Room,
+    Wide,
+    data_of,
+    spread,
+)
 
 CHUNK = 16
 """Samples that go together; those of a smooth tile's chunk lie on a straight way."""

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_types import F32, I32
+from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.jit import inlined
 from carlaloc_env.sensors.event_camera.crossing_queue import MARK_ROWS
 from carlaloc_env.sensors.event_camera.edge_search import (
@@ -31,7 +31,7 @@ from carlaloc_env.sensors.event_camera.edge_search import (
     go_on,
     search,
 )
-from carlaloc_env.sensors.event_camera.simd import FLOATS, I64, LANES, WORDS, Wide, data_of, spread
+from carlaloc_env.sensors.event_camera.simd import FLOATS, I32, I64, LANES, WORDS, Wide, data_of, spread
 from carlaloc_env.sensors.event_camera.simd_state import CHUNK, U, V
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX
 from carlaloc_env.sensors.imaging.motion_warping import (
