@@ -47,7 +47,10 @@ def page() -> str:
 
 def sample_classes() -> list[type[samples.Sample]]:
     """`Sample` and all kinds of samples, in the order of their modules."""
-    names = [f"{samples.__name__}.{part}" for part in ("base", "pictures", "clouds", "states", "truth")]
+    names = [
+        f"{samples.__name__}.{part}"
+        for part in ("base", "images", "point_clouds", "vehicle_states", "ground_truth")
+    ]
     found = [cls for _, cls in inspect.getmembers(samples, inspect.isclass)]
     mine = [cls for cls in found if issubclass(cls, samples.Sample)]
     return sorted(mine, key=lambda cls: (names.index(cls.__module__), inspect.getsourcelines(cls)[1]))
@@ -78,11 +81,11 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
         for name, space in sensor.streams().items()
         if isinstance(space, spaces.Box)
     ]
-    source = f"{cls.__module__.replace('.', '/')}.py"
+    source = f"{type(sensor).__module__.replace('.', '/')}.py"
     return "\n".join(
         [
             f"### {kind}\n\n{_doc(cls)}",
-            f"\n**Method.** {_doc(inspect.getmodule(cls))}\n",
+            f"\n**Method.** {_doc(inspect.getmodule(type(sensor)))}\n",
             f"{_doc(type(sensor))}\n",
             f"**Inputs.** {_inputs(sensor)}\n",
             "**Outputs.**\n",
@@ -102,7 +105,7 @@ def _sensor(kind: str, cls: type[SensorConfig]) -> str:
 def _inputs(sensor: Any) -> str:
     """What a sensor asks its world for, read off its module's source and that of its parts."""
     module = Path(inspect.getfile(type(sensor)))
-    parts = sorted(module.parent.glob(f"{module.stem}_*.py"))
+    parts = sorted(module.parent.glob("*.py")) if module.stem == module.parent.name else []
     source = "".join(path.read_text(encoding="utf-8") for path in (module, *parts))
     asked = (
         ("the ego's motion", "ego_motion("),

@@ -22,7 +22,7 @@ def main() -> int:
     """Write maps/<town>/town.xodr for every town named."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
-        "town", nargs="+", help="folder below maps/ whose plan is maps/authoring/towns/<town>.py"
+        "town", nargs="+", help="folder below maps/ with a plan in maps/authoring/towns/"
     )
     for name in parser.parse_args().town:
         folder = MAPS / name

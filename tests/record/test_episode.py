@@ -191,8 +191,8 @@ def test_mcap_library_reads_the_file(tmp_path: Path) -> None:
 
 _CHILD = """
 import sys, time, numpy as np
-from recorder.episode import EpisodeWriter, EpisodeHeader, EgoRow
-from carlaloc_env.timeline import empty_frame
+from recorder.episode.episode import EpisodeWriter, EpisodeHeader, EgoRow
+from carlaloc_env.timeline.timeline import empty_frame
 with EpisodeWriter(sys.argv[1], EpisodeHeader(map_name="Town03")) as w:
     for tick in range(10**7):
         if tick % 10 == 0:
