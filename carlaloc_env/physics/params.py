@@ -15,7 +15,7 @@ class VehicleParams:
 
     Values describe a mid-size electric saloon: masses and steering ratio as published for such
     cars, springs from ride frequencies, tyre curves tuned so that the manoeuvres of
-    tests/world/test_physics_theory.py come out as measured on real cars.
+    tests/physics/test_theory.py come out as measured on real cars.
     """
 
     mass_kg: float = 1850.0

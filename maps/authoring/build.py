@@ -21,9 +21,7 @@ def town_text(name: str) -> str:
 def main() -> int:
     """Write maps/<town>/town.xodr for every town named."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "town", nargs="+", help="folder below maps/ with a plan in maps/authoring/towns/"
-    )
+    parser.add_argument("town", nargs="+", help="folder below maps/ with a plan in maps/authoring/towns/")
     for name in parser.parse_args().town:
         folder = MAPS / name
         folder.mkdir(exist_ok=True)

@@ -11,8 +11,8 @@ from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import Lane, LaneNetwork
 
-CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
-TOWN07 = pathlib.Path(__file__).parents[2].parent / "shared/data/carla_xodr/Town07.xodr"
+CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
+TOWN07 = pathlib.Path(__file__).parents[3].parent / "shared/data/carla_xodr/Town07.xodr"
 # Legs 1 to 4 leave the crossing eastwards, northwards, westwards and southwards.
 OUTWARD = {"1": 0.0, "2": math.pi / 2, "3": math.pi, "4": -math.pi / 2}
 

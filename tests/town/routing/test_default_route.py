@@ -12,7 +12,7 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route, lanes_that_go_on
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 MAPS = sorted(
     [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
 )
@@ -23,7 +23,7 @@ ROAD = (
     '<lane id="0" type="none"/></center><right><lane id="-1" type="driving"><link>{}</link>'
     '<width sOffset="0" a="3.2" b="0" c="0" d="0"/></lane></right></laneSection></lanes></road>'
 )
-CROSSING = Path(__file__).parent / "data" / "crossing.xodr"
+CROSSING = Path(__file__).parents[1] / "data" / "crossing.xodr"
 
 
 @pytest.mark.parametrize("path", MAPS, ids=lambda path: f"{path.parent.name}-{path.stem}")

@@ -11,9 +11,9 @@ from scipy.integrate import quad
 from carlaloc_env.town.checks.report import MapReport, check_map, write_waypoints_csv
 from carlaloc_env.town.lanes.build_network import build_network
 
-CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
+CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
 TEXT = CROSSING.read_text(encoding="utf-8")
-SHARED = pathlib.Path(__file__).parents[2].parent / "shared/data/carla_xodr"
+SHARED = pathlib.Path(__file__).parents[3].parent / "shared/data/carla_xodr"
 
 
 def check(tmp_path: pathlib.Path, text: str) -> MapReport:

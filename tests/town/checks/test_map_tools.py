@@ -19,7 +19,7 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 
-MAPS = sorted((pathlib.Path(__file__).parents[2] / "maps").glob("*/town.xodr"))
+MAPS = sorted((pathlib.Path(__file__).parents[3] / "maps").glob("*/town.xodr"))
 PAPER_LENGTH_M = {
     "Town01": 678.0,
     "Town03": 970.0,

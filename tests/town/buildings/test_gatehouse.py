@@ -18,7 +18,7 @@ from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roof
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 
-TOWN05 = pathlib.Path(__file__).parents[2] / "maps/Town05"
+TOWN05 = pathlib.Path(__file__).parents[3] / "maps/Town05"
 FEATURE = Feature(kind="gatehouse", position=(100.0, 50.0), heading_deg=30.0, size=(44.0, 20.0, 5.0))
 HALF_M, CLEARANCE_M = 9.0, 4.5
 """Half the width of what is paved, and the room that a lane needs above it [m]."""

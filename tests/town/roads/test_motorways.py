@@ -16,7 +16,7 @@ from carlaloc_env.town.roads.carriageways import add_roads
 from carlaloc_env.town.roads.motorways import is_fast
 from carlaloc_env.town.roads.road_wear import add_road_details
 
-MAPS = pathlib.Path(__file__).parents[2] / "maps"
+MAPS = pathlib.Path(__file__).parents[3] / "maps"
 
 
 def strips_by_speed(network: LaneNetwork) -> dict[bool, list[Strip]]:

@@ -14,7 +14,7 @@ from carlaloc_env.town.checks.report import report
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
-SEED = (pathlib.Path(__file__).parent / "data/crossing.xodr").read_bytes()
+SEED = (pathlib.Path(__file__).parents[1] / "data/crossing.xodr").read_bytes()
 NUMBER = re.compile(rb'"(-?\d[\d.e+-]*)"')
 ATTRIBUTE = re.compile(rb' [A-Za-z]+="[^"]*"')
 ELEMENT = re.compile(rb"<(\w+)\b[^<>]*(?:/>|>)")

@@ -15,8 +15,8 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 
-CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
-ROOT = pathlib.Path(__file__).parents[2]
+CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
+ROOT = pathlib.Path(__file__).parents[3]
 MAPS = sorted(
     [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
 )

@@ -11,7 +11,7 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive import xml_document
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
-CROSSING = pathlib.Path(__file__).parent / "data/crossing.xodr"
+CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
 TEXT = CROSSING.read_text(encoding="utf-8")
 
 

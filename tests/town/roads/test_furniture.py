@@ -20,7 +20,7 @@ from carlaloc_env.town.roads.road_wear import add_road_details
 from carlaloc_env.town.roads.sidewalk_wear import SLAB_M, add_pavement_details
 from carlaloc_env.town.street.street_furniture import Furnisher
 
-MAPS = pathlib.Path(__file__).parents[2] / "maps"
+MAPS = pathlib.Path(__file__).parents[3] / "maps"
 EVERYWHERE = {"lamp", "bench", "bin", "hydrant", "street_name", "cabinet", "post_box"}
 CITIES = {"newspaper_box", "planter", "bus_shelter"}
 QUIET = {"hedge"}

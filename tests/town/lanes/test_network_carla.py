@@ -13,7 +13,7 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")
 
-ROOT = pathlib.Path(__file__).parents[2]
+ROOT = pathlib.Path(__file__).parents[3]
 MAPS = sorted(
     [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
 )

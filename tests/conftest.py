@@ -1,0 +1,20 @@
+"""What all tests share, and their order: long ones first, so that no process ends alone with one of them."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest_plugins = ["shared_fixtures.scenes", "shared_fixtures.sticks", "shared_fixtures.drives"]
+
+LONG = ("tests/whole/", "tests/env/", "tests/window/", "tests/drive/")
+"""Folders whose modules take a minute or more."""
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put modules of long tests before all others; modules stay together."""
+
+    def rank(item: pytest.Item) -> int:
+        return next((n for n, folder in enumerate(LONG) if item.nodeid.startswith(folder)), len(LONG))
+
+    items.sort(key=rank)
