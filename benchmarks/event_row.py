@@ -16,9 +16,10 @@ from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera.camera import CameraSensor
 from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.event_camera.event_camera import EventCamera, Glance
+from carlaloc_env.sensors.event_camera.event_camera import EventCamera
 from carlaloc_env.sensors.event_camera.pixels import log_intensity
 from carlaloc_env.sensors.imaging.frame import Optics
+from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.town import Town
@@ -67,7 +68,9 @@ def events(bench: Bench) -> Row:
     )
 
 
-def _picture(bench: Bench, sensor: CameraSensor, timeline: Timeline, stamp_ns: int) -> tuple[Glance, F32]:
+def _picture(
+    bench: Bench, sensor: CameraSensor, timeline: Timeline, stamp_ns: int
+) -> tuple[FrameGeometry, F32]:
     """What the camera sees at a stamp [ns], and its light [cd/m²]."""
     glance, shot = sensor.glance(timeline, stamp_ns)
     return glance, shot.radiance_cd_m2(bench.stage.weather.at(stamp_ns))

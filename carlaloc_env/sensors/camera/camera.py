@@ -26,10 +26,11 @@ from carlaloc_env.scene.mesh import Instances, concatenate_instances
 from carlaloc_env.scene.semantic_tags import Tag, tags_in
 from carlaloc_env.sensors.base import Camera, World
 from carlaloc_env.sensors.camera.config import OUTPUTS, CameraConfig
-from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain, Glance
+from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain
 from carlaloc_env.sensors.event_camera.pixels import log_intensity
 from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
 from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
 from carlaloc_env.timeline.timeline import Timeline
@@ -124,10 +125,10 @@ class CameraSensor(Camera):
                 samples.append(one)
         return conditions
 
-    def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[Glance, Shot]:
+    def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[FrameGeometry, Shot]:
         """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
         shot = self._draw(timeline, stamp_ns)
-        return Glance.of(shot, self._moment(timeline, stamp_ns)), shot
+        return FrameGeometry.of(shot, self._moment(timeline, stamp_ns)), shot
 
     def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
         now, seed = weather.at(stamp_ns), self._world.seed
@@ -203,9 +204,9 @@ class CameraSensor(Camera):
         assert self._chain is not None
         pinhole, dark = self.config.pinhole, self.config.events.dark_cd_m2
 
-        def look(at_ns: int) -> tuple[Glance, list[F32]]:
+        def look(at_ns: int) -> tuple[FrameGeometry, list[F32]]:
             seen, moment = draw(at_ns)
-            return Glance.of(seen, moment), [
+            return FrameGeometry.of(seen, moment), [
                 log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
                 for weather in weathers
             ]

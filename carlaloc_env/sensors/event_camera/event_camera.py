@@ -19,12 +19,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.jit import over_bands
 from carlaloc_env.samples import EVENT
-from carlaloc_env.sensors.event_camera.pixels import Motion, Pixels, PixelState, Shots, fire, limit_rate
-from carlaloc_env.sensors.imaging.frame import Optics, Shot
-from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
-from carlaloc_env.sensors.imaging.occluders import passing_surfaces
+from carlaloc_env.sensors.event_camera.pixels import Pixels, PixelState, Shots, fire, limit_rate
+from carlaloc_env.sensors.imaging.frame import Optics
+from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry, FrameMotion, motion_between
 from carlaloc_env.sensors.imaging.state_chain import Chain
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
@@ -67,44 +65,6 @@ class EventConfig:
             raise ConfigError("dark_cd_m2, step_px and restart_s of events must be above zero")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Glance:
-    """All that is needed of one picture."""
-
-    moment: Moment
-    """Where everything was."""
-    depth_m: F32
-    """Planar depth [m], 0 = sky, shape (H, W)."""
-    instance: NDArray[np.uint32]
-    """Instance ids, shape (H, W)."""
-
-    @classmethod
-    def of(cls, shot: Shot, moment: Moment) -> Glance:
-        """Glance of a drawn picture."""
-        return cls(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
-
-
-def motion_between(optics: Optics, before: Glance, after: Glance) -> Motion:
-    """How everything moves between two pictures of a camera."""
-
-    def field(now: Glance, then: Glance) -> F32:
-        return motion_field(
-            optics.pinhole,
-            now.depth_m,
-            now.instance,
-            now.moment,
-            then.moment,
-            lens=optics.lens,
-            rays=optics.rays,
-        )
-
-    forward = field(before, after)
-    # Side by side, since not all that the one does can be shared among threads.
-    jobs = (lambda: passing_surfaces(forward), lambda: field(after, before))
-    passing, backward = over_bands(lambda job, _: jobs[job](), len(jobs), 1)
-    return Motion(forward=forward, backward=backward, passing=passing)
-
-
 class EventCamera:
     """The pixels of one event camera; holds what never changes, the caller holds the states."""
 
@@ -125,12 +85,12 @@ class EventCamera:
         """State at a moment without history."""
         return PixelState.begun(log_intensity, self._pixels, self._seed, self._name, stamp_ns)
 
-    def motion(self, before: Glance, after: Glance) -> Motion:
+    def motion(self, before: FrameGeometry, after: FrameGeometry) -> FrameMotion:
         """How everything moves between two pictures; the same for all weathers."""
         return motion_between(self._optics, before, after)
 
     def fire(
-        self, before: F32, after: F32, motion: Motion, state: PixelState, span_ns: tuple[int, int]
+        self, before: F32, after: F32, motion: FrameMotion, state: PixelState, span_ns: tuple[int, int]
     ) -> tuple[NDArray[np.void], PixelState]:
         """Events between two pictures of log intensity, and the state after them.
 
@@ -164,14 +124,14 @@ class EventCamera:
         return events, state
 
 
-Look = Callable[[int], tuple[Glance, list[F32]]]
-"""Takes a picture at a stamp [ns]: the glance, and the log intensity under each weather."""
+Look = Callable[[int], tuple[FrameGeometry, list[F32]]]
+"""Takes a picture at a stamp [ns]: what it shows, and the log intensity under each weather."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Held:
     stamp_ns: int
-    glance: Glance
+    glance: FrameGeometry
     intensity: list[F32]
     states: list[PixelState]
     events: list[NDArray[np.void]]

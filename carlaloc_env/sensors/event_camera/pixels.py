@@ -21,9 +21,9 @@ from carlaloc_env.sensors.event_camera.simd import float_of, word_of
 from carlaloc_env.sensors.event_camera.threshold_crossings import NEVER_US
 from carlaloc_env.sensors.event_camera.tile_motion import Scratch, new_scratch
 from carlaloc_env.sensors.event_camera.time_sorting import Slots
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.motion_field import TILE_PX
 from carlaloc_env.sensors.imaging.motion_warping import tile_ranges
-from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,25 +94,6 @@ class Shots:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
-    """How everything moves between two pictures, see `pixel_motion`."""
-
-    forward: F32
-    """Field of the first picture, towards the second, shape (H, W, 4)."""
-    backward: F32
-    """Field of the second picture, towards the first, shape (H, W, 4)."""
-    passing: F32
-    """Surfaces that pass over tiles, of the first picture, shape (h, w, 4)."""
-
-    @classmethod
-    def none(cls, shape: tuple[int, int]) -> Motion:
-        """Nothing moves: intensities change linearly."""
-        field = np.zeros((*shape, 4), np.float32)
-        field[..., 2:] = 1.0
-        return cls(forward=field, backward=field, passing=passing_surfaces(field))
-
-
 def log_intensity(radiance_cd_m2: F32, dark_cd_m2: float, *, blurred: bool) -> F32:
     """Log of luminance plus dark current, in cd/m², shape (H, W).
 
@@ -177,7 +158,7 @@ def log_of(value: Any) -> Any:
 def fire(
     before: F32,
     after: F32,
-    motion: Motion | None,
+    motion: FrameMotion | None,
     state: PixelState,
     pixels: Pixels,
     shots: Shots,
@@ -209,7 +190,7 @@ def fire(
     """
     height, width = before.shape
     if motion is None:
-        motion = Motion.none(before.shape)
+        motion = FrameMotion.none(before.shape)
     reference, last_us = np.empty_like(state.reference), np.empty_like(state.last_us)
     rows = (pixels.on, pixels.off, state.reference, state.last_us, reference, last_us)
     device = (*rows, *(row.reshape(-1) for row in (pixels.on, pixels.off, state.reference, reference)))

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.sensors.event_camera.event_camera import Glance, motion_between
-from carlaloc_env.sensors.event_camera.pixels import Motion
 from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry, FrameMotion, motion_between
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
 from carlaloc_env.sensors.imaging.motion_field import Moment
 from carlaloc_env.sensors.imaging.shutter import ShutterConfig, exposed, picked
@@ -44,7 +43,7 @@ class Swept:
     """The first picture."""
     second: Shot
     """The second one."""
-    motion: Motion
+    motion: FrameMotion
     """Motion in between."""
 
     def shares(self, rows_ns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -116,7 +115,7 @@ class Imaging:
             return None
         first, second = draw(begin_ns), draw(end_ns)
         glances = [
-            Glance(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
+            FrameGeometry(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
             for shot, moment in (first, second)
         ]
         return Swept(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.jit import compiled, over_bands
-from carlaloc_env.sensors.event_camera.pixels import Motion
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.motion_warping import BOTH, FIRST, NOWHERE, SECOND, sources
 
 SAMPLES_MAX = 64
@@ -46,7 +46,7 @@ class ShutterConfig:
         return np.stack([middle - half, middle + half], axis=-1)
 
 
-def exposed(before: F32, after: F32, motion: Motion, shares: NDArray[np.float64]) -> F32:
+def exposed(before: F32, after: F32, motion: FrameMotion, shares: NDArray[np.float64]) -> F32:
     """Mean of a picture over every row's share of the time between two pictures.
 
     Args:
@@ -65,7 +65,7 @@ def exposed(before: F32, after: F32, motion: Motion, shares: NDArray[np.float64]
 
 
 def picked(
-    before: NDArray[Any], after: NDArray[Any], motion: Motion, shares: NDArray[np.float64]
+    before: NDArray[Any], after: NDArray[Any], motion: FrameMotion, shares: NDArray[np.float64]
 ) -> NDArray[Any]:
     """Value of the nearest pixel at the middle of every row's time, never between two; shape (H, W)."""
     out = np.empty_like(before)

@@ -17,7 +17,7 @@ from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.event_camera.pixels import Motion
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
@@ -82,7 +82,7 @@ def test_control_reacts_as_a_first_order_lag_between_its_limits() -> None:
 PINHOLE = Pinhole(width_px=160, height_px=81, fx_px=100.0, fy_px=100.0, cx_px=80.0, cy_px=40.0)
 
 
-def sideways(shift_px: float) -> Motion:
+def sideways(shift_px: float) -> FrameMotion:
     """A wall 5 m ahead of a camera that moves to its left, so that all moves right."""
     T = from_rotation(R_FLU_OPTICAL)
     then = T.copy()
@@ -93,7 +93,7 @@ def sideways(shift_px: float) -> Motion:
     depth, ids = np.full(shape, 5.0, np.float32), np.zeros(shape, np.uint32)
     forward = motion_field(PINHOLE, depth, ids, *moments)
     backward = motion_field(PINHOLE, depth, ids, *moments[::-1])
-    return Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
+    return FrameMotion(forward=forward, backward=backward, passing=passing_surfaces(forward))
 
 
 def edge(at_px: float) -> NDArray[np.float32]:

@@ -17,7 +17,6 @@ from carlaloc_env.sensors.event_camera.chunk_sampling import ANYWHERE, FOUR_ROWS
 from carlaloc_env.sensors.event_camera.edge_search import ROWS
 from carlaloc_env.sensors.event_camera.pixels import (
     NEVER_US,
-    Motion,
     Pixels,
     PixelState,
     Shots,
@@ -27,6 +26,7 @@ from carlaloc_env.sensors.event_camera.pixels import (
 )
 from carlaloc_env.sensors.event_camera.simd import LANES
 from carlaloc_env.sensors.event_camera.simd_state import BEGIN, DX, DY, END, GROWS, LEVELS, MORE, X, Y
+from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
@@ -44,7 +44,7 @@ def fresh(level: F32) -> PixelState:
     return PixelState(reference=level.copy(), last_us=np.full(level.shape, NEVER_US, np.int32))
 
 
-def run(before: F32, after: F32, motion: Motion | None = None, **changes: Any) -> tuple[Any, PixelState]:
+def run(before: F32, after: F32, motion: FrameMotion | None = None, **changes: Any) -> tuple[Any, PixelState]:
     settings: dict[str, Any] = {
         "state": fresh(before),
         "pixels": uniform(0.2, 0.2, before.shape),
@@ -194,7 +194,7 @@ def test_log_is_the_logarithm_of_luminance_and_dark_current() -> None:
     np.testing.assert_allclose(value, np.log(luminance + 0.05), atol=2e-6)
 
 
-def plane_motion(speed_mps: float, depth_m: float, ahead: bool = False) -> tuple[Motion, float]:
+def plane_motion(speed_mps: float, depth_m: float, ahead: bool = False) -> tuple[FrameMotion, float]:
     """A wall across the view while the camera moves sideways (or ahead) for 50 ms; its motion [px]."""
     T = from_rotation(R_FLU_OPTICAL, (0.0, 0.0, 1.6))
     then = T.copy()
@@ -209,7 +209,7 @@ def plane_motion(speed_mps: float, depth_m: float, ahead: bool = False) -> tuple
     later = now - np.float32(speed_mps * 0.05 if ahead else 0.0)
     forward = motion_field(PINHOLE, now, ids, *moments)
     backward = motion_field(PINHOLE, later, ids, *moments[::-1])
-    motion = Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
+    motion = FrameMotion(forward=forward, backward=backward, passing=passing_surfaces(forward))
     return motion, PINHOLE.fx_px * speed_mps * 0.05 / depth_m
 
 
@@ -283,7 +283,7 @@ def test_a_pole_that_sweeps_past_fires_all_along_its_way() -> None:
     ]
     forward = motion_field(PINHOLE, depths[0], ids[0], *moments)
     backward = motion_field(PINHOLE, depths[1], ids[1], *moments[::-1])
-    motion = Motion(forward=forward, backward=backward, passing=passing_surfaces(forward))
+    motion = FrameMotion(forward=forward, backward=backward, passing=passing_surfaces(forward))
     events, _ = run(values[0], values[1], motion, pixels=uniform(0.5, 0.5, shape))
     for x in range(56, 104):
         mine = events[events["x"] == x]
