@@ -23,7 +23,7 @@ from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.weather.parameters import PRESETS
 from recorder.writers.calibration.files import write_calibration
 from recorder.writers.rig_calibration import RigCalibration
@@ -90,10 +90,10 @@ def tiles() -> Iterator[SceneRenderer]:
         yield renderer
 
 
-def shot(renderer: SceneRenderer, lens: Lens) -> Shot:
+def frame_through(renderer: SceneRenderer, lens: Lens) -> Frame:
     optics = Optics(CAMERA, lens)
     T = Mount(position_m=(0.0, 0.3, 0.1), axes="optical").T_base_sensor
-    return Shot(renderer.draw(optics.drawn, T, Instances()), renderer, optics.view)
+    return Frame(renderer.draw(optics.drawn, T, Instances()), renderer, optics.view)
 
 
 @LENSES
@@ -117,7 +117,7 @@ def test_picture_undistorted_with_the_written_file_is_the_pinholes(
     else:
         maps = cv2.fisheye.initUndistortRectifyMap(K, k, np.eye(3), K, size, cv2.CV_32FC1)
     weather = PRESETS["ClearNoon"]
-    bent, plain = shot(tiles, lens), shot(tiles, Lens())
+    bent, plain = frame_through(tiles, lens), frame_through(tiles, Lens())
     seen = cv2.remap(bent.rgbs([weather], 0, 0)[0], *maps, cv2.INTER_LINEAR).astype(float)
     expected = plain.rgbs([weather], 0, 0)[0].astype(float)
     inside = (maps[0] > 1) & (maps[0] < size[0] - 2) & (maps[1] > 1) & (maps[1] < size[1] - 2)
@@ -132,7 +132,7 @@ def test_picture_undistorted_with_the_written_file_is_the_pinholes(
 
 @LENSES
 def test_depth_and_labels_are_those_of_each_pixels_own_ray(tiles: SceneRenderer, lens: Lens) -> None:
-    bent = shot(tiles, lens)
+    bent = frame_through(tiles, lens)
     depth, (tag, _) = bent.depth_m, bent.labels
     np.testing.assert_allclose(depth, 4.0, atol=1e-3)
     assert set(np.unique(tag)) == {Tag.WALL, Tag.BUILDING}

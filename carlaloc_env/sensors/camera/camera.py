@@ -29,7 +29,7 @@ from carlaloc_env.sensors.camera.config import OUTPUTS, CameraConfig
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain
 from carlaloc_env.sensors.event_camera.pixels import log_intensity
 from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
-from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
@@ -92,15 +92,15 @@ class CameraSensor(Camera):
         samples.
         """
         self._make(self._world.seed)
-        shots: dict[int, tuple[Shot, Moment]] = {}
+        frames: dict[int, tuple[Frame, Moment]] = {}
 
-        def draw(at_ns: int) -> tuple[Shot, Moment]:
-            if at_ns not in shots:
+        def draw(at_ns: int) -> tuple[Frame, Moment]:
+            if at_ns not in frames:
                 # A long look back would fill the graphics memory: the picture itself and the last one stay.
-                for old in [t for t in shots if t != stamp_ns][:-1]:
-                    del shots[old]
-                shots[at_ns] = self._draw(timeline, at_ns), self._moment(timeline, at_ns)
-            return shots[at_ns]
+                for old in [t for t in frames if t != stamp_ns][:-1]:
+                    del frames[old]
+                frames[at_ns] = self._draw(timeline, at_ns), self._moment(timeline, at_ns)
+            return frames[at_ns]
 
         imaging = self._imaging
         swept = imaging.sweep(timeline, stamp_ns, draw) if imaging is not None else None
@@ -110,8 +110,8 @@ class CameraSensor(Camera):
             if imaging is not None:
                 pictures = imaging.pictures(timeline, stamp_ns, weathers, draw, swept)
             else:
-                shot, seed = draw(stamp_ns)[0], self._world.seed
-                pictures = shot.rgbs([weather.at(stamp_ns) for weather in weathers], stamp_ns, seed)
+                frame, seed = draw(stamp_ns)[0], self._world.seed
+                pictures = frame.rgbs([weather.at(stamp_ns) for weather in weathers], stamp_ns, seed)
             for samples, rgb, weather in zip(conditions, pictures, weathers, strict=True):
                 if self.config.lens_drops:
                     rgb = self._through_drops(rgb, weather, stamp_ns)
@@ -125,10 +125,10 @@ class CameraSensor(Camera):
                 samples.append(one)
         return conditions
 
-    def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[FrameGeometry, Shot]:
+    def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[FrameGeometry, Frame]:
         """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
-        shot = self._draw(timeline, stamp_ns)
-        return FrameGeometry.of(shot, self._moment(timeline, stamp_ns)), shot
+        frame = self._draw(timeline, stamp_ns)
+        return FrameGeometry.of(frame, self._moment(timeline, stamp_ns)), frame
 
     def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
         now, seed = weather.at(stamp_ns), self._world.seed
@@ -155,7 +155,7 @@ class CameraSensor(Camera):
         result: NDArray[np.float64] = np.sum(T_world_base[:, :, None] * self._T_base_camera[None], axis=1)
         return result
 
-    def _draw(self, timeline: Timeline, stamp_ns: int) -> Shot:
+    def _draw(self, timeline: Timeline, stamp_ns: int) -> Frame:
         renderer = self._world.renderer()
         gbuffer = renderer.draw(
             self._optics.drawn,
@@ -165,7 +165,7 @@ class CameraSensor(Camera):
             wind_mps=self.config.leaf_wind_mps * WIND_DIRECTION,
             stamp_ns=stamp_ns,
         )
-        return Shot(gbuffer, renderer, self._optics.view)
+        return Frame(gbuffer, renderer, self._optics.view)
 
     def _moment(self, timeline: Timeline, stamp_ns: int) -> Moment:
         return Moment.of(timeline, stamp_ns, self._pose(timeline, stamp_ns))
@@ -181,11 +181,11 @@ class CameraSensor(Camera):
             tag = tags_in(self.config.tag_table, tag)
             samples.append(SemanticImage(tag=tag, instance=instance, **self._labels("semantic", stamp_ns)))
         if "flow" in outputs:
-            shot, now = draw(stamp_ns)
+            frame, now = draw(stamp_ns)
             field = motion_field(
                 self.config.pinhole,
-                shot.depth_m,
-                shot.labels[1],
+                frame.depth_m,
+                frame.labels[1],
                 now,
                 self._moment(timeline, stamp_ns + self._period_ns),
                 lens=self.config.lens,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry, FrameMotion, motion_between
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
 from carlaloc_env.sensors.imaging.motion_field import Moment
@@ -18,7 +18,7 @@ from carlaloc_env.sensors.imaging.state_chain import Chain
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
 
-Draw = Callable[[int], tuple[Shot, Moment]]
+Draw = Callable[[int], tuple[Frame, Moment]]
 """Draws what the camera sees at a time [ns]."""
 
 
@@ -39,9 +39,9 @@ class Swept:
     """Time of the first drawn picture [ns]."""
     end_ns: int
     """Time of the second one [ns]."""
-    first: Shot
+    first: Frame
     """The first picture."""
-    second: Shot
+    second: Frame
     """The second one."""
     motion: FrameMotion
     """Motion in between."""
@@ -115,8 +115,8 @@ class Imaging:
             return None
         first, second = draw(begin_ns), draw(end_ns)
         glances = [
-            FrameGeometry(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
-            for shot, moment in (first, second)
+            FrameGeometry(moment=moment, depth_m=frame.depth_m, instance=frame.labels[1])
+            for frame, moment in (first, second)
         ]
         return Swept(
             begin_ns=begin_ns,
@@ -149,8 +149,8 @@ class Imaging:
         config = self._imager.config
 
         def levels(at_ns: int) -> list[float]:
-            shot = draw(at_ns)[0]
-            return [self._imager.level_cd_m2(shot.radiance_cd_m2(weather.at(at_ns))) for weather in weathers]
+            frame = draw(at_ns)[0]
+            return [self._imager.level_cd_m2(frame.radiance_cd_m2(weather.at(at_ns))) for weather in weathers]
 
         def begin(at_ns: int) -> _Metered:
             seen = levels(at_ns)

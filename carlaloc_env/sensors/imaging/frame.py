@@ -43,7 +43,7 @@ class Optics:
         return self.pinhole if self.view is None else self.view.pinhole
 
 
-class Shot:
+class Frame:
     """A drawn picture; numbers are read back when first asked for."""
 
     def __init__(self, gbuffer: GBuffer, renderer: SceneRenderer, view: LensView | None) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.jit import over_bands
-from carlaloc_env.sensors.imaging.frame import Optics, Shot
+from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
@@ -26,9 +26,9 @@ class FrameGeometry:
     """Instance ids, shape (H, W)."""
 
     @classmethod
-    def of(cls, shot: Shot, moment: Moment) -> FrameGeometry:
+    def of(cls, frame: Frame, moment: Moment) -> FrameGeometry:
         """Geometry of a drawn picture."""
-        return cls(moment=moment, depth_m=shot.depth_m, instance=shot.labels[1])
+        return cls(moment=moment, depth_m=frame.depth_m, instance=frame.labels[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
