@@ -159,11 +159,5 @@ GAIT_PHASES = 48
 """Number of postures in which a stride is stored."""
 LOW_GAIT_PHASES = 16
 """The same for walkers far away."""
-EGO_SIZE_M = (4.70, 1.85, 1.45)
-"""Length, width, height of the ego's body [m]."""
-EGO_REAR_M = -0.95
-"""Where the ego's body begins along x of `base_link` [m]."""
-EGO_WHEELBASE_M = 2.875
-"""Distance between the ego's axles [m]."""
 EGO_TINT: Colour = (10, 11, 12)
 """Linear tint of the ego's dark grey paint."""

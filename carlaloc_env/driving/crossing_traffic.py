@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.routing.route import Route
 
 _REACH_M = 45.0
 _AHEAD_S = np.array([0.4, 0.8, 1.2, 1.6, 2.0, 2.5, 3.0, 3.5])
-_WHEELBASE_M = 2.8
+_OTHERS_WHEELBASE_M = 2.8
+"""Wheelbase that the ego takes every other vehicle to have [m]: that of a saloon."""
 _SLOWEST_MPS = 0.7
 _ONCOMING_RAD = 2.2
 _SIDE_M = 0.35
 _CLEAR_BEFORE_S, _CLEAR_AFTER_S = 1.6, 2.4
-_EGO_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
 
 
 def crossing_traffic(
@@ -42,7 +42,7 @@ def crossing_traffic(
     near = np.hypot(place[:, 0] - own[0], place[:, 1] - own[1]) < _REACH_M + 10.0
     # Whoever drives behind minds the ego, not the other way round.
     east, north = np.cos(path.heading_rad[0]), np.sin(path.heading_rad[0])
-    near &= (place[:, 0] - own[0]) * east + (place[:, 1] - own[1]) * north > 0.5 * _EGO_FRONT_M
+    near &= (place[:, 0] - own[0]) * east + (place[:, 1] - own[1]) * north > 0.5 * EGO_FRONT_M
     near &= (actors.speed_mps > _SLOWEST_MPS) & (np.abs(place[:, 2] - own[2]) < 3.0)
     index = np.flatnonzero(near)
     if len(index) == 0:
@@ -57,7 +57,7 @@ def crossing_traffic(
     half = 0.5 * catalog.size_m[index].astype(np.float64)
     across = half[:, :1] * np.abs(np.sin(turn)) + half[:, 1:2] * np.abs(np.cos(turn))
     along = half[:, :1] * np.abs(np.cos(turn)) + half[:, 1:2] * np.abs(np.sin(turn))
-    gap = closest - along - _EGO_FRONT_M
+    gap = closest - along - EGO_FRONT_M
     arrives_s = np.maximum(gap, 0.0) / max(speed_mps, 3.0)
     meets = side < across + 0.5 * EGO_SIZE_M[1] + _SIDE_M
     meets &= (np.abs(turn) < _ONCOMING_RAD) & (gap > 0.3) & (closest < len(path.heading_rad) - 1)
@@ -73,7 +73,7 @@ def _future(actors: ActorFrame, index: NDArray[np.intp]) -> tuple[Array, Array, 
     """Places and headings of actors at the times `_AHEAD_S`, each of shape (N, T)."""
     speed = actors.speed_mps[index].astype(np.float64)[:, None]
     heading = actors.heading_rad[index].astype(np.float64)[:, None]
-    bend = np.tan(actors.steer_rad[index].astype(np.float64))[:, None] / _WHEELBASE_M
+    bend = np.tan(actors.steer_rad[index].astype(np.float64))[:, None] / _OTHERS_WHEELBASE_M
     way = speed * _AHEAD_S
     half_turn = np.clip(0.5 * way * bend, -0.8, 0.8)
     chord = way * np.sinc(half_turn / np.pi)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.driving.crossing_traffic import crossing_traffic
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoState
@@ -19,7 +19,6 @@ from carlaloc_env.town.routing.route import Route
 SIGHT_M = 100.0
 """How far ahead a driver looks for others and for lights [m]."""
 _SAMPLE_M = 1.0
-_EGO_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
 
 
 class _Sight(NamedTuple):
@@ -110,7 +109,7 @@ class RoadAhead:
         """Distance from the front bumper to the next line with a light [m], and what it shows."""
         if not len(self._stop_s_m):
             return None, 0
-        ahead = self._stop_s_m - s_m - _EGO_FRONT_M
+        ahead = self._stop_s_m - s_m - EGO_FRONT_M
         if self._route.closed:
             ahead = np.where(ahead < -4.0, ahead + self._route.length_m, ahead)
         valid = (ahead > -4.0) & (ahead < SIGHT_M)
@@ -149,7 +148,7 @@ class RoadAhead:
         if not in_way.any():
             return None, 0.0
         along = half[index, 0] * np.abs(np.cos(turn)) + half[index, 1] * np.abs(np.sin(turn))
-        gap = np.where(in_way, ahead[closest] - along - _EGO_FRONT_M, np.inf)
+        gap = np.where(in_way, ahead[closest] - along - EGO_FRONT_M, np.inf)
         first = int(np.argmin(gap))
         speed = float(actors.speed_mps[index[first]]) * float(np.cos(turn[first]))
         return float(gap[first]), max(speed, 0.0)

@@ -5,8 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-GRAVITY_MPS2 = 9.81
-"""Standard gravity used everywhere [m/s²]."""
+from carlaloc_env.core.ego_car import (
+    EGO_FRONT_M,
+    EGO_REAR_M,
+    EGO_SIZE_M,
+    EGO_STEERING_RATIO,
+    EGO_TRACK_M,
+    EGO_TYRE_ENVELOPE_M,
+    EGO_TYRE_RADIUS_M,
+    EGO_WHEELBASE_M,
+)
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,17 +33,17 @@ class VehicleParams:
     """Mass that moves with a wheel, mean of the four."""
     inertia_kgm2: tuple[float, float, float] = (620.0, 2750.0, 3050.0)
     """Moments about the centre of mass: roll, pitch, yaw."""
-    wheelbase_m: float = 2.875
+    wheelbase_m: float = EGO_WHEELBASE_M
     """Distance between the axles."""
-    track_m: float = 1.58
+    track_m: float = EGO_TRACK_M
     """Distance between left and right wheel."""
     cog_x_m: float = 1.355
     """Centre of mass ahead of the rear axle."""
     cog_z_m: float = 0.48
     """Centre of mass above the ground at rest."""
-    body_min_m: tuple[float, float, float] = (-0.95, -0.925, 0.20)
+    body_min_m: tuple[float, float, float] = (EGO_REAR_M, -0.5 * EGO_SIZE_M[1], 0.20)
     """Lower rear right corner of the collision box in `base_link`."""
-    body_max_m: tuple[float, float, float] = (3.75, 0.925, 1.45)
+    body_max_m: tuple[float, float, float] = (EGO_FRONT_M, 0.5 * EGO_SIZE_M[1], EGO_SIZE_M[2])
     """Upper front left corner of the collision box in `base_link`."""
 
     ride_hz: tuple[float, float] = (1.30, 1.45)
@@ -50,7 +59,7 @@ class VehicleParams:
     stop_npm: float = 200e3
     """Stiffness of both stops."""
 
-    wheel_radius_m: float = 0.334
+    wheel_radius_m: float = EGO_TYRE_RADIUS_M
     """Radius of the unloaded tyre."""
     wheel_inertia_kgm2: float = 1.3
     """Spin inertia of one wheel with its share of the drive."""
@@ -58,7 +67,7 @@ class VehicleParams:
     """Vertical stiffness of a tyre."""
     tyre_nspm: float = 200.0
     """Vertical damping of a tyre."""
-    envelope_m: float = 0.17
+    envelope_m: float = EGO_TYRE_ENVELOPE_M
     """Outer rays of a wheel lie this far before and behind its centre."""
     smoothing_m: float = 0.10
     """Travel over which a tyre spreads a step of the road."""
@@ -122,7 +131,7 @@ class VehicleParams:
 
     steer_max_rad: float = math.radians(35.0)
     """Road-wheel angle at full lock (of the single-track model)."""
-    steering_ratio: float = 12.0
+    steering_ratio: float = EGO_STEERING_RATIO
     """Steering-wheel angle per road-wheel angle."""
     wheel_rate_radps: float = math.radians(600.0)
     """Greatest rate of the steering wheel."""

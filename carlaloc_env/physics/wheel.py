@@ -7,7 +7,8 @@ from math import cos, sin, sqrt
 from typing import Any
 
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.physics.params import GRAVITY_MPS2, VehicleParams
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
+from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.tyre import Tyre, lateral_mu
 
 _RAY_ABOVE_M = 0.5

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog
-from carlaloc_env.physics.params import GRAVITY_MPS2
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS, Tints
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.ego_car import EGO_WHEELBASE_M
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorCatalog
@@ -62,7 +63,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
         count + 1,
         length_m=with_ego(np.array([model.length_m for model in models]), ego.length_m),
         width_m=with_ego(np.array([model.width_m for model in models]), ego.width_m),
-        wheelbase_m=with_ego(np.array([model.wheelbase_m for model in models]), 2.9),
+        wheelbase_m=with_ego(np.array([model.wheelbase_m for model in models]), EGO_WHEELBASE_M),
         speed_factor=with_ego(factor * slower * np.where(heavy, 0.9, 1.0), 1.0),
         top_mps=with_ego(np.where(bicycle, cyclist * slower, np.where(heavy, _HEAVY_TOP_MPS, 70.0)), 70.0),
         headway_s=with_ego(np.where(heavy, 1.6, np.where(two_wheels, 1.1, headway)), 1.2),

@@ -16,7 +16,7 @@ from carlaloc_env.actors.instances import (
     place_lights,
     place_signals,
 )
-from carlaloc_env.assets.catalog import EGO_SIZE_M, GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
+from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import build_library, vehicle_mesh
 from carlaloc_env.assets.modelling.normals import signed_volume_m3
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, mirrored, tube
@@ -34,6 +34,7 @@ from carlaloc_env.assets.vehicles.cycles import PEDAL_PHASES
 from carlaloc_env.assets.vehicles.lit_lamps import LAMPS
 from carlaloc_env.assets.walkers.gait import posture, standing
 from carlaloc_env.assets.walkers.skeleton import shoe_sole
+from carlaloc_env.core.ego_car import EGO_SIZE_M
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from carlaloc_env.assets.catalog import EGO_SIZE_M
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
 from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.ego_car import EGO_SIZE_M
 from carlaloc_env.core.errors import DeviceError
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.physics.ego import EgoCar

@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M, EGO_TINT, EGO_WHEELBASE_M
+from carlaloc_env.assets.catalog import EGO_TINT
 from carlaloc_env.assets.modelling.primitives import placed
 from carlaloc_env.assets.vehicles.body import BodyShape
 from carlaloc_env.assets.vehicles.car_spec import CarSpec
 from carlaloc_env.assets.vehicles.cars import car
+from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M, EGO_WHEELBASE_M
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
-
-_NOSE_D = EGO_SIZE_M[0] + EGO_REAR_M
-"""Distance of the rear axle from the nose [m]."""
 
 EGO_SPEC = CarSpec(
     shape=BodyShape(
@@ -25,7 +23,7 @@ EGO_SPEC = CarSpec(
         belt=((0.0, 0.60), (0.5, 0.69), (1.0, 0.78), (1.3, 0.85), (2.0, 0.90), (4.0, 0.96), (4.7, 0.96)),
         cowl_d=1.28, roof_front_d=2.20, roof_rear_d=3.42, deck_d=4.28,
         windows=((1.44, 2.46), (2.54, 3.40), (3.45, 3.84)),
-        axles_d=(_NOSE_D - EGO_WHEELBASE_M, _NOSE_D), tyre_m=0.67, clearance_m=0.14, nose_bow_m=0.30,
+        axles_d=(EGO_FRONT_M - EGO_WHEELBASE_M, EGO_FRONT_M), tyre_m=0.67, clearance_m=0.14, nose_bow_m=0.30,
         tail_bow_m=0.14,
     ),
     tyre_width_m=0.235, spokes=10, bars=0,

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from carlaloc_env.core import rng, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.core.ego_car import EGO_ROLLING_RADIUS_M
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, RandomWalk, WhiteSequence
@@ -22,13 +24,10 @@ from carlaloc_env.sensors.inertial.vibration import ROAD_CLASSES, MotorShake, Ro
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
-GRAVITY_MPS2 = 9.81
-"""Gravity along −z of the world [m/s²]."""
 ORIENTATIONS = ("none", "truth")
 """What `ImuConfig.orientation` may be."""
-WHEEL_RADIUS_M = 0.311
-"""Rolling radius of the ego's wheels under their load [m], as in its physics."""
-_DPS, _G = math.pi / 180.0, 9.81
+_DPS, _G = math.pi / 180.0, GRAVITY_MPS2
+"""One degree [rad] and one g [m/s²], the units of data sheets."""
 
 IMU_GRADES: dict[str, dict[str, float]] = {
     "paper": {},
@@ -248,7 +247,7 @@ class ImuSensor(Sensor):
             shake += self._motor.acceleration_mps2(car)
         if self._road is not None:
             distance, speed = (
-                0.5 * WHEEL_RADIUS_M * (rows[:, 2] + rows[:, 3])
+                0.5 * EGO_ROLLING_RADIUS_M * (rows[:, 2] + rows[:, 3])
                 for rows in (car.wheel_angle_rad, car.wheel_spin_radps)
             )
             up = self._T_base_imu[2, :3]

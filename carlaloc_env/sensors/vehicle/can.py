@@ -12,6 +12,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from carlaloc_env.core import rng
+from carlaloc_env.core.ego_car import EGO_ROLLING_RADIUS_M, EGO_STEERING_RATIO
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import CanState, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
@@ -30,9 +31,9 @@ class CanConfig(SensorConfig):
     """Of no effect."""
     rate_hz: float = 100.0
     """Messages per second [Hz]."""
-    steering_ratio: float = 12.0
+    steering_ratio: float = EGO_STEERING_RATIO
     """Turns of the steering wheel per turn of the road wheels, 12 = the ego's own."""
-    wheel_radius_m: float = 0.311
+    wheel_radius_m: float = EGO_ROLLING_RADIUS_M
     """Rolling radius with which the car makes speeds out of spins [m]."""
     steering_step_deg: float = 0.1
     """Step of the steering wheel's angle [deg]."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
 
 EASE_M = 2.0
 """The way aside is the running mean over twice this length, taken twice [m]."""
 _FROM_RADPM, _FULL_RADPM = 1.0 / 9.0, 1.0 / 6.0
-_FRONT_M = EGO_REAR_M + EGO_SIZE_M[0]
-"""From the rear axle to the front bumper [m]."""
 
 
 def wanted_inside(curvature_radpm: Array) -> Array:
@@ -22,7 +20,7 @@ def wanted_inside(curvature_radpm: Array) -> Array:
     """
     bend = np.maximum(np.abs(curvature_radpm), 1e-4)
     side = 1.0 / bend + 0.5 * EGO_SIZE_M[1]
-    swing = np.sqrt(side * side + _FRONT_M * _FRONT_M) - side
+    swing = np.sqrt(side * side + EGO_FRONT_M * EGO_FRONT_M) - side
     tight = np.clip((bend - _FROM_RADPM) / (_FULL_RADPM - _FROM_RADPM), 0.0, 1.0)
     result: Array = 0.5 * swing * tight * np.sign(curvature_radpm)
     return result

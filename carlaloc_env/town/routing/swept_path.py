@@ -9,8 +9,14 @@ import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from carlaloc_env.assets.catalog import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.ego_car import (
+    EGO_REAR_M,
+    EGO_SIZE_M,
+    EGO_TYRE_ENVELOPE_M,
+    EGO_TYRE_OUTER_M,
+    EGO_WHEELBASE_M,
+)
 from carlaloc_env.town.ground.flush_sidewalks import lower_walks
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
@@ -33,8 +39,6 @@ _HIGH_M = 0.05
 _TOO_TIGHT, _TOO_SUDDEN, _SUDDEN = 20.0, 1.0, 0.15
 """What a curvature above the greatest costs [m per 1/m], and one that changes faster than 0.15 /m a metre."""
 _ROOM = frozenset({"shoulder", "stop", "border", "parking", "biking", "bus", "restricted"})
-_WHEELBASE_M, _WHEEL_SIDE_M, _WHEEL_REACH_M = 2.875, 0.89, 0.17
-"""Between the axles, from the middle to a tyre's outer side, and how far before its hub a tyre climbs [m]."""
 
 
 def _both_sides(x: Array, y_m: float) -> Array:
@@ -42,8 +46,10 @@ def _both_sides(x: Array, y_m: float) -> Array:
 
 
 WHEELS_M = _both_sides(
-    (np.array([[0.0], [_WHEELBASE_M]]) + np.array([-_WHEEL_REACH_M, 0.0, _WHEEL_REACH_M])).ravel(),
-    _WHEEL_SIDE_M,
+    (
+        np.array([[0.0], [EGO_WHEELBASE_M]]) + np.array([-EGO_TYRE_ENVELOPE_M, 0.0, EGO_TYRE_ENVELOPE_M])
+    ).ravel(),
+    EGO_TYRE_OUTER_M,
 )
 """Where tyres touch, from the rear axle's middle [m], (W, 2)."""
 BODY_M = _both_sides(EGO_REAR_M + np.linspace(0.0, EGO_SIZE_M[0], 6), 0.5 * EGO_SIZE_M[1])

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carlaloc_env.assets.catalog import EGO_SIZE_M
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.ego_car import EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Presence, add_body

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
-from carlaloc_env.physics.params import GRAVITY_MPS2, VehicleParams
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
+from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import motor_force_n
 
 _CHANGE_S = 0.35

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.samples import Image, Imu
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 from recorder.writers.topics import TopicProfile
@@ -62,7 +63,7 @@ def vins_yaml(rig: RigCalibration, topics: TopicProfile, *, inertial: bool) -> s
             f"gyr_n: {real(50 * imu.gyroscope_noise_density)}\n"
             f"acc_w: {real(imu.accelerometer_random_walk)}\n"
             f"gyr_w: {real(imu.gyroscope_random_walk)}\n"
-            "g_norm: 9.81\n"
+            f"g_norm: {GRAVITY_MPS2}\n"
         )
     text += "\nestimate_td: 0\ntd: 0.0\n\nload_previous_pose_graph: 0\n"
     return text + 'pose_graph_save_path: "/tmp/vins_output/pose_graph/"\nsave_image: 0\n'

@@ -1,0 +1,29 @@
+"""The ego's dimensions have one owner, and agree with what its physics and its mesh make of them."""
+
+from __future__ import annotations
+
+import pytest
+
+from carlaloc_env.core import ego_car
+from carlaloc_env.physics.params import VehicleParams
+from carlaloc_env.sensors.vehicle.can import CanConfig
+
+
+def test_sensors_and_physics_have_the_same_car() -> None:
+    """The steering ratio that CAN tells is the one the physics turns wheels with."""
+    assert CanConfig().steering_ratio == VehicleParams().steering_ratio == ego_car.EGO_STEERING_RATIO
+
+
+def test_rolling_radius_lies_below_the_loaded_radius() -> None:
+    """Loaded radius: unloaded less load over stiffness; a wheel rolls within 1 % of it, never above."""
+    car = VehicleParams()
+    for load_n in car.static_load_n:
+        loaded_m = car.wheel_radius_m - load_n / car.tyre_npm
+        assert 0.0 < loaded_m - ego_car.EGO_ROLLING_RADIUS_M < 0.012 * loaded_m
+
+
+def test_axles_and_tyres_fit_into_the_body() -> None:
+    """Both axles lie between the bumpers, and tyres end inside the body's sides."""
+    assert ego_car.EGO_REAR_M < 0.0 < ego_car.EGO_WHEELBASE_M < ego_car.EGO_FRONT_M
+    assert ego_car.EGO_FRONT_M - ego_car.EGO_REAR_M == pytest.approx(ego_car.EGO_SIZE_M[0])
+    assert 0.5 * ego_car.EGO_TRACK_M < ego_car.EGO_TYRE_OUTER_M < 0.5 * ego_car.EGO_SIZE_M[1]
