@@ -25,5 +25,6 @@ def test_rolling_radius_lies_below_the_loaded_radius() -> None:
 def test_axles_and_tyres_fit_into_the_body() -> None:
     """Both axles lie between the bumpers, and tyres end inside the body's sides."""
     assert ego_car.EGO_REAR_M < 0.0 < ego_car.EGO_WHEELBASE_M < ego_car.EGO_FRONT_M
-    assert ego_car.EGO_FRONT_M - ego_car.EGO_REAR_M == pytest.approx(ego_car.EGO_SIZE_M[0])
+    length_m = ego_car.EGO_FRONT_M - ego_car.EGO_REAR_M
+    assert length_m == pytest.approx(ego_car.EGO_SIZE_M[0])
     assert 0.5 * ego_car.EGO_TRACK_M < ego_car.EGO_TYRE_OUTER_M < 0.5 * ego_car.EGO_SIZE_M[1]
