@@ -20,7 +20,7 @@ from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.world import TrafficConfig
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.devices.registry import open_device
-from recorder.drive.episode_listener import DriveLog
+from recorder.drive.episode_listener import EpisodeListener
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
 from recorder.window.status import DriveStatus
 
@@ -70,13 +70,13 @@ def _drive_with_pictures(
     """Pictures in a second of a stretch of the drive, and how fast the world ran over real time."""
     from recorder.drive.real_time_pacer import Pacer
 
-    pacer, shown, ticks = Pacer(), cockpit.pictures, world.tick_count
+    pacer, shown, ticks = Pacer(), cockpit.images, world.tick_count
     began = time.perf_counter()
     while (spent := time.perf_counter() - began) < seconds:
         for _ in range(pacer.due()):
             world.tick(driver.read(world.driver_view()))
         cockpit.show(world, status)
-    return (cockpit.pictures - shown) / spent, (world.tick_count - ticks) * TICK_S / spent
+    return (cockpit.images - shown) / spent, (world.tick_count - ticks) * TICK_S / spent
 
 
 def _log(bench: Bench, path: Path) -> TimedLog:
@@ -89,7 +89,7 @@ def _log(bench: Bench, path: Path) -> TimedLog:
     return TimedLog(begin)
 
 
-class TimedLog(DriveLog):
+class TimedLog(EpisodeListener):
     """A log that counts the processor time which it takes."""
 
     spent_s = 0.0

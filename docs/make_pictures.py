@@ -25,7 +25,7 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
-from recorder.report.mosaic import depth_picture, lidar_picture, semantic_picture
+from recorder.report.mosaic import depth_image, lidar_image, semantic_image
 
 PICTURE = Path(__file__).parent / "pictures" / "sensors.jpg"
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
@@ -54,9 +54,9 @@ def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
             for s in shot
             if isinstance(s, Image)
         ),
-        *(("depth", depth_picture(s)) for s in shots[0] if isinstance(s, DepthImage)),
-        *(("semantics", semantic_picture(s)) for s in shots[0] if isinstance(s, SemanticImage)),
-        ("LiDAR from above", lidar_picture(cloud, *PANEL_PX)),
+        *(("depth", depth_image(s)) for s in shots[0] if isinstance(s, DepthImage)),
+        *(("semantics", semantic_image(s)) for s in shots[0] if isinstance(s, SemanticImage)),
+        ("LiDAR from above", lidar_image(cloud, *PANEL_PX)),
     ]
     panels = [_panel(picture, label) for label, picture in pictures]
     return np.vstack([np.hstack(panels[:3]), np.hstack(panels[3:])])

@@ -28,7 +28,7 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 from recorder.episode.traffic_level import traffic_level
-from recorder.report.mosaic import depth_picture, lidar_picture, semantic_picture
+from recorder.report.mosaic import depth_image, lidar_image, semantic_image
 
 PICTURE = Path(__file__).parent / "gallery" / "sensor_preview.png"
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
@@ -59,13 +59,13 @@ def draw(episode: Episode, at_s: float, quality: str) -> Picture:
 
     def scan(timeline: Timeline) -> Picture:
         cloud = _one(lidar.measure(timeline, [at_ns]), PointCloud)
-        return lidar_picture(cloud, *PANEL_PX)
+        return lidar_image(cloud, *PANEL_PX)
 
     panels = [
         *(_one(shot, Image).rgb for shot in shots),
-        depth_picture(_one(shots[0], DepthImage)),
-        semantic_picture(_one(shots[0], SemanticImage)),
-        events_picture(_one(shots[0], Events)),
+        depth_image(_one(shots[0], DepthImage)),
+        semantic_image(_one(shots[0], SemanticImage)),
+        events_image(_one(shots[0], Events)),
         _one(empty[0], Image).rgb,
         scan(dynamic),
         scan(static),
@@ -75,7 +75,7 @@ def draw(episode: Episode, at_s: float, quality: str) -> Picture:
     return np.vstack([np.hstack(labelled[row : row + 3]) for row in (0, 3, 6)])
 
 
-def events_picture(events: Events) -> Picture:
+def events_image(events: Events) -> Picture:
     """Pixels that fired within 10 ms: red where brighter, blue where darker, sRGB (H, W, 3)."""
     rows = events.events
     rows = rows[rows["t"] > rows["t"].max(initial=0) - 10_000_000]

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     join = actions.add_parser("join", parents=shared, help="two drives as one, at a standstill")
     actors = actions.add_parser("actors", parents=shared, help="the same drive with fewer others")
     actors.add_argument("--drop", help="all, vehicles, walkers, models or ids, with commas between them")
-    actors.add_argument("--keep", type=float, metavar="SHARE", help="share of the others that stays")
+    actors.add_argument("--keep", type=float, metavar="FRACTION", help="fraction of the others that stays")
     traffic = actions.add_parser("traffic", parents=shared, help="the same drive among other traffic")
     traffic.add_argument("--seed", type=int, required=True, help="seed of the new traffic")
     for action in (cut, join, actors, traffic):

@@ -21,13 +21,13 @@ class AxisShape:
     opposite: float | None = None
     """Raw value that counts as −1 (wheel fully to the right); None: the axis is a pedal."""
     dead_zone: float = 0.03
-    """Share of the travel next to rest that gives 0; the rest is stretched to meet it."""
+    """Fraction of the travel next to rest that gives 0; the rest is stretched to meet it."""
     saturation: float = 0.02
-    """Share of the travel at the end that gives 1 already."""
+    """Fraction of the travel at the end that gives 1 already."""
     gamma: float = 1.0
     """Exponent of the travel: 1 is linear, more is gentler at first."""
     expo: float = 0.0
-    """Share k of a cubic, y = (1 − k) x + k x³: 0 is linear, 1 gentlest about the middle."""
+    """Fraction k of a cubic, y = (1 − k) x + k x³: 0 is linear, 1 gentlest about the middle."""
 
     def __post_init__(self) -> None:
         ends = (self.full,) if self.opposite is None else (self.full, self.opposite)

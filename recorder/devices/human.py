@@ -95,7 +95,7 @@ class HumanDevice:
         return None
 
     def poll(self) -> None:
-        """Take in events; once per picture."""
+        """Take in events; once per image."""
         self.inputs.pump()
         self.plugged = []
         for stick in self.inputs.lost:

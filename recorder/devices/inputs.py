@@ -55,7 +55,7 @@ class Press:
 
 
 class Inputs:
-    """Event queue of pygame; `pump` once per picture."""
+    """Event queue of pygame; `pump` once per image."""
 
     def __init__(self, *, window: bool) -> None:
         """Start pygame's input.
@@ -69,7 +69,7 @@ class Inputs:
         """
         os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-        # SDL would show pictures through an OpenGL context of its own, which breaks the renderer's.
+        # SDL would show images through an OpenGL context of its own, which breaks the renderer's.
         os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
         if not window:
             os.environ.setdefault("SDL_VIDEODRIVER", "dummy")

@@ -23,7 +23,7 @@ class KeyPanel:
         self.message: str | None = None
 
     def poll(self) -> None:
-        """Take in events; once per picture."""
+        """Take in events; once per image."""
         self.inputs.pump()
         pressed = (KEY_COMMANDS.get(press.key) for press in self.inputs.presses if press.key is not None)
         self.commands = [c for c in pressed if c is not None and c not in _STEERING]

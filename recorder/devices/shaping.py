@@ -29,7 +29,7 @@ def steer_limit(speed_mps: float, params: VehicleParams) -> float:
 
 
 def wheel_steer(turned: float, rotation_deg: float, params: VehicleParams) -> float:
-    """Steering −1…1 of a wheel turned by a share −1…1 of its half range: real angles, never bent."""
+    """Steering −1…1 of a wheel turned by a fraction −1…1 of its half range: real angles, never bent."""
     angle = turned * math.radians(rotation_deg) / 2.0 / params.steering_ratio
     return max(-1.0, min(1.0, angle / params.steer_max_rad))
 

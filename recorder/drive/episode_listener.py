@@ -30,7 +30,7 @@ def ego_row(state: EgoState, controls: Controls, raw: Controls | None) -> EgoRow
     )
 
 
-class DriveLog:
+class EpisodeListener:
     """A `DriveListener` that records; one for each attempt at a drive.
 
     Args:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from carlaloc_env.core.clock import TICK_S
 
 MOST_TICKS = 10
-"""Most ticks between two pictures: beyond it the world runs slower than real time."""
+"""Most ticks between two images: beyond it the world runs slower than real time."""
 _WINDOW_S = 2.0
 _SLOW = 0.97
 
@@ -43,7 +43,7 @@ class Pacer:
             self._history.popleft()
         return count
 
-    def rest(self) -> None:
+    def restart(self) -> None:
         """Forget the time that went by, e.g. after a pause."""
         self._last_s, self._owed_s = self._clock(), 0.0
         self._history.clear()

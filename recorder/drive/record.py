@@ -54,7 +54,7 @@ class RecordConfig:
     seed: int = 0
     """Seed of the traffic and of the scripted driver."""
     traffic: str = "dynamic"
-    """Share of the town's traffic: ``static``, ``dynamic`` or a fraction."""
+    """Fraction of the town's traffic: ``static``, ``dynamic`` or a fraction."""
     overwrite: bool = False
     """Whether an older episode of this name is replaced."""
     window: bool | None = None
@@ -152,10 +152,10 @@ def _drive(session: DriveSession, config: RecordConfig, run: Callable[[], None])
         session.finish()
     except BaseException:
         # What has been driven stays readable under its `.recording` name.
-        session.log.writer.abandon()
+        session.listener.writer.abandon()
         raise
-    session.log.writer.close()
-    counts = session.log.counts
+    session.listener.writer.close()
+    counts = session.listener.counts
     return RecordResult(
         path=config.out,
         duration_s=session.duration_s,

@@ -61,7 +61,7 @@ def change_traffic(
         raise EpisodeError(f"the map of {source} has changed since; use the version that recorded it")
     config = replace(from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"), seed=seed)
     world = TrafficWorld(town.network, config)
-    touching = _Touching(world.catalog)
+    contacts = _ContactCounter(world.catalog)
     count = len(episode.steps)
     signals = np.stack([world.signals(step * STEP_NS) for step in range(count)])
 
@@ -71,7 +71,7 @@ def change_traffic(
             tick = (step - 1) * STEP_TICKS + 1 if step > 1 else 0
             view = _view(episode.ego[min(tick, len(episode.ego) - 1)])
             frame = on_grid(world.reset(view) if step == 0 else world.step(view))
-            touching.look(_view(episode.ego[min(step * STEP_TICKS, len(episode.ego) - 1)]), frame)
+            contacts.count(_view(episode.ego[min(step * STEP_TICKS, len(episode.ego) - 1)]), frame)
             if progress is not None and step % 100 == 0:
                 progress(step, count)
             yield frame
@@ -81,7 +81,7 @@ def change_traffic(
         source, out, new, frames(), signals, f"traffic seed {seed} instead of {header.seed}",
         overwrite=overwrite,
     )  # fmt: skip
-    return OtherTraffic(path=str(written.path), touching_s=touching.steps * STEP_NS * 1e-9)
+    return OtherTraffic(path=str(written.path), touching_s=contacts.steps * STEP_NS * 1e-9)
 
 
 def _view(row: np.void) -> EgoView:
@@ -90,17 +90,17 @@ def _view(row: np.void) -> EgoView:
     return ego_view(row["position_m"], heading, float(row["speed_mps"]))
 
 
-class _Touching:
+class _ContactCounter:
     """Counts the steps at which an actor's box overlaps the ego's."""
 
     def __init__(self, catalog: ActorCatalog) -> None:
         self._half = 0.5 * catalog.size_m[:, :2].astype(np.float64)
         self.steps = 0
 
-    def look(self, ego: EgoView, frame: ActorFrame) -> None:
+    def count(self, ego: EgoView, frame: ActorFrame) -> None:
         half = 0.5 * np.array(EGO_SIZE_M[:2])
-        place = frame.position_m.astype(np.float64)
-        delta = place - np.array(ego.position_m)
+        position = frame.position_m.astype(np.float64)
+        delta = position - np.array(ego.position_m)
         near = (np.hypot(delta[:, 0], delta[:, 1]) < 20.0) & (np.abs(delta[:, 2]) < 2.5)
         index = np.flatnonzero(near)
         hits = _overlap(

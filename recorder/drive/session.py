@@ -17,9 +17,9 @@ from recorder.devices.base import Device
 from recorder.devices.commands import Command
 from recorder.devices.human import HumanDevice
 from recorder.devices.panel import KeyPanel
-from recorder.drive.episode_listener import DriveLog
+from recorder.drive.episode_listener import EpisodeListener
 from recorder.drive.real_time_pacer import Pacer
-from recorder.drive.traffic_rules import RuleWatch
+from recorder.drive.traffic_rules import RuleMonitor
 from recorder.episode.episode import Episode, EpisodeWriter
 from recorder.episode.messages import VIOLATIONS
 from recorder.window.status import DriveStatus
@@ -67,12 +67,12 @@ class DriveSession:
         self._begin, self._finished, self._end_tick = begin, finished, end_tick
         self._progress = progress
         self.status = DriveStatus(device=driver.name)
-        self.log = DriveLog(begin)
+        self.listener = EpisodeListener(begin)
         self.attempts: list[Path] = []
         """Earlier attempts that were given up at a restart; nothing is thrown away."""
         self.slowest = 1.0
         """Lowest speed of the world over real time."""
-        self._rules = RuleWatch(world.town.network)
+        self._rules = RuleMonitor(world.town.network)
         self._warned: dict[str, int] = {}
         self._checkpoint = 0
         self._over = False
@@ -81,7 +81,7 @@ class DriveSession:
 
     def start(self) -> None:
         """Open the episode and put everybody in place."""
-        self._world.reset(self._seed, self.log)
+        self._world.reset(self._seed, self.listener)
 
     def run_freely(self, *, patience_s: float = math.inf) -> None:
         """Drive to the end as fast as the machine can.
@@ -95,7 +95,7 @@ class DriveSession:
             if self._world.route_s_m > farthest_m + _STEP_ON_M:
                 farthest_m, since = self._world.route_s_m, self._world.tick_count
             if self._world.tick_count - since > patience_s * TICK_HZ:
-                self.log.event(self._world.tick_count, "stuck", {"route_m": self._world.route_s_m})
+                self.listener.event(self._world.tick_count, "stuck", {"route_m": self._world.route_s_m})
                 self.stuck = True
                 return
 
@@ -112,9 +112,9 @@ class DriveSession:
         while not self._is_over():
             panel.poll()
             for kind, name in panel.plugged:
-                self.log.event(self._world.tick_count, kind, {"device": name})
+                self.listener.event(self._world.tick_count, kind, {"device": name})
             for command in panel.commands:
-                self._obey(command, pacer, cockpit)
+                self._execute(command, pacer, cockpit)
             if panel.inputs.closed or self._over:
                 break
             count = 0 if self.status.paused else pacer.due()
@@ -123,8 +123,8 @@ class DriveSession:
                     break
                 self._tick(self._driver.read(self._world.driver_view()))
             if self.status.paused:
-                pacer.rest()
-            self._take_stock(panel, pacer)
+                pacer.restart()
+            self._update_status(panel, pacer)
             if cockpit is not None:
                 cockpit.show(self._world, self.status)
             if cockpit is None or self.status.paused:
@@ -135,11 +135,11 @@ class DriveSession:
         arising = (*VIOLATIONS, "collision", "given_up", "end")
         kept = deque(event for event in episode.events if event.kind not in arising)
         for tick in range(_FIRST_DRIVEN_TICK, ticks + 1):
-            self.log.raw = episode.raw_controls.at(tick)
+            self.listener.raw = episode.raw_controls.at(tick)
             self._advance(episode.controls.at(tick))
             while kept and kept[0].tick <= self._world.tick_count:
                 event = kept.popleft()
-                self.log.event(event.tick, event.kind, event.data)
+                self.listener.event(event.tick, event.kind, event.data)
 
     @property
     def duration_s(self) -> float:
@@ -153,13 +153,13 @@ class DriveSession:
 
     def finish(self) -> None:
         """Note the end; closing the file is the writer's."""
-        self.log.event(self._world.tick_count, "end", {"route_m": self._world.route_s_m})
+        self.listener.event(self._world.tick_count, "end", {"route_m": self._world.route_s_m})
 
     def _is_over(self) -> bool:
         return self._over or self._world.tick_count >= self._end_tick or self._finished(self._world)
 
     def _tick(self, controls: Controls) -> None:
-        self.log.raw = getattr(self._driver, "raw", None)
+        self.listener.raw = getattr(self._driver, "raw", None)
         self._advance(controls)
         self.status.controls = controls
         if self._progress is not None and self._world.tick_count % 50 == 0:
@@ -170,31 +170,31 @@ class DriveSession:
         world.tick(controls)
         if world.tick_count % STEP_TICKS == 0:
             view = world.driver_view()
-            for kind in self._rules.look(view):
+            for kind in self._rules.update(view):
                 where = [round(float(value), 2) for value in view.position_m]
-                self.log.event(world.tick_count, kind, {"position_m": where, "route_m": view.route_s_m})
+                self.listener.event(world.tick_count, kind, {"position_m": where, "route_m": view.route_s_m})
                 self._warned[kind] = world.tick_count
 
-    def _take_stock(self, panel: HumanDevice | KeyPanel, pacer: Pacer) -> None:
+    def _update_status(self, panel: HumanDevice | KeyPanel, pacer: Pacer) -> None:
         """Bring the status up to date."""
         status, now = self.status, self._world.tick_count
-        if self.log.is_touching:
+        if self.listener.is_touching:
             self._warned["collision"] = now
         recent = {kind for kind, tick in self._warned.items() if now - tick < _WARNING_S * TICK_HZ}
         status.warnings = tuple(sorted(recent | set(self._rules.present)))
         status.message = panel.message
         status.slow = pacer.speed if pacer.is_slow and not status.paused else None
         self.slowest = min(self.slowest, pacer.speed)
-        status.size_mb = self.log.writer.size_bytes / 1e6
-        status.faults = sum(self.log.counts[kind] for kind in (*VIOLATIONS, "collision"))
+        status.size_mb = self.listener.writer.size_bytes / 1e6
+        status.faults = sum(self.listener.counts[kind] for kind in (*VIOLATIONS, "collision"))
 
-    def _obey(self, command: Command, pacer: Pacer, cockpit: Cockpit | None) -> None:
+    def _execute(self, command: Command, pacer: Pacer, cockpit: Cockpit | None) -> None:
         status, tick = self.status, self._world.tick_count
         if command is Command.QUIT:
             self._over = True
         elif command is Command.PAUSE:
             status.paused = not status.paused
-            self.log.writer.flush()
+            self.listener.writer.flush()
         elif command is Command.HELP:
             status.help = not status.help
         elif command is Command.CAMERA:
@@ -202,29 +202,29 @@ class DriveSession:
         elif command in (Command.INDICATOR_LEFT, Command.INDICATOR_RIGHT):
             side = "left" if command is Command.INDICATOR_LEFT else "right"
             status.indicator = "" if status.indicator == side else side
-            self.log.event(tick, "indicator", {"side": status.indicator or "off"})
+            self.listener.event(tick, "indicator", {"side": status.indicator or "off"})
         elif command is Command.HEADLAMPS:
             status.headlamps = not status.headlamps
-            self.log.event(tick, "headlamps", {"on": status.headlamps})
+            self.listener.event(tick, "headlamps", {"on": status.headlamps})
         elif command is Command.CHECKPOINT:
             self._checkpoint = tick
-            self.log.event(tick, "checkpoint")
+            self.listener.event(tick, "checkpoint")
         elif command is Command.RESTART:
             status.message = "going back to the checkpoint …"
             if cockpit is not None:
                 cockpit.show(self._world, status)
             self._restart()
-            pacer.rest()
+            pacer.restart()
 
     def _restart(self) -> None:
         """Go back to the checkpoint: close this attempt and drive its beginning again, tick by tick."""
-        writer = self.log.writer
+        writer = self.listener.writer
         given_up = _free_name(writer.path, len(self.attempts) + 1)
-        self.log.event(self._world.tick_count, "given_up", {"checkpoint_tick": self._checkpoint})
+        self.listener.event(self._world.tick_count, "given_up", {"checkpoint_tick": self._checkpoint})
         writer.close(into=given_up)
         self.attempts.append(given_up)
-        self.log = DriveLog(self._begin)
-        self._rules = RuleWatch(self._world.town.network)
+        self.listener = EpisodeListener(self._begin)
+        self._rules = RuleMonitor(self._world.town.network)
         self._warned.clear()
         self.start()
         if self._checkpoint > 1:

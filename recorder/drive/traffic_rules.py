@@ -20,7 +20,7 @@ _JUNCTION_SLACK_M = 3.0
 _CROSSED_M = 1.0
 
 
-class RuleWatch:
+class RuleMonitor:
     """Looks on at 20 Hz and tells which violations begin.
 
     Args:
@@ -34,7 +34,7 @@ class RuleWatch:
         self.present: tuple[str, ...] = ()
         """Violations that go on now."""
 
-    def look(self, view: DriverView) -> list[str]:
+    def update(self, view: DriverView) -> list[str]:
         """Violations that begin at this step."""
         now = {
             "speeding": view.speed_mps > view.speed_limit_mps + SPEEDING_OVER_MPS,

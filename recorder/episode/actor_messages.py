@@ -109,10 +109,10 @@ def unpack_actors(payloads: Sequence[bytes], actors: int) -> NDArray[np.void]:
 
 def actor_states(rows: NDArray[np.void]) -> ActorFrame:
     """States of all rows at once: every array of the frame begins with an axis of K rows."""
-    place = np.stack([_joined(rows, axis) for axis in _AXES], axis=-1)
+    position = np.stack([_joined(rows, axis) for axis in _AXES], axis=-1)
     return decode_actors(
         ActorCodes(
-            position=place,
+            position=position,
             heading=rows["heading"],
             pitch=rows["pitch"],
             roll=rows["roll"],

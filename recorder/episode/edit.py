@@ -114,17 +114,17 @@ def drop_actors(source: Path, out: Path, drop: Sequence[str], *, overwrite: bool
     return _keep(episode, source, out, np.flatnonzero(~gone), f"dropped {', '.join(drop)} of", overwrite)
 
 
-def thin_actors(source: Path, out: Path, share: float, *, overwrite: bool = False) -> Episode:
-    """The same drive with a share of the others, chosen as a replay's traffic level chooses them.
+def thin_actors(source: Path, out: Path, fraction: float, *, overwrite: bool = False) -> Episode:
+    """The same drive with some of the others, chosen as a replay's traffic level chooses them.
 
     Raises:
-        ConfigError: the share is not between 0 and 1.
+        ConfigError: the fraction is not between 0 and 1.
     """
     episode = Episode.load(source)
-    level = TrafficLevel(name="thinned", fraction=share)
+    level = TrafficLevel(name="thinned", fraction=fraction)
     kept = level.select(episode.timeline()).catalog.id
     index = np.flatnonzero(np.isin(episode.header.catalog.id, kept))
-    return _keep(episode, source, out, index, f"kept {share:g} of the actors of", overwrite)
+    return _keep(episode, source, out, index, f"kept {fraction:g} of the actors of", overwrite)
 
 
 def _keep(

@@ -14,8 +14,8 @@ from recorder.episode.messages import VIOLATIONS
 
 LOOP_CLOSED_M = 5.0
 """Ends nearer than this close a loop [m]."""
-TABLE_SHARE = 0.01
-"""How far the length may be from the paper's Table III, as a share of it."""
+TABLE_FRACTION = 0.01
+"""How far the length may be from the paper's Table III, as a fraction of it."""
 LOOP_CLOSED_DEG = 10.0
 """Ends whose headings differ by less close a loop [deg]."""
 
@@ -79,7 +79,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
     counts = Counter(event.kind for event in episode.events)
     meets = None
     if table_m is not None:
-        meets = abs(length_m - table_m) <= TABLE_SHARE * table_m and (closed or not loop)
+        meets = abs(length_m - table_m) <= TABLE_FRACTION * table_m and (closed or not loop)
     good_until = f"good until {episode.last_good_ns / 1e9:.3f} s"
     return EpisodeSummary(
         path=str(episode.path),

@@ -18,16 +18,16 @@ class TrafficLevel:
     name: str
     """``static``, ``dynamic`` or ``trafficNN`` (per cent)."""
     fraction: float
-    """Share of the actors that stay, 0–1."""
+    """Fraction of the actors that stay, 0–1."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.fraction <= 1.0:
             raise ConfigError(f"traffic fraction {self.fraction:g}; give a number from 0 to 1")
 
     def select(self, timeline: Timeline) -> Timeline:
-        """The same drive with this share of the actors.
+        """The same drive with this fraction of the actors.
 
-        Who stays is decided by a hash of the actor's id, so a larger share contains every smaller one.
+        Who stays is decided by a hash of the actor's id, so a larger fraction contains every smaller one.
         """
         if self.fraction >= 1.0:
             return timeline

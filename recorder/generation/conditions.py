@@ -20,7 +20,7 @@ class Condition:
     weather: Weather
     """Parameters of the weather, or a schedule."""
     traffic: TrafficLevel
-    """Share of the traffic."""
+    """Fraction of the traffic."""
 
     @property
     def name(self) -> str:

@@ -35,7 +35,7 @@ from recorder.episode.traffic_level import TrafficLevel
 from recorder.generation.conditions import conditions_of
 from recorder.generation.dataset_manifest import TownId, is_begun, origin_of, write_record
 from recorder.generation.sequence_writers import (
-    Sequence,
+    DatasetSequence,
     check_formats,
     sequence_writers,
     without_unwritten,
@@ -70,13 +70,13 @@ class ReplayConfig:
     duration_s: float | None = None
     """Length of the stretch [s]; None: to the end of the drive."""
     camera_start_s: float | None = None
-    """Beginning of the pictures [s]; None: that of the stretch."""
+    """Beginning of the images [s]; None: that of the stretch."""
     camera_duration_s: float | None = None
-    """Length of the pictures [s]; None: the whole stretch."""
+    """Length of the images [s]; None: the whole stretch."""
     seed: int | None = None
     """Seed of sensor noise; None: the episode's."""
     quality: str = "medium"
-    """Quality of pictures: ``low``, ``medium``, ``high``."""
+    """Quality of images: ``low``, ``medium``, ``high``."""
     workers: int | None = None
     """Processes; None: one per core."""
     preview: bool = True
@@ -84,7 +84,7 @@ class ReplayConfig:
     lens_drops: bool = False
     """Whether drops cling to the lenses of all cameras while it rains."""
     leaf_wind_mps: float = 0.0
-    """Wind that sways leaves in all pictures [m/s]; 0: as the rig says."""
+    """Wind that sways leaves in all images [m/s]; 0: as the rig says."""
 
     def __post_init__(self) -> None:
         check_formats(self.formats)
@@ -114,7 +114,7 @@ class _Job:
 
     config: ReplayConfig
     level: TrafficLevel
-    sequences: tuple[Sequence, ...]
+    sequences: tuple[DatasetSequence, ...]
     span_ns: tuple[int, int]
     camera_ns: tuple[int, int]
     seed: int
@@ -163,7 +163,9 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
             config=config,
             level=level,
             sequences=tuple(
-                Sequence(condition=c, folder=town_dir / c.name) for c in conditions if c.traffic == level
+                DatasetSequence(condition=c, folder=town_dir / c.name)
+                for c in conditions
+                if c.traffic == level
             ),
             span_ns=span,
             camera_ns=cameras,
@@ -228,14 +230,14 @@ def _run(jobs: list[_Job], workers: int | None, progress: Progress | None) -> di
     total_s = sum((job.span_ns[1] - job.span_ns[0]) / 1e9 for job in jobs)
     done = [0.0] * len(jobs)
 
-    def tell(number: int, done_s: float) -> None:
+    def report(number: int, done_s: float) -> None:
         done[number] = done_s
         if progress is not None:
             progress(sum(done), total_s)
 
     count = min(workers or os.cpu_count() or 1, len(jobs))
     try:
-        results = run_jobs(_replay_level, jobs, count, tell)
+        results = run_jobs(_replay_level, jobs, count, report)
     except BaseException:
         for job in jobs:
             for sequence in job.sequences:
@@ -244,7 +246,7 @@ def _run(jobs: list[_Job], workers: int | None, progress: Progress | None) -> di
     return {name: sum(r.get(name, 0) for r in results) for result in results for name in result}
 
 
-def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
+def _replay_level(job: _Job, report: Callable[[float], None]) -> dict[str, int]:
     episode = Episode.load(job.config.episode)
     timeline = job.level.select(episode.timeline())
     config = without_unwritten(rig_of(job.config), job.config.formats, job.config.topics)
@@ -282,7 +284,7 @@ def _replay_level(job: _Job, tell: Callable[[float], None]) -> dict[str, int]:
                 for sample in samples:
                     group.write(sample)
                     counts[sample.sensor] = counts.get(sample.sensor, 0) + 1
-            tell((window[1] - first) / 1e9)
+            report((window[1] - first) / 1e9)
         for group in writers:
             group.close()
     except BaseException:
@@ -316,14 +318,14 @@ def measure_window(
         rig: The sensors.
         timeline: The drive.
         window_ns: Beginning and end (not included).
-        camera_ns: Stretch in which cameras take pictures.
-        weathers: Weathers of pictures and of sensors that feel the weather; all other samples are shared.
+        camera_ns: Stretch in which cameras take images.
+        weathers: Weathers of images and of sensors that feel the weather; all other samples are shared.
         objects: Gives the truth of all actors at a stamp [ns]; None: left out.
     """
     first, end = window_ns
     shared: list[tuple[int, int, Sample]] = []
-    pictures: list[list[tuple[int, int, Sample]]] = [[] for _ in weathers]
-    for place, sensor in enumerate(rig.sensors):
+    images: list[list[tuple[int, int, Sample]]] = [[] for _ in weathers]
+    for index, sensor in enumerate(rig.sensors):
         stamps = [
             stamp
             for stamp in sensor.schedule.stamps_ns_in(first, end)
@@ -333,18 +335,18 @@ def measure_window(
             for stamp in stamps:
                 if camera_ns[0] <= stamp < camera_ns[1]:
                     shots = sensor.measure_conditions(timeline, stamp, weathers)
-                    for row, samples in zip(pictures, shots, strict=True):
-                        row += [(stamp, place, sample) for sample in samples]
+                    for row, samples in zip(images, shots, strict=True):
+                        row += [(stamp, index, sample) for sample in samples]
         elif sensor.depends_on_weather:
             for stamp in stamps:
                 versions = sensor.measure_conditions(timeline, stamp, [w.at(stamp) for w in weathers])
-                for row, samples in zip(pictures, versions, strict=True):
-                    row += [(stamp, place, sample) for sample in samples]
+                for row, samples in zip(images, versions, strict=True):
+                    row += [(stamp, index, sample) for sample in samples]
         else:
-            shared += [(sample.stamp_ns, place, sample) for sample in sensor.measure(timeline, stamps)]
+            shared += [(sample.stamp_ns, index, sample) for sample in sensor.measure(timeline, stamps)]
     if objects is not None:
         steps = range(-(-first // STEP_NS) * STEP_NS, end, STEP_NS)
         shared += [(stamp, -1, objects(timeline, stamp)) for stamp in steps]
     ticks = np.arange(first, end, TICK_NS)
     shared += [(truth.stamp_ns, -1, truth) for truth in truth_at(timeline, ticks.tolist(), np.eye(4))]
-    return [[sample for _, _, sample in sorted(shared + row, key=lambda item: item[:2])] for row in pictures]
+    return [[sample for _, _, sample in sorted(shared + row, key=lambda item: item[:2])] for row in images]

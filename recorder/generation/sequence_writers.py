@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from collections.abc import Sequence as Many
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +31,7 @@ from recorder.writers.topics import profile_by_name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sequence:
+class DatasetSequence:
     """A condition and the folder its data goes to."""
 
     condition: Condition
@@ -47,7 +46,7 @@ class Sequence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Making:
+class _WriterContext:
     """What a format needs to make its writer."""
 
     folder: Path
@@ -58,21 +57,21 @@ class _Making:
     imu: ImuSensor | None
 
 
-def _rosbag1(m: _Making) -> Writer:
+def _rosbag1(m: _WriterContext) -> Writer:
     target = m.folder / f"{m.name}.bag"
     return Rosbag1Writer(target, m.calibration, profile=m.topics, streams=m.streams)
 
 
-def _euroc(m: _Making) -> Writer:
+def _euroc(m: _WriterContext) -> Writer:
     return EurocWriter(m.folder / "mav0", m.calibration, biases=m.imu.bias if m.imu else None)
 
 
-def _dsec(m: _Making) -> list[Writer]:
+def _dsec(m: _WriterContext) -> list[Writer]:
     streams = [stream for stream in m.streams if stream.startswith("events_")]
     return [DsecWriter(m.folder / f"{stream}.h5", stream=stream) for stream in streams]
 
 
-FORMATS: dict[str, Callable[[_Making], Writer | list[Writer]]] = {
+FORMATS: dict[str, Callable[[_WriterContext], Writer | list[Writer]]] = {
     "rosbag1": _rosbag1,
     "euroc": _euroc,
     "dsec": _dsec,
@@ -80,7 +79,7 @@ FORMATS: dict[str, Callable[[_Making], Writer | list[Writer]]] = {
 """Dataset formats by name."""
 
 
-def without_unwritten(rig: SensorRig, formats: Many[str], topics: str) -> SensorRig:
+def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> SensorRig:
     """The rig without event cameras if no format holds events: they cost more than all else.
 
     Args:
@@ -100,7 +99,7 @@ def without_unwritten(rig: SensorRig, formats: Many[str], topics: str) -> Sensor
     return replace(rig, sensors=sensors)
 
 
-def check_formats(formats: Many[str]) -> None:
+def check_formats(formats: Sequence[str]) -> None:
     """Refuse unknown formats.
 
     Raises:
@@ -114,7 +113,7 @@ def check_formats(formats: Many[str]) -> None:
 class WriterGroup:
     """All writers of one sequence, as one; the folder gets its final name when all are whole."""
 
-    def __init__(self, sequence: Sequence, writers: list[Writer], summary: dict[str, Any]) -> None:
+    def __init__(self, sequence: DatasetSequence, writers: list[Writer], summary: dict[str, Any]) -> None:
         self._sequence = sequence
         self._writers = writers
         self._summary = summary
@@ -148,11 +147,11 @@ class WriterGroup:
 
 
 def sequence_writers(
-    sequence: Sequence,
+    sequence: DatasetSequence,
     rig: SensorRig,
     streams: tuple[str, ...],
     *,
-    formats: Many[str],
+    formats: Sequence[str],
     topics: str,
     preview: bool,
     seed: int,
@@ -169,7 +168,7 @@ def sequence_writers(
         seed: Seed of the noise; EuRoC's table of states holds the IMU's true biases.
     """
     calibration = RigCalibration.from_configs(rig.sensors)
-    making = _Making(
+    context = _WriterContext(
         folder=sequence.part,
         name=sequence.folder.name,
         calibration=calibration,
@@ -179,7 +178,7 @@ def sequence_writers(
     )
     writers: list[Writer] = []
     for name in dict.fromkeys(formats):
-        made = FORMATS[name](making)
+        made = FORMATS[name](context)
         writers += made if isinstance(made, list) else [made]
     if preview and calibration.cameras:
         camera = calibration.cameras[0]

@@ -1,4 +1,4 @@
-"""Jobs in processes of their own, with progress and errors told to the parent."""
+"""Jobs in processes of their own, with progress and errors reported to the parent."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from carlaloc_env.core.errors import CarlaLocError
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
-Tell = Callable[[float], None]
-"""Told by a job how far it is, in a unit of its own."""
-Work = Callable[[Job, Tell], Result]
+Report = Callable[[float], None]
+"""Called by a job with its progress, in a unit of its own."""
+Work = Callable[[Job, Report], Result]
 
 ENVIRONMENT = {"LP_NUM_THREADS": "0", "OMP_NUM_THREADS": "1", "MALLOC_MMAP_THRESHOLD_": "262144"}
 """Set in workers: with a process per core, threads of a software renderer would only compete; a
@@ -23,21 +23,21 @@ fixed threshold lets glibc give the memory of building a scene back to the syste
 
 
 def run_jobs(
-    work: Work[Job, Result], jobs: Sequence[Job], workers: int, tell: Callable[[int, float], None]
+    work: Work[Job, Result], jobs: Sequence[Job], workers: int, report: Callable[[int, float], None]
 ) -> list[Result]:
     """Run jobs and return their results in order.
 
     Args:
-        work: A function of a module, called with a job and a function that tells its progress.
+        work: A function of a module, called with a job and a function that reports its progress.
         jobs: What to do; sent to the processes by pickle.
         workers: Number of processes; with one, everything runs in this process.
-        tell: Called with a job's number and its progress.
+        report: Called with a job's number and its progress.
 
     Raises:
         Exception: the first error of a job; the other processes are ended then.
     """
     if workers == 1 or len(jobs) < 2:
-        return [work(job, lambda done, k=k: tell(k, done)) for k, job in enumerate(jobs)]  # type: ignore[misc]
+        return [work(job, lambda done, k=k: report(k, done)) for k, job in enumerate(jobs)]  # type: ignore[misc]
     context = get_context("spawn")
     results: dict[int, Result] = {}
     waiting = list(enumerate(jobs))
@@ -48,14 +48,14 @@ def run_jobs(
             while waiting or running:
                 while waiting and len(running) < workers:
                     k, job = waiting.pop(0)
-                    here, there = context.Pipe(duplex=False)
-                    process = context.Process(target=_child, args=(there, work, k, job), daemon=True)
+                    receiver, sender = context.Pipe(duplex=False)
+                    process = context.Process(target=_child, args=(sender, work, k, job), daemon=True)
                     process.start()
-                    there.close()
+                    sender.close()
                     processes.append(process)
-                    running[here] = process
+                    running[receiver] = process
                 for connection in wait(list(running)):
-                    _receive(connection, running, results, tell)  # type: ignore[arg-type]
+                    _receive(connection, running, results, report)  # type: ignore[arg-type]
     finally:
         for process in processes:
             if process.is_alive() and running:
@@ -78,7 +78,7 @@ def _receive(
     connection: Connection,
     running: dict[Connection, object],
     results: dict[int, Result],
-    tell: Callable[[int, float], None],
+    report: Callable[[int, float], None],
 ) -> None:
     try:
         kind, k, value = connection.recv()
@@ -91,7 +91,7 @@ def _receive(
         results[k] = value
         del running[connection]
     else:
-        tell(k, value)
+        report(k, value)
 
 
 @contextmanager

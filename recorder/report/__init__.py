@@ -1,1 +1,1 @@
-"""Pictures and tables for people."""
+"""Images and tables for people."""

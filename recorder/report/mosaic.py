@@ -1,4 +1,4 @@
-"""One picture of an instant: colour, depth, semantics, and the LiDAR from above."""
+"""One image of an instant: colour, depth, semantics, and the LiDAR from above."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ LIDAR_REACH_M = 42.0
 """Half the width of the view from above [m]."""
 
 
-def depth_picture(depth: DepthImage) -> U8:
-    """Grey sRGB picture (H, W, 3) of a depth image: near is dark, the sky white."""
+def depth_image(depth: DepthImage) -> U8:
+    """Grey sRGB image (H, W, 3) of a depth image: near is dark, the sky white."""
     near, far = np.log(DEPTH_RANGE_M)
     z = np.where(depth.depth_m > 0, depth.depth_m, DEPTH_RANGE_M[1])
     grey = np.clip((np.log(np.maximum(z, 0.1)) - near) / (far - near), 0.0, 1.0)
     return np.repeat((grey * 255).astype(np.uint8)[..., None], 3, axis=-1)
 
 
-def semantic_picture(semantic: SemanticImage) -> U8:
+def semantic_image(semantic: SemanticImage) -> U8:
     """The semantic image in CARLA's colours, sRGB (H, W, 3)."""
     return colourise(semantic.tag)
 
 
-def lidar_picture(cloud: PointCloud, width_px: int, height_px: int) -> U8:
+def lidar_image(cloud: PointCloud, width_px: int, height_px: int) -> U8:
     """A point cloud from above, the car's nose up, sRGB (height, width, 3); moving things are amber."""
     scale = width_px / (2 * LIDAR_REACH_M)
     u = np.round(width_px / 2 - cloud.points_xyz_m[:, 1] * scale).astype(np.int64)
     v = np.round(height_px / 2 - cloud.points_xyz_m[:, 0] * scale).astype(np.int64)
     seen = (u >= 0) & (u < width_px) & (v >= 0) & (v < height_px)
-    picture = np.zeros((height_px, width_px, 3), np.uint8)
+    image = np.zeros((height_px, width_px, 3), np.uint8)
     colour = np.broadcast_to(np.array([60, 230, 60], np.uint8), (len(u), 3)).copy()
     if cloud.tag is not None:
         colour[np.isin(cloud.tag, [int(tag) for tag in DYNAMIC_TAGS])] = (255, 190, 40)
-    picture[v[seen], u[seen]] = colour[seen]
-    return picture
+    image[v[seen], u[seen]] = colour[seen]
+    return image
 
 
 def mosaic(
@@ -53,33 +53,33 @@ def mosaic(
 ) -> U8:
     """Four panels, 16:9 each, sRGB (width · 9/16, width, 3); a missing one stays black."""
     panel = (width_px // 2, width_px * 9 // 32)
-    pictures = [
+    images = [
         rgb.rgb if rgb is not None else None,
-        depth_picture(depth) if depth is not None else None,
-        semantic_picture(semantic) if semantic is not None else None,
-        lidar_picture(cloud, *panel) if cloud is not None else None,
+        depth_image(depth) if depth is not None else None,
+        semantic_image(semantic) if semantic is not None else None,
+        lidar_image(cloud, *panel) if cloud is not None else None,
     ]
     labels = ["RGB", "depth", "semantic", "LiDAR from above"]
-    panels = [_panel(p, panel, text) for p, text in zip(pictures, labels, strict=True)]
-    picture = np.vstack([np.hstack(panels[:2]), np.hstack(panels[2:])])
+    panels = [_panel(p, panel, text) for p, text in zip(images, labels, strict=True)]
+    image = np.vstack([np.hstack(panels[:2]), np.hstack(panels[2:])])
     if caption:
-        _label(picture, caption, (12, picture.shape[0] - 12))
-    return picture
+        _label(image, caption, (12, image.shape[0] - 12))
+    return image
 
 
-def _panel(picture: U8 | None, size_px: tuple[int, int], text: str) -> U8:
-    if picture is None:
-        picture = np.zeros((size_px[1], size_px[0], 3), np.uint8)
-    shrink = picture.shape[1] > size_px[0]
-    resized = cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA if shrink else cv2.INTER_NEAREST)
+def _panel(image: U8 | None, size_px: tuple[int, int], text: str) -> U8:
+    if image is None:
+        image = np.zeros((size_px[1], size_px[0], 3), np.uint8)
+    shrink = image.shape[1] > size_px[0]
+    resized = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA if shrink else cv2.INTER_NEAREST)
     panel: U8 = np.ascontiguousarray(resized, dtype=np.uint8)
     _label(panel, text, (12, 24))
     return panel
 
 
-def _label(picture: U8, text: str, place_px: tuple[int, int]) -> None:
+def _label(image: U8, text: str, position_px: tuple[int, int]) -> None:
     font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.6
     (width, height), below = cv2.getTextSize(text, font, scale, 1)
-    x, y = place_px
-    cv2.rectangle(picture, (x - 5, y - height - 5), (x + width + 5, y + below), (0, 0, 0), -1)
-    cv2.putText(picture, text, place_px, font, scale, (255, 255, 255), 1, cv2.LINE_AA)
+    x, y = position_px
+    cv2.rectangle(image, (x - 5, y - height - 5), (x + width + 5, y + below), (0, 0, 0), -1)
+    cv2.putText(image, text, position_px, font, scale, (255, 255, 255), 1, cv2.LINE_AA)

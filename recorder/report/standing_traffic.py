@@ -1,4 +1,4 @@
-"""Vehicles and walkers that stand about a town, for its pictures."""
+"""Vehicles and walkers that stand about a town, for its images."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 
 _PER_SIDEWALK_M = 45.0
-"""Metres of pavement per walker."""
+"""Metres of sidewalk per walker."""
 
 
 def standing_traffic(
     network: LaneNetwork, vehicles: int, *, seed: int = 0
 ) -> tuple[ActorCatalog, ActorFrame]:
-    """Vehicles at the places where traffic starts, and walkers in mid-stride on the pavements.
+    """Vehicles at the places where traffic starts, and walkers in mid-stride on the sidewalks.
 
     Args:
         network: Lanes of the town.
@@ -30,10 +30,10 @@ def standing_traffic(
     drivers = network.pose(lanes[:vehicles], stations[:vehicles])
     draw = rng.stream(seed, "preview/traffic")
     names = _names(draw, {n: m.weight for n, m in VEHICLES.items()}, len(drivers.heading_rad))
-    pavement = np.array(network.sidewalks, dtype=np.intp)
-    length = network.tables.length_m[pavement] if len(pavement) else np.zeros(0)
+    sidewalk = np.array(network.sidewalks, dtype=np.intp)
+    length = network.tables.length_m[sidewalk] if len(sidewalk) else np.zeros(0)
     count = np.floor(length / _PER_SIDEWALK_M + draw.uniform(size=len(length))).astype(np.intp)
-    strolled = np.repeat(pavement, count)
+    strolled = np.repeat(sidewalk, count)
     people = network.pose(strolled, draw.uniform(size=len(strolled)) * np.repeat(length, count))
     walkers = _names(draw, {n: m.weight for n, m in WALKERS.items()}, len(strolled))
     sizes = [VEHICLES[n].size_m for n in names] + [WALKERS[n].size_m for n in walkers]
@@ -61,11 +61,11 @@ def standing_traffic(
 
 
 def _names(draw: np.random.Generator, weights: dict[str, float], count: int) -> list[str]:
-    share = np.array(list(weights.values()))
+    weight = np.array(list(weights.values()))
     names = list(weights)
-    return [names[k] for k in draw.choice(len(names), size=count, p=share / share.sum())]
+    return [names[k] for k in draw.choice(len(names), size=count, p=weight / weight.sum())]
 
 
 def _tint(draw: np.random.Generator, tints: Tints) -> tuple[int, int, int]:
-    share = np.array([weight for _, weight in tints])
-    return tints[int(draw.choice(len(tints), p=share / share.sum()))][0]
+    weight = np.array([weight for _, weight in tints])
+    return tints[int(draw.choice(len(tints), p=weight / weight.sum()))][0]

@@ -34,7 +34,7 @@ class MapView:
     T_world_camera: Array
 
     def pixels(self, points_m: Array) -> tuple[list[Point], NDArray[np.bool_]]:
-        """Pixels of world points (N, 3), and whether each lies in the picture, shape (N,)."""
+        """Pixels of world points (N, 3), and whether each lies in the image, shape (N,)."""
         uv = np.rint(self.camera.project(apply(invert(self.T_world_camera), points_m))).astype(int)
         inside = (uv[:, 0] >= 0) & (uv[:, 0] < self.camera.width_px)
         inside &= (uv[:, 1] >= 0) & (uv[:, 1] < self.camera.height_px)
@@ -45,16 +45,16 @@ class MapView:
         return float(self.camera.fx_px / (self.T_world_camera[2, 3] - z_m))
 
 
-def draw_map(town: Town, view: MapView, picture: U8, spawn_m: Array) -> U8:
+def draw_map(town: Town, view: MapView, image: U8, spawn_m: Array) -> U8:
     """The view from above with everything marked and a legend below it, sRGB, shape (H + STRIP_PX, W, 3).
 
     Args:
         town: The town.
-        view: The camera of the picture.
-        picture: The town seen by it.
+        view: The camera of the image.
+        image: The town seen by it.
         spawn_m: Places where vehicles start [m], shape (K, 3).
     """
-    plan = (0.80 * picture).astype(np.uint8)
+    plan = (0.80 * image).astype(np.uint8)
     tables = town.network.tables
     for lane in town.network.lanes:
         if lane.type != "driving":
@@ -64,10 +64,10 @@ def draw_map(town: Town, view: MapView, picture: U8, spawn_m: Array) -> U8:
     _dots(plan, view, spawn_m, SPAWN, 2)
     _dots(plan, view, town.lamps_m, LAMP, 1)
     if town.route is not None:
-        way = town.route.position_m
-        way = np.concatenate([way, way[:1]]) if town.route.closed else way
-        _line(plan, view, way, (0, 0, 0), 6)
-        _line(plan, view, way, ROUTE, 3)
+        line = town.route.position_m
+        line = np.concatenate([line, line[:1]]) if town.route.closed else line
+        _line(plan, view, line, (0, 0, 0), 6)
+        _line(plan, view, line, ROUTE, 3)
         ends = view.pixels(town.route.position_m[[0, -1]])[0]
         cv2.circle(plan, ends[0], 9, (255, 255, 255), -1, cv2.LINE_AA)
         cv2.circle(plan, ends[0], 6, ROUTE, -1, cv2.LINE_AA)
@@ -87,9 +87,9 @@ def _line(plan: U8, view: MapView, points_m: Array, colour: Rgb, width_px: int) 
 def _dots(plan: U8, view: MapView, points_m: Array, colour: Rgb, radius_px: int) -> None:
     if not len(points_m):
         return
-    places, inside = view.pixels(points_m)
+    pixels, inside = view.pixels(points_m)
     for k in np.flatnonzero(inside):
-        cv2.circle(plan, places[k], radius_px, colour, -1, cv2.LINE_AA)
+        cv2.circle(plan, pixels[k], radius_px, colour, -1, cv2.LINE_AA)
 
 
 def _strip(town: Town, spawn_points: int, width_px: int, px_per_m: float) -> U8:

@@ -48,7 +48,7 @@ def draw_town(town: Town, out: Path, *, quality: str = "high") -> Path:
 
     Raises:
         RenderError: OpenGL is missing.
-        WriterError: the picture exists or cannot be written.
+        WriterError: the image exists or cannot be written.
     """
     if out.exists():
         raise WriterError(f"{out} exists; choose another --out or delete it first")
@@ -84,8 +84,8 @@ def town_sheet(town: Town, *, quality: str = "high") -> U8:
         catalog, frame = standing_traffic(town.network, _VEHICLES)
         streets = []
         for k, T in enumerate(street_poses(town, STREET_VIEWS)):
-            picture = _street(stage, renderer, T, catalog, frame)
-            streets.append(_labelled(picture, f"{chr(ord('A') + k)}"))
+            image = _street(stage, renderer, T, catalog, frame)
+            streets.append(_labelled(image, f"{chr(ord('A') + k)}"))
             _mark(plan, view, T, chr(ord("A") + k))
     finally:
         stage.close()
@@ -97,16 +97,16 @@ def street_poses(town: Town, count: int) -> list[Array]:
     if town.route is not None:
         s = (np.arange(count) + 0.35) / count * town.route.length_m
         at = town.route.at(s)
-        places, headings = at.position_m, at.heading_rad
+        positions, headings = at.position_m, at.heading_rad
     else:
         lanes, stations = TrafficTables(town.network).starting_places(0, np.zeros((0, 3)))
         pose = town.network.pose(lanes[:count], stations[:count])
-        places, headings = pose.position_m, pose.heading_rad
+        positions, headings = pose.position_m, pose.heading_rad
     poses = []
-    for place, heading in zip(places, headings, strict=True):
+    for position, heading in zip(positions, headings, strict=True):
         c, s_ = np.cos(heading), np.sin(heading)
         R_world_flu = np.array([[c, -s_, 0.0], [s_, c, 0.0], [0.0, 0.0, 1.0]])
-        poses.append(from_rotation(R_world_flu @ R_FLU_OPTICAL, place + np.array([0.0, 0.0, _EYE_M])))
+        poses.append(from_rotation(R_world_flu @ R_FLU_OPTICAL, position + np.array([0.0, 0.0, _EYE_M])))
     return poses
 
 
@@ -159,10 +159,10 @@ def _street(
     return np.asarray(cv2.resize(rgb, STREET_PX, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def _labelled(picture: U8, text: str) -> U8:
-    cv2.rectangle(picture, (6, 6), (30, 32), (0, 0, 0), -1)
-    cv2.putText(picture, text, (11, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
-    return picture
+def _labelled(image: U8, text: str) -> U8:
+    cv2.rectangle(image, (6, 6), (30, 32), (0, 0, 0), -1)
+    cv2.putText(image, text, (11, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
+    return image
 
 
 def _mark(plan: U8, view: MapView, T: Array, text: str) -> None:

@@ -1,4 +1,4 @@
-"""A picture of trajectories: seen from above, and their errors over time."""
+"""An image of trajectories: seen from above, and their errors over time."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def plot_trajectories(results: Sequence[EvaluationResult], path: str | Path, *, 
 
     Args:
         results: Results of one drive, each with the position error (`Metric.APE_TRANSLATION`).
-        path: New picture; an older one is replaced.
-        title: Line above the picture.
+        path: New image; an older one is replaced.
+        title: Line above the image.
 
     Raises:
-        EvaluationError: there is nothing to draw, or the picture cannot be written.
+        EvaluationError: there is nothing to draw, or the image cannot be written.
         MissingDependencyError: matplotlib is not installed.
     """
     if not results or any(Metric.APE_TRANSLATION not in result.values for result in results):

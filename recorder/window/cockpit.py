@@ -15,17 +15,17 @@ from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather
 from recorder.window.hud import HudState
 from recorder.window.minimap import MiniMap
-from recorder.window.render_process import GONE, Painter
+from recorder.window.render_process import GONE, RenderProcess
 from recorder.window.snapshot import VIEWS, Moment
 from recorder.window.status import DriveStatus
 from recorder.window.window import WINDOW_PX, Window
 
 _PATIENCE_S = 0.003
-"""How long to wait for a picture before the world goes on [s]."""
+"""How long to wait for an image before the world goes on [s]."""
 _FIRST_S = 30.0
-"""How long to wait for the first picture, for which shaders are compiled [s]."""
+"""How long to wait for the first image, for which shaders are compiled [s]."""
 _GONE_S = 0.03
-"""Time between two views of the instruments when there are no more pictures [s]."""
+"""Time between two views of the instruments when there are no more images [s]."""
 _ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
 
 
@@ -44,57 +44,59 @@ class WindowCockpit:
     def __init__(self, town: Town, weather: Weather) -> None:
         self._town = town
         self.window = Window(f"CarlaLoc: {town.name}")
-        self._painter = Painter(SensorStage(town, seed=0, weather=weather, quality="low"))
+        self._renderer = RenderProcess(SensorStage(town, seed=0, weather=weather, quality="low"))
         # Waited for before the drive begins: it takes seconds, in which nobody steers.
-        self._painter.wait_until_ready()
+        self._renderer.wait_until_ready()
         self._map: MiniMap | None = None
         self._last: NDArray[np.uint8] | None = None
-        self._told: tuple[object, ...] = ()
-        self.pictures = 0
-        """Pictures shown so far."""
+        self._shown: tuple[object, ...] = ()
+        self.images = 0
+        """Images shown so far."""
 
     def __enter__(self) -> WindowCockpit:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.window.close()
-        self._painter.close()
+        self._renderer.close()
 
     @property
     def is_live(self) -> bool:
-        """Whether pictures are still to come."""
-        return self._painter.alive
+        """Whether images are still to come."""
+        return self._renderer.alive
 
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
-        """Show the present: order a picture of it, and show the one ordered before when it is drawn.
+        """Show the present: order an image of it, and show the one ordered before when it is drawn.
 
-        The first picture is waited for, so that nobody drives before they see.
+        The first image is waited for, so that nobody drives before they see.
         """
         view = VIEWS[status.view % len(VIEWS)]
-        if self._last is None and self._painter.idle:
-            self._painter.ask(Moment.of(world, status), view)
-        picture = self._painter.picture(_FIRST_S if self._last is None else _PATIENCE_S)
-        if picture is not None:
-            self._last = picture.copy()
-            self.pictures += 1
-        if self._painter.idle:
-            self._painter.ask(Moment.of(world, status), view)
-        if not self._painter.alive:
+        if self._last is None and self._renderer.idle:
+            self._renderer.ask(Moment.of(world, status), view)
+        image = self._renderer.image(_FIRST_S if self._last is None else _PATIENCE_S)
+        if image is not None:
+            self._last = image.copy()
+            self.images += 1
+        if self._renderer.idle:
+            self._renderer.ask(Moment.of(world, status), view)
+        if not self._renderer.alive:
             status.message = GONE
             time.sleep(_GONE_S)
-        # Between two pictures only what the driver has just been told or has asked for is shown.
-        told = (status.message, status.paused, status.help, status.indicator, status.headlamps)
-        if self._last is not None and (picture is not None or told != self._told or not self._painter.alive):
-            self._told = told
+        # Between two images only what the driver is told now or has asked for is shown.
+        now_shown = (status.message, status.paused, status.help, status.indicator, status.headlamps)
+        if self._last is not None and (
+            image is not None or now_shown != self._shown or not self._renderer.alive
+        ):
+            self._shown = now_shown
             self._show(self._last, world, status, view)
 
-    def _show(self, picture: NDArray[np.uint8], world: DrivingWorld, status: DriveStatus, view: str) -> None:
+    def _show(self, image: NDArray[np.uint8], world: DrivingWorld, status: DriveStatus, view: str) -> None:
         if self._map is None:
             self._map = MiniMap(self._town.network, world.route, size_px=WINDOW_PX[1] // 3)
         driver = world.driver_view()
         actors = world.timeline.actors_at(world.now_ns)
-        small = self._map.picture(driver.position_m, driver.heading_rad, actors)
-        self.window.show(picture, self._state(world, status, view), small)
+        small = self._map.image(driver.position_m, driver.heading_rad, actors)
+        self.window.show(image, self._state(world, status, view), small)
 
     def _state(self, world: DrivingWorld, status: DriveStatus, view: str) -> HudState:
         driver, route = world.driver_view(), world.route

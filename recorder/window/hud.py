@@ -1,4 +1,4 @@
-"""Instruments over the live picture: what a driver needs, and nothing in the middle of the view."""
+"""Instruments over the live image: what a driver needs, and nothing in the middle of the view."""
 
 from __future__ import annotations
 
@@ -95,23 +95,23 @@ class Hud:
             alpha = round(190 * (row / (unit * 5)) ** 0.7)
             self._veil.fill((*_DARK, alpha), (0, row, self._width, 1))
 
-    def draw(self, surface: Any, state: HudState, map_picture: Any | None) -> None:
-        """Draw over a picture.
+    def draw(self, surface: Any, state: HudState, map_image: Any | None) -> None:
+        """Draw over an image.
 
         Args:
             surface: The window.
             state: What to show.
-            map_picture: Surface of the small map.
+            map_image: Surface of the small map.
         """
         surface.blit(self._veil, (0, self._height - self._veil.get_height()))
         self._speed(surface, state)
         self._pedals(surface, state)
         self._route(surface, state)
         self._recording(surface, state)
-        if map_picture is not None:
-            place = (self._width - map_picture.get_width() - self._unit // 2, self._unit // 2)
-            surface.blit(map_picture, place)
-            self._pygame.draw.rect(surface, _GREY, (*place, *map_picture.get_size()), 1)
+        if map_image is not None:
+            position = (self._width - map_image.get_width() - self._unit // 2, self._unit // 2)
+            surface.blit(map_image, position)
+            self._pygame.draw.rect(surface, _GREY, (*position, *map_image.get_size()), 1)
         self._lines(surface, state)
         if state.help:
             self._help(surface)
@@ -161,9 +161,9 @@ class Hud:
         self._text(surface, "to go", "small", (x + 1.8 * u, base - 0.4 * u), _GREY)
         if state.light and state.light_m is not None:
             colour = _LIGHTS.get(SignalState(state.light), _GREY)
-            place = (round(self._width - 4.2 * u), round(base - 2.0 * u))
-            self._pygame.draw.circle(surface, _DARK, place, round(0.95 * u))
-            self._pygame.draw.circle(surface, colour, place, round(0.75 * u))
+            position = (round(self._width - 4.2 * u), round(base - 2.0 * u))
+            self._pygame.draw.circle(surface, _DARK, position, round(0.95 * u))
+            self._pygame.draw.circle(surface, colour, position, round(0.75 * u))
             distance = f"{max(state.light_m, 0.0):.0f} m"
             self._text(surface, distance, "medium", (self._width - 3 * u, base - 1.4 * u), _WHITE)
 
@@ -189,8 +189,8 @@ class Hud:
             y += 1.6 * self._unit
         if state.slow is not None:
             text = f"this machine is slow: the world runs at {state.slow:.0%} of real time"
-            place = (self._width / 2, self._unit)
-            self._text(surface, text, "small", place, _AMBER, "center", shadow=True)
+            position = (self._width / 2, self._unit)
+            self._text(surface, text, "small", position, _AMBER, "center", shadow=True)
 
     def _help(self, surface: Any) -> None:
         u = self._unit
@@ -208,14 +208,14 @@ class Hud:
         surface: Any,
         text: str,
         size: str,
-        place: tuple[float, float],
+        position: tuple[float, float],
         colour: tuple[int, int, int],
         anchor: str = "bottomleft",
         *,
         shadow: bool = False,
     ) -> None:
         drawn = self._fonts[size].render(text, True, colour)
-        box = drawn.get_rect(**{anchor: (round(place[0]), round(place[1]))})
+        box = drawn.get_rect(**{anchor: (round(position[0]), round(position[1]))})
         if shadow:
             back = self._pygame.Surface((box.width + 8, box.height + 4), self._pygame.SRCALPHA)
             back.fill((*_DARK, 150))
@@ -223,12 +223,17 @@ class Hud:
         surface.blit(drawn, box)
 
     def _arrow(
-        self, surface: Any, place: tuple[float, float], turn_deg: float, size: float, colour: tuple[int, ...]
+        self,
+        surface: Any,
+        position: tuple[float, float],
+        turn_deg: float,
+        size: float,
+        colour: tuple[int, ...],
     ) -> None:
         """An arrow that points up when straight on, and to the left for positive turns."""
         vector = self._pygame.math.Vector2
         shape = ((0, -1), (0.75, 0.1), (0.28, 0.1), (0.28, 1), (-0.28, 1), (-0.28, 0.1), (-0.75, 0.1))
-        points = [vector(place) + vector(point).rotate(-turn_deg) * size for point in shape]
+        points = [vector(position) + vector(point).rotate(-turn_deg) * size for point in shape]
         self._pygame.draw.polygon(surface, colour, points)
 
 

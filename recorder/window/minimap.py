@@ -47,14 +47,14 @@ class MiniMap:
         s = np.arange(0.0, route.length_m, 2.0)
         self._line(route.at(s).position_m[:, :2], _ROUTE, 2)
 
-    def picture(
+    def image(
         self, position_m: NDArray[np.float64], heading_rad: float, actors: ActorFrame
     ) -> NDArray[np.uint8]:
         """The part about the car, sRGB (S, S, 3), with the car in the middle, heading up."""
         size, zoom = self._size_px, self._zoom
         centre = self._pixels(position_m[None, :2])[0]
         c, s = math.cos(heading_rad - math.pi / 2), math.sin(heading_rad - math.pi / 2)
-        # Map pixels have y down: a turn by +angle of the world is one by −angle of the picture.
+        # Map pixels have y down: a turn by +angle of the world is one by −angle of the image.
         turn = np.array([[c, -s], [s, c]]) * zoom / _PX_PER_M
         shift = np.array([size / 2, size * 0.62]) - turn @ centre
         view = cv2.warpAffine(
@@ -68,11 +68,11 @@ class MiniMap:
         cv2.fillPoly(view, [arrow], _EGO, cv2.LINE_AA)
         return np.asarray(view, np.uint8)
 
-    def _pixels(self, places_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        x = (places_m[:, 0] - self._low_m[0]) * _PX_PER_M
-        y = (self._high_m[1] - places_m[:, 1]) * _PX_PER_M
+    def _pixels(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = (points_m[:, 0] - self._low_m[0]) * _PX_PER_M
+        y = (self._high_m[1] - points_m[:, 1]) * _PX_PER_M
         return np.stack([x, y], axis=-1)
 
-    def _line(self, places_m: NDArray[np.float64], colour: tuple[int, int, int], width: int) -> None:
-        points = (self._pixels(places_m) * 8.0).round().astype(np.int32)
+    def _line(self, points_m: NDArray[np.float64], colour: tuple[int, int, int], width: int) -> None:
+        points = (self._pixels(points_m) * 8.0).round().astype(np.int32)
         cv2.polylines(self._map, [points[:, None]], False, colour, width, cv2.LINE_AA, shift=3)

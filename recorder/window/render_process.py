@@ -1,4 +1,4 @@
-"""Pictures drawn in a process of their own, so that drawing and driving share no processor core."""
+"""Images drawn in a process of their own, so that drawing and driving share no processor core."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from recorder.window.resolution import SIZES_PX
 from recorder.window.snapshot import Moment
 
 GONE = "no pictures: the drawing process has ended; P pauses, Escape keeps the drive and ends it"
-"""What the driver reads when there will be no more pictures."""
+"""What the driver reads when there will be no more images."""
 _MOST_BYTES = 3 * max(width * height for width, height in SIZES_PX)
 _NICE = 3
-"""A picture may come late, a tick may not."""
+"""An image may come late, a tick may not."""
 _PATIENCE_S = 3.0
 
 
@@ -34,8 +34,8 @@ class _Order:
     view: str
 
 
-class Painter:
-    """A process that draws one picture at a time; a context manager.
+class RenderProcess:
+    """A process that draws one image at a time; a context manager.
 
     It ends with its parent, however that ends: the pipe between them breaks then.
 
@@ -48,15 +48,15 @@ class Painter:
 
     def __init__(self, stage: SensorStage) -> None:
         context = get_context("spawn")
-        # One picture is asked for at a time, so nobody writes here while the other side reads.
+        # One image is asked for at a time, so nobody writes here while the other side reads.
         self._memory: Any = context.RawArray("B", _MOST_BYTES)
         self._pipe, there = context.Pipe()
-        self._process = context.Process(target=_paint, args=(there, self._memory, stage), daemon=True)
+        self._process = context.Process(target=_draw_images, args=(there, self._memory, stage), daemon=True)
         self._process.start()
         there.close()
         self._busy = True
         self.alive = True
-        """Whether pictures are still to come."""
+        """Whether images are still to come."""
 
     def wait_until_ready(self) -> None:
         """Wait until the scene stands.
@@ -76,19 +76,19 @@ class Painter:
 
     @property
     def idle(self) -> bool:
-        """Whether a picture can be ordered."""
+        """Whether an image can be ordered."""
         return self.alive and not self._busy
 
     def ask(self, moment: Moment, view: str) -> None:
-        """Order a picture, if the painter is idle."""
+        """Order an image, if the process is idle."""
         try:
             self._pipe.send(_Order(moment=moment, view=view))
             self._busy = True
         except OSError:
             self.alive = False
 
-    def picture(self, patience_s: float) -> NDArray[np.uint8] | None:
-        """The picture last ordered, sRGB (H, W, 3), when it is finished; waits a moment for it.
+    def image(self, patience_s: float) -> NDArray[np.uint8] | None:
+        """The image last ordered, sRGB (H, W, 3), when it is finished; waits a moment for it.
 
         It is a view of shared memory and good until the next one is ordered.
         """
@@ -114,14 +114,14 @@ class Painter:
             self._process.kill()
             self._process.join()
 
-    def __enter__(self) -> Painter:
+    def __enter__(self) -> RenderProcess:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
 
-def _paint(pipe: Connection, memory: Any, stage: SensorStage) -> None:
+def _draw_images(pipe: Connection, memory: Any, stage: SensorStage) -> None:
     """Draw what is ordered until the pipe breaks."""
     # Here and not above: drives without a window need no OpenGL.
     from recorder.window.views import LiveView
@@ -137,12 +137,12 @@ def _paint(pipe: Connection, memory: Any, stage: SensorStage) -> None:
         return
     view, whole = LiveView(stage), np.frombuffer(memory, np.uint8)
 
-    def hand_over(picture: NDArray[np.uint8]) -> None:
-        whole[: picture.size] = picture.reshape(-1)
-        pipe.send(picture.shape[1::-1])
+    def hand_over(image: NDArray[np.uint8]) -> None:
+        whole[: image.size] = image.reshape(-1)
+        pipe.send(image.shape[1::-1])
 
     with suppress(EOFError, OSError):
         pipe.send("ready")
         while True:
             order: _Order = pipe.recv()
-            view.picture(order.moment, order.view, hand_over)
+            view.image(order.moment, order.view, hand_over)

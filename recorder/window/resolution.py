@@ -1,21 +1,21 @@
-"""Size of the live pictures: as large as the machine can draw in time."""
+"""Size of the live images: as large as the machine can draw in time."""
 
 from __future__ import annotations
 
 SIZES_PX = ((480, 270), (400, 225), (320, 180), (256, 144))
-"""Width and height of live pictures before they are scaled to the window, largest first [px]."""
+"""Width and height of live images before they are scaled to the window, largest first [px]."""
 BUDGET_S = 0.044
-"""Time for one picture; twenty a second leave 6 ms for what the drive itself needs [s]."""
+"""Time for one image; twenty a second leave 6 ms for what the drive itself needs [s]."""
 _SETTLE = 8
-"""Pictures between two changes: the first ones of a size are slower."""
+"""Images between two changes: the first ones of a size are slower."""
 _SMOOTHING = 0.25
 
 
 class LiveResolution:
-    """Chooses among `SIZES_PX` by the time that pictures took.
+    """Chooses among `SIZES_PX` by the time that images took.
 
     Args:
-        budget_s: Time that a picture may take [s].
+        budget_s: Time that an image may take [s].
     """
 
     def __init__(self, budget_s: float = BUDGET_S) -> None:
@@ -26,11 +26,11 @@ class LiveResolution:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height of the next picture [px]."""
+        """Width and height of the next image [px]."""
         return SIZES_PX[self._index]
 
     def took(self, seconds: float) -> None:
-        """Tell how long the last picture took [s]."""
+        """Tell how long the last image took [s]."""
         self._drawn += 1
         if self._drawn <= _SETTLE // 2:
             self._smooth_s = seconds
@@ -44,7 +44,7 @@ class LiveResolution:
             self._choose(self._index - 1)
 
     def _growth(self) -> float:
-        """Pixels of the next larger size over those of this one: no picture grows slower than that."""
+        """Pixels of the next larger size over those of this one: no image grows slower than that."""
         (w, h), (larger_w, larger_h) = SIZES_PX[self._index], SIZES_PX[self._index - 1]
         return (larger_w * larger_h) / (w * h)
 

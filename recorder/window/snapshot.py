@@ -1,4 +1,4 @@
-"""One moment of a drive: all that a picture of it needs, small enough for another process."""
+"""One moment of a drive: all that an image of it needs, small enough for another process."""
 
 from __future__ import annotations
 

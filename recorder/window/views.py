@@ -24,7 +24,7 @@ _FOV_DEG = {"seat": 80.0, "chase": 75.0, "above": 60.0}
 class LiveView:
     """Draws what the driver sees, in low resolution and at the renderer's lowest tier.
 
-    Pictures become smaller where the machine would not draw twenty a second.
+    Images become smaller where the machine would not draw twenty a second.
 
     Args:
         stage: Town, weather and renderer.
@@ -39,16 +39,16 @@ class LiveView:
         self._unfinished: Callable[[], NDArray[np.uint8]] | None = None
         self._view = ""
 
-    def picture(self, moment: Moment, view: str, hand_over: Callable[[NDArray[np.uint8]], None]) -> None:
-        """Draw a moment, and hand over the picture of the moment drawn before.
+    def image(self, moment: Moment, view: str, hand_over: Callable[[NDArray[np.uint8]], None]) -> None:
+        """Draw a moment, and hand over the image of the moment drawn before.
 
-        The first one is handed over twice. Each picture is shaded on some cores while it is worked out
+        The first one is handed over twice. Each image is shaded on some cores while it is worked out
         what the next one shows, and handed over before the next one's triangles are told.
 
         Args:
             moment: What to draw.
             view: One of `moment.VIEWS`.
-            hand_over: Called once with a colour picture, sRGB, shape (H, W, 3), C-contiguous.
+            hand_over: Called once with a colour image, sRGB, shape (H, W, 3), C-contiguous.
         """
         began = time.perf_counter()
         renderer, now = self._stage.renderer(), moment.stamp_ns
@@ -59,7 +59,7 @@ class LiveView:
         is_first = self._unfinished is None
         if self._unfinished is not None:
             hand_over(np.ascontiguousarray(self._unfinished()))
-        # What the picture after this one hides by is read of what is finished: nobody waits for it.
+        # What the image after this one hides by is read of what is finished: nobody waits for it.
         self._known = self._last if view == self._view else None
         if self._known is not None:
             self._known.samples()

@@ -1,4 +1,4 @@
-"""The window itself: opened once, shows one picture with instruments after another."""
+"""The window itself: opened once, shows one image with instruments after another."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Window:
     """
 
     def __init__(self, title: str, size_px: tuple[int, int] = WINDOW_PX) -> None:
-        # SDL would show pictures through an OpenGL context of its own, which breaks the renderer's.
+        # SDL would show images through an OpenGL context of its own, which breaks the renderer's.
         os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
         try:
             import pygame
@@ -43,13 +43,13 @@ class Window:
         self._hud = Hud(pygame, size_px)
 
     def show(
-        self, picture: NDArray[np.uint8], state: HudState, map_picture: NDArray[np.uint8] | None = None
+        self, image: NDArray[np.uint8], state: HudState, map_image: NDArray[np.uint8] | None = None
     ) -> None:
-        """Show a picture (H, W, 3), scaled to the window, with its instruments."""
-        if picture.shape[1::-1] != self.size_px:
-            picture = np.asarray(cv2.resize(picture, self.size_px, interpolation=cv2.INTER_LINEAR), np.uint8)
-        self._surface.blit(self._surface_of(picture), (0, 0))
-        small = None if map_picture is None else self._surface_of(map_picture)
+        """Show an image (H, W, 3), scaled to the window, with its instruments."""
+        if image.shape[1::-1] != self.size_px:
+            image = np.asarray(cv2.resize(image, self.size_px, interpolation=cv2.INTER_LINEAR), np.uint8)
+        self._surface.blit(self._surface_of(image), (0, 0))
+        small = None if map_image is None else self._surface_of(map_image)
         self._hud.draw(self._surface, state, small)
         self._pygame.display.flip()
 
@@ -61,7 +61,7 @@ class Window:
         """Close the window; may be called twice."""
         self._pygame.display.quit()
 
-    def _surface_of(self, picture: NDArray[np.uint8]) -> Any:
-        height, width = picture.shape[:2]
-        data = np.ascontiguousarray(picture)
+    def _surface_of(self, image: NDArray[np.uint8]) -> Any:
+        height, width = image.shape[:2]
+        data = np.ascontiguousarray(image)
         return self._pygame.image.frombuffer(data.data, (width, height), "RGB")

@@ -155,5 +155,5 @@ def write_text(path: str | Path, text: str) -> Path:
 
 
 def grey(sample: Image) -> NDArray[np.uint8]:
-    """Brightness 0–255 of a picture (ITU-R BT.601), shape (H, W)."""
+    """Brightness 0–255 of an image (ITU-R BT.601), shape (H, W)."""
     return cast(NDArray[np.uint8], cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2GRAY))

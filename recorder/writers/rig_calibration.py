@@ -32,7 +32,7 @@ class CameraCalibration:
     lens: Lens = field(default_factory=Lens)
     """Distortion."""
     rate_hz: float = 20.0
-    """Pictures per second [Hz]."""
+    """Images per second [Hz]."""
     frame_id: str = ""
     """Name of the optical frame; empty: ``camera_`` + name."""
 

@@ -151,7 +151,7 @@ FULL = TopicProfile(
         ),
     ),
 )
-"""`STANDARD`, events (up to 0.5 GB a second of driving) and pictures of instance ids, 3.7 MB each."""
+"""`STANDARD`, events (up to 0.5 GB a second of driving) and images of instance ids, 3.7 MB each."""
 
 PAPER = TopicProfile(
     name="paper",
@@ -181,7 +181,7 @@ SLAM = TopicProfile(
         TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
     ),
 )
-"""What SLAM systems read: grey pictures and the plain cloud, a third of the size of `STANDARD`."""
+"""What SLAM systems read: grey images and the plain cloud, a third of the size of `STANDARD`."""
 
 PROFILES = {profile.name: profile for profile in (STANDARD, PAPER, SLAM, FULL)}
 """All profiles by name."""

@@ -152,13 +152,13 @@ def jerk(acceleration: Array) -> Array:
 
 
 def held_still(log: dict[str, Array]) -> float:
-    """Share of the driving time in which the wheel turns slower than 1°/s."""
+    """Fraction of the driving time in which the wheel turns slower than 1°/s."""
     rate = np.abs(np.diff(log["wheel_deg"])) * TICK_HZ
     return float(np.mean(rate[log["speed"][1:] > 1.0] < 1.0))
 
 
 def power_above_1_hz(wheel_deg: Array) -> float:
-    """Share of the steering power above 1 Hz."""
+    """Fraction of the steering power above 1 Hz."""
     power = np.abs(np.fft.rfft((wheel_deg - wheel_deg.mean()) * np.hanning(len(wheel_deg)))) ** 2
     frequency = np.fft.rfftfreq(len(wheel_deg), TICK_S)
     return float(power[frequency > 1.0].sum() / power[frequency > 0.0].sum())
@@ -450,7 +450,7 @@ def test_pedals_give_the_acceleration_asked_for() -> None:
         for tick in range(1600):
             wanted = 1.0 if tick < 1000 else -1.2
             throttle, brake = pedals.drive(
-                wanted, 0.0, speed_mps=state.speed_mps, felt_mps2=state.acceleration_mps2, grade=0.0
+                wanted, 0.0, speed_mps=state.speed_mps, perceived_mps2=state.acceleration_mps2, grade=0.0
             )
             car.tick(Controls(throttle=throttle, brake=brake))
             state = car.state()

@@ -25,7 +25,7 @@ from carlaloc_env.traffic.world import traffic_of_town
 from recorder.drive.real_time_pacer import MOST_TICKS, Pacer
 from recorder.drive.record import RecordConfig, record
 from recorder.drive.resimulate import resimulate
-from recorder.drive.traffic_rules import RuleWatch
+from recorder.drive.traffic_rules import RuleMonitor
 from recorder.episode.episode import EgoRow, Episode, EpisodeWriter, open_episode
 
 
@@ -80,12 +80,12 @@ def test_pause_owes_no_time() -> None:
     clock = Clock()
     pacer = Pacer(clock)
     clock.now_s += 60.0
-    pacer.rest()
+    pacer.restart()
     assert pacer.due() == 0
 
 
-def look(watch: RuleWatch, base: DriverView, **values: object) -> list[str]:
-    return watch.look(replace(base, **values))  # type: ignore[arg-type]
+def look(watch: RuleMonitor, base: DriverView, **values: object) -> list[str]:
+    return watch.update(replace(base, **values))  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -97,14 +97,14 @@ def seen(town: Town) -> Iterator[DriverView]:
 
 
 def test_red_light_is_counted_once_and_only_when_crossed(town: Town, seen: DriverView) -> None:
-    watch = RuleWatch(town.network)
+    watch = RuleMonitor(town.network)
     red = int(SignalState.RED)
     begun = []
     for distance in (1.2, 0.7, 0.2, -0.3, -0.8, -1.3):
         begun += look(watch, seen, stop_line_distance_m=distance, signal_state=red, speed_mps=10.0)
     assert begun.count("red_light") == 1
     for state, speed in ((int(SignalState.GREEN), 10.0), (red, 0.0)):
-        watch = RuleWatch(town.network)
+        watch = RuleMonitor(town.network)
         begun = []
         for distance in (0.5, 0.2, -0.2, -0.5):
             begun += look(watch, seen, stop_line_distance_m=distance, signal_state=state, speed_mps=speed)
@@ -112,7 +112,7 @@ def test_red_light_is_counted_once_and_only_when_crossed(town: Town, seen: Drive
 
 
 def test_rules_of_the_road(town: Town, seen: DriverView) -> None:
-    watch = RuleWatch(town.network)
+    watch = RuleMonitor(town.network)
     assert not any(look(watch, seen) for _ in range(60))
     fast = [look(watch, seen, speed_mps=seen.speed_limit_mps + 4.0) for _ in range(60)]
     assert list(chain(*fast)) == ["speeding"]
@@ -122,7 +122,7 @@ def test_rules_of_the_road(town: Town, seen: DriverView) -> None:
         look(watch, seen, position_m=seen.position_m - 12.0 * normal, offset_m=-12.0) for _ in range(20)
     ]
     assert {"off_road", "off_route"} <= set(chain(*beyond))
-    watch = RuleWatch(town.network)
+    watch = RuleMonitor(town.network)
     turned = [look(watch, seen, heading_rad=seen.heading_rad + np.pi, speed_mps=5.0) for _ in range(40)]
     assert list(chain(*turned)) == ["wrong_way"]
 

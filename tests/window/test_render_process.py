@@ -22,7 +22,7 @@ from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.window.render_process import Painter
+from recorder.window.render_process import RenderProcess
 from recorder.window.snapshot import Moment
 from recorder.window.status import DriveStatus
 from recorder.window.views import LiveView
@@ -33,11 +33,11 @@ import os, signal, sys
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather import weather_by_name
-from recorder.window.render_process import Painter
+from recorder.window.render_process import RenderProcess
 
 if __name__ == "__main__":
     stage = SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNoon"), quality="low")
-    painter = Painter(stage)
+    painter = RenderProcess(stage)
     painter.wait_until_ready()
     print(painter._process.pid, flush=True)
     os.kill(os.getpid(), signal.SIGKILL)
@@ -57,11 +57,11 @@ def world() -> Iterator[DrivingWorld]:
     world.close()
 
 
-def picture_of(painter: Painter, moment: Moment) -> NDArray[np.uint8]:
+def picture_of(painter: RenderProcess, moment: Moment) -> NDArray[np.uint8]:
     painter.ask(moment, "seat")
     end = time.monotonic() + 60.0
     while time.monotonic() < end:
-        found = painter.picture(0.1)
+        found = painter.image(0.1)
         if found is not None:
             return found.copy()
     raise AssertionError("no picture came")
@@ -79,7 +79,7 @@ def test_pictures_of_the_other_process_and_its_end(world: DrivingWorld) -> None:
     """It draws the very bytes of a view in this process; headlamps light the road; a kill is noticed."""
     stage = night()
     try:
-        painter = Painter(stage)
+        painter = RenderProcess(stage)
         painter.wait_until_ready()
     except RenderError as no_opengl:
         pytest.skip(str(no_opengl))
@@ -89,14 +89,14 @@ def test_pictures_of_the_other_process_and_its_end(world: DrivingWorld) -> None:
         lit, _, dark = (picture_of(painter, moments[k]) for k in (0, 1, 1))
         here = LiveView(stage)
         own: list[NDArray[np.uint8]] = []
-        here.picture(moments[0], "seat", own.append)
+        here.image(moments[0], "seat", own.append)
         np.testing.assert_array_equal(lit, own[0])
         road = np.s_[150:220, 160:320]
         assert lit[road].mean() > 1.25 * dark[road].mean(), "the low beams are seen on the road"
         assert painter.idle
         os.kill(painter._process.pid or 0, signal.SIGKILL)
         painter.ask(moments[0], "seat")
-        assert wait_for(lambda: painter.picture(0.01) is None and not painter.alive, 10.0)
+        assert wait_for(lambda: painter.image(0.01) is None and not painter.alive, 10.0)
         assert not painter.idle
     stage.close()
 

@@ -73,7 +73,7 @@ class ScriptedDriver:
         self._s_m, offset = road.locate(x, y, self._s_m)
         v = view.speed_mps
         self._watch_leader(view)
-        stop = self._way_to_stop(view, road)
+        stop = self._distance_to_stop(view, road)
         if self._standing and not self._drives_off(view, stop):
             throttle, brake = self._pedals.hold()
             self._speed.rest()
@@ -91,7 +91,7 @@ class ScriptedDriver:
             self._speed.wanted_mps2,
             1.0 if self._is_launching else self._speed.jerk_mps3,
             speed_mps=v,
-            felt_mps2=view.acceleration_mps2,
+            perceived_mps2=view.acceleration_mps2,
             grade=road.grade(self._s_m + 1.4),
         )
         # Whoever rolls on past the place, down a slope, brakes all the sooner.
@@ -111,7 +111,7 @@ class ScriptedDriver:
     def _begin(self) -> None:
         """Sit down in a standing car."""
         self._random = rng.stream(self._seed, "driver/decisions")
-        self._limit_share = 0.94 + 0.05 * float(self._random.uniform())
+        self._limit_fraction = 0.94 + 0.05 * float(self._random.uniform())
         self._steering = DriverSteering(self._params, self._seed)
         self._pedals = DriverPedals(self._params)
         self._speed = DriverSpeed()
@@ -128,7 +128,7 @@ class ScriptedDriver:
     def _know_route(self, view: DriverView) -> DriverRoute:
         if self._road is None or view.route is not self._route:
             self._route = view.route
-            self._road = DriverRoute(view.route, self._limit_share)
+            self._road = DriverRoute(view.route, self._limit_fraction)
             self._s_m = view.route_s_m
         return self._road
 
@@ -155,20 +155,20 @@ class ScriptedDriver:
         gap = known.gap_m + (view.leader_speed_mps - view.speed_mps) * TICK_S
         self._leader = Leader(gap_m=gap + 0.05 * (view.leader_gap_m - gap), speed_mps=speed)
 
-    def _way_to_stop(self, view: DriverView, road: DriverRoute) -> float | None:
-        """Way left to the first place where the car has to stand [m]."""
-        ways = []
+    def _distance_to_stop(self, view: DriverView, road: DriverRoute) -> float | None:
+        """Distance left to the first place where the car has to stand [m]."""
+        distances = []
         if not road.closed:
-            ways.append(road.length_m - _ROUTE_END_M - self._s_m)
-        line = self._way_to_line(view)
+            distances.append(road.length_m - _ROUTE_END_M - self._s_m)
+        line = self._distance_to_line(view)
         if line is not None:
-            ways.append(line)
+            distances.append(line)
         leader = self._leader
         if leader is not None and leader.speed_mps < 0.8:
-            ways.append(leader.gap_m - self._speed.style.gap_m)
-        return min(ways) if ways else None
+            distances.append(leader.gap_m - self._speed.style.gap_m)
+        return min(distances) if distances else None
 
-    def _way_to_line(self, view: DriverView) -> float | None:
+    def _distance_to_line(self, view: DriverView) -> float | None:
         distance = view.stop_line_distance_m
         if distance is None or view.signal_state not in (SignalState.RED, SignalState.YELLOW):
             self._passing_s_m = self._stopping_s_m = None

@@ -29,7 +29,7 @@ class DriverPedals:
         self._change_ticks = 0
         self._pedal = [0.0, _HOLD_BRAKE]
         self._rate = [0.0, 0.0]
-        self._feel_mps2 = 0.0
+        self._correction_mps2 = 0.0
 
     @property
     def is_on_brake(self) -> bool:
@@ -44,11 +44,11 @@ class DriverPedals:
     def hold(self) -> tuple[float, float]:
         """Throttle and brake of a standing car."""
         self._on_brake, self._change_ticks = True, 0
-        self._feel_mps2 = 0.0
+        self._correction_mps2 = 0.0
         return self._press(0.0, _HOLD_BRAKE)
 
     def drive(
-        self, wanted_mps2: float, jerk_mps3: float, *, speed_mps: float, felt_mps2: float, grade: float
+        self, wanted_mps2: float, jerk_mps3: float, *, speed_mps: float, perceived_mps2: float, grade: float
     ) -> tuple[float, float]:
         """Throttle and brake for an acceleration.
 
@@ -56,14 +56,14 @@ class DriverPedals:
             wanted_mps2: Acceleration wanted now [m/s²].
             jerk_mps3: How it is about to change [m/s³].
             speed_mps: Forward speed [m/s].
-            felt_mps2: Acceleration felt [m/s²].
+            perceived_mps2: Acceleration perceived [m/s²].
             grade: Slope ahead, rising > 0.
         """
         p = self._params
         if not self.is_changing and speed_mps > 1.0:
-            error = max(-1.0, min(1.0, wanted_mps2 - felt_mps2))
-            self._feel_mps2 = max(-0.8, min(0.8, self._feel_mps2 + 0.35 * error * TICK_S))
-        lead = wanted_mps2 + 0.2 * jerk_mps3 + self._feel_mps2
+            error = max(-1.0, min(1.0, wanted_mps2 - perceived_mps2))
+            self._correction_mps2 = max(-0.8, min(0.8, self._correction_mps2 + 0.35 * error * TICK_S))
+        lead = wanted_mps2 + 0.2 * jerk_mps3 + self._correction_mps2
         force, coast = self._force_n(lead, speed_mps, grade)
         soon, coast_soon = self._force_n(
             lead + 0.3 * jerk_mps3, max(0.0, speed_mps + 0.3 * wanted_mps2), grade

@@ -24,10 +24,10 @@ class DriverRoute:
 
     Args:
         route: The route.
-        limit_share: Speed on a straight as a share of the limit.
+        limit_fraction: Speed on a straight as a fraction of the limit.
     """
 
-    def __init__(self, route: Route, limit_share: float) -> None:
+    def __init__(self, route: Route, limit_fraction: float) -> None:
         self.length_m = float(route.length_m)
         self.closed = bool(route.closed)
         steps = max(2, round(self.length_m / SPACING_M))
@@ -52,7 +52,7 @@ class DriverRoute:
         self._y: list[float] = position[:, 1].tolist()
         self._heading: list[float] = heading.tolist()
         curvature = self._windowed_curvature(heading, _CURVE_WINDOW_M)
-        self._speed = _speeds(curvature, np.asarray(at.speed_limit_mps, dtype=np.float64) * limit_share)
+        self._speed = _speeds(curvature, np.asarray(at.speed_limit_mps, dtype=np.float64) * limit_fraction)
         # Where the way was fitted there is little room: a body that leans far touches kerbs.
         careful = np.sqrt(_CAREFUL_MPS2 / np.maximum(np.abs(curvature), 1e-4))
         self._speed = np.where(free, self._speed, np.minimum(self._speed, careful))

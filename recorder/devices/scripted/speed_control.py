@@ -98,7 +98,7 @@ class DriverSpeed:
             tick: Ticks since the drive began.
             s_m: How far along the route [m].
             speed_mps: Forward speed [m/s].
-            stop_m: Way left to where the car has to stand [m], None if nowhere in sight.
+            stop_m: Distance left to where the car has to stand [m], None if nowhere in sight.
             leader: Whoever drives ahead.
         """
         style, v = self.style, max(0.0, speed_mps)
@@ -161,15 +161,15 @@ class DriverSpeed:
         seconds = min(9.0, max(3.0, 1.5 * abs(change) / comfort))
         return 2.0 * (3.0 * change - 2.0 * a * seconds) / (seconds * seconds)
 
-    def _jerk_to(self, target_mps: float, way_m: float, v: float) -> float:
+    def _jerk_to(self, target_mps: float, distance_m: float, v: float) -> float:
         """Jerk that begins the smoothest way to a speed at a distance."""
         change, a = target_mps - v, self.wanted_mps2
         mean = 0.5 * (v + target_mps)
-        root = mean * mean + a * way_m / 3.0
-        if way_m <= 0.0:
+        root = mean * mean + a * distance_m / 3.0
+        if distance_m <= 0.0:
             seconds = _SHORTEST_S
         elif root > 0.0:
-            seconds = 2.0 * way_m / (mean + sqrt(root))
+            seconds = 2.0 * distance_m / (mean + sqrt(root))
         else:
             seconds = 6.0 * mean / abs(a)
         seconds = max(_SHORTEST_S, seconds)
@@ -179,12 +179,12 @@ class DriverSpeed:
         if stop_m is None:
             self._stopping = False
             return inf
-        way = max(stop_m, 0.05)
+        distance = max(stop_m, 0.05)
         later, used = self._after_lifting(v)
-        if 0.75 * later * later / max(way - used, 0.05) > self.style.brake_from_mps2:
+        if 0.75 * later * later / max(distance - used, 0.05) > self.style.brake_from_mps2:
             self._stopping = True
         # Without latching, a goal far ahead would be braked for from where it comes in sight.
-        return self._jerk_to(0.0, way, v) if self._stopping else inf
+        return self._jerk_to(0.0, distance, v) if self._stopping else inf
 
     def _follow(self, leader: Leader, v: float) -> float:
         """Jerk towards the acceleration of the Intelligent Driver Model (Treiber et al., 2000)."""

@@ -28,7 +28,7 @@ class SteeringStyle:
     curve_lead_s: float = 0.32
     """How far ahead the bend is looked at that the hands follow now."""
     bend_play: float = 0.03
-    """Share of a bend's angle that the hands leave uncorrected."""
+    """Fraction of a bend's angle that the hands leave uncorrected."""
     noise_m: float = 0.18
     """Standard deviation of the perceived lateral position."""
     noise_s: float = 12.0
@@ -36,7 +36,7 @@ class SteeringStyle:
     delay_s: float = 0.15
     """From seeing to acting."""
     gain: float = 0.75
-    """Share of an error that one pulse corrects."""
+    """Fraction of an error that one pulse corrects."""
     pulse_s: float = 0.40
     """Length of a pulse."""
     refractory_s: float = 0.25
@@ -63,8 +63,8 @@ class DriverSteering:
     def __init__(self, params: VehicleParams, seed: int, style: SteeringStyle | None = None) -> None:
         self._params = params
         self._style = style if style is not None else SteeringStyle()
-        rear_share = 1.0 - params.cog_x_m / params.wheelbase_m
-        self._slip_s2pm = params.mass_kg * (1.0 - rear_share) / params.axle_cornering_nprad[1]
+        rear_fraction = 1.0 - params.cog_x_m / params.wheelbase_m
+        self._slip_s2pm = params.mass_kg * (1.0 - rear_fraction) / params.axle_cornering_nprad[1]
         self._random = rng.stream(seed, "driver/steering")
         self._noise_m = float(self._random.normal(0.0, self._style.noise_m))
         self._seen: deque[float] = deque([0.0] * round(self._style.delay_s * TICK_HZ))
@@ -137,7 +137,7 @@ class DriverSteering:
         lead = self._style.curve_lead_s * speed_mps
         curvature = road.curvature(s_m + lead, max(1.8, 0.33 * speed_mps))
         angle = atan(p.wheelbase_m * curvature) + p.understeer_s2pm * speed_mps * speed_mps * curvature
-        # Hands do not follow what is smaller than half a degree at the wheel, or a share of its angle:
+        # Hands do not follow what is smaller than half a degree at the wheel, or a fraction of its angle:
         # in a steady bend they hold still, and corrections make up for the rest.
         play = 0.5 / degrees(1.0) / p.steering_ratio + self._style.bend_play * abs(angle)
         self._bend_rad = min(max(self._bend_rad, angle - play), angle + play)

@@ -1,4 +1,4 @@
-"""The EuRoC ("ASL") layout: a folder `mav0` with pictures, tables and sensor.yaml files."""
+"""The EuRoC ("ASL") layout: a folder `mav0` with images, tables and sensor.yaml files."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuC
 from recorder.writers.yaml_text import real, rows
 
 TIMES_FILE = "times.txt"
-"""Times of the pictures [ns], one per line: ORB-SLAM3's EuRoC programs take this file beside the folder."""
+"""Times of the images [ns], one per line: ORB-SLAM3's EuRoC programs take this file beside the folder."""
 _IMU_HEADER = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
     "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
 )
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
-"""Run lengths only: a noisy 1280×720 picture takes 13 ms and 507 kB, by default 17 ms and 569 kB."""
+"""Run lengths only: a noisy 1280×720 image takes 13 ms and 507 kB, by default 17 ms and 569 kB."""
 
 Biases = Callable[[Sequence[int]], NDArray[np.float64]]
 
 
 class EurocWriter(Writer):
-    """Colour pictures, IMU and truth; other kinds of samples have no place in the format.
+    """Colour images, IMU and truth; other kinds of samples have no place in the format.
 
     The body frame is the IMU's. `cam0`, `cam1` … follow the order of the rig's cameras.
     """
@@ -50,7 +50,7 @@ class EurocWriter(Writer):
         Args:
             target: The folder, usually ``…/mav0``.
             calibration: The rig; it must have an IMU.
-            colour: Whether pictures are written in colour instead of grey.
+            colour: Whether images are written in colour instead of grey.
             biases: True biases of the IMU at stamps [ns], accelerometer [m/s²] then gyroscope [rad/s],
                 shape (M, 6); zero when left out.
             epoch_ns: Unix time of the drive's beginning [ns].

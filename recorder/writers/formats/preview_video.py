@@ -17,9 +17,9 @@ _STILL_EVERY = 60
 
 
 class PreviewWriter(Writer):
-    """An mp4 with one picture per instant of the first camera; nothing without a camera.
+    """An mp4 with one image per instant of the first camera; nothing without a camera.
 
-    The film is `target`; one of its pictures stands beside it as `<stem>.png`.
+    The film is `target`; one of its images stands beside it as `<stem>.png`.
     """
 
     def __init__(self, target: str | Path, *, camera: str, rate_hz: float, caption: str = "") -> None:
@@ -54,14 +54,14 @@ class PreviewWriter(Writer):
         depth, semantic = self._shown.get("DepthImage"), self._shown.get("SemanticImage")
         if not isinstance(rgb, Image):
             return
-        picture = mosaic(
+        image = mosaic(
             rgb,
             depth if isinstance(depth, DepthImage) else None,
             semantic if isinstance(semantic, SemanticImage) else None,
             self._cloud,
             caption=self._caption,
         )
-        bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+        bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
         if self._film is None:
             size = (bgr.shape[1], bgr.shape[0])
             code = cv2.VideoWriter.fourcc(*"mp4v")
@@ -82,7 +82,7 @@ class PreviewWriter(Writer):
             self._film.release()
 
     def close(self) -> None:
-        """Complete the film; without a single picture there is none."""
+        """Complete the film; without a single image there is none."""
         super().close()
         if self._still is None:
             self.target.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""ROS messages of cameras: pictures, their calibration, events."""
+"""ROS messages of cameras: images, their calibration, events."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from recorder.writers.ros.message_parts import Message, MessageParts
 
 
 def image_rgb8(maker: MessageParts, header: Message, sample: Image) -> Message:
-    """Colour picture."""
+    """Colour image."""
     return maker.image(header, sample.rgb, "rgb8")
 
 
 def image_mono8(maker: MessageParts, header: Message, sample: Image) -> Message:
-    """Brightness of a colour picture."""
+    """Brightness of a colour image."""
     return maker.image(header, grey(sample), "mono8")
 
 

@@ -1,4 +1,4 @@
-"""What ROS messages consist of, for ROS 1 and ROS 2 alike: types, headers, vectors, pictures, tables."""
+"""What ROS messages consist of, for ROS 1 and ROS 2 alike: types, headers, vectors, images, tables."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class MessageParts:
     def table(self, header: Message, rows: NDArray[np.void]) -> Message:
         """PointCloud2 of structured rows (N,), one field per column, none of them padded."""
         dtype = rows.dtype
-        offsets = {name: place[1] for name, place in (dtype.fields or {}).items()}
+        offsets = {name: entry[1] for name, entry in (dtype.fields or {}).items()}
         fields = [
             self.new(
                 "sensor_msgs/PointField",
