@@ -12,12 +12,13 @@ import argparse
 import numpy as np
 from timing import time_calls
 
-from carlaloc_env.actors.instances import place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.transforms import transform
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.mesh import Instances, concatenate_instances
+from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import PRESETS
@@ -36,15 +37,14 @@ def ahead(town: Town, stage: SensorStage, T_world_base: np.ndarray) -> tuple[Ins
     forward, aside = way @ T_world_base[:3, 0], way @ T_world_base[:3, 1]
     shown = np.flatnonzero((forward > CLEAR_M) & (np.abs(aside) < forward))
     shown = shown[np.argsort(forward[shown], kind="stable")][:ACTORS]
-    catalog, frame, eye = catalog.take(shown), frame.take(shown), T_world_base[:3, 3]
-    states = np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8)
-    parts = [
-        place_ego(T_world_base, stage.library),
-        place_actors(catalog, frame, stage.library, eye_m=eye),
-        place_lights(catalog, frame, stage.library, 0, eye_m=eye),
-        place_signals(town.lenses, states, stage.library),
-    ]
-    return concatenate_instances(parts), len(shown)
+    snapshot = Snapshot(
+        stamp_ns=0,
+        T_world_base=T_world_base,
+        catalog=catalog.take(shown),
+        actors=frame.take(shown),
+        signals=np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8),
+    )
+    return instances_at(stage.library, town.lenses, snapshot), len(shown)
 
 
 def measure(name: str, share: float, quality: str, repeat: int) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.core.controls import Controls
@@ -23,9 +24,9 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera.camera import instances_at
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
@@ -168,11 +169,11 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """A 640×360 picture from the driver's seat, sRGB (360, 640, 3), in `render_mode` rgb_array."""
         if self.render_mode != "rgb_array":
             return None
-        timeline, now = self.world.timeline, self.world.now_ns
-        renderer = self.stage.renderer()
-        instances = instances_at(self.stage, timeline, now)
-        T_world_base = timeline.ego_motion([now]).T_world_frame[0]
-        picture = renderer.draw(Pinhole.from_fov(640, 360, 90.0), T_world_base @ _T_BASE_SEAT, instances)
+        renderer, now = self.stage.renderer(), self.world.now_ns
+        snapshot = Snapshot.of(self.world.timeline, now)
+        instances = instances_at(self.stage.library, self.stage.lenses, snapshot)
+        pose = snapshot.T_world_base @ _T_BASE_SEAT
+        picture = renderer.draw(Pinhole.from_fov(640, 360, 90.0), pose, instances)
         return renderer.shade(picture, self.weather.at(now), stamp_ns=now, seed=self.stage.seed)
 
     def close(self) -> None:

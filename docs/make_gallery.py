@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.mesh import concatenate_instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import weather_by_name
@@ -83,16 +83,17 @@ def _busy_street(stage: SensorStage, town: Town, T_world_camera: NDArray[np.floa
     """What the camera of a car sees among standing traffic."""
     catalog, frame = standing_traffic(town.network, VEHICLES)
     far = np.flatnonzero(np.hypot(*(frame.position_m[:, :2] - T_world_camera[:2, 3]).T) > CLEAR_M)
-    catalog, frame, eye = catalog.take(far), frame.take(far), T_world_camera[:3, 3]
     green = np.full(int(town.lenses.signal.max(initial=-1)) + 1, 3, np.uint8)
     mount = next(c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)).mount
-    seen = [
-        place_ego(T_world_camera @ np.linalg.inv(mount.T_base_sensor), stage.library),
-        place_actors(catalog, frame, stage.library, eye_m=eye),
-        place_lights(catalog, frame, stage.library, 0, eye_m=eye),
-        place_signals(town.lenses, green, stage.library),
-    ]
-    return stage.renderer().draw(Pinhole(), T_world_camera, concatenate_instances(seen))
+    snapshot = Snapshot(
+        stamp_ns=0,
+        T_world_base=T_world_camera @ np.linalg.inv(mount.T_base_sensor),
+        catalog=catalog.take(far),
+        actors=frame.take(far),
+        signals=green,
+    )
+    seen = instances_at(stage.library, town.lenses, snapshot)
+    return stage.renderer().draw(Pinhole(), T_world_camera, seen)
 
 
 def _write(sheet: NDArray[Any], out: Path) -> Path:

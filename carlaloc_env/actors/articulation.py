@@ -44,7 +44,7 @@ class Families:
     phases: Index
     """Number of postures of pedalling, which follow `whole`, `body` and `low`; 1 for all but cycles."""
     crank_way_m: Array
-    """Way on which cranks turn once [m]."""
+    """Distance on which cranks turn once [m]."""
     coarse: NDArray[np.bool_]
     """Whether the library holds the family in few triangles."""
     parted: NDArray[np.bool_]
@@ -60,12 +60,9 @@ class Families:
     """As `wheel_begin`, for the plate arrays."""
     plate_model: Index
     """First of the plates of the family's tag."""
-    plate_place_m: Array
+    plate_position_m: Array
     plate_facing: Array
     plate_scale: Array
-    lamp_begin: Index
-    """As `wheel_begin`, for the headlamps."""
-    lamp_place_m: Array
 
 
 @lru_cache(maxsize=8)
@@ -73,7 +70,7 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
     """Tables of some families.
 
     Args:
-        library: Models of `assets.library.build_library`, or any that holds the plain names.
+        library: Models of `assets.model_library.build_library`, or any that holds the plain names.
         names: Families, keys of `VEHICLES` and `WALKERS`.
 
     Raises:
@@ -85,7 +82,6 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
     parts = [vehicle(name) if f"{name}/body" in known else None for name in names]
     wheels = [(f, w) for f, part in enumerate(parts) if part for w in part.wheels]
     plates = [(f, p) for f, part in enumerate(parts) if part for p in part.plates]
-    lamps = [(f, p) for f, part in enumerate(parts) if part for p in part.lamps]
     tags = [VEHICLES[name].tag.name if name in VEHICLES else "" for name in names]
     return Families(
         whole=whole,
@@ -108,11 +104,9 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
         wheel_right=np.array([w.right for _, w in wheels], dtype=bool),
         plate_begin=_begin([f for f, _ in plates], len(names)),
         plate_model=np.array([library.index(f"plate/{tags[f]}/00") for f, _ in plates], dtype=np.intp),
-        plate_place_m=np.array([p.position_m for _, p in plates], dtype=np.float64).reshape(-1, 3),
+        plate_position_m=np.array([p.position_m for _, p in plates], dtype=np.float64).reshape(-1, 3),
         plate_facing=np.array([p.facing for _, p in plates]),
         plate_scale=np.array([p.width_m / 0.52 for _, p in plates]),
-        lamp_begin=_begin([f for f, _ in lamps], len(names)),
-        lamp_place_m=np.array([p.position_m for _, p in lamps], dtype=np.float64).reshape(-1, 3),
     )
 
 
@@ -138,7 +132,7 @@ def far_away(
 def gait(travelled_m: Array, stride_m: Array, phases: int) -> tuple[Index, Array]:
     """Posture of walkers, and how far ahead of that posture's place they are [m].
 
-    A posture holds for a share of the stride. Drawn at the walker's place minus that remainder, the
+    A posture holds for a fraction of the stride. Drawn at the walker's place minus that remainder, the
     foot on the ground stays exactly where it was set down.
 
     Args:

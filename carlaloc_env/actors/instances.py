@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,10 +18,10 @@ from carlaloc_env.actors.articulation import (
 from carlaloc_env.assets.catalog import EGO_TINT, VEHICLES
 from carlaloc_env.assets.number_plates import plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
-from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 from carlaloc_env.timeline.timeline import (
     LIGHT_BRAKE,
     LIGHT_LEFT,
@@ -28,15 +30,39 @@ from carlaloc_env.timeline.timeline import (
     ActorCatalog,
     ActorFrame,
 )
-from carlaloc_env.timeline.vehicle_track import CarTrack
 
-BRAKE_SHARE = 0.02
-"""The pedal's way from which the ego's brake lamps are lit."""
-_BLINK_NS = 666_666_666
-"""Period of the indicators [ns]."""
+UNLIT_EGO_INSTANCE = (1 << 24) - 1
+"""Instance id of an ego with its headlamps off: the renderer gives low beams to the ego's own id."""
 _EGO_LAMPS = {"brake": LIGHT_BRAKE, "left": LIGHT_LEFT, "right": LIGHT_RIGHT, "reverse": LIGHT_REVERSE}
 _LIT = ("signal_red", "signal_yellow", "signal_green")
 """Model of a lit lens for the signal states 1, 2, 3."""
+
+
+def instances_at(library: ModelLibrary, lenses: SignalLenses, snapshot: Snapshot) -> Instances:
+    """Everything that moves or shines at one instant: ego, actors, their lit lamps, lit signal lenses.
+
+    Args:
+        library: Models of `assets.model_library.build_library`.
+        lenses: Lenses of the town.
+        snapshot: The instant.
+
+    Raises:
+        ConfigError: the catalogue names a model that does not exist.
+    """
+    catalog, actors = snapshot.catalog, snapshot.actors
+    ego = place_ego(snapshot.T_world_base, library, snapshot.ego_lights)
+    if not snapshot.ego_headlamps:
+        ego = replace(ego, instance=np.full(len(ego), UNLIT_EGO_INSTANCE, np.uint32))
+    # Detail goes by the ego's place, so that both eyes see the same shapes.
+    eye_m = snapshot.T_world_base[:3, 3]
+    return concatenate_instances(
+        [
+            ego,
+            place_actors(catalog, actors, library, eye_m=eye_m),
+            place_lights(catalog, actors, library, snapshot.stamp_ns, eye_m=eye_m),
+            place_signals(lenses, snapshot.signals, library),
+        ]
+    )
 
 
 def place_actors(
@@ -52,7 +78,7 @@ def place_actors(
     Args:
         catalog: Who takes part.
         frame: Their state.
-        library: Models of `assets.library.build_library`.
+        library: Models of `assets.model_library.build_library`.
         eye_m: Where one looks from [m], shape (3,): actors far from it are drawn in few triangles.
             Without it every actor is one whole model with its wheels straight.
 
@@ -111,7 +137,7 @@ def place_lights(
     Args:
         catalog: Who takes part.
         frame: Their state.
-        library: Models of `assets.library.build_library`.
+        library: Models of `assets.model_library.build_library`.
         stamp_ns: Time [ns]; indicators blink with it.
         eye_m: As for `place_actors`.
     """
@@ -130,8 +156,8 @@ def place_lights(
         if not len(who):
             continue
         near, far = (
-            np.array([library.index(f"{name}{way}/{lamp}") if name in VEHICLES else 0 for name in names])
-            for way in ("", "/low")
+            np.array([library.index(f"{name}{detail}/{lamp}") if name in VEHICLES else 0 for name in names])
+            for detail in ("", "/low")
         )
         actor.append(who)
         model.append(np.where(low[who], far[family[who]], near[family[who]]))
@@ -146,37 +172,13 @@ def place_lights(
     )
 
 
-def headlamps(
-    catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-    """Where the headlamps of all vehicles shine from, and where to; whether they are on is the weather's.
-
-    Args:
-        catalog: Who takes part.
-        frame: Their state.
-        library: Models of `assets.library.build_library`.
-
-    Returns:
-        Positions [m], shape (L, 3), unit directions ahead, shape (L, 3), both in the world, and the
-        actor of each lamp, shape (L,).
-    """
-    if not len(catalog):
-        return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.intp)
-    tables, family = tables_of(catalog, library)
-    everyone = np.arange(len(catalog))
-    actor, row = _rows(tables.lamp_begin, family, everyone)
-    T = ground_poses(frame.position_m, frame.heading_rad, frame.pitch_rad, frame.roll_rad)[actor]
-    place = np.sum(T[:, :3, :3] * tables.lamp_place_m[row][:, None, :], axis=2) + T[:, :3, 3]
-    return place, T[:, :3, 0].copy(), actor
-
-
 def place_signals(lenses: SignalLenses, states: NDArray[np.uint8], library: ModelLibrary) -> Instances:
     """Lit lenses of all traffic lights.
 
     Args:
         lenses: Lenses of the town.
         states: State of every signal (0 off, 1 red, 2 yellow, 3 green), shape (S,).
-        library: Models of `assets.library.build_library`.
+        library: Models of `assets.model_library.build_library`.
     """
     lit = np.flatnonzero((states[lenses.signal] == lenses.state) & (lenses.state > 0))
     models = np.array([library.index(name) for name in _LIT], dtype=np.int32)
@@ -193,8 +195,8 @@ def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -
 
     Args:
         T_world_base: Pose of the ego.
-        library: Models of `assets.library.build_library`.
-        lights: Bits of lit lights (`LIGHT_BRAKE` …), as `ego_lights` gives them.
+        library: Models of `assets.model_library.build_library`.
+        lights: Bits of lit lights (`LIGHT_BRAKE` …), as `Snapshot.ego_lights` holds them.
     """
     names = ["ego", *(f"ego/{lamp}" for lamp, bit in _EGO_LAMPS.items() if lights & bit)]
     T = np.asarray(T_world_base, dtype=np.float64).reshape(1, 4, 4)
@@ -204,21 +206,6 @@ def place_ego(T_world_base: ArrayLike, library: ModelLibrary, lights: int = 0) -
         instance=np.full(len(names), EGO_INSTANCE, dtype=np.uint32),
         tint=np.array([EGO_TINT] * len(names), dtype=np.uint8),
     )
-
-
-def is_blink(stamp_ns: int) -> bool:
-    """Whether indicators that are switched on shine at a time [ns]."""
-    return (stamp_ns % _BLINK_NS) * 2 < _BLINK_NS
-
-
-def ego_lights(car: CarTrack, stamp_ns: int) -> int:
-    """Bits of the ego's lit lights by its pedals and gear at a time [ns]; 0 where they are not known."""
-    try:
-        state = car.at(stamp_ns)
-    except EpisodeError:
-        return 0
-    braking = float(state.brake[0]) > BRAKE_SHARE
-    return braking * LIGHT_BRAKE + bool(state.reverse[0]) * LIGHT_REVERSE
 
 
 def ground_poses(
@@ -270,7 +257,7 @@ def _plates(
     facing, scale = tables.plate_facing[row], tables.plate_scale[row]
     local[:, 0, 0] = local[:, 1, 1] = facing * scale
     local[:, 2, 2], local[:, 3, 3] = scale, 1.0
-    local[:, :3, 3] = tables.plate_place_m[row]
+    local[:, :3, 3] = tables.plate_position_m[row]
     return _parts(placed, actor, tables.plate_model[row] + plate_of(placed.instance[actor]), local)
 
 

@@ -7,25 +7,25 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.actors.articulation import STANDING_MPS, far_away, steer_step, tables_of, walker_models
 from carlaloc_env.scene.mesh import ModelLibrary
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.snapshot import Snapshot
 
 
 def ray_models(
-    catalog: ActorCatalog, frame: ActorFrame, library: ModelLibrary, eye_m: ArrayLike
+    library: ModelLibrary, snapshot: Snapshot, eye_m: ArrayLike
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
     """What rays meet where an actor is: the shape that `place_actors` gives cameras.
 
     Args:
-        catalog: Who takes part.
-        frame: Their state.
-        library: Models of `assets.library.build_library`.
+        library: Models of `assets.model_library.build_library`.
+        snapshot: Where everybody is.
         eye_m: Where the rays come from [m], shape (3,).
 
     Returns:
         Model of each actor, the step of its front wheels' angle (`articulation.steered_mesh`), and
         whether it walks, so that its posture changes while a sensor sweeps; each of shape (N,).
     """
-    tables, family = tables_of(catalog, library)
+    frame = snapshot.actors
+    tables, family = tables_of(snapshot.catalog, library)
     low = far_away(tables, family, frame, eye_m)
     walks = tables.stride_m[family] > 0
     model = np.where(low, tables.low[family], tables.whole[family])
@@ -36,27 +36,26 @@ def ray_models(
 
 
 def ray_postures(
-    catalog: ActorCatalog,
-    frame: ActorFrame,
     library: ModelLibrary,
+    snapshot: Snapshot,
     eye_m: ArrayLike,
     actor: NDArray[np.intp],
     since_s: NDArray[np.float64],
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Postures of walkers at other times than the frame's.
+    """Postures of walkers at other times than the snapshot's.
 
     Args:
-        catalog: Who takes part.
-        frame: State of all at one time.
-        library: Models of `assets.library.build_library`.
+        library: Models of `assets.model_library.build_library`.
+        snapshot: Where everybody is at one time.
         eye_m: Where the rays come from [m], shape (3,).
         actor: Walkers, shape (M,).
-        since_s: Time since the frame of each [s], shape (M,).
+        since_s: Time since the snapshot of each [s], shape (M,).
 
     Returns:
         Model of each, shape (M,), and how far it stands behind the walker's place [m], shape (M,).
     """
-    tables, family = tables_of(catalog, library)
+    frame = snapshot.actors
+    tables, family = tables_of(snapshot.catalog, library)
     low = far_away(tables, family, frame, eye_m)
     travelled = frame.travelled_m[actor].astype(np.float64) + frame.speed_mps[actor] * since_s
     return walker_models(tables, family[actor], travelled, np.ones(len(actor), bool), low[actor])

@@ -24,6 +24,7 @@ from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.raycast.surface import Surface, import_open3d
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary, merge
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 
 Floats = Array | F32
@@ -140,28 +141,28 @@ class RayScene:
     ) -> None:
         first, last = int(stamps_ns.min()), int(stamps_ns.max())
         middle = (first + last) // 2
-        frame, catalog, eye = timeline.actors_at(middle), timeline.catalog, rays[0, :3] + self.middle_m
-        models, steer, walking = ray_models(catalog, frame, self._library, eye)
+        snapshot, eye = Snapshot.of(timeline, middle), rays[0, :3] + self.middle_m
+        models, steer, walking = ray_models(self._library, snapshot, eye)
         limit = np.minimum(hits.range_m, np.float32(range_max_m))
-        around = self._cylinders(models, frame, 0.5e-9 * (last - first))
+        around = self._cylinders(models, snapshot.actors, 0.5e-9 * (last - first))
         near, actors = candidates(rays[:, :3], rays[:, 3:], limit, around)
         if len(near) == 0:
             return
         position, heading, pitch, roll = timeline.actor_poses(actors, stamps_ns[near])
-        upright = (catalog.tag == Tag.PEDESTRIAN)[actors]  # walkers stay so on slopes
+        upright = (snapshot.catalog.tag == Tag.PEDESTRIAN)[actors]  # walkers stay so on slopes
         pitch[upright] = roll[upright] = 0.0
         kind = models[actors] * _STEER_KINDS + steer[actors] + _STEER_KINDS // 2
         steps = np.flatnonzero(walking[actors])
         if len(steps):
             since_s = np.asarray(1e-9 * (stamps_ns[near[steps]] - middle), dtype=np.float64)
-            posture, behind = ray_postures(catalog, frame, self._library, eye, actors[steps], since_s)
+            posture, behind = ray_postures(self._library, snapshot, eye, actors[steps], since_s)
             kind[steps] = posture * _STEER_KINDS + _STEER_KINDS // 2
             position[steps, 0] -= behind * np.cos(heading[steps])
             position[steps, 1] -= behind * np.sin(heading[steps])
         offset = rays[near, :3].astype(np.float64) - (position - self.middle_m)
         local = into_actor_frame(offset, rays[near, 3:], heading, pitch, roll)
         found = self._trace_kinds(local, kind, range_max_m)
-        found.instance[:] = catalog.id[actors]
+        found.instance[:] = snapshot.catalog.id[actors]
         nearer = np.flatnonzero(found.range_m < hits.range_m[near])
         # Where several actors lie behind each other, the nearest is written last.
         nearer = nearer[np.argsort(-found.range_m[nearer], kind="stable")]

@@ -16,7 +16,7 @@ from carlaloc_env.weather.schedule import Weather
 from recorder.window.hud import HudState
 from recorder.window.minimap import MiniMap
 from recorder.window.render_process import GONE, RenderProcess
-from recorder.window.snapshot import VIEWS, Moment
+from recorder.window.snapshot import VIEWS, present_of
 from recorder.window.status import DriveStatus
 from recorder.window.window import WINDOW_PX, Window
 
@@ -72,13 +72,13 @@ class WindowCockpit:
         """
         view = VIEWS[status.view % len(VIEWS)]
         if self._last is None and self._renderer.idle:
-            self._renderer.ask(Moment.of(world, status), view)
+            self._renderer.ask(present_of(world, status), view)
         image = self._renderer.image(_FIRST_S if self._last is None else _PATIENCE_S)
         if image is not None:
             self._last = image.copy()
             self.images += 1
         if self._renderer.idle:
-            self._renderer.ask(Moment.of(world, status), view)
+            self._renderer.ask(present_of(world, status), view)
         if not self._renderer.alive:
             status.message = GONE
             time.sleep(_GONE_S)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import CarlaLocError, RenderError
 from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.timeline.snapshot import Snapshot
 from recorder.window.resolution import SIZES_PX
-from recorder.window.snapshot import Moment
 
 GONE = "no pictures: the drawing process has ended; P pauses, Escape keeps the drive and ends it"
 """What the driver reads when there will be no more images."""
@@ -30,7 +30,7 @@ _PATIENCE_S = 3.0
 class _Order:
     """What to draw."""
 
-    moment: Moment
+    snapshot: Snapshot
     view: str
 
 
@@ -79,10 +79,10 @@ class RenderProcess:
         """Whether an image can be ordered."""
         return self.alive and not self._busy
 
-    def ask(self, moment: Moment, view: str) -> None:
+    def ask(self, snapshot: Snapshot, view: str) -> None:
         """Order an image, if the process is idle."""
         try:
-            self._pipe.send(_Order(moment=moment, view=view))
+            self._pipe.send(_Order(snapshot=snapshot, view=view))
             self._busy = True
         except OSError:
             self.alive = False
@@ -145,4 +145,4 @@ def _draw_images(pipe: Connection, memory: Any, stage: SensorStage) -> None:
         pipe.send("ready")
         while True:
             order: _Order = pipe.recv()
-            view.image(order.moment, order.view, hand_over)
+            view.image(order.snapshot, order.view, hand_over)

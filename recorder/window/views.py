@@ -9,13 +9,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.timeline.snapshot import Snapshot
 from recorder.window.resolution import LiveResolution
-from recorder.window.snapshot import Moment
 
 _CHASE_TURN = 0.06
 _FOV_DEG = {"seat": 80.0, "chase": 75.0, "above": 60.0}
@@ -39,23 +40,24 @@ class LiveView:
         self._unfinished: Callable[[], NDArray[np.uint8]] | None = None
         self._view = ""
 
-    def image(self, moment: Moment, view: str, hand_over: Callable[[NDArray[np.uint8]], None]) -> None:
-        """Draw a moment, and hand over the image of the moment drawn before.
+    def image(self, snapshot: Snapshot, view: str, hand_over: Callable[[NDArray[np.uint8]], None]) -> None:
+        """Draw an instant, and hand over the image of the one drawn before.
 
         The first one is handed over twice. Each image is shaded on some cores while it is worked out
         what the next one shows, and handed over before the next one's triangles are told.
 
         Args:
-            moment: What to draw.
-            view: One of `moment.VIEWS`.
+            snapshot: What to draw.
+            view: One of `snapshot.VIEWS`.
             hand_over: Called once with a colour image, sRGB, shape (H, W, 3), C-contiguous.
         """
         began = time.perf_counter()
-        renderer, now = self._stage.renderer(), moment.stamp_ns
-        pose = self._pose(moment.T_world_base, view)
+        renderer, now = self._stage.renderer(), snapshot.stamp_ns
+        pose = self._pose(snapshot.T_world_base, view)
         lens = Pinhole.from_fov(*self._resolution.size_px, _FOV_DEG[view])
+        instances = instances_at(self._stage.library, self._stage.lenses, snapshot)
         earlier = self._known if view == self._view else None
-        draw = renderer.begin_drawing(lens, pose, moment.instances(self._stage), earlier=earlier)
+        draw = renderer.begin_drawing(lens, pose, instances, earlier=earlier)
         is_first = self._unfinished is None
         if self._unfinished is not None:
             hand_over(np.ascontiguousarray(self._unfinished()))

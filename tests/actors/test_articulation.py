@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from carlaloc_env.actors.instances import ego_lights, place_actors, place_ego, place_lights
+from carlaloc_env.actors.instances import place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.assets.vehicles.cycles import CRANK_WAY_M, PEDAL_PHASES
@@ -19,6 +19,7 @@ from carlaloc_env.core.controls import Controls
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.snapshot import ego_lights
 from carlaloc_env.timeline.timeline import LIGHT_BRAKE, LIGHT_REVERSE, ActorCatalog, ActorFrame
 from carlaloc_env.timeline.vehicle_track import CarTrack
 

@@ -18,6 +18,7 @@ from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 
 pytest.importorskip("open3d", reason="Open3D casts the rays")
@@ -83,7 +84,8 @@ def test_rays_meet_the_shapes_that_cameras_see() -> None:
         [(u - CAMERA.cx_px) / CAMERA.fx_px, (v - CAMERA.cy_px) / CAMERA.fy_px, np.ones(len(u))], axis=-1
     )
     length = np.linalg.norm(local, axis=1)
-    timeline = Timeline(catalog)
+    standing = EgoTrack.from_arrays(np.zeros((12, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (12, 1)))
+    timeline = Timeline(catalog, ego=standing)
     for _ in range(2):
         timeline.append_step(frame, np.zeros(0, np.uint8))
     hits = RayScene([ground], library).cast(

@@ -11,16 +11,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import place_ego, place_signals
+from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.transforms import transform
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.mesh import Instances, concatenate_instances
+from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import known_towns, load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import PRESETS
@@ -73,9 +74,8 @@ def found(name: str, images: int) -> dict[str, Found]:
     states = np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8)
     for k in range(images):
         pinhole, poses, T_world_base = stereo_poses(town, (k + 0.4) / images)
-        seen = concatenate_instances(
-            [place_ego(T_world_base, stage.library), place_signals(town.lenses, states, stage.library)]
-        )
+        snapshot = Snapshot(stamp_ns=0, T_world_base=T_world_base, signals=states)
+        seen = instances_at(stage.library, town.lenses, snapshot)
         drawn = [renderer.draw(pinhole, pose, seen) for pose in poses]
         disparity = disparity_px(drawn[0].depth_m(), pinhole, poses)
         for weather in WEATHERS:

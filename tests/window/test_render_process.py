@@ -14,16 +14,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import is_blink
+from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.render.lighting.light_sources import Emitters
 from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.timeline.snapshot import Snapshot, is_blink
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.window.render_process import RenderProcess
-from recorder.window.snapshot import Moment
+from recorder.window.snapshot import present_of
 from recorder.window.status import DriveStatus
 from recorder.window.views import LiveView
 
@@ -32,14 +33,14 @@ ALONE = """
 import os, signal, sys
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.build import load_town
-from carlaloc_env.weather import weather_by_name
+from carlaloc_env.weather.parameters import weather_by_name
 from recorder.window.render_process import RenderProcess
 
 if __name__ == "__main__":
     stage = SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNoon"), quality="low")
-    painter = RenderProcess(stage)
-    painter.wait_until_ready()
-    print(painter._process.pid, flush=True)
+    renderer = RenderProcess(stage)
+    renderer.wait_until_ready()
+    print(renderer._process.pid, flush=True)
     os.kill(os.getpid(), signal.SIGKILL)
 """
 
@@ -57,11 +58,11 @@ def world() -> Iterator[DrivingWorld]:
     world.close()
 
 
-def picture_of(painter: RenderProcess, moment: Moment) -> NDArray[np.uint8]:
-    painter.ask(moment, "seat")
+def image_of(renderer: RenderProcess, snapshot: Snapshot) -> NDArray[np.uint8]:
+    renderer.ask(snapshot, "seat")
     end = time.monotonic() + 60.0
     while time.monotonic() < end:
-        found = painter.image(0.1)
+        found = renderer.image(0.1)
         if found is not None:
             return found.copy()
     raise AssertionError("no picture came")
@@ -79,25 +80,25 @@ def test_pictures_of_the_other_process_and_its_end(world: DrivingWorld) -> None:
     """It draws the very bytes of a view in this process; headlamps light the road; a kill is noticed."""
     stage = night()
     try:
-        painter = RenderProcess(stage)
-        painter.wait_until_ready()
+        renderer = RenderProcess(stage)
+        renderer.wait_until_ready()
     except RenderError as no_opengl:
         pytest.skip(str(no_opengl))
-    with painter:
-        moments = [Moment.of(world, DriveStatus(headlamps=on)) for on in (True, False)]
+    with renderer:
+        snapshots = [present_of(world, DriveStatus(headlamps=on)) for on in (True, False)]
         # Every picture but the first comes with the next order.
-        lit, _, dark = (picture_of(painter, moments[k]) for k in (0, 1, 1))
+        lit, _, dark = (image_of(renderer, snapshots[k]) for k in (0, 1, 1))
         here = LiveView(stage)
         own: list[NDArray[np.uint8]] = []
-        here.image(moments[0], "seat", own.append)
+        here.image(snapshots[0], "seat", own.append)
         np.testing.assert_array_equal(lit, own[0])
         road = np.s_[150:220, 160:320]
         assert lit[road].mean() > 1.25 * dark[road].mean(), "the low beams are seen on the road"
-        assert painter.idle
-        os.kill(painter._process.pid or 0, signal.SIGKILL)
-        painter.ask(moments[0], "seat")
-        assert wait_for(lambda: painter.image(0.01) is None and not painter.alive, 10.0)
-        assert not painter.idle
+        assert renderer.idle
+        os.kill(renderer._process.pid or 0, signal.SIGKILL)
+        renderer.ask(snapshots[0], "seat")
+        assert wait_for(lambda: renderer.image(0.01) is None and not renderer.alive, 10.0)
+        assert not renderer.idle
     stage.close()
 
 
@@ -128,12 +129,12 @@ def test_indicators_blink_on_the_ego_and_lamps_go_out(world: DrivingWorld) -> No
     shown = set()
     for _ in range(200):
         world.tick(status.controls)
-        moment = Moment.of(world, status)
-        shown.add(("ego/left" in {names[m] for m in moment.instances(stage).model}, is_blink(world.now_ns)))
+        seen = instances_at(stage.library, stage.lenses, present_of(world, status))
+        shown.add(("ego/left" in {names[m] for m in seen.model}, is_blink(world.now_ns)))
     assert shown == {(True, True), (False, False)}
     emitters = Emitters(stage.library)
-    beams = [
-        np.count_nonzero(emitters.lights(Moment.of(world, DriveStatus(headlamps=on)).instances(stage)).beam)
-        for on in (True, False)
-    ]
+    beams = []
+    for on in (True, False):
+        seen = instances_at(stage.library, stage.lenses, present_of(world, DriveStatus(headlamps=on)))
+        beams.append(np.count_nonzero(emitters.lights(seen).beam))
     assert beams[0] == beams[1] + 1

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import ego_lights, place_actors, place_ego, place_lights, place_signals
+from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.render.geometry.projection import FAR_M
@@ -22,7 +22,6 @@ from carlaloc_env.samples import (
     Sample,
     SemanticImage,
 )
-from carlaloc_env.scene.mesh import Instances, concatenate_instances
 from carlaloc_env.scene.semantic_tags import Tag, tags_in
 from carlaloc_env.sensors.base import Camera, World
 from carlaloc_env.sensors.camera.config import OUTPUTS, CameraConfig
@@ -33,6 +32,7 @@ from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WIND_DIRECTION
 from carlaloc_env.weather.schedule import Weather
@@ -99,7 +99,8 @@ class CameraSensor(Camera):
                 # A long look back would fill the graphics memory: the picture itself and the last one stay.
                 for old in [t for t in frames if t != stamp_ns][:-1]:
                     del frames[old]
-                frames[at_ns] = self._draw(timeline, at_ns), self._moment(timeline, at_ns)
+                snapshot = Snapshot.of(timeline, at_ns)
+                frames[at_ns] = self._draw(snapshot), self._moment(snapshot)
             return frames[at_ns]
 
         imaging = self._imaging
@@ -127,8 +128,9 @@ class CameraSensor(Camera):
 
     def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[FrameGeometry, Frame]:
         """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
-        frame = self._draw(timeline, stamp_ns)
-        return FrameGeometry.of(frame, self._moment(timeline, stamp_ns)), frame
+        snapshot = Snapshot.of(timeline, stamp_ns)
+        frame = self._draw(snapshot)
+        return FrameGeometry.of(frame, self._moment(snapshot)), frame
 
     def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
         now, seed = weather.at(stamp_ns), self._world.seed
@@ -149,26 +151,27 @@ class CameraSensor(Camera):
                 config.imager, config.shutter, config.name, self._optics, self._period_ns, seed
             )
 
-    def _pose(self, timeline: Timeline, stamp_ns: int) -> NDArray[np.float64]:
-        T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
+    def _pose(self, snapshot: Snapshot) -> NDArray[np.float64]:
         # Written out without BLAS, so that the pose has the same bits on every machine.
-        result: NDArray[np.float64] = np.sum(T_world_base[:, :, None] * self._T_base_camera[None], axis=1)
+        result: NDArray[np.float64] = np.sum(
+            snapshot.T_world_base[:, :, None] * self._T_base_camera[None], axis=1
+        )
         return result
 
-    def _draw(self, timeline: Timeline, stamp_ns: int) -> Frame:
+    def _draw(self, snapshot: Snapshot) -> Frame:
         renderer = self._world.renderer()
         gbuffer = renderer.draw(
             self._optics.drawn,
-            self._pose(timeline, stamp_ns),
-            instances_at(self._world, timeline, stamp_ns),
-            velocity_mps=timeline.ego_motion([stamp_ns]).velocity_world_mps[0],
+            self._pose(snapshot),
+            instances_at(self._world.library, self._world.lenses, snapshot),
+            velocity_mps=snapshot.ego_velocity_mps,
             wind_mps=self.config.leaf_wind_mps * WIND_DIRECTION,
-            stamp_ns=stamp_ns,
+            stamp_ns=snapshot.stamp_ns,
         )
         return Frame(gbuffer, renderer, self._optics.view)
 
-    def _moment(self, timeline: Timeline, stamp_ns: int) -> Moment:
-        return Moment.of(timeline, stamp_ns, self._pose(timeline, stamp_ns))
+    def _moment(self, snapshot: Snapshot) -> Moment:
+        return Moment.of(snapshot, self._pose(snapshot))
 
     def _shared(self, timeline: Timeline, stamp_ns: int, draw: Draw, swept: Swept | None) -> list[Sample]:
         outputs, samples = self.config.outputs, list[Sample]()
@@ -187,7 +190,7 @@ class CameraSensor(Camera):
                 frame.depth_m,
                 frame.labels[1],
                 now,
-                self._moment(timeline, stamp_ns + self._period_ns),
+                self._moment(Snapshot.of(timeline, stamp_ns + self._period_ns)),
                 lens=self.config.lens,
                 rays=self._optics.rays,
             )
@@ -231,18 +234,3 @@ class CameraSensor(Camera):
 
     def _stream(self, output: str) -> str:
         return f"{output}_{self.config.name}"
-
-
-def instances_at(world: World, timeline: Timeline, stamp_ns: int) -> Instances:
-    """Ego, actors, their lit lamps and lit signal lenses at one time [ns]."""
-    T_world_base = timeline.ego_motion([stamp_ns]).T_world_frame[0]
-    # Detail goes by the ego's place, so that both eyes see the same shapes.
-    actors, eye_m = timeline.actors_at(stamp_ns), T_world_base[:3, 3]
-    return concatenate_instances(
-        [
-            place_ego(T_world_base, world.library, ego_lights(timeline.car, stamp_ns)),
-            place_actors(timeline.catalog, actors, world.library, eye_m=eye_m),
-            place_lights(timeline.catalog, actors, world.library, stamp_ns, eye_m=eye_m),
-            place_signals(world.lenses, timeline.signals_at(stamp_ns), world.library),
-        ]
-    )

@@ -26,7 +26,7 @@ from carlaloc_env.core.jit import compiled, over_bands
 from carlaloc_env.core.lens_distortion import MODELS, Lens
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.timeline.snapshot import Snapshot
 
 SKY_M = 1e6
 """Distance given to the sky [m]."""
@@ -52,15 +52,15 @@ class Moment:
     """Poses of the actors, shape (N, 4, 4)."""
 
     @classmethod
-    def of(cls, timeline: Timeline, stamp_ns: int, T_world_camera: Array) -> Moment:
-        """Moment of a timeline."""
-        catalog, frame = timeline.catalog, timeline.actors_at(stamp_ns)
+    def of(cls, snapshot: Snapshot, T_world_camera: Array) -> Moment:
+        """Moment of a snapshot and the camera's pose then."""
+        catalog, frame = snapshot.catalog, snapshot.actors
         order = np.argsort(catalog.id, kind="stable")
         upright = catalog.tag == Tag.PEDESTRIAN
         pitch, roll = (np.where(upright, np.float32(0.0), tilt) for tilt in (frame.pitch_rad, frame.roll_rad))
         poses = ground_poses(frame.position_m, frame.heading_rad, pitch, roll)
         return cls(
-            stamp_ns=stamp_ns,
+            stamp_ns=snapshot.stamp_ns,
             T_world_camera=T_world_camera,
             actor_id=catalog.id[order],
             T_world_actor=poses[order],
