@@ -5,9 +5,15 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+LENGTH_MAX = 600
+"""Longest message [characters]; what a damaged file holds may be longer."""
+
 
 class CarlaLocError(Exception):
-    """Base of all errors that a user can cause or cure; printed as one line by the commands."""
+    """Base of all errors that a user can cause or cure; its message is one printable line."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(_one_line(message))
 
 
 class ConfigError(CarlaLocError):
@@ -67,3 +73,10 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     near = difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.5)
     hint = f"; did you mean '{lowered[near[0]]}'?" if near else "."
     return f"no {kind} '{name}'{hint} Known: {', '.join(names)}"
+
+
+def _one_line(text: str) -> str:
+    """The text without line breaks and control characters, cut in the middle where it is too long."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    half = LENGTH_MAX // 2 - 2
+    return line if len(line) <= LENGTH_MAX else f"{line[:half]} … {line[-half:]}"

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from pathlib import Path
+
+_PART_MAX_BYTES = 255
+"""Longest name of a file or folder on common file systems."""
 
 
 def path_argument(text: str) -> Path:
-    """Path typed by the user, `~` expanded."""
-    return Path(text).expanduser()
+    """Path typed by the user, `~` expanded; one that no disk can hold is refused."""
+    if not text or "\0" in text:
+        raise argparse.ArgumentTypeError("give a path")
+    if any(len(os.fsencode(part)) > _PART_MAX_BYTES for part in Path(text).parts):
+        raise argparse.ArgumentTypeError(f"a name in '{text[:40]}…' is longer than {_PART_MAX_BYTES} bytes")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError as error:
+        raise argparse.ArgumentTypeError(f"{text}: {error}") from error
 
 
 def names(text: str) -> tuple[str, ...]:

@@ -47,6 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_USAGE
     except CarlaLocError as error:
         return _fail(arguments, str(error))
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _fail(arguments, f"{where}{error.strerror or error}")
     except KeyboardInterrupt:
         return _fail(arguments, "interrupted; nothing unfinished was left under a final name")
     if arguments.json:

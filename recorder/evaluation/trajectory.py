@@ -157,4 +157,7 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
 
 def _nanoseconds(text: str) -> int:
     value = Decimal(text)
-    return round(value if abs(value) >= _NANOSECONDS_FROM else value * 1_000_000_000)
+    stamp_ns = round(value if abs(value) >= _NANOSECONDS_FROM else value * 1_000_000_000)
+    if not -(2**63) <= stamp_ns < 2**63:
+        raise OverflowError(f"{text} is no time")
+    return stamp_ns

@@ -33,24 +33,42 @@ class Scan:
 
 
 def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
-    """Point clouds of a topic, each with the number of all."""
-    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC)) as reader:
-        connections = [connection for connection in reader.connections if connection.topic == topic]
-        count = sum(connection.msgcount for connection in connections)
-        for connection, _, raw in reader.messages(connections=connections):
-            message: Any = reader.deserialize(raw, connection.msgtype)
-            offset = {field.name: field.offset for field in message.fields}
-            data = np.asarray(message.data).reshape(-1, message.point_step)
-            column = {name: _float32(data, offset[name]) for name in ("x", "y", "z", "time")}
-            stamp = message.header.stamp
-            yield (
-                count,
-                Scan(
-                    stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
-                    points_xyz_m=np.stack([column["x"], column["y"], column["z"]], axis=-1),
-                    time_s=column["time"],
-                ),
-            )
+    """Point clouds of a topic, each with the number of all.
+
+    Raises:
+        EvaluationError: the bag is missing or damaged, or a cloud lacks x, y, z or time.
+    """
+    reader = AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC))
+    try:
+        with reader:
+            connections = [connection for connection in reader.connections if connection.topic == topic]
+            count = sum(connection.msgcount for connection in connections)
+            for connection, _, raw in reader.messages(connections=connections):
+                yield count, _scan(reader.deserialize(raw, connection.msgtype))
+    except EvaluationError:
+        raise
+    # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
+    except Exception as error:
+        raise EvaluationError(
+            f"cannot read {bag}: {error or type(error).__name__}; give a whole bag"
+        ) from error
+
+
+def _scan(message: Any) -> Scan:
+    offset = {field.name: field.offset for field in message.fields}
+    missing = [name for name in ("x", "y", "z", "time") if name not in offset]
+    if missing:
+        raise EvaluationError(
+            f"a point cloud has no field {', '.join(missing)}; give clouds with x, y, z, time"
+        )
+    data = np.asarray(message.data).reshape(-1, message.point_step)
+    column = {name: _float32(data, offset[name]) for name in ("x", "y", "z", "time")}
+    stamp = message.header.stamp
+    return Scan(
+        stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
+        points_xyz_m=np.stack([column["x"], column["y"], column["z"]], axis=-1),
+        time_s=column["time"],
+    )
 
 
 def _float32(data: NDArray[np.uint8], offset: int) -> NDArray[np.float64]:

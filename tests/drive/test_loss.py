@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -63,7 +63,9 @@ record(
 
 @pytest.mark.soak
 @pytest.mark.timeout(3600)
-def test_killed_at_fifty_random_moments(tmp_path: Path) -> None:
+def test_killed_at_fifty_random_moments(
+    tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
     """SIGKILL at any moment: what was driven until a second before is there, and can be repaired."""
     rng = random.Random(50)
     worst_s, read = 0.0, 0
@@ -98,6 +100,9 @@ def test_killed_at_fifty_random_moments(tmp_path: Path) -> None:
             assert repair_episode(out, tmp_path / f"{trial}_whole.mcap").complete
     logging.getLogger(__name__).info("%d of 50 hold a drive; at most %.2f s were lost", read, worst_s)
     assert read > 30
+    record_property("what", "SIGKILL at a random moment of a recording")
+    record_property("inputs", 50)
+    record_property("lost", f"at most {worst_s:.2f} s")
 
 
 def _kept_s(out: Path) -> float:

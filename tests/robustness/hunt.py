@@ -1,0 +1,158 @@
+"""The hunt: thousands of bad inputs to one reader, and what has to hold for each of them.
+
+An input is read or refused by one line of ours. Nothing else is raised, nothing is written outside the
+folders given, no answer takes longer than `DEADLINE_S`, and memory does not grow.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+from hypothesis import HealthCheck, Phase, given, settings
+
+from carlaloc_env.core.errors import CarlaLocError
+
+DEADLINE_S = 30
+"""Longest time for an answer [s]."""
+GROWTH_MAX_MB = 60.0
+"""Most that memory may grow over a hunt, after its first tenth [MB]."""
+_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate")
+
+
+@dataclass(slots=True, eq=False)
+class Tally:
+    """What came of a hunt."""
+
+    name: str
+    """Kind of input."""
+    tried: int = 0
+    """Inputs."""
+    refused: int = 0
+    """Inputs that were refused with a line of ours."""
+    slowest_s: float = 0.0
+    """Longest answer [s]."""
+    growth_mb: float = 0.0
+    """Growth of memory after the first tenth [MB]."""
+
+
+@dataclass(slots=True, eq=False)
+class WriteGuard:
+    """Notes every file or folder that Python code of this process changes outside some folders."""
+
+    allowed: tuple[Path, ...]
+    """Folders that may be written into."""
+    astray: list[str] = field(default_factory=list)
+    """What was changed elsewhere."""
+    active: bool = False
+
+    def install(self) -> None:
+        """Listen to the interpreter's audit events; there is no way to stop, so do it once."""
+        sys.addaudithook(self._heard)
+
+    def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if not self.active:
+            return
+        if event == "open":
+            path, _, flags = arguments
+            if not isinstance(path, (str, bytes, os.PathLike)) or not int(flags or 0) & _WRITES:
+                return
+        elif event in _CHANGES:
+            path = arguments[1] if event in ("os.rename", "os.link", "os.symlink") else arguments[0]
+        else:
+            return
+        where = Path(os.fsdecode(path)).resolve()
+        if where.parts[1:2] != ("dev",) and not any(where.is_relative_to(folder) for folder in self.allowed):
+            self.astray.append(f"{event} {where}")
+
+
+@contextmanager
+def deadline(seconds: int = DEADLINE_S) -> Iterator[None]:
+    """Stops what hangs: raises TimeoutError after that time."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"no answer within {seconds} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def answered(read: Callable[[Any], None], value: Any) -> bool:
+    """Whether an input was read; False: refused with one line of ours.
+
+    Raises:
+        AssertionError: the refusal is empty, or has more than one line.
+    """
+    try:
+        with deadline():
+            read(value)
+    except CarlaLocError as error:
+        text = str(error)
+        assert text.strip()
+        assert "\n" not in text
+        return False
+    return True
+
+
+def hunt(
+    name: str, inputs: st.SearchStrategy[Any], read: Callable[[Any], None], count: int, guard: WriteGuard
+) -> Tally:
+    """Give a reader many inputs.
+
+    Args:
+        name: Kind of input.
+        inputs: Draws an input.
+        read: Reads it; raises `CarlaLocError` to refuse it.
+        count: Number of inputs.
+        guard: Listens for writes.
+
+    Raises:
+        AssertionError: something was written astray, or memory grew.
+        Exception: whatever a reader lets through.
+    """
+    tally = Tally(name)
+    early_mb = [0.0]
+
+    @settings(
+        max_examples=count, deadline=None, database=None, derandomize=True, report_multiple_bugs=False,
+        suppress_health_check=list(HealthCheck), phases=(Phase.generate, Phase.shrink),
+    )  # fmt: skip
+    @given(inputs)
+    def one(value: Any) -> None:
+        start = time.monotonic()
+        guard.active = True
+        try:
+            tally.refused += not answered(read, value)
+        finally:
+            guard.active = False
+            tally.slowest_s = max(tally.slowest_s, time.monotonic() - start)
+        tally.tried += 1
+        assert not guard.astray, guard.astray
+        if tally.tried == max(count // 10, 1):
+            early_mb[0] = _resident_mb()
+
+    one()
+    tally.growth_mb = _resident_mb() - (early_mb[0] or _resident_mb())
+    assert tally.growth_mb < GROWTH_MAX_MB, f"memory grew by {tally.growth_mb:.0f} MB"
+    return tally
+
+
+def _resident_mb() -> float:
+    gc.collect()
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

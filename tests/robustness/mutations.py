@@ -1,0 +1,105 @@
+"""Damaged inputs: bytes, texts and trees of plain data with a few edits, as hypothesis draws them."""
+
+from __future__ import annotations
+
+import copy
+import re
+from typing import Any
+
+import hypothesis.strategies as st
+
+NUMBERS: list[Any] = [
+    0, -1, 1, 2, 1e-9, -0.5, 90.0, 1e6, 10**9, -(10**12), 2**63, 2**64, 10**30, 1e300, float("nan"),
+    float("inf"), float("-inf"),
+]  # fmt: skip
+TEXTS: list[Any] = [
+    "", " ", "None", "nan", "../../escape", "/etc/passwd", "a/b", "..", ".", "x" * 5000, "line\nline",
+    "\x00", "ä\u202e", "Town03", "%s", "{0}", "-",
+]  # fmt: skip
+OTHERS: list[Any] = [None, True, [], {}, [[]], [1, 2, 3], {"a": 1}, [0.0] * 1000]
+
+VALUES = st.one_of(
+    st.sampled_from([*NUMBERS, *TEXTS, *OTHERS]), st.floats(), st.integers(), st.text(max_size=20)
+)
+"""Values that no author of a file would write."""
+
+
+def nodes(tree: Any) -> list[tuple[Any, Any]]:
+    """Every place of a tree of mappings and lists: its container and key."""
+    found: list[tuple[Any, Any]] = []
+    waiting = [tree]
+    while waiting:
+        container = waiting.pop()
+        keys = list(container) if isinstance(container, dict) else range(len(container))
+        for key in keys:
+            found.append((container, key))
+            if isinstance(container[key], (dict, list)):
+                waiting.append(container[key])
+    return found
+
+
+@st.composite
+def trees(draw: st.DrawFn, seed: Any) -> Any:
+    """The tree with one to three places changed, removed, renamed or doubled."""
+    tree = copy.deepcopy(seed)
+    for _ in range(draw(st.integers(1, 3))):
+        places = nodes(tree)
+        if not places:
+            return tree
+        container, key = places[draw(st.integers(0, len(places) - 1))]
+        kind = draw(st.sampled_from(["change", "change", "change", "remove", "rename", "double"]))
+        if kind == "change":
+            container[key] = copy.deepcopy(draw(VALUES))
+        elif kind == "remove":
+            del container[key]
+        elif isinstance(container, list):
+            container.append(copy.deepcopy(container[key]))
+        else:
+            container[draw(st.text(max_size=12))] = container.pop(key)
+    return tree
+
+
+@st.composite
+def damaged(draw: st.DrawFn, seed: bytes) -> bytes:
+    """The bytes with one to four pieces overwritten, inserted, cut out, or without their end."""
+    data = seed
+    for _ in range(draw(st.integers(1, 4))):
+        at, gone = draw(st.integers(0, max(len(data) - 1, 0))), draw(st.integers(0, 40))
+        put = draw(st.binary(max_size=12))
+        data = data[:at] + put + data[at + gone :]
+    return data[: draw(st.integers(0, len(data)))] if draw(st.integers(0, 9)) == 0 else data
+
+
+@st.composite
+def lines(draw: st.DrawFn, seed: str) -> str:
+    """The text with some words of its lines replaced, and lines doubled, swapped or dropped."""
+    rows = [line.split() for line in seed.splitlines()]
+    for _ in range(draw(st.integers(1, 6))):
+        row = draw(st.integers(0, len(rows) - 1))
+        kind = draw(st.sampled_from(["word", "word", "cut", "double", "swap", "drop"]))
+        if kind == "word" and rows[row]:
+            rows[row][draw(st.integers(0, len(rows[row]) - 1))] = str(draw(VALUES))
+        elif kind == "cut":
+            rows[row] = rows[row][: draw(st.integers(0, 9))]
+        elif kind == "double":
+            rows.insert(row, list(rows[row]))
+        elif kind == "swap":
+            other = draw(st.integers(0, len(rows) - 1))
+            rows[row], rows[other] = rows[other], rows[row]
+        elif len(rows) > 1:
+            del rows[row]
+    start = draw(st.sampled_from(["", "", "", "\ufeff", "# c\n", "\n\n"]))
+    return start + "\n".join(" ".join(words) for words in rows)
+
+
+@st.composite
+def attributes(draw: st.DrawFn, seed: bytes) -> bytes:
+    """The XML text with one to three attributes changed to other words or numbers."""
+    data = seed
+    for _ in range(draw(st.integers(1, 3))):
+        found = list(re.finditer(rb'="([^"]*)"', data))
+        match = found[draw(st.integers(0, len(found) - 1))]
+        words = st.one_of(st.sampled_from([*NUMBERS, *TEXTS]), st.floats(-1e4, 1e4), st.text(max_size=9))
+        put = str(draw(words)).replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+        data = data[: match.start(1)] + put.encode("utf-8", "replace") + data[match.end(1) :]
+    return data

@@ -1,0 +1,196 @@
+"""What reads untrusted input: for each kind a drawer of damaged inputs, and the reader."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import hypothesis.strategies as st
+import yaml
+from robustness.command_lines import command_lines
+from robustness.mutations import attributes, damaged, lines, trees
+
+from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.town.checks.report import report
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.lanes.build_network import build_network
+from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.weather.schedule import weather_of
+from recorder.cli.main import main
+from recorder.episode.episode import Episode
+from recorder.episode.header import _checksum
+from recorder.episode.mcap_container import ContainerWriter, read_container
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.trajectory import read_tum
+from recorder.slam.scans import read_scans
+
+try:
+    import tomllib
+except ModuleNotFoundError:
+    import tomli as tomllib
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+
+
+class Refused(CarlaLocError):
+    """A command ended with an error that it named."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seeds:
+    """Good files, which are never changed."""
+
+    episode: Path
+    """A short drive."""
+    bag: Path
+    """A bag with a few point clouds on /lidar/points."""
+    tum: Path
+    """A trajectory."""
+
+
+Target = tuple[st.SearchStrategy[Any], Callable[[Any], None]]
+"""Drawer of inputs, and reader."""
+
+
+def targets(seeds: Seeds, work: Path) -> dict[str, Callable[[], Target]]:
+    """Makers of all targets by name; inputs are written into the folder `work`."""
+    return {
+        "episode, damaged": lambda: _episode_bytes(seeds, work),
+        "episode, forged": lambda: _episode_forged(seeds, work),
+        "rig": lambda: _rig(work),
+        "weather schedule": lambda: _schedule(work),
+        "OpenDRIVE map": _map,
+        "TUM trajectory": lambda: _tum(seeds, work),
+        "bag": lambda: _bag(seeds, work),
+        "command line": lambda: _command_line(seeds, work),
+    }
+
+
+def _read_whole(path: Path) -> None:
+    episode = Episode.load(path, allow_partial=True)
+    timeline = episode.timeline()
+    if timeline.end_ns > 0:
+        timeline.actors_at(0)
+    episode.controls  # noqa: B018 (a property that unpacks)
+
+
+def _episode_bytes(seeds: Seeds, work: Path) -> Target:
+    path = work / "damaged.mcap"
+
+    def read(data: bytes) -> None:
+        path.write_bytes(data)
+        _read_whole(path)
+
+    return damaged(seeds.episode.read_bytes()), read
+
+
+def _episode_forged(seeds: Seeds, work: Path) -> Target:
+    """Episodes whose every checksum is right and whose content is not."""
+    good = read_container(seeds.episode.read_bytes())
+    (name, header) = good.metadata[0]
+    fields = {key: json.loads(text) for key, text in header.items() if key != "crc32"}
+    path = work / "forged.mcap"
+
+    def read(drawn: tuple[dict[str, Any], list[tuple[int, int, bytes]]]) -> None:
+        values, edits = drawn
+        texts = {str(key): json.dumps(value) for key, value in values.items()}
+        payloads = {topic: list(rows) for topic, rows in good.payloads.items()}
+        for topic_pick, row_pick, put in edits:
+            rows = payloads[sorted(payloads)[topic_pick % len(payloads)]]
+            at = row_pick % len(rows)
+            cut = struct.unpack("<H", (put + b"\0\0")[:2])[0] % (len(rows[at]) + 1)
+            rows[at] = rows[at][:cut] + put + rows[at][cut + len(put) :]
+        path.unlink(missing_ok=True)
+        writer = ContainerWriter(path, durable=False)
+        writer.add_metadata(name, {**texts, "crc32": str(_checksum(texts))})
+        for topic, rows in payloads.items():
+            channel = writer.add_channel(topic, "carlaloc_msgs/msg/Any", "")
+            for stamp_ns, row in zip(good.stamps_ns[topic], rows, strict=True):
+                writer.add_message(channel, stamp_ns, row)
+        writer.finish()
+        _read_whole(path)
+
+    edits = st.lists(st.tuples(st.integers(0, 99), st.integers(0, 10**6), st.binary(max_size=24)), max_size=3)
+    return st.tuples(trees(fields), edits), read
+
+
+def _rig(work: Path) -> Target:
+    seed = yaml.safe_load((ROOT / "examples/02_custom_rig.yaml").read_text())
+    path = work / "rig.yaml"
+
+    def read(drawn: Any) -> None:
+        path.write_text(yaml.safe_dump(drawn, allow_unicode=True), encoding="utf-8")
+        rig_by_name(path)
+
+    return trees(seed), read
+
+
+def _schedule(work: Path) -> Target:
+    seed = [{"at_s": 0, "weather": "ClearNoon"}, {"at_s": 20.0, "weather": {"fog_density": 80.0}}]
+    path = work / "schedule.yaml"
+
+    def read(drawn: Any) -> None:
+        path.write_text(yaml.safe_dump(drawn, allow_unicode=True), encoding="utf-8")
+        weather_of(path).at(10**10)
+
+    return trees(seed), read
+
+
+def _town_toml() -> Target:
+    seed = tomllib.loads((ROOT / "maps/Town03/town.toml").read_text())
+    return trees(seed), lambda drawn: TownConfig.from_mapping(drawn) and None
+
+
+def _map() -> Target:
+    seed = (ROOT / "tests/town/data/crossing.xodr").read_bytes()
+
+    def read(data: bytes) -> None:
+        xodr = read_opendrive(data)
+        report(xodr, build_network(xodr))
+
+    return st.one_of(attributes(seed), attributes(seed), damaged(seed)), read
+
+
+def _tum(seeds: Seeds, work: Path) -> Target:
+    truth = read_tum(seeds.tum)
+    path = work / "estimate.tum"
+
+    def read(text: str) -> None:
+        path.write_text(text, encoding="utf-8", errors="surrogatepass")
+        evaluate(truth, read_tum(path))
+
+    return lines(seeds.tum.read_text()), read
+
+
+def _bag(seeds: Seeds, work: Path) -> Target:
+    path = work / "scans.bag"
+
+    def read(data: bytes) -> None:
+        path.write_bytes(data)
+        for _ in read_scans(path, "/lidar/points"):
+            pass
+
+    return damaged(seeds.bag.read_bytes()), read
+
+
+def _command_line(seeds: Seeds, work: Path) -> Target:
+    def read(argv: list[str]) -> None:
+        out, err = io.StringIO(), io.StringIO()
+        with redirect_stdout(out), redirect_stderr(err):
+            code = main(argv)
+        assert code in (0, 1, 2), code
+        assert "Traceback" not in err.getvalue()
+        if "--json" in argv and code != 2 and "--help" not in argv and "-h" not in argv:
+            json.loads(out.getvalue())
+        if code:
+            raise Refused(f"exit code {code}")
+
+    return command_lines(seeds.episode, seeds.tum, work), read

@@ -1,0 +1,139 @@
+"""Faults under a replay: killed at any moment, and a disk that fills up at any place."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+
+from recorder.drive.record import RecordConfig, record
+from recorder.generation.dataset_manifest import checksums
+
+KILLS, DISKS = 50, 20
+RIG = """\
+name: small
+sensors:
+- {kind: lidar, name: lidar, columns: 200, outputs: [cloud]}
+- {kind: imu}
+- kind: camera
+  name: front
+  rate_hz: 10
+  pinhole: {width_px: 160, height_px: 90, fx_px: 80, fy_px: 80, cx_px: 80, cy_px: 45}
+  outputs: [rgb]
+"""
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two seconds among a few others, and beside it a rig."""
+    folder = tmp_path_factory.mktemp("faults")
+    few = "dynamic,vehicles=5,walkers=3"
+    record(RecordConfig(map="Town03", out=folder / "drive.mcap", duration_s=2.0, seed=5, traffic=few))
+    (folder / "rig.yaml").write_text(RIG)
+    return folder / "drive.mcap"
+
+
+def _command(drive: Path, out: Path) -> list[str]:
+    return [
+        sys.executable, "-m", "recorder.cli.main", "replay", str(drive), "--out", str(out), "--rig",
+        str(drive.with_name("rig.yaml")), "--traffic", "static,dynamic", "--weather", "ClearNoon,FoggyNoon",
+    ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole(drive: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, str], float, int]:
+    """An undisturbed replay: checksums of all files, its time [s] and its size [bytes]."""
+    out = tmp_path_factory.mktemp("whole") / "data"
+    subprocess.run(_command(drive, out), check=True, capture_output=True)
+    start = time.monotonic()
+    shutil.rmtree(out)
+    subprocess.run(_command(drive, out), check=True, capture_output=True)
+    took_s = time.monotonic() - start
+    return checksums(out), took_s, sum(path.stat().st_size for path in out.rglob("*"))
+
+
+def _final_files(out: Path) -> dict[str, str]:
+    """Checksums of what stands under a final name; anything else a name with a dot announces."""
+    return checksums(out) if out.exists() else {}
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+def test_killed_at_random_moments(
+    drive: Path,
+    whole: tuple[dict[str, str], float, int],
+    tmp_path: Path,
+    record_property: Callable[[str, object], None],
+) -> None:
+    """After SIGKILL nothing stands half-written under a final name; the same command then finishes."""
+    sums, took_s, _ = whole
+    rng = random.Random(7)
+    for trial in range(KILLS):
+        out = tmp_path / str(trial)
+        child = subprocess.Popen(
+            _command(drive, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
+        )
+        time.sleep(rng.uniform(0.3, 1.1) * took_s)
+        os.killpg(child.pid, signal.SIGKILL)
+        child.wait()
+        wrong = [name for name, digest in _final_files(out).items() if sums.get(name) != digest]
+        assert not wrong, f"trial {trial}: half-written {wrong}"
+        again = subprocess.run(_command(drive, out), capture_output=True, text=True, check=False)
+        if again.returncode:
+            # Killed after its last rename: then everything is there, and the command says so.
+            assert "exist" in again.stderr
+            assert yaml.safe_load((out / "dataset.yaml").read_text())["sha256"] == sums
+        assert _final_files(out) == sums, f"trial {trial}"
+        shutil.rmtree(out)
+    record_property("what", "SIGKILL at a random moment of a replay; the same command then finishes it")
+    record_property("inputs", KILLS)
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
+    """Mounts a disk of some bytes."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+
+    def mount(size: int) -> Path:
+        subprocess.run(["umount", str(folder)], check=False, capture_output=True)
+        command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
+        if sys.platform != "linux" or os.geteuid() != 0 or subprocess.run(command, check=False).returncode:
+            pytest.skip("mounting a small disk needs root on Linux")
+        return folder
+
+    yield mount
+    subprocess.run(["umount", str(folder)], check=False, capture_output=True)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+def test_disk_fills_up_at_random_places(
+    drive: Path,
+    whole: tuple[dict[str, str], float, int],
+    disk: Callable[[int], Path],
+    record_property: Callable[[str, object], None],
+) -> None:
+    """A full disk is one line, and leaves nothing half-written."""
+    sums, _, size = whole
+    rng = random.Random(8)
+    for trial in range(DISKS):
+        out = disk(round(size * rng.uniform(0.02, 0.95))) / "data"
+        ended = subprocess.run(_command(drive, out), capture_output=True, text=True, check=False)
+        assert ended.returncode == 1, ended.stderr
+        lines = [line for line in ended.stderr.splitlines() if line.startswith("carlaloc replay: ")]
+        assert len(lines) == 1, ended.stderr
+        assert "Traceback" not in ended.stderr
+        wrong = [name for name, digest in _final_files(out).items() if sums.get(name) != digest]
+        assert not wrong, f"trial {trial}: half-written {wrong}"
+    record_property("what", "disk that fills up at a random place of a replay")
+    record_property("inputs", DISKS)
