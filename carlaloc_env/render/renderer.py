@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
-from carlaloc_env.render.geometry.geometry_pass import Filler, distance_m
+from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m
 from carlaloc_env.render.geometry.occlusion_culling import Depths
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import Programs, create_context
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
@@ -29,6 +29,7 @@ SWAY_S = 0.012
 SWAY_PERIOD_NS = 1_000_000_000_000
 """Shaders count time in single precision; so long after its beginning the leaves jump back [ns]."""
 ACTOR_SHADOW_RANGE_M = 90.0
+"""Distance from the camera up to which movable models throw shadows [m]."""
 
 
 class SceneRenderer:
@@ -71,7 +72,7 @@ class SceneRenderer:
         with self._context:
             self._programs = Programs(self._context)
             self._pool = TargetPool(self._context)
-            self._filler = Filler(
+            self._geometry_pass = GeometryPass(
                 self._context,
                 self._programs,
                 chunks=list(chunks),
@@ -84,7 +85,7 @@ class SceneRenderer:
             self._shader = Shader(
                 self._context,
                 self._programs,
-                scenery=self._filler.scenery,
+                scenery=self._geometry_pass.scenery,
                 library=library,
                 lamps_m=lamps,
                 live=quality == "low",
@@ -151,17 +152,17 @@ class SceneRenderer:
         """
         x, y, z = (SWAY_S * float(speed) for speed in np.asarray(wind_mps, dtype=np.float64))
         sway = (x, y, z, stamp_ns % SWAY_PERIOD_NS * 1e-9)
-        view = View.of(camera, T_world_camera, self._subsamples, velocity_mps)
-        casting = self._filler.casting(instances)
+        view = CameraView.of(camera, T_world_camera, self._subsamples, velocity_mps)
+        casting = self._geometry_pass.casting(instances)
         near = _take(casting, np.flatnonzero(distance_m(casting, view) < ACTOR_SHADOW_RANGE_M))
         # Read before the context is entered: on leaving an inner `with` none would be current.
         known = None if earlier is None else self._carried(view, earlier)
-        plan = self._filler.plan(view, self._filler.simplified(instances, view), known)
+        plan = self._geometry_pass.plan(view, self._geometry_pass.simplified(instances, view), known)
 
         def drawn() -> GBuffer:
             with self._context:
                 targets = self._pool.take(view.size_px, smooth=self._subsamples > 1)
-                self._filler.fill(plan, targets, sway)
+                self._geometry_pass.fill(plan, targets, sway)
                 shaded = targets
                 if self._subsamples > 1:
                     shaded = self._pool.take((camera.width_px, camera.height_px), resolved=True)
@@ -201,8 +202,8 @@ class SceneRenderer:
         for weather in weathers:
             self._read_ahead(gbuffer, weather)
         begun = [
-            self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed, place=place)
-            for place, weather in enumerate(weathers)
+            self.begin_shading(gbuffer, weather, stamp_ns=stamp_ns, seed=seed, slot=slot)
+            for slot, weather in enumerate(weathers)
         ]
         return [finish() for finish in begun]
 
@@ -213,7 +214,7 @@ class SceneRenderer:
         *,
         stamp_ns: int = 0,
         seed: int = 0,
-        place: int = 0,
+        slot: int = 0,
     ) -> Callable[[], NDArray[np.uint8]]:
         """Begin what `shade` does, and do not wait for it: the next picture can be drawn meanwhile.
 
@@ -224,18 +225,18 @@ class SceneRenderer:
             weather: Light and air.
             stamp_ns: Time of the picture [ns].
             seed: Seed of dither and rain.
-            place: Where the picture is kept meanwhile: pictures in other places may be begun before it
-                is waited for.
+            slot: Where the picture is kept meanwhile: pictures in other slots may be begun before it is
+                waited for.
 
         Returns:
-            What waits for the picture and returns it; to be called before the next shading in its place is
+            What waits for the picture and returns it; to be called before the next shading in its slot is
             begun.
         """
         self._read_ahead(gbuffer, weather)
         with self._context:
-            casters = self._filler.casters(gbuffer.actors)
-            read = self._shader.begin(gbuffer, weather, casters, stamp_ns, seed, place)
-            self._filler.wake()
+            casters = self._geometry_pass.casters(gbuffer.actors)
+            read = self._shader.begin(gbuffer, weather, casters, stamp_ns, seed, slot)
+            self._geometry_pass.wake()
 
         def finished() -> NDArray[np.uint8]:
             with self._context:
@@ -261,7 +262,7 @@ class SceneRenderer:
         """
         self._read_ahead(gbuffer, weather)
         with self._context:
-            casters = self._filler.casters(gbuffer.actors)
+            casters = self._geometry_pass.casters(gbuffer.actors)
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
 
     def rain_cd_m2(
@@ -297,7 +298,7 @@ class SceneRenderer:
             gbuffer.shaded_normal_codes()
 
     @staticmethod
-    def _carried(view: View, earlier: GBuffer) -> Depths:
+    def _carried(view: CameraView, earlier: GBuffer) -> Depths:
         depth_m, instance = earlier.samples()
         return Depths.carried(view, earlier.view, depth_m, instance)
 
@@ -309,7 +310,7 @@ class SceneRenderer:
         with self._context:
             self._shader.release()
             self._pool.release()
-            self._filler.release()
+            self._geometry_pass.release()
             self._programs.release()
         self._context.release()
 

@@ -13,15 +13,15 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
 from carlaloc_env.render.geometry.geometry_pass import Casters
-from carlaloc_env.render.geometry.projection import View
-from carlaloc_env.render.geometry.static_scene import Scenery
+from carlaloc_env.render.geometry.projection import CameraView
+from carlaloc_env.render.geometry.static_scene import StaticScene
 from carlaloc_env.render.gl.context import Programs, set_uniforms
 from carlaloc_env.render.lighting.ambient_occlusion import Roofs
 from carlaloc_env.render.lighting.day_tiles import LEAST_PX, day_groups
 from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, Lights
 from carlaloc_env.render.lighting.night_lighting import Night
 from carlaloc_env.render.lighting.screen_tiles import DepthRange
-from carlaloc_env.render.lighting.shading_passes import Cover, Passes
+from carlaloc_env.render.lighting.shading_passes import Cover, ShadingPasses
 from carlaloc_env.render.lighting.shadow_maps import ShadowMap, Shadows
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, exposure_time_s
 from carlaloc_env.render.lighting.sky_textures import Skies
@@ -31,9 +31,9 @@ from carlaloc_env.render.lighting.uniforms import (
     Scene,
     bind_light,
     light_values,
-    tell_samples,
-    tell_shadows,
-    tell_view,
+    set_gbuffer_uniforms,
+    set_shadow_uniforms,
+    set_view_uniforms,
 )
 from carlaloc_env.render.lighting.wet_reflections import Mirror
 from carlaloc_env.render.precipitation.rain_drops import Streaks, lit, rain_streaks
@@ -53,7 +53,7 @@ class Shader:
         context: moderngl.Context,
         programs: Programs,
         *,
-        scenery: Scenery,
+        scenery: StaticScene,
         library: ModelLibrary,
         lamps_m: Array,
         live: bool = False,
@@ -84,11 +84,11 @@ class Shader:
         self._arrays: dict[int, moderngl.VertexArray] = {}
         self._outputs: dict[tuple[int, ...], tuple[moderngl.Texture, moderngl.Framebuffer]] = {}
 
-    def resolve(self, view: View, drawn: Targets, resolved: Targets) -> None:
+    def resolve(self, view: CameraView, drawn: Targets, resolved: Targets) -> None:
         """Average the samples of a G-buffer to one per pixel."""
         program = self._programs.get("screen.vert", "resolve.frag")
-        tell_view(program, view)
-        tell_samples(program, drawn)
+        set_view_uniforms(program, view)
+        set_gbuffer_uniforms(program, drawn)
         resolved.framebuffer.use()
         self._context.enable_only(moderngl.NOTHING)
         self._triangle(program)
@@ -100,14 +100,14 @@ class Shader:
         casters: Casters,
         stamp_ns: int,
         seed: int,
-        place: int = 0,
+        slot: int = 0,
     ) -> Callable[[], NDArray[np.uint8]]:
         """Begin a picture; what is returned waits for it: dither, sRGB and opaque, shape (H, W, 4).
 
-        It has to be called, inside the context, before the next picture of that size and place is begun.
+        It has to be called, inside the context, before the next picture of that size and slot is begun.
         """
         scene = self._scene(gbuffer, weather, stamp_ns, seed)
-        texture, lights = self._run(scene, casters, linear=False, place=place)
+        texture, lights = self._run(scene, casters, linear=False, slot=slot)
 
         def finished() -> NDArray[np.uint8]:
             out = np.empty((gbuffer.camera.height_px, gbuffer.camera.width_px, 4), dtype=np.uint8)
@@ -116,7 +116,7 @@ class Shader:
                 e = scene.sky.light.exposure
                 drops, shine = self._drops(scene, lights, seed, exposure_time_s(e))
                 noise = (electrons(e), READ_NOISE_E) if weather.is_night else (0.0, 0.0)
-                self._rain.over_picture(
+                self._rain.over_image(
                     out, scene.view, scene.depth_m(), drops, shine * e, key=scene.key, electrons=noise
                 )
             return out
@@ -161,7 +161,7 @@ class Shader:
         )
 
     def _run(
-        self, scene: Scene, casters: Casters, *, linear: bool, place: int = 0
+        self, scene: Scene, casters: Casters, *, linear: bool, slot: int = 0
     ) -> tuple[moderngl.Texture, Lights]:
         """The picture without falling drops, and the lamps of the night that light it."""
         gbuffer, sun = scene.gbuffer, scene.sky.light.sun_direction
@@ -178,18 +178,18 @@ class Shader:
         bind_light(scene, self._roofs)
         if "MIRROR" in features:
             self._mirrored(scene, values).use(MIRROR)
-        texture, framebuffer = self._output(gbuffer, linear=linear, place=place)
+        texture, framebuffer = self._output(gbuffer, linear=linear, slot=slot)
         framebuffer.use()
         framebuffer.viewport = (0, 0, *((texture.width, texture.height) if cover is None else cover.size_px))
         framebuffer.depth_mask = False
 
         def prepare(program: moderngl.Program) -> None:
-            tell_samples(program, gbuffer.shaded)
-            tell_view(program, scene.view)
+            set_gbuffer_uniforms(program, gbuffer.shaded)
+            set_view_uniforms(program, scene.view)
             set_uniforms(program, **values)
-            tell_shadows(program, scene.view, static=static, actors=actors)
+            set_shadow_uniforms(program, scene.view, static=static, actors=actors)
 
-        passes = Passes(self._context, self._programs, features, prepare, splits=not resolved)
+        passes = ShadingPasses(self._context, self._programs, features, prepare, splits=not resolved)
         if cover is None:
             passes.whole(self._triangle)
         else:
@@ -245,8 +245,8 @@ class Shader:
 
     def _mirrored(self, scene: Scene, values: dict[str, object]) -> moderngl.Texture:
         def prepare(program: moderngl.Program) -> None:
-            tell_samples(program, scene.gbuffer.shaded)
-            tell_view(program, scene.view)
+            set_gbuffer_uniforms(program, scene.gbuffer.shaded)
+            set_view_uniforms(program, scene.view)
             set_uniforms(program, **values)
 
         features = ("NIGHT_GLOW",) if scene.weather.is_night else ()
@@ -267,11 +267,11 @@ class Shader:
         return streaks, lit(streaks, view.position_m, scene.sky.above_cd_m2, lights)
 
     def _output(
-        self, gbuffer: GBuffer, *, linear: bool, place: int
+        self, gbuffer: GBuffer, *, linear: bool, slot: int
     ) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         size = (gbuffer.camera.width_px, gbuffer.camera.height_px)
         zbuffer = gbuffer.shaded.zbuffer
-        key = (*size, int(linear), place, 0 if zbuffer is None else zbuffer.glo)
+        key = (*size, int(linear), slot, 0 if zbuffer is None else zbuffer.glo)
         if key not in self._outputs:
             texture = self._context.texture(size, 4, dtype="f4" if linear else "f1")
             self._outputs[key] = (texture, self._context.framebuffer([texture], zbuffer))
@@ -298,7 +298,7 @@ class Shader:
         self._roofs.texture.release()
 
 
-def _grain_key(view: View, stamp_ns: int, seed: int) -> int:
+def _grain_key(view: CameraView, stamp_ns: int, seed: int) -> int:
     """Key of a picture's dither and noise: other in every camera, since no two see the same photons."""
     x, y, z = (round(1e3 * float(value)) for value in view.position_m)
     return int(rng.stream(seed, f"render/grain/{x}/{y}/{z}", stamp_ns).integers(1 << 32))

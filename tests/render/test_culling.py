@@ -13,13 +13,13 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, gathered
 from carlaloc_env.render.geometry.material_table import plain_albedo
-from carlaloc_env.render.geometry.mesh_buffers import Geometry
+from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.light_sources import nearest, street_lamps
 from carlaloc_env.render.lighting.screen_tiles import TILE_PX, DepthRange
-from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, SKY_M, Air, light_grid
+from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, SKY_M, Fog, light_grid
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
@@ -48,7 +48,7 @@ def test_a_box_that_shows_in_any_pixel_is_not_hidden() -> None:
     """Random boxes before a random relief, against points inside them that lie before it."""
     random = np.random.default_rng(8)
     turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.1, -0.2, 1.0))
-    view = View.of(CAMERA, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, -3.0, 1.6)))
+    view = CameraView.of(CAMERA, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, -3.0, 1.6)))
     depth = np.kron(random.uniform(4.0, 60.0, (9, 16)), np.ones((20, 20))).astype(np.float32)
     depth[:20, :60] = 0.0
     low = view.position_m + random.uniform(-40.0, 40.0, (4000, 3))
@@ -128,14 +128,14 @@ def test_the_last_picture_hides_what_the_next_would_hide() -> None:
     crumbs = [soup(900, k + 1, (8.0 * k, -40.0, 0.0), (8.0 * k + 8.0, 40.0, 5.0), 0.3) for k in range(15)]
     library = ModelLibrary({"lorry": box((0.0, -3.5, 0.0), (6.0, 3.5, 5.0))})
     drawn, seen_again = [], []
-    plain = Geometry.draw
+    plain = MeshBuffers.draw
 
-    def counting(self: Geometry, program: object, which: NDArray[np.intp], **more: object) -> None:
+    def counting(self: MeshBuffers, program: object, which: NDArray[np.intp], **more: object) -> None:
         drawn.append(int(self.count[which].sum()))
         plain(self, program, which, **more)  # type: ignore[arg-type]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Geometry, "draw", counting)
+        patch.setattr(MeshBuffers, "draw", counting)
         with SceneRenderer([*houses, *crumbs], library, quality="low", albedo=plain_albedo()) as renderer:
             earlier, carried, by_rounds, different = None, [], [], []
             for k in range(12):
@@ -191,7 +191,7 @@ def test_gathered_corners_keep_the_ground_whole() -> None:
 def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
     """Over a relief of blocks, against the light of every lamp at every pixel."""
     random = np.random.default_rng(4)
-    view = View.of(CAMERA, FORWARD)
+    view = CameraView.of(CAMERA, FORWARD)
     depth = np.kron(random.uniform(5.0, 40.0, (12, 20)), np.ones((15, 16))).astype(np.float32)
     lamps = street_lamps(random.uniform([-5, -40, 2], [60, 40, 9], (60, 3)))
     lights = nearest(lamps, view.position_m)
@@ -209,7 +209,7 @@ def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
     fade = np.maximum(1.0 - (far2 / lights.range_m**2) ** 2, 0.0) ** 2
     light = lights.colour_cd.max() * exposure / math.pi * beam * fade / far2
     for tile in grid.groups.tiles:
-        column, row = tile["place"]
+        column, row = tile["cell"]
         box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
         listed = set(grid.entries[tile["lamps"][0] : tile["lamps"][1]])
         lit = np.flatnonzero((light[box] > 1.5 * LIGHT_CUTOFF).mean(axis=(0, 1)) > 0.02)
@@ -224,13 +224,13 @@ def test_glows_left_out_of_a_tile_show_nowhere_in_it() -> None:
     extinction times the angle that the ray spans at the lamp, over 4π times its distance.
     """
     random = np.random.default_rng(9)
-    view = View.of(CAMERA, FORWARD)
+    view = CameraView.of(CAMERA, FORWARD)
     depth = np.kron(random.uniform(5.0, 60.0, (12, 20)), np.ones((15, 16))).astype(np.float32)
     depth[:70] = 0.0
     lights = nearest(street_lamps(random.uniform([5, -40, 2], [60, 40, 9], (40, 3))), view.position_m)
-    exposure, least, air = 0.1, 3e-4, Air(extinction_per_m=0.006, start_m=2.0)
-    grid = light_grid(view, lights, DepthRange.of(depth), exposure=exposure, air=air, least=least)
-    every = light_grid(view, lights, DepthRange.of(depth), exposure=exposure, air=air, least=0.0)
+    exposure, least, fog = 0.1, 3e-4, Fog(extinction_per_m=0.006, start_m=2.0)
+    grid = light_grid(view, lights, DepthRange.of(depth), exposure=exposure, fog=fog, least=least)
+    every = light_grid(view, lights, DepthRange.of(depth), exposure=exposure, fog=fog, least=0.0)
     v, u = np.mgrid[:180, :320]
     rays = np.stack([(u - 160.0) / 160.0, (v - 90.0) / 160.0, np.ones_like(u)], -1)
     length = np.sqrt(np.sum(rays**2, axis=-1))
@@ -240,19 +240,19 @@ def test_glows_left_out_of_a_tile_show_nowhere_in_it() -> None:
     along = way @ lamp.T
     aside2 = np.maximum(np.sum(lamp**2, axis=1) - along**2, 0.0)
     h = np.sqrt(aside2 + 0.09)
-    angle = np.arctan2(end - along, h) - np.arctan2(air.start_m - along, h)
-    t = np.clip(along, air.start_m, end)
+    angle = np.arctan2(end - along, h) - np.arctan2(fog.start_m - along, h)
+    t = np.clip(along, fog.start_m, end)
     gap = way[..., None, :] * t[..., None] - lamp
     far = np.maximum(np.sqrt(np.sum(gap**2, axis=-1)), 0.05)
     share = np.clip((-gap[..., 2] / far + 0.1) / 0.55, 0.0, 1.0)
     beam = 0.15 + 1.6 * share**2 * (3.0 - 2.0 * share)
     fade = np.maximum(1.0 - aside2 / grid.glow_range_m**2, 0.0) ** 2
-    reached = np.exp(-air.extinction_per_m * (t - air.start_m + far))
-    scattered = air.extinction_per_m * angle / (4.0 * math.pi * h) * reached
+    reached = np.exp(-fog.extinction_per_m * (t - fog.start_m + far))
+    scattered = fog.extinction_per_m * angle / (4.0 * math.pi * h) * reached
     glow = exposure * lights.glow_cd * fade * beam * scattered
     needed = 0
     for tile in grid.groups.tiles:
-        column, row = tile["place"]
+        column, row = tile["cell"]
         box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
         shown = np.flatnonzero((glow[box] > 1.2 * least).any(axis=(0, 1)))
         assert set(shown) <= set(grid.entries[tile["glows"][0] : tile["glows"][1]])

@@ -12,7 +12,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.geometry.material_table import plain_albedo
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,
@@ -23,7 +23,7 @@ from carlaloc_env.render.lighting.light_sources import (
     street_lamps,
 )
 from carlaloc_env.render.lighting.screen_tiles import TILE_PX, DepthRange
-from carlaloc_env.render.lighting.tiled_lights import LOOPS, Air, light_grid
+from carlaloc_env.render.lighting.tiled_lights import LOOPS, Fog, light_grid
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
@@ -59,7 +59,7 @@ def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
     """Random lamps over a random relief, against the distance of every pixel's point to every lamp."""
     random = np.random.default_rng(4)
     turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.05, -0.1, 2.0))
-    view = View.of(CAMERA, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
+    view = CameraView.of(CAMERA, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
     coarse = random.uniform(3.0, 90.0, (12, 20))
     depth = np.kron(coarse, np.ones((15, 16))).astype(np.float32)
     depth[:40] = 0.0
@@ -76,7 +76,7 @@ def test_every_lamp_that_reaches_a_pixel_is_in_its_tile() -> None:
     reached = (gap < lights.range_m) & (depth[..., None] > 0)
     visited, needed = 0, 0
     for tile in grid.groups.tiles:
-        column, row = tile["place"]
+        column, row = tile["cell"]
         box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
         listed = set(grid.entries[tile["lamps"][0] : tile["lamps"][1]])
         assert set(np.flatnonzero(reached[box].any(axis=(0, 1)))) <= listed
@@ -107,13 +107,13 @@ def test_depth_ranges_of_tiles_leave_the_sky_out() -> None:
 def test_tiles_run_the_loops_of_all_their_lists() -> None:
     """Lamps and low beams over a wall: no list goes unread, and lists of few kinds run on their own."""
     random = np.random.default_rng(5)
-    view = View.of(CAMERA, FORWARD)
+    view = CameraView.of(CAMERA, FORWARD)
     count = 40
     lamps = street_lamps(random.uniform([5, -60, 0], [50, 60, 9], (count, 3)))
     lights = replace(lamps, beam=np.arange(count) % 3 == 0, range_m=np.full(count, 9.0))
     depth = np.full((180, 320), 50.0, np.float32)
-    air = Air(extinction_per_m=0.02, start_m=0.0)
-    grid = light_grid(view, lights, DepthRange.of(depth), exposure=0.02, air=air)
+    fog = Fog(extinction_per_m=0.02, start_m=0.0)
+    grid = light_grid(view, lights, DepthRange.of(depth), exposure=0.02, fog=fog)
     names = {"LAMPS": "lamps", "BEAMS": "beams", "GLOWS": "glows"}
     seen = 0
     for loops in LOOPS:

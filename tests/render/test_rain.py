@@ -12,7 +12,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.geometry.material_table import plain_albedo
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, street_lamps
 from carlaloc_env.render.lighting.sky_model import sky_light
@@ -46,7 +46,7 @@ def fall(
     stamp_ns: int, T: NDArray[np.float64] = FORWARD, weather: WeatherParameters = RAIN, seed: int = 3
 ) -> Streaks:
     return rain_streaks(
-        View.of(CAMERA, T),
+        CameraView.of(CAMERA, T),
         weather,
         stamp_ns=stamp_ns,
         seed=seed,
@@ -134,7 +134,7 @@ def test_drops_shine_near_lamps_most_when_they_lie_before_them() -> None:
 def test_a_streak_hides_what_its_drop_hides_on_its_way() -> None:
     """Sum of the layer over the picture: the streak's area times the share of time it is covered."""
     camera = Pinhole(width_px=640, height_px=360, fx_px=640.0, fy_px=640.0, cx_px=320.0, cy_px=180.0)
-    view = View.of(camera, transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 0.0)))
+    view = CameraView.of(camera, transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 0.0)))
     no_depth = np.zeros((360, 640), np.float32)
     layers = RainLayer()
     hidden = []

@@ -10,7 +10,7 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render import shading
 from carlaloc_env.render.geometry.material_table import plain_albedo
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting import tiled_lights
 from carlaloc_env.render.lighting.day_tiles import under
@@ -98,7 +98,7 @@ def test_shadows_reach_no_tile_that_is_left_out() -> None:
     random = np.random.default_rng(2)
     camera = Pinhole(width_px=320, height_px=180, fx_px=160.0, fy_px=160.0, cx_px=160.0, cy_px=90.0)
     turn = transforms.quat_to_matrix(transforms.rpy_to_quat(0.05, 0.2, 1.0))
-    view = View.of(camera, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
+    view = CameraView.of(camera, transforms.from_rotation(turn @ transforms.R_FLU_OPTICAL, (5.0, 3.0, 1.6)))
     depth = np.kron(random.uniform(3.0, 60.0, (12, 20)), np.ones((15, 16))).astype(np.float32)
     depth[:40, 64:] = 0.0
     v, u = np.mgrid[:180, :320]

@@ -11,10 +11,10 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.geometry.material_table import plain_albedo
-from carlaloc_env.render.geometry.mesh_buffers import Geometry
+from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths
-from carlaloc_env.render.geometry.projection import NEAR_M, View
-from carlaloc_env.render.geometry.triangle_culling import STILL, Body, Sieve
+from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
+from carlaloc_env.render.geometry.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
@@ -29,7 +29,7 @@ FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
 
 
 def shown(
-    corners_m: NDArray[np.float64], view: View, depth_m: NDArray[np.float32], solid: bool
+    corners_m: NDArray[np.float64], view: CameraView, depth_m: NDArray[np.float32], solid: bool
 ) -> NDArray[np.bool_]:
     """Whether triangles (N, 3, 3) are before a relief at any pixel's centre, ray by ray."""
     v, u = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
@@ -54,7 +54,7 @@ def shown(
 @pytest.mark.parametrize("solid", [False, True])
 def test_what_is_left_out_shows_at_no_centre_of_a_pixel(solid: bool) -> None:
     random = np.random.default_rng(5)
-    view = View.of(CAMERA, POSE)
+    view = CameraView.of(CAMERA, POSE)
     depth = np.kron(random.uniform(4.0, 60.0, (9, 16)), np.ones((20, 20))).astype(np.float32)
     depth[:20, :60] = 0.0
     middle = view.position_m + random.uniform(-40.0, 40.0, (1500, 1, 3))
@@ -66,7 +66,7 @@ def test_what_is_left_out_shows_at_no_centre_of_a_pixel(solid: bool) -> None:
         solid=np.full(1500, solid),
     )
     first, count = np.array([0, 900], np.uint32), np.array([900, 3600], np.uint32)
-    picked, kept = Sieve(view, Depths(view, depth)).keep(body, first, count)
+    picked, kept = TriangleCuller(view, Depths(view, depth)).keep(body, first, count)
     chosen = np.zeros(1500, bool)
     chosen[picked[::3] // 3] = True
     np.testing.assert_array_equal(picked.reshape(-1, 3), body.triangles[chosen])
@@ -79,14 +79,14 @@ def test_what_is_left_out_shows_at_no_centre_of_a_pixel(solid: bool) -> None:
 
 def test_a_moved_body_is_picked_from_as_one_that_stands_there() -> None:
     random = np.random.default_rng(6)
-    view = View.of(CAMERA, POSE)
+    view = CameraView.of(CAMERA, POSE)
     T = transforms.from_rotation(TURN, (20.0, 9.0, 1.0))
     corners = random.normal(0.0, 2.0, (600, 3))
     triangles = np.arange(600, dtype=np.uint32).reshape(-1, 3)
     there = corners @ T[:3, :3].T + T[:3, 3]
     whole = np.array([0], np.uint32), np.array([600], np.uint32)
     picked = [
-        Sieve(view).keep(
+        TriangleCuller(view).keep(
             Body(vertices_m=m.astype(np.float32), triangles=triangles, solid=np.ones(200, bool)), *whole, pose
         )[0]
         for m, pose in ((corners, T[None, :3].astype(np.float32)), (there, STILL))
@@ -134,22 +134,24 @@ def test_the_picture_is_the_same_without_them(quality: str, monkeypatch: pytest.
             return gbuffer.depth_m(), gbuffer.labels()[1], rgb
 
     counts = np.zeros(2, int)
-    plain = Geometry.draw
+    plain = MeshBuffers.draw
 
-    def keep(self: Sieve, body: Body, first: object, count: NDArray[np.uint32], *pose: object) -> object:
+    def keep(
+        self: TriangleCuller, body: Body, first: object, count: NDArray[np.uint32], *pose: object
+    ) -> object:
         picked, kept = sifted(self, body, first, count, *pose)  # type: ignore[arg-type]
         counts[:] += (int(count.sum()), len(picked))
         return picked, kept
 
-    sifted = Sieve.keep
-    monkeypatch.setattr(Sieve, "keep", keep)
+    sifted = TriangleCuller.keep
+    monkeypatch.setattr(TriangleCuller, "keep", keep)
     few = picture()
     assert 0 < counts[1] < 0.5 * counts[0]
 
-    def whole(self: Geometry, *rest: object, sieve: object = None, **more: object) -> None:
+    def whole(self: MeshBuffers, *rest: object, culler: object = None, **more: object) -> None:
         plain(self, *rest, **more)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Geometry, "draw", whole)
+    monkeypatch.setattr(MeshBuffers, "draw", whole)
     all_of_them = picture()
     np.testing.assert_array_equal(few[0], all_of_them[0])
     np.testing.assert_array_equal(few[1], all_of_them[1])

@@ -19,6 +19,7 @@ CLUSTER_TRIANGLES = 160
 SIZES_M = (1.0, 8.0)
 """Edges of boxes round a triangle that part small, middling and large ones [m]: walls hide more alone."""
 _BITS = 10
+"""Bits of a coordinate along the space-filling curve."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.scene.semantic_tags import Tag
 
 _T = TypeVar("_T", np.float32, np.uint32)
+"""Type of the samples of one texture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,7 +101,13 @@ class GBuffer:
     """What one camera saw at one instant; stays valid until it is dropped or the renderer closed."""
 
     def __init__(
-        self, *, context: moderngl.Context, view: View, drawn: Targets, shaded: Targets, actors: Instances
+        self,
+        *,
+        context: moderngl.Context,
+        view: CameraView,
+        drawn: Targets,
+        shaded: Targets,
+        actors: Instances,
     ) -> None:
         self.view = view
         self.drawn = drawn

@@ -12,12 +12,12 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
 from carlaloc_env.render.geometry.material_table import surface_table, upload_textures
-from carlaloc_env.render.geometry.mesh_buffers import Geometry, InstanceBuffer
+from carlaloc_env.render.geometry.mesh_buffers import InstanceBuffer, MeshBuffers
 from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
-from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, View
+from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
-from carlaloc_env.render.geometry.static_scene import Scenery
-from carlaloc_env.render.geometry.triangle_culling import Sieve
+from carlaloc_env.render.geometry.static_scene import StaticScene
+from carlaloc_env.render.geometry.triangle_culling import TriangleCuller
 from carlaloc_env.render.gl.context import Programs, is_software, set_uniforms
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
@@ -34,6 +34,7 @@ DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR
 """Clip depth = first · z + second."""
 
 Sway = tuple[float, float, float, float]
+"""Farthest way of leaves to leeward [m] (3), and time [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +53,7 @@ class Round:
 class Plan:
     """What will be drawn of the scene, from near to far in rounds."""
 
-    view: View
+    view: CameraView
     """Camera."""
     instances: Instances
     """Movable models."""
@@ -60,7 +61,7 @@ class Plan:
     """What of them and of the scenery is drawn when."""
 
 
-class Filler:
+class GeometryPass:
     """All geometry on the graphics side: draws it as one camera sees it, without what hides.
 
     Args:
@@ -85,8 +86,8 @@ class Filler:
         unit_m: float = 1.0,
     ) -> None:
         self._context, self._programs = context, programs
-        self.scenery = Scenery(context, chunks, FAR_LOW if live else FAR)
-        self._library = Geometry(context, library.meshes, models=True)
+        self.scenery = StaticScene(context, chunks, FAR_LOW if live else FAR)
+        self._library = MeshBuffers(context, library.meshes, models=True)
         self._live = live
         self._unit_m = unit_m
         self._distant = Distant(library) if live else None
@@ -96,14 +97,14 @@ class Filler:
             np.sqrt(np.max(sum(axis.astype(np.float64) ** 2 for axis in mesh.vertices_m.T), initial=0.0))
             for mesh in library.meshes
         ]
-        self._reach_m = np.array(reach, dtype=np.float64)
+        self._radius_m = np.array(reach, dtype=np.float64)
         bounds = [mesh.bounds_m if len(mesh.vertices_m) else np.zeros((2, 3)) for mesh in library.meshes]
         self._low_m, self._high_m = np.moveaxis(np.array(bounds, np.float64).reshape(-1, 2, 3), 1, 0)
         self._textures = upload_textures(context, albedo, trilinear=not is_software(context))
         self._surface = surface_table()
-        self._aside = context.simple_framebuffer((1, 1))
+        self._flush_target = context.simple_framebuffer((1, 1))
 
-    def simplified(self, instances: Instances, view: View) -> Instances:
+    def simplified(self, instances: Instances, view: CameraView) -> Instances:
         """The instances as they are drawn from here: in live pictures simple ones where they are far."""
         if self._distant is None:
             return instances
@@ -113,7 +114,7 @@ class Filler:
         """The instances as they throw shadows: in live pictures all of them simple."""
         return instances if self._distant is None else self._distant.of(instances, True)
 
-    def plan(self, view: View, instances: Instances, known: Depths | None = None) -> Plan:
+    def plan(self, view: CameraView, instances: Instances, known: Depths | None = None) -> Plan:
         """What will be drawn; nothing is drawn yet.
 
         Args:
@@ -167,42 +168,42 @@ class Filler:
             layer.features: self._program(plan.view, sway, *layer.features) for layer in self.scenery.layers
         }
         hidden: Depths | None = None
-        sieve = Sieve(plan.view)
+        culler = TriangleCuller(plan.view)
         for now, part in enumerate(plan.rounds):
             if now == 1 and not part.looks:
                 self.wake()
                 targets.framebuffer.use()
             if part.looks:
                 hidden = Depths(plan.view, _read_depth(targets))
-                sieve = Sieve(plan.view, hidden)
-            self._draw_instances(plan, part.instances, sway, hidden, sieve)
+                culler = TriangleCuller(plan.view, hidden)
+            self._draw_instances(plan, part.instances, sway, hidden, culler)
             shown = part.clusters if hidden is None else part.clusters[self._shown(hidden, part.clusters)]
-            self._draw_layers(programs, shown, sieve, still=not any(sway[:3]))
+            self._draw_layers(programs, shown, culler, still=not any(sway[:3]))
         context.front_face = "ccw"
 
     def _draw_instances(
-        self, plan: Plan, which: Index, sway: Sway, hidden: Depths | None, sieve: Sieve
+        self, plan: Plan, which: Index, sway: Sway, hidden: Depths | None, culler: TriangleCuller
     ) -> None:
         if hidden is not None:
             which = which[hidden.shown(self._corners_m(plan.instances, which))]
         if len(which):
             self._poses.fill(plan.instances, which)
             program = self._program(plan.view, sway, "INSTANCED")
-            self._library.draw(program, self._poses.used, instances=self._poses, sieve=sieve)
+            self._library.draw(program, self._poses.used, instances=self._poses, culler=culler)
 
     def casters(self, instances: Instances) -> Casters:
         """Instances as what throws shadows."""
-        return Casters(library=self._library, poses=self._poses, instances=instances, reach_m=self._reach_m)
+        return Casters(library=self._library, poses=self._poses, instances=instances, radius_m=self._radius_m)
 
     def wake(self) -> None:
         """Let a software driver work on what it has been told so far while it is told the rest.
 
         llvmpipe gathers triangles until the framebuffer changes, and only then wakes its threads.
         """
-        self._aside.use()
-        self._aside.clear()
+        self._flush_target.use()
+        self._flush_target.clear()
 
-    def _farther(self, view: View) -> float:
+    def _farther(self, view: CameraView) -> float:
         """How much farther away things count in live pictures, whose pixels are large."""
         return FAR_LOW_FOCAL_PX / view.camera.fx_px if self._live else 1.0
 
@@ -212,7 +213,12 @@ class Filler:
         return hidden.shown(boxes, least_px=self._least_px)
 
     def _draw_layers(
-        self, programs: dict[tuple[str, ...], moderngl.Program], clusters: Index, sieve: Sieve, *, still: bool
+        self,
+        programs: dict[tuple[str, ...], moderngl.Program],
+        clusters: Index,
+        culler: TriangleCuller,
+        *,
+        still: bool,
     ) -> None:
         which = self.scenery.by_layer(clusters)
         for layer, some in zip(self.scenery.layers, which, strict=True):
@@ -224,7 +230,7 @@ class Filler:
                 self._context.disable(moderngl.CULL_FACE)
             # Leaves that sway are not where they are in memory.
             may_sway = not still and not layer.culled
-            layer.geometry.draw(programs[layer.features], some, sieve=None if may_sway else sieve)
+            layer.geometry.draw(programs[layer.features], some, culler=None if may_sway else culler)
         self._context.disable(moderngl.CULL_FACE)
 
     def _corners_m(self, instances: Instances, which: Index) -> Array:
@@ -234,17 +240,17 @@ class Filler:
         turned = np.sum(T[:, None, :3, :3] * local[:, :, None, :], axis=3)
         return np.asarray(turned + T[:, None, :3, 3], dtype=np.float64)
 
-    def _visible_instances(self, view: View, instances: Instances) -> Index:
+    def _visible_instances(self, view: CameraView, instances: Instances) -> Index:
         """Instances whose sphere reaches into the view, nearest first."""
         centre = instances.T_world_model[:, :3, 3]
-        reach = self._reach_m[instances.model]
+        reach = self._radius_m[instances.model]
         planes = view.planes()
         gap = np.sum(centre[:, None] * planes[None, :, :3], axis=2) + planes[:, 3]
         distance = distance_m(instances, view)
         seen = np.flatnonzero((gap > -reach[:, None]).all(axis=1) & (distance - reach < FAR_M))
         return seen[np.argsort(distance[seen], kind="stable")]
 
-    def _program(self, view: View, sway: Sway, *features: str) -> moderngl.Program:
+    def _program(self, view: CameraView, sway: Sway, *features: str) -> moderngl.Program:
         defines = (
             f"MATERIALS {len(self._surface)}",
             f"CAR_PAINT {int(Material.CAR_PAINT)}u",
@@ -276,7 +282,7 @@ class Filler:
         self._library.release()
         self._poses.buffer.release()
         self._textures.release()
-        self._aside.release()
+        self._flush_target.release()
 
 
 def _turn(away_m: Array) -> Index:
@@ -284,7 +290,7 @@ def _turn(away_m: Array) -> Index:
     return np.array([0, 2, 3])[np.searchsorted((NEAR_ROUND_M, MIDDLE_ROUND_M), away_m, side="right")]
 
 
-def distance_m(instances: Instances, view: View) -> Array:
+def distance_m(instances: Instances, view: CameraView) -> Array:
     """Distance of instances from the eye [m], shape (N,)."""
     away = instances.T_world_model[:, :3, 3] - view.position_m
     return np.asarray(np.sqrt(np.sum(away**2, axis=1)), dtype=np.float64)
@@ -299,9 +305,9 @@ def _read_depth(targets: Targets) -> NDArray[np.float32]:
 class Casters:
     """Movable models that throw shadows."""
 
-    library: Geometry
+    library: MeshBuffers
     poses: InstanceBuffer
     """Room for their poses."""
     instances: Instances
-    reach_m: Array
+    radius_m: Array
     """How far each model of the library reaches from its origin [m], shape (M,)."""

@@ -23,7 +23,7 @@ class Coarseness:
     """Loose triangles of less area are left out [m²]."""
     any_m2: float = 0.0
     """Any triangles of less area are left out [m²]; in a wall this leaves holes of that size."""
-    leaf_share: int
+    leaf_stride: int
     """One leaf of so many is kept, enlarged to the same total area."""
     edge_m: float = 0.0
     """Corners that lie in one cell of this size become one [m]; 0 = none do."""
@@ -31,23 +31,25 @@ class Coarseness:
     """The same for corners of the ground, which is seen at a grazing angle [m]."""
 
 
-FAR = (Coarseness(from_m=150.0, crumb_m2=0.012, leaf_share=4),)
+FAR = (Coarseness(from_m=150.0, crumb_m2=0.012, leaf_stride=4),)
 """Crumbs of a quarter of a pixel; LiDARs reach less far."""
 FAR_LOW = (
-    Coarseness(from_m=10.0, crumb_m2=0.025, leaf_share=8),
-    Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_share=24, edge_m=0.15, ground_m=1.0),
-    Coarseness(from_m=80.0, crumb_m2=0.4, any_m2=0.1, leaf_share=40, edge_m=0.3, ground_m=2.0),
-    Coarseness(from_m=130.0, crumb_m2=1.2, any_m2=0.4, leaf_share=100, edge_m=0.5, ground_m=4.0),
-    Coarseness(from_m=200.0, crumb_m2=3.0, any_m2=1.0, leaf_share=250, edge_m=0.8, ground_m=7.0),
-    Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_share=600, edge_m=1.2, ground_m=12.0),
+    Coarseness(from_m=10.0, crumb_m2=0.025, leaf_stride=8),
+    Coarseness(from_m=45.0, crumb_m2=0.12, any_m2=0.03, leaf_stride=24, edge_m=0.15, ground_m=1.0),
+    Coarseness(from_m=80.0, crumb_m2=0.4, any_m2=0.1, leaf_stride=40, edge_m=0.3, ground_m=2.0),
+    Coarseness(from_m=130.0, crumb_m2=1.2, any_m2=0.4, leaf_stride=100, edge_m=0.5, ground_m=4.0),
+    Coarseness(from_m=200.0, crumb_m2=3.0, any_m2=1.0, leaf_stride=250, edge_m=0.8, ground_m=7.0),
+    Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_stride=600, edge_m=1.2, ground_m=12.0),
 )
 """For small live pictures, in which vertices cost the most; a pixel covers about one `edge_m`."""
 FAR_LOW_FOCAL_PX = 450.0
 """Focal length for which these are meant; larger ones take them farther away [px]."""
 _GROUND = (Tag.ROAD, Tag.SIDEWALK, Tag.GROUND, Tag.TERRAIN)
+"""Semantic tags of what is seen at a grazing angle."""
 _LEVEL_M = 0.5
 """Height of the cells of the ground [m]: what crosses above is not drawn down."""
 _CELL_BITS = 20
+"""Bits of a coordinate of a cell in its packed number."""
 _LOOSE = (Material.METAL_PAINTED, Material.METAL_GALVANISED, Material.WOOD, Material.PLASTIC, Material.BARK)
 """Materials of railings, furniture and twigs, which leave no hole in a wall."""
 
@@ -58,13 +60,13 @@ def coarse(mesh: Mesh, how: Coarseness = FAR[0]) -> Mesh:
     material = mesh.material[mesh.triangles[:, 2]]
     leaf = material == Material.LEAF
     crumb = area_m2 < np.where(np.isin(material, _LOOSE), how.crumb_m2, how.any_m2)
-    chosen = np.cumsum(leaf) % how.leaf_share == 0
+    chosen = np.cumsum(leaf) % how.leaf_stride == 0
     leaves = part(mesh, leaf & chosen)
     own = leaves.vertices_m[leaves.triangles]
     centre = own.mean(axis=1, keepdims=True)
     flat = leaves.triangles.reshape(-1)
     apart = leaves.taking(flat, np.arange(len(flat), dtype=np.uint32).reshape(-1, 3))
-    larger = centre + np.sqrt(how.leaf_share) * (own - centre)
+    larger = centre + np.sqrt(how.leaf_stride) * (own - centre)
     grown = replace(apart, vertices_m=larger.reshape(-1, 3).astype(np.float32))
     rest = part(mesh, ~leaf & ~crumb)
     return merge([rest if how.edge_m == 0.0 else gathered(rest, how), grown])

@@ -99,6 +99,7 @@ _PLAIN: dict[Material, tuple[float, float, float]] = {
     Material.LAMP_AMBER: (0.80, 0.38, 0.02),
     Material.LAMP_GREEN: (0.05, 0.70, 0.35),
 }
+"""Linear mean albedo of materials for tests without textures."""
 
 
 def plain_albedo() -> NDArray[np.float16]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
-from carlaloc_env.render.geometry.triangle_culling import Body, Sieve
+from carlaloc_env.render.geometry.triangle_culling import Body, TriangleCuller
 from carlaloc_env.render.gl.context import is_software
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
@@ -31,9 +31,13 @@ INSTANCE = np.dtype([("rows", "<f4", (3, 4)), ("tint", "u1", 4), ("id", "<u4")])
 """One packed instance, 56 bytes: the top three rows of its pose, its colour, its instance id."""
 
 _FULL = ("3f4 4f2 2f4 3f1 1u1 1u4", "in_position", "in_normal", "in_uv", "in_colour", "in_material", "in_id")
+"""Layout of `VERTEX` and its attributes."""
 _BARE = ("3f4 24x", "in_position")
+"""The same of the positions alone."""
 _POSES = ("4f4 4f4 4f4 4f1 1u4/i", "in_row0", "in_row1", "in_row2", "in_tint", "in_instance")
+"""Layout of `INSTANCE` and its attributes."""
 _BARE_POSES = ("4f4 4f4 4f4 8x/i", "in_row0", "in_row1", "in_row2")
+"""The same of the poses alone."""
 
 _SOLID_SCENERY = (
     Material.ASPHALT, Material.ASPHALT_OLD, Material.ASPHALT_MOTORWAY,
@@ -101,7 +105,7 @@ def _closed(mesh: Mesh, count: NDArray[np.int64]) -> NDArray[np.bool_]:
     return np.asarray(np.sqrt(sum(part**2 for part in total)) < _OPEN_SHARE * area)
 
 
-class Geometry:
+class MeshBuffers:
     """Triangles in one vertex and one index buffer, drawn in ranges by one indirect call."""
 
     def __init__(
@@ -153,7 +157,7 @@ class Geometry:
         *,
         bare: bool = False,
         instances: InstanceBuffer | None = None,
-        sieve: Sieve | None = None,
+        culler: TriangleCuller | None = None,
     ) -> None:
         """Draw some of the ranges in the given order, once or once per instance.
 
@@ -162,12 +166,12 @@ class Geometry:
             which: Ranges.
             bare: Hand over nothing but positions.
             instances: Where the ranges stand; once where they are when left out.
-            sieve: Leaves triangles out that do not show, if the context draws on a CPU.
+            culler: Leaves triangles out that do not show, if the context draws on a CPU.
         """
         if len(which) == 0:
             return
-        if sieve is not None and self._body is not None:
-            self._draw_sifted(program, which, sieve, self._body, instances)
+        if culler is not None and self._body is not None:
+            self._draw_culled(program, which, culler, self._body, instances)
             return
         commands = np.zeros((len(which), 5), dtype=np.uint32)
         commands[:, 0] = self.count[which]
@@ -177,19 +181,19 @@ class Geometry:
             commands[:, 4] = instances.begin[which]
         self._run(self._array(program, self.indices, bare, instances), commands)
 
-    def _draw_sifted(
+    def _draw_culled(
         self,
         program: moderngl.Program,
         which: NDArray[np.intp],
-        sieve: Sieve,
+        culler: TriangleCuller,
         body: Body,
         instances: InstanceBuffer | None,
     ) -> None:
         if instances is None:
-            picked, kept = sieve.keep(body, self.first[which], self.count[which])
+            picked, kept = culler.keep(body, self.first[which], self.count[which])
         else:
             model = instances.model
-            picked, kept = sieve.keep(body, self.first[model], self.count[model], instances.rows)
+            picked, kept = culler.keep(body, self.first[model], self.count[model], instances.rows)
         if not len(picked):
             return
         if picked.nbytes > self._picked.size:

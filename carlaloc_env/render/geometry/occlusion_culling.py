@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.render.geometry.projection import NEAR_M, View
+from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 
 TILE_PX = 4
@@ -31,7 +31,7 @@ MARGIN_M = 0.3
 class Depths:
     """Farthest surface in every tile of a picture so far."""
 
-    def __init__(self, view: View, depth_m: F32) -> None:
+    def __init__(self, view: CameraView, depth_m: F32) -> None:
         """Reduce a picture.
 
         Args:
@@ -47,7 +47,9 @@ class Depths:
         self.far_m = np.where(bits == 0, np.float32(np.inf), bits.view(np.float32))
 
     @classmethod
-    def carried(cls, view: View, earlier: View, depth_m: F32, instance: NDArray[np.uint32]) -> Depths:
+    def carried(
+        cls, view: CameraView, earlier: CameraView, depth_m: F32, instance: NDArray[np.uint32]
+    ) -> Depths:
         """What will hide in a picture that is not drawn yet, by the surfaces of one shortly before.
 
         Args:

@@ -18,7 +18,7 @@ FAR_M = 1500.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class View:
+class CameraView:
     """One camera at one instant, ready for the shaders."""
 
     camera: Pinhole
@@ -38,7 +38,7 @@ class View:
         T_world_camera: ArrayLike,
         subsamples: int = 1,
         velocity_mps: ArrayLike = (0.0, 0.0, 0.0),
-    ) -> View:
+    ) -> CameraView:
         """View of a camera at a pose (4, 4)."""
         T = np.asarray(T_world_camera, dtype=np.float64)
         return cls(

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.render.geometry.clusters import cut, in_order
 from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
-from carlaloc_env.render.geometry.mesh_buffers import Geometry, seen_from_front
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers, seen_from_front
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.mesh import Mesh, merge
 
@@ -31,7 +31,7 @@ _LAYERS = tuple((culled, sort) for culled in (False, True) for sort in range(len
 class Layer:
     """Triangles of one sort; one call draws any of its clusters."""
 
-    geometry: Geometry
+    geometry: MeshBuffers
     features: tuple[str, ...]
     """Features of the shader."""
     culled: bool
@@ -56,7 +56,7 @@ class _Table:
     """Whether backs of its triangles need no drawing, shape (N,)."""
 
 
-class Scenery:
+class StaticScene:
     """Layers of one scene; their clusters are numbered through, layer by layer."""
 
     def __init__(
@@ -102,7 +102,7 @@ class Scenery:
     def __len__(self) -> int:
         return len(self._low_m)
 
-    def in_view(self, view: View, *, farther: float = 1.0) -> tuple[Index, Array]:
+    def in_view(self, view: CameraView, *, farther: float = 1.0) -> tuple[Index, Array]:
         """Clusters that may be seen, nearest first, and their distances [m].
 
         The level of detail goes by the distance of the chunk, so that it has no seams inside.
@@ -209,5 +209,5 @@ def _boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
 
 def _layer(context: moderngl.Context, parts: Sequence[_Part], culled: bool, sort: int) -> Layer:
     count = np.concatenate([part.count for part in parts])
-    geometry = Geometry(context, [part.mesh for part in parts], count)
+    geometry = MeshBuffers(context, [part.mesh for part in parts], count)
     return Layer(geometry=geometry, features=_SORTS[sort], culled=culled)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32, U32, Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.render.geometry.occlusion_culling import Depths
-from carlaloc_env.render.geometry.projection import NEAR_M, View
+from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
 
 SNAP_PX = 0.03
 """How far a corner may lie from where it is computed here, since drivers snap to fractions of a pixel."""
@@ -25,7 +25,7 @@ ROUNDING_M = 2e-4
 """The same in the world, for coordinates of a kilometre in single precision [m]."""
 BEHIND_M = 0.02
 """How far behind a surface a triangle must lie to be hidden [m], and again as a share of its depth."""
-BEHIND_SHARE = 1e-3
+BEHIND_RATIO = 1e-3
 
 STILL = np.eye(3, 4, dtype=np.float32)[None]
 """Pose of what is in the world's frame already, as rows of instances."""
@@ -43,10 +43,10 @@ class Body:
     """Whether the back of a triangle is never seen, shape (T,)."""
 
 
-class Sieve:
+class TriangleCuller:
     """Keeps the triangles that may show in a view, given what has been drawn of it so far."""
 
-    def __init__(self, view: View, hidden: Depths | None = None) -> None:
+    def __init__(self, view: CameraView, hidden: Depths | None = None) -> None:
         """Make ready for a view; without `hidden` nothing has been drawn yet."""
         width, height = view.size_px
         sx, sy, ox, oy = view.clip_scale
@@ -161,7 +161,7 @@ def _keep(
                 if area > slack * (high_u - low_u + high_v - low_v):
                     continue
             if rows > 0:
-                near -= BEHIND_M + BEHIND_SHARE * near
+                near -= BEHIND_M + BEHIND_RATIO * near
                 first_column = int(max(low_u, 0.0) * per_tile)
                 last_column = min(int(high_u * per_tile), columns - 1)
                 first_row = int(max(low_v, 0.0) * per_tile)

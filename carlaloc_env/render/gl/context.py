@@ -17,6 +17,7 @@ PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 
 
 _INCLUDE = re.compile(r'^#include "(.+)"$', re.MULTILINE)
+"""A line of GLSL that stands for the text of another file."""
 
 
 def create_context() -> moderngl.Context:

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.geometry.static_scene import Scenery
+from carlaloc_env.render.geometry.static_scene import StaticScene
 from carlaloc_env.render.gl.context import Programs, set_uniforms
 
 SIZE_PX = 1024
+"""Edge of the height map [px]."""
 CELL_MIN_M = 0.75
 """Smallest edge of a cell [m]; large towns have larger ones."""
 BLUR_M = 3.5
@@ -29,7 +30,7 @@ class Roofs:
         self,
         context: moderngl.Context,
         programs: Programs,
-        scenery: Scenery,
+        scenery: StaticScene,
     ) -> None:
         if len(scenery):
             low, high = scenery.low_m, scenery.high_m
@@ -59,7 +60,7 @@ class Roofs:
         return np.asarray(points_m[:, 2] > self._height_m[cell[:, 1], cell[:, 0]])
 
     def _draw(
-        self, context: moderngl.Context, programs: Programs, scenery: Scenery, half_height_m: float
+        self, context: moderngl.Context, programs: Programs, scenery: StaticScene, half_height_m: float
     ) -> NDArray[np.float32]:
         """Height of the highest surface in each cell [m], row = north, column = east."""
         texture = context.depth_texture((SIZE_PX, SIZE_PX))

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.geometry_pass import Casters
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting.screen_tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
 from carlaloc_env.render.lighting.tile_kernels import shaded_by
 
@@ -19,7 +19,7 @@ KINDS: tuple[tuple[str, ...], ...] = ((), ("ACTORS",))
 """Kinds of tiles by what their program looks up."""
 
 
-def day_groups(view: View, depths: DepthRange, axes: Array | None, casters: Casters) -> TileGroups:
+def day_groups(view: CameraView, depths: DepthRange, axes: Array | None, casters: Casters) -> TileGroups:
     """Tiles sorted by whether movable models may throw shadows there.
 
     Args:
@@ -31,32 +31,34 @@ def day_groups(view: View, depths: DepthRange, axes: Array | None, casters: Cast
     shape = depths.near_m.shape
     kind = np.zeros(shape, np.intp)
     if axes is not None and len(casters.instances):
-        places_m = casters.instances.T_world_model[:, :3, 3] - view.position_m
-        reach_m = casters.reach_m[casters.instances.model] + BLUR_M
-        kind[under(view, depths, axes, places_m, reach_m)] = 1
+        centres_m = casters.instances.T_world_model[:, :3, 3] - view.position_m
+        radius_m = casters.radius_m[casters.instances.model] + BLUR_M
+        kind[under(view, depths, axes, centres_m, radius_m)] = 1
     flat = kind.ravel()
     if np.count_nonzero(flat == 0) < FEW_TILES:
         flat[:] = 1
     return TileGroups.sorted_by(every_tile(shape), flat, KINDS, depths.shown.ravel())
 
 
-def under(view: View, depths: DepthRange, axes: Array, places_m: Array, reach_m: Array) -> NDArray[np.bool_]:
+def under(
+    view: CameraView, depths: DepthRange, axes: Array, centres_m: Array, radius_m: Array
+) -> NDArray[np.bool_]:
     """Tiles in which some surface may lie in the shadow of one of some spheres, shape (R, C).
 
     Args:
         view: Camera.
         depths: What the tiles show.
         axes: World axes to the light's right, up, away, shape (3, 3).
-        places_m: Middles of the spheres from the eye [m], shape (N, 3).
-        reach_m: Their radii [m], shape (N,).
+        centres_m: Middles of the spheres from the eye [m], shape (N, 3).
+        radius_m: Their radii [m], shape (N,).
     """
     low, high = _boxes(view, depths, axes)
     out = np.empty(depths.near_m.shape, bool)
-    shaded_by(out, low, high, np.sum(axes * places_m[:, None, :], axis=2), reach_m)
+    shaded_by(out, low, high, np.sum(axes * centres_m[:, None, :], axis=2), radius_m)
     return np.asarray(out & np.isfinite(depths.near_m))
 
 
-def _boxes(view: View, depths: DepthRange, axes: Array) -> tuple[Array, Array]:
+def _boxes(view: CameraView, depths: DepthRange, axes: Array) -> tuple[Array, Array]:
     """Least and largest coordinates of the tiles' surfaces along the light's axes, from the eye [m]."""
     camera, (rows, columns) = view.camera, depths.near_m.shape
     u = (np.minimum(np.arange(columns + 1) * TILE_PX, camera.width_px) - 0.5 - camera.cx_px) / camera.fx_px

@@ -24,7 +24,7 @@ def keep_glowing(
     lamps: Array,
     axes: Array,
     glow: Array,
-    air: Array,
+    fog: Array,
     least: float,
 ) -> None:
     """Clear the bits of lamps whose glow is below `least` along all of some rays of a tile.
@@ -40,7 +40,7 @@ def keep_glowing(
         lamps: Places from the eye [m], shape (N, 3).
         axes: Middles of the beams, shape (N, 3).
         glow: Exposed intensity / π and 1 / reach² [1/m²], shape (N, 2).
-        air: Extinction [1/m] and where the air begins [m], shape (2,).
+        fog: Extinction [1/m] and where the air begins [m], shape (2,).
         least: Exposed light that is not seen.
     """
     edge, width, height = size_px[0], size_px[1], size_px[2]
@@ -59,7 +59,7 @@ def keep_glowing(
                         u = left + (right - left) * (k % RAYS) / (RAYS - 1)
                         v = top + (bottom - top) * (k // RAYS) / (RAYS - 1)
                     x, y = u * unproject[0] + unproject[2], v * unproject[1] + unproject[3]
-                    if _glow(x, y, far_m[row, column], rotation, lamps, axes, n, glow, air) > least:
+                    if _glow(x, y, far_m[row, column], rotation, lamps, axes, n, glow, fog) > least:
                         seen = True
                         break
                 mask[row, column, n] = seen
@@ -96,7 +96,7 @@ def _glow(
     axes: Array,
     n: int,
     glow: Array,
-    air: Array,
+    fog: Array,
 ) -> float:
     """Exposed light of a lamp scattered along the ray (x, y, 1) up to a depth, as in ``lamps.glsl``."""
     length = math.sqrt(x * x + y * y + 1.0)
@@ -104,7 +104,7 @@ def _glow(
     dy = (rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1]) / length
     dz = (rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2]) / length
     end = far_m * length
-    start = min(air[1], end)
+    start = min(fog[1], end)
     t0 = lamps[n, 0] * dx + lamps[n, 1] * dy + lamps[n, 2] * dz
     h2 = max(lamps[n, 0] ** 2 + lamps[n, 1] ** 2 + lamps[n, 2] ** 2 - t0 * t0, 0.0)
     fade = 1.0 - h2 * glow[n, 1]
@@ -118,6 +118,6 @@ def _glow(
     share = ((nx * axes[n, 0] + ny * axes[n, 1] + nz * axes[n, 2]) / r + 0.1) * 1.8181818
     share = min(max(share, 0.0), 1.0)
     beam = 0.15 + 1.6 * share * share * (3.0 - 2.0 * share)
-    reached = math.exp(-air[0] * (t - start + r))
-    result: float = 0.25 * air[0] * glow[n, 0] * fade * fade * beam * angle / h * reached
+    reached = math.exp(-fog[0] * (t - start + r))
+    result: float = 0.25 * fog[0] * glow[n, 0] * fade * fade * beam * angle / h * reached
     return result

@@ -15,6 +15,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.lighting.light_sources import HEADLAMP_COLOUR, Lights
 
 Words = NDArray[np.uint32]
+"""Words as the shaders read them."""
 
 
 def surface_words(lights: Lights, eye_m: Array, exposure: float) -> Words:
@@ -56,7 +57,7 @@ def surface_words(lights: Lights, eye_m: Array, exposure: float) -> Words:
     return words
 
 
-def air_words(lights: Lights, eye_m: Array, exposure: float, reach_m: Array) -> Words:
+def air_words(lights: Lights, eye_m: Array, exposure: float, glow_range_m: Array) -> Words:
     """What lights the air; one more row than there are lights, the last of which is no light, (N + 1, 8).
 
     Words 0–2 and 5 as for surfaces; 3 exposed intensity / π, red and green; 4 blue, and 1 / reach²
@@ -66,14 +67,14 @@ def air_words(lights: Lights, eye_m: Array, exposure: float, reach_m: Array) -> 
         lights: Lights of a picture.
         eye_m: Camera in the world [m].
         exposure: Picture value per luminance [m²/cd].
-        reach_m: How far from each the air is seen to glow [m], shape (N,).
+        glow_range_m: How far from each the air is seen to glow [m], shape (N,).
     """
     words, rows = _placed(lights, eye_m)
     hue = lights.colour_cd / np.maximum(lights.colour_cd.max(axis=1, initial=0.0)[:, None], 1e-9)
     glow = hue * (lights.glow_cd * exposure / math.pi)[:, None]
     axis = _fixed(lights.axis)
     rows[:, 3] = _joined(_short(glow[:, 0]), _short(glow[:, 1]))
-    rows[:, 4] = _joined(_short(glow[:, 2]), _short(1.0 / np.maximum(reach_m, 1e-3) ** 2))
+    rows[:, 4] = _joined(_short(glow[:, 2]), _short(1.0 / np.maximum(glow_range_m, 1e-3) ** 2))
     rows[:, 5] = _joined(axis[:, 0], axis[:, 1])
     rows[:, 6] = axis[:, 2] << np.uint32(16)
     return words

@@ -28,8 +28,9 @@ EGO_HEADLAMPS_M = (3.65, 0.0, 0.65)
 REVERSE_CD, REVERSE_RANGE_M = 120.0, 9.0
 """A reversing lamp (UN regulation 148: 80 to 600 cd), and where its light has faded [m]."""
 HEADLAMP_COLOUR = np.array([1.10, 0.99, 0.80])
+"""Linear colour of a headlamp, about 4000 K."""
 HEADLAMP_LIGHT = 2.0 * HEADLAMP_COLOUR
-"""Colour of about 4000 K; a pair of headlamps is followed as one of twice the light."""
+"""A pair of headlamps is followed as one of twice the light."""
 HALO_CD = 360.0
 """What a pair of headlamps throws above its cut-off, all round its front [cd]."""
 MOST_LIGHTS = 256
@@ -103,19 +104,22 @@ _KINDS: Mapping[Material, _Kind] = {
         colour=(0.05, 1.0, 0.45), intensity_cd=0.0, range_m=20.0, side=1.0, signal_cd=80.0
     ),
 }
+"""How the lamps of vehicles and traffic lights shine, by material."""
 _SIGNAL_RANGE_M = 22.0
+"""Where the light of a traffic light has faded [m]."""
 _SIGNAL_EDGE = (0.80, 1.0)
 """Cosines between which a signal fades: a quarter is left at 30° (EN 12368, class W)."""
 _SIGNAL_GLOW = 0.3
 """Mean intensity of such a narrow beam over the half-sphere before it, as a share of the axis."""
 _PLAIN_EDGE = (0.0, 0.6)
+"""Cosines between which a plain lamp fades to the side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Lamp:
     """A lamp of a model, in the model's frame."""
 
-    place_m: Array
+    position_m: Array
     axis: Array
     colour_cd: Array
     range_m: float
@@ -135,7 +139,7 @@ class Emitters:
         ]
         lamps = [lamp for _, lamp in found]
         self.model = np.array([model for model, _ in found], dtype=np.intp)
-        self._place_m = np.array([lamp.place_m for lamp in lamps]).reshape(-1, 3)
+        self._position_m = np.array([lamp.position_m for lamp in lamps]).reshape(-1, 3)
         self._axis = np.array([lamp.axis for lamp in lamps]).reshape(-1, 3)
         self._colour = np.array([lamp.colour_cd for lamp in lamps]).reshape(-1, 3)
         self._range_m = np.array([lamp.range_m for lamp in lamps])
@@ -152,7 +156,7 @@ class Emitters:
         start = np.cumsum(count) - count
         row = np.repeat(self._begin[instances.model] - start, count) + np.arange(len(who))
         T = instances.T_world_model[who]
-        place, axis, colour = self._place_m[row], self._axis[row], self._colour[row]
+        place, axis, colour = self._position_m[row], self._axis[row], self._colour[row]
         beam, range_m, glow = self._beam[row], self._range_m[row], self._glow_cd[row]
         edge = self._edge[row]
         ego = np.flatnonzero(instances.instance == EGO_INSTANCE)[:1]
@@ -185,7 +189,7 @@ def _lamps_of(name: str, mesh: Mesh) -> list[_Lamp]:
     # Lamps of whole vehicles lie low; bright roof signs do not light the road.
     lamps = [
         _Lamp(
-            place_m=place,
+            position_m=place,
             axis=ahead,
             colour_cd=HEADLAMP_LIGHT,
             range_m=BEAM_RANGE_M,
@@ -198,7 +202,7 @@ def _lamps_of(name: str, mesh: Mesh) -> list[_Lamp]:
     if name.endswith("/reverse"):
         lamps += [
             _Lamp(
-                place_m=place,
+                position_m=place,
                 axis=-ahead,
                 colour_cd=REVERSE_CD * HEADLAMP_COLOUR,
                 range_m=REVERSE_RANGE_M,
@@ -215,7 +219,7 @@ def _lamps_of(name: str, mesh: Mesh) -> list[_Lamp]:
         ways = (side, -side) if material == Material.LAMP_AMBER and not signal else (side,)
         lamps += [
             _Lamp(
-                place_m=place,
+                position_m=place,
                 axis=way * ahead,
                 colour_cd=np.array(kind.colour) * intensity,
                 range_m=_SIGNAL_RANGE_M if signal else kind.range_m,

@@ -21,7 +21,7 @@ from carlaloc_env.render.lighting.light_sources import (
 from carlaloc_env.render.lighting.screen_tiles import DepthRange
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons
 from carlaloc_env.render.lighting.tile_quads import TileQuads
-from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, Air, LightGrid, light_grid
+from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, Fog, LightGrid, light_grid
 from carlaloc_env.render.lighting.uniforms import Scene
 from carlaloc_env.scene.mesh import ModelLibrary
 
@@ -66,7 +66,7 @@ class Night:
             lights,
             depths,
             exposure=exposure,
-            air=Air(
+            fog=Fog(
                 extinction_per_m=weather.uniform_extinction_per_m + weather.fog_extinction_per_m * thinned,
                 start_m=weather.fog_distance,
             ),

@@ -11,10 +11,11 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.lighting.tile_kernels import depth_ranges
 
 TILE_PX = 32
+"""Edge of a tile [px]."""
 FEW_TILES = 16
 """Kinds of tiles of which there are fewer run all loops."""
 
-TILE = np.dtype([("place", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), ("glows", "<u4", 2)])
+TILE = np.dtype([("cell", "<u4", 2), ("lamps", "<u4", 2), ("beams", "<u4", 2), ("glows", "<u4", 2)])
 """One tile: column and row, then the first entry and the end of its lists."""
 
 
@@ -85,6 +86,6 @@ def every_tile(shape: tuple[int, ...]) -> NDArray[np.void]:
     """All tiles of a picture of (R, C) of them, row by row, without lists."""
     rows, columns = shape
     tiles = np.zeros(rows * columns, dtype=TILE)
-    tiles["place"][:, 0] = np.tile(np.arange(columns), rows)
-    tiles["place"][:, 1] = np.repeat(np.arange(rows), columns)
+    tiles["cell"][:, 0] = np.tile(np.arange(columns), rows)
+    tiles["cell"][:, 1] = np.repeat(np.arange(rows), columns)
     return tiles

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import moderngl
 
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import Programs
 from carlaloc_env.render.lighting.screen_tiles import TILE_PX, TileGroups
 
@@ -24,7 +24,7 @@ class Cover:
     """Draws tiles of `groups`: program, first tile, how many."""
     by_tile: tuple[str, ...]
     """Features that only groups have which name them; level ground alone mirrors."""
-    view: View
+    view: CameraView
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -39,7 +39,7 @@ class Cover:
         return (*used, "TILES", *(name for name in kind if name not in self.by_tile))
 
 
-class Passes:
+class ShadingPasses:
     """Draws surfaces and the sky of one picture."""
 
     def __init__(

@@ -12,11 +12,12 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.geometry_pass import Casters
-from carlaloc_env.render.geometry.projection import View
-from carlaloc_env.render.geometry.static_scene import Scenery
+from carlaloc_env.render.geometry.projection import CameraView
+from carlaloc_env.render.geometry.static_scene import StaticScene
 from carlaloc_env.render.gl.context import Programs, set_uniforms
 
 STATIC_SIZE_PX = 4096
+"""Edge of the static map [px]."""
 STATIC_EXTENT_M = 320.0
 """Edge length of the static map on the plane across the sunlight [m]: 7.8 cm per texel."""
 STATIC_STEP_M = 40.0
@@ -24,9 +25,11 @@ STATIC_STEP_M = 40.0
 STATIC_AHEAD_M = 80.0
 """How far its centre lies ahead of the camera [m]."""
 ACTOR_EXTENT_M = 80.0
+"""Edge length of the actors' map on the plane across the sunlight [m]."""
 ACTOR_STEP_M = 5.0
 """Grid on which the centre of the actors' map lies [m]: a whole number of its texels."""
 CACHED_MAPS = 2
+"""Maps of each sort that are kept, those used last."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +72,7 @@ class Shadows:
         self,
         context: moderngl.Context,
         programs: Programs,
-        scenery: Scenery,
+        scenery: StaticScene,
         *,
         static_size_px: int = STATIC_SIZE_PX,
         actor_size_px: int = 1024,
@@ -81,7 +84,7 @@ class Shadows:
         self._maps: OrderedDict[tuple[float, ...], ShadowMap] = OrderedDict()
         self._actor_maps: OrderedDict[tuple[bytes, ...], ShadowMap] = OrderedDict()
 
-    def static(self, view: View, sun_direction: Array) -> ShadowMap:
+    def static(self, view: CameraView, sun_direction: Array) -> ShadowMap:
         """Map of the static scene round a camera; made when the camera has left the last one.
 
         Its texels lie on a grid fixed to the world and its centre follows from the camera's pose
@@ -107,7 +110,7 @@ class Shadows:
         self._end()
         return result
 
-    def actors(self, view: View, sun_direction: Array, casters: Casters) -> ShadowMap:
+    def actors(self, view: CameraView, sun_direction: Array, casters: Casters) -> ShadowMap:
         """Map of the movable models near a camera; both eyes and all weathers of one sun share it.
 
         Its texels lie on a grid fixed to the world, and only models that reach into it are drawn.
@@ -120,7 +123,7 @@ class Shadows:
         half_extent_m = np.array([half, half, 120.0])
         instances = casters.instances
         away = np.sum(axes * instances.T_world_model[:, None, :3, 3], axis=2) - across
-        reach = casters.reach_m[instances.model][:, None]
+        reach = casters.radius_m[instances.model][:, None]
         which = np.flatnonzero((np.abs(away) < half_extent_m + reach).all(axis=1))
         key = (
             axes.tobytes(),

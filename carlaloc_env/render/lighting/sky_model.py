@@ -25,7 +25,9 @@ _XYZ_TO_RGB = (
     (-0.9692660, 1.8760108, 0.0415560),
     (0.0556434, -0.2040259, 1.0572252),
 )
+"""CIE XYZ to linear BT.709 (IEC 61966-2-1)."""
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
+"""Luminance of linear BT.709 primaries."""
 _SKY_SCALE = 0.75
 """Preetham's zenith is brighter than measured ones; this brings the sky to 17 klx at 45°."""
 _SKY_COLOUR = 0.62
@@ -88,12 +90,12 @@ F_NUMBER = 2.0
 """Of the lens, a usual one of cameras that also drive by night."""
 
 
-def exposure_time_s(picture_per_cd_m2: float) -> float:
+def exposure_time_s(value_per_cd_m2: float) -> float:
     """Exposure time [s] that goes with an `exposure`: f/2 and ISO 100, within 2 to 15 ms.
 
     Beyond 15 ms a camera on a moving car raises its gain instead.
     """
-    return float(np.clip(F_NUMBER**2 * 1.2 * picture_per_cd_m2, 0.002, 0.015))
+    return float(np.clip(F_NUMBER**2 * 1.2 * value_per_cd_m2, 0.002, 0.015))
 
 
 ELECTRONS_PER_CD_M2_S = 2000.0 * (2.8 / F_NUMBER) ** 2
@@ -104,9 +106,9 @@ READ_NOISE_E = 2.0
 """Standard deviation of reading it [e⁻]."""
 
 
-def electrons(picture_per_cd_m2: float) -> float:
+def electrons(value_per_cd_m2: float) -> float:
     """Electrons of a pixel at picture value 1 [e⁻]: 10 000 by day, some hundred in a lit street at night."""
-    gathered = ELECTRONS_PER_CD_M2_S * exposure_time_s(picture_per_cd_m2) / picture_per_cd_m2
+    gathered = ELECTRONS_PER_CD_M2_S * exposure_time_s(value_per_cd_m2) / value_per_cd_m2
     return min(gathered, FULL_WELL_E)
 
 
@@ -191,16 +193,19 @@ _PEREZ = (
     ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452)),
     ((-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529)),
 )
+"""Slope and offset by turbidity of Perez' five coefficients, for Y, x and y (Preetham et al., A.2)."""
 _ZENITH_X = (
     (0.00166, -0.00375, 0.00209, 0.0),
     (-0.02903, 0.06377, -0.03202, 0.00394),
     (0.11693, -0.21196, 0.06052, 0.25886),
 )
+"""Polynomial of the zenith's chromaticity x in turbidity and solar zenith angle (ibid.)."""
 _ZENITH_Y = (
     (0.00275, -0.00610, 0.00317, 0.0),
     (-0.04214, 0.08970, -0.04153, 0.00516),
     (0.15346, -0.26756, 0.06670, 0.26688),
 )
+"""The same of y."""
 
 
 def _perez(

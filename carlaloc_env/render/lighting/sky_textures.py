@@ -16,6 +16,7 @@ from carlaloc_env.render.lighting.sky_model import SkyLight, sky_light
 from carlaloc_env.weather.parameters import WeatherParameters
 
 CACHED_WEATHERS = 8
+"""Weathers whose skies are kept, those used last."""
 
 # Ramamoorthi and Hanrahan 2001, equation 13.
 _C1, _C2, _C3, _C4, _C5 = 0.429043, 0.511664, 0.743125, 0.886227, 0.247708

@@ -37,7 +37,7 @@ class TileQuads:
     def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
         key = (program.glo, self._tiles.glo)
         if key not in self._arrays:
-            names = ("in_place", "in_lamps", "in_beams", "in_glows")
+            names = ("in_cell", "in_lamps", "in_beams", "in_glows")
             layout = " ".join("2u4" if name in program else "8x" for name in names)
             used = [name for name in names if name in program]
             self._arrays[key] = self._context.vertex_array(program, [(self._tiles, f"{layout}/i", *used)])

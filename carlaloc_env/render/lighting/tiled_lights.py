@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting.fog_light_culling import keep_glowing
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.lighting.screen_tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
@@ -24,6 +24,7 @@ from carlaloc_env.render.lighting.tile_kernels import level_tiles, list_lights
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""
 GLOW_LEAST_M, GLOW_MOST_M = 0.3, 8.0
+"""Glows that reach less far are left out, and none is followed farther [m]."""
 SKY_M = 1000.0
 """How far the air glows before the sky, as in ``lamps.glsl`` [m]."""
 LIGHT_CUTOFF = 3e-4
@@ -48,7 +49,7 @@ tile the mirrored light is smoothed [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Air:
+class Fog:
     """What scatters the light of lamps on its way."""
 
     extinction_per_m: float
@@ -56,7 +57,7 @@ class Air:
     start_m: float
     """All air nearer than this is clear [m]."""
 
-    def reach_m(self, lights: Lights, exposure: float) -> Array:
+    def glow_range_m(self, lights: Lights, exposure: float) -> Array:
         """How far from each lamp the air is followed [m], 0 for lamps too faint, shape (N,)."""
         reach = lights.glow_cd * (0.25 * self.extinction_per_m * exposure / GLOW_CUTOFF)
         return np.where(reach < GLOW_LEAST_M, 0.0, np.minimum(reach, GLOW_MOST_M))
@@ -88,12 +89,12 @@ class LightGrid:
 
 
 def light_grid(
-    view: View,
+    view: CameraView,
     lights: Lights,
     depths: DepthRange,
     *,
     exposure: float = 0.0,
-    air: Air | None = None,
+    fog: Fog | None = None,
     depth_m: NDArray[np.float32] | None = None,
     normal_codes: NDArray[np.uint16] | None = None,
     wet: bool = False,
@@ -106,7 +107,7 @@ def light_grid(
         lights: At most as many as the shaders hold.
         depths: What the tiles show.
         exposure: Picture value per luminance [m²/cd].
-        air: What glows round the lamps; nothing when left out.
+        fog: What glows round the lamps; nothing when left out.
         depth_m: Planar depth, 0 = sky, shape (H, W); with it, lamps that light nothing in a tile are
             left out of its lists.
         normal_codes: Octahedral world normals, shape (H, W, 2); with them, lamps that surfaces turn away
@@ -118,7 +119,7 @@ def light_grid(
         lights.position_m + np.where(lights.beam[:, None], 0.5, 0.0) * lights.axis * (lights.range_m[:, None])
     )
     radius = np.where(lights.beam, 0.55, 1.0) * lights.range_m
-    glow = np.zeros(len(lights)) if air is None else air.reach_m(lights, exposure)
+    glow = np.zeros(len(lights)) if fog is None else fog.glow_range_m(lights, exposure)
     near, far = depths.near_m[..., None], depths.far_m[..., None]
     z = _along(view, centre)
     surface = _touched(view, centre, radius, near.shape) & (z + radius > near) & (z - radius < far)
@@ -128,8 +129,8 @@ def light_grid(
     far = np.where(depths.sky[..., None], SKY_M, far)
     glowing = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
     glowing &= _along(view, lights.position_m) - glow < far
-    if air is not None:
-        _keep_glowing(glowing, view, lights, far[..., 0], glow, exposure, air, least)
+    if fog is not None:
+        _keep_glowing(glowing, view, lights, far[..., 0], glow, exposure, fog, least)
     level = np.zeros(depths.near_m.shape, bool)
     if wet and depth_m is not None and normal_codes is not None:
         level_tiles(level, depth_m, normal_codes, TILE_PX, LEVEL_MARGIN_PX, LEVEL_UP)
@@ -138,7 +139,7 @@ def light_grid(
 
 def _keep_lit(
     surface: NDArray[np.bool_],
-    view: View,
+    view: CameraView,
     lights: Lights,
     depth_m: NDArray[np.float32],
     exposure: float,
@@ -173,12 +174,12 @@ def _keep_lit(
 
 def _keep_glowing(
     glowing: NDArray[np.bool_],
-    view: View,
+    view: CameraView,
     lights: Lights,
     far_m: Array,
-    reach_m: Array,
+    glow_range_m: Array,
     exposure: float,
-    air: Air,
+    fog: Fog,
     least: float,
 ) -> None:
     """Leave only lamps in the lists of tiles (R, C, N) whose glow shows there."""
@@ -190,18 +191,18 @@ def _keep_glowing(
         view.R_camera_world,
         lights.position_m - view.position_m,
         lights.axis,
-        np.column_stack([lights.glow_cd * (exposure / math.pi), np.maximum(reach_m, 1e-3) ** -2.0]),
-        np.array([air.extinction_per_m, air.start_m]),
+        np.column_stack([lights.glow_cd * (exposure / math.pi), np.maximum(glow_range_m, 1e-3) ** -2.0]),
+        np.array([fog.extinction_per_m, fog.start_m]),
         least,
     )
 
 
-def _along(view: View, points_m: Array) -> Array:
+def _along(view: CameraView, points_m: Array) -> Array:
     """Planar depth of points [m], shape (N,)."""
     return np.asarray(np.sum((points_m - view.position_m) * view.R_camera_world[2], axis=1))
 
 
-def _touched(view: View, centre_m: Array, radius_m: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _touched(view: CameraView, centre_m: Array, radius_m: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Whether spheres reach into the pyramids of the tiles, shape (R, C, N)."""
     camera = view.camera
     p = np.sum((centre_m - view.position_m)[:, None, :] * view.R_camera_world[None], axis=2)
@@ -223,12 +224,12 @@ def _packed(
     glow: Array,
     lamps: NDArray[np.bool_],
     beams: NDArray[np.bool_],
-    air: NDArray[np.bool_],
+    glowing: NDArray[np.bool_],
     level: NDArray[np.bool_],
     shown: NDArray[np.intp],
 ) -> LightGrid:
     tiles = every_tile(lamps.shape[:2])
-    masks = (("glows", air), ("lamps", lamps), ("beams", beams))
+    masks = (("glows", glowing), ("lamps", lamps), ("beams", beams))
     count = [int(np.count_nonzero(mask)) for _, mask in masks]
     entries = np.full(1 + sum(count), -1, dtype=np.intp)
     kind, begin = np.zeros(len(tiles), dtype=np.intp), 1

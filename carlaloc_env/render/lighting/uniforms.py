@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.render.geometry.gbuffer import GBuffer, Targets
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import set_uniforms
 from carlaloc_env.render.lighting.ambient_occlusion import Roofs
 from carlaloc_env.render.lighting.shadow_maps import STATIC_EXTENT_M, ShadowMap
@@ -35,7 +35,7 @@ class Scene:
     stamp_ns: int
 
     @property
-    def view(self) -> View:
+    def view(self) -> CameraView:
         """Where it is seen from."""
         return self.gbuffer.view
 
@@ -48,14 +48,14 @@ class Scene:
         return self.gbuffer.shaded_normal_codes()
 
 
-def tell_samples(program: moderngl.Program, targets: Targets) -> None:
+def set_gbuffer_uniforms(program: moderngl.Program, targets: Targets) -> None:
     """Bind the textures of a G-buffer."""
     for slot, texture in enumerate((targets.albedo, targets.normal, targets.surface, targets.depth)):
         texture.use(slot)
     set_uniforms(program, u_albedo=ALBEDO, u_normal=NORMAL, u_surface=SURFACE, u_depth=DEPTH)
 
 
-def tell_view(program: moderngl.Program, view: View) -> None:
+def set_view_uniforms(program: moderngl.Program, view: CameraView) -> None:
     """Where the rays of the pixels go."""
     c = view.camera
     right, down, ahead = view.R_camera_world
@@ -114,8 +114,8 @@ def bind_light(scene: Scene, roofs: Roofs) -> None:
     roofs.texture.use(ROOFS)
 
 
-def tell_shadows(
-    program: moderngl.Program, view: View, *, static: ShadowMap | None, actors: ShadowMap | None
+def set_shadow_uniforms(
+    program: moderngl.Program, view: CameraView, *, static: ShadowMap | None, actors: ShadowMap | None
 ) -> None:
     """Bind shadow maps and say how to look them up."""
     if static is not None:

@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 
 from carlaloc_env.render.geometry.gbuffer import GBuffer
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import Programs
 
 COLUMN_PX, ROW_PX = 3, 3
@@ -76,7 +76,7 @@ class Mirror:
             texture.release()
 
 
-def horizon(view: View) -> float:
+def horizon(view: CameraView) -> float:
     """Where the horizon's highest end meets the left or right edge, as a share of the picture's height."""
     camera = view.camera
     edges = np.array([-camera.cx_px, camera.width_px - camera.cx_px]) / camera.fx_px

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting.light_sources import Lights
 from carlaloc_env.render.precipitation.rain_kernels import fill as _fill
 from carlaloc_env.render.precipitation.rain_kernels import shine as _shine
 from carlaloc_env.weather.parameters import WeatherParameters
 
 CELL_M = 1.0
+"""Edge of the cells of the lattices of drops [m]."""
 SIZES_MM = ((1.6, 0.5, 2.2), (2.1, 0.55, 3.2), (2.7, 0.7, 4.5), (3.5, 1.0, 6.5))
 """Diameter [mm], width of its class [mm] and distance up to which single drops are drawn [m].
 
@@ -77,7 +78,7 @@ def drops_per_m3(rain_mmph: float, diameter_mm: float, width_mm: float) -> float
 
 
 def rain_streaks(
-    view: View,
+    view: CameraView,
     weather: WeatherParameters,
     *,
     stamp_ns: int,
@@ -114,23 +115,23 @@ def rain_streaks(
     )
 
 
-def _lattice(view: View, drift_m: Array, density: float, reach_m: float, key: int) -> Array:
+def _lattice(view: CameraView, drift_m: Array, density: float, range_m: float, key: int) -> Array:
     """Drops of one size inside a view [m from the eye], shape (N, 3)."""
     planes = view.planes()
     normals = np.concatenate([planes[:, :3], view.R_camera_world[2:], -view.R_camera_world[2:]])
-    offsets = np.array([_AROUND_M] * 4 + [-NEAR_M, reach_m])
+    offsets = np.array([_AROUND_M] * 4 + [-NEAR_M, range_m])
     sx, sy, ox, oy = view.clip_scale
     corners = np.array(
         [[(i - ox) / sx, (j - oy) / sy, 1.0] for i in (-1, 1) for j in (-1, 1)] + [[0.0, 0.0, 0.0]]
     )
-    corners = np.sum((corners * reach_m)[:, :, None] * view.R_camera_world[None], axis=1)
+    corners = np.sum((corners * range_m)[:, :, None] * view.R_camera_world[None], axis=1)
     home = view.position_m - drift_m
     low = np.floor((home + corners.min(axis=0) - _AROUND_M) / CELL_M).astype(np.int64)
     high = np.floor((home + corners.max(axis=0) + _AROUND_M) / CELL_M).astype(np.int64)
     most = math.ceil(density)
     share = np.uint32(min(density / max(most, 1), 1.0) * (2**32 - 1))
     # Half as many again as the pyramid and its margin hold on average, and more when that is not enough.
-    room = math.ceil(2.0 * density * (reach_m + 2.0 * _AROUND_M) ** 3 / (sx * sy)) + 256
+    room = math.ceil(2.0 * density * (range_m + 2.0 * _AROUND_M) ** 3 / (sx * sy)) + 256
     while True:
         places = np.empty((room, 3))
         count = _fill(places, low, high, most, share, np.uint32(key), home, normals, offsets)

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.geometry.projection import View
+from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting.light_packing import UNSEEN_NOISE, UNSEEN_STEP
 from carlaloc_env.render.precipitation.rain_drops import Streaks
 from carlaloc_env.render.precipitation.streak_kernels import noticeable, over_codes, over_light, streak_pixels
 
 SHOULDER, ROOM = 0.6, 0.4
-"""Value up to which the tone curve is straight, and what lies above it, as in ``air.glsl``."""
+"""Value up to which the tone curve is straight, and what lies above it, as in ``fog.glsl``."""
 _STEPS = 4096
 _UNKNOWN = np.zeros((0, 4), np.uint8)
 _NOTHING_UNSEEN = np.zeros(256)
@@ -42,7 +42,7 @@ class RainLayer:
     _canvases: dict[tuple[int, int], _Canvas] = field(default_factory=dict)
 
     def layer(
-        self, view: View, depth_m: NDArray[np.float32], streaks: Streaks, light: Array
+        self, view: CameraView, depth_m: NDArray[np.float32], streaks: Streaks, light: Array
     ) -> NDArray[np.float32]:
         """The layer alone, shape (H, W, 4): what streaks add, and the share that they hide.
 
@@ -57,10 +57,10 @@ class RainLayer:
         canvas.light[canvas.touched[:count]] = 0.0
         return out
 
-    def over_picture(
+    def over_image(
         self,
-        picture: NDArray[np.uint8],
-        view: View,
+        image: NDArray[np.uint8],
+        view: CameraView,
         depth_m: NDArray[np.float32],
         streaks: Streaks,
         light: Array,
@@ -71,7 +71,7 @@ class RainLayer:
         """Draw exposed streaks over a developed picture (H, W, 4), in place.
 
         Args:
-            picture: sRGB.
+            image: sRGB.
             view: Camera.
             depth_m: Planar depth, 0 = sky, shape (H, W).
             streaks: Drops.
@@ -82,10 +82,10 @@ class RainLayer:
         seen = _seen_by(view, streaks, light)
         shown = np.empty(len(streaks), bool)
         unseen = _unseen(*electrons)
-        noticeable(shown, picture, *seen, _LIGHT_OF_CODE, unseen)
-        canvas, count = self._drawn(depth_m, seen.take(shown), picture.reshape(-1, 4), unseen)
+        noticeable(shown, image, *seen, _LIGHT_OF_CODE, unseen)
+        canvas, count = self._drawn(depth_m, seen.take(shown), image.reshape(-1, 4), unseen)
         over_codes(
-            picture.reshape(-1, 4),
+            image.reshape(-1, 4),
             canvas.light,
             canvas.touched,
             count,
@@ -98,21 +98,21 @@ class RainLayer:
 
     def over_radiance(
         self,
-        picture: NDArray[np.float32],
-        view: View,
+        image: NDArray[np.float32],
+        view: CameraView,
         depth_m: NDArray[np.float32],
         streaks: Streaks,
         light: Array,
     ) -> None:
         """Draw exposed streaks over exposed light (H, W, 4), in place."""
         canvas, count = self._drawn(depth_m, _seen_by(view, streaks, light))
-        over_light(picture.reshape(-1, 4), canvas.light, canvas.touched, count)
+        over_light(image.reshape(-1, 4), canvas.light, canvas.touched, count)
 
     def _drawn(
         self,
         depth_m: NDArray[np.float32],
         seen: _Seen,
-        picture: NDArray[np.uint8] = _UNKNOWN,
+        image: NDArray[np.uint8] = _UNKNOWN,
         unseen: Array = _NOTHING_UNSEEN,
     ) -> tuple[_Canvas, int]:
         """Room with the streaks in it, and how many pixels they touch that show them."""
@@ -123,7 +123,7 @@ class RainLayer:
                 light=np.zeros((pixels, 4), np.float32), touched=np.zeros(pixels, np.int32)
             )
         canvas = self._canvases[size]
-        count = streak_pixels(canvas.light, canvas.touched, depth_m, *seen, picture, _LIGHT_OF_CODE, unseen)
+        count = streak_pixels(canvas.light, canvas.touched, depth_m, *seen, image, _LIGHT_OF_CODE, unseen)
         return canvas, count
 
 
@@ -145,7 +145,7 @@ class _Seen(NamedTuple):
         )
 
 
-def _seen_by(view: View, streaks: Streaks, light: Array) -> _Seen:
+def _seen_by(view: CameraView, streaks: Streaks, light: Array) -> _Seen:
     # Written out: sums over the last axis of three take NumPy three times as long.
     R = view.R_camera_world.T
     begin, end = (
@@ -163,7 +163,7 @@ def _seen_by(view: View, streaks: Streaks, light: Array) -> _Seen:
 
 
 def developed(light: Array) -> Array:
-    """sRGB value 0–1 of exposed light, with the soft shoulder of ``air.glsl``."""
+    """sRGB value 0–1 of exposed light, with the soft shoulder of ``fog.glsl``."""
     over = np.maximum(light - SHOULDER, 0.0)
     toned = np.minimum(light, SHOULDER) + ROOM * (1.0 - np.exp(-over / ROOM))
     bright = 1.055 * np.maximum(toned, 1e-9) ** (1.0 / 2.4) - 0.055

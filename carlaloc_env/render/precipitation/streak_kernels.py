@@ -14,12 +14,13 @@ from carlaloc_env.render.precipitation.rain_kernels import mixed
 THINNEST_PX = 0.8
 """Streaks are never drawn thinner, but paler instead, so that they do not twinkle [px]."""
 _NEAREST_M = 0.2
+"""Depth at which streaks that come nearer are drawn [m]."""
 
 
 @compiled
 def noticeable(
     mask: NDArray[np.bool_],
-    picture: NDArray[np.uint8],
+    image: NDArray[np.uint8],
     begins: Array,
     ends: Array,
     diameters: Array,
@@ -32,7 +33,7 @@ def noticeable(
 
     Args:
         mask: Shape (N,).
-        picture: sRGB codes, shape (H, W, 4).
+        image: sRGB codes, shape (H, W, 4).
         begins: Ends of the streaks in the optical frame [m], shape (N, 3).
         ends: The others, shape (N, 3).
         diameters: [m], shape (N,).
@@ -52,10 +53,10 @@ def noticeable(
             z = max(begins[n, 2] + share * (ends[n, 2] - begins[n, 2]), _NEAREST_M)
             x = begins[n, 0] + share * (ends[n, 0] - begins[n, 0])
             y = begins[n, 1] + share * (ends[n, 1] - begins[n, 1])
-            u = min(max(int(intrinsics[0] * x / z + intrinsics[2]), 0), picture.shape[1] - 1)
-            v = min(max(int(intrinsics[1] * y / z + intrinsics[3]), 0), picture.shape[0] - 1)
+            u = min(max(int(intrinsics[0] * x / z + intrinsics[2]), 0), image.shape[1] - 1)
+            v = min(max(int(intrinsics[1] * y / z + intrinsics[3]), 0), image.shape[0] - 1)
             for channel in range(3):
-                code = picture[v, u, channel]
+                code = image[v, u, channel]
                 if strongest * abs(light[n, channel] - light_of_code[code]) > unseen_of_code[code]:
                     mask[n] = True
                     break
@@ -73,7 +74,7 @@ def streak_pixels(
     diameters: Array,
     light: Array,
     intrinsics: Array,
-    picture: NDArray[np.uint8],
+    image: NDArray[np.uint8],
     light_of_code: Array,
     unseen_of_code: Array,
 ) -> int:
@@ -88,7 +89,7 @@ def streak_pixels(
         diameters: [m], shape (N,).
         light: Light and opacity, shape (N, 4).
         intrinsics: Focal lengths and principal point [px], shape (4,).
-        picture: sRGB codes of what lies behind, shape (H·W, 4), or none where it is not known.
+        image: sRGB codes of what lies behind, shape (H·W, 4), or none where it is not known.
         light_of_code: Exposed light of every code, shape (256,).
         unseen_of_code: Change of it that nobody sees, shape (256,).
 
@@ -137,8 +138,8 @@ def streak_pixels(
                     continue
                 keep = 1.0 - share
                 if layer[pixel, 3] == 0.0:
-                    if picture.size and not _shows(
-                        picture, pixel, light, n, share, light_of_code, unseen_of_code
+                    if image.size and not _shows(
+                        image, pixel, light, n, share, light_of_code, unseen_of_code
                     ):
                         continue
                     touched[count] = pixel
@@ -151,7 +152,7 @@ def streak_pixels(
 
 @inlined
 def _shows(
-    picture: NDArray[np.uint8],
+    image: NDArray[np.uint8],
     pixel: int,
     light: Array,
     n: int,
@@ -161,7 +162,7 @@ def _shows(
 ) -> bool:
     """Whether a share of a streak's light in place of what lies behind it changes a pixel visibly."""
     for channel in range(3):
-        code = picture[pixel, channel]
+        code = image[pixel, channel]
         if share * abs(light[n, channel] - light_of_code[code]) >= unseen_of_code[code]:
             return True
     return False
@@ -169,20 +170,20 @@ def _shows(
 
 @compiled
 def over_light(
-    picture: NDArray[np.float32], layer: NDArray[np.float32], touched: NDArray[np.int32], count: int
+    image: NDArray[np.float32], layer: NDArray[np.float32], touched: NDArray[np.int32], count: int
 ) -> None:
     """Lay a layer over exposed light, both of shape (H·W, 4), and clear it."""
     for n in range(count):
         pixel = touched[n]
         for channel in range(3):
-            picture[pixel, channel] = picture[pixel, channel] * (1 - layer[pixel, 3]) + layer[pixel, channel]
+            image[pixel, channel] = image[pixel, channel] * (1 - layer[pixel, 3]) + layer[pixel, channel]
         for channel in range(4):
             layer[pixel, channel] = 0.0
 
 
 @compiled
 def over_codes(
-    picture: NDArray[np.uint8],
+    image: NDArray[np.uint8],
     layer: NDArray[np.float32],
     touched: NDArray[np.int32],
     count: int,
@@ -196,7 +197,7 @@ def over_codes(
     """Lay a layer over a developed picture, both of shape (H·W, 4), and clear it.
 
     Args:
-        picture: sRGB codes.
+        image: sRGB codes.
         layer: Exposed light and hidden share.
         touched: Which pixels it touches.
         count: How many they are.
@@ -214,7 +215,7 @@ def over_codes(
         hidden = layer[pixel, 3]
         lot = mixed(np.uint32(key ^ np.uint32(pixel)))
         for channel in range(3):
-            code = picture[pixel, channel]
+            code = image[pixel, channel]
             behind = light_of_code[code]
             added = layer[pixel, channel] - hidden * behind
             layer[pixel, channel] = 0.0
@@ -231,5 +232,5 @@ def over_codes(
             root = min(math.sqrt(max(light, 0.0)), 2.0) * steps
             step = int(root)
             value = code_of_root[step] + (code_of_root[step + 1] - code_of_root[step]) * (root - step)
-            picture[pixel, channel] = min(max(int(value * 255.0 + (lot & np.uint32(0xFF)) / 256.0), 0), 255)
+            image[pixel, channel] = min(max(int(value * 255.0 + (lot & np.uint32(0xFF)) / 256.0), 0), 255)
         layer[pixel, 3] = 0.0

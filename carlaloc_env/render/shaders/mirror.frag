@@ -1,5 +1,5 @@
 // What wet level ground mirrors of the scene: a march along the mirrored ray through the depth picture.
-#include "air.glsl"
+#include "fog.glsl"
 in vec3 v_ray;
 uniform vec4 u_unproject;
 uniform vec2 u_size;           // of the picture [px]

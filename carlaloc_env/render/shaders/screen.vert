@@ -3,7 +3,7 @@ uniform vec4 u_unproject;   // ray.xy = u_unproject.xy * pixel + u_unproject.zw
 uniform vec2 u_size;
 uniform mat3 u_rotation;    // camera to world
 #ifdef TILES
-in uvec2 in_place;          // column and row
+in uvec2 in_cell;          // column and row
 uniform float u_tile;       // edge [px]
 #ifdef LAMPS
 in uvec2 in_lamps;          // lists of lights, see lamps.glsl
@@ -36,7 +36,7 @@ void main() {
 #endif
     // Two triangles would shade what lies on their diagonal twice. The viewport is as large as whole tiles:
     // points whose middles lie outside are not drawn.
-    vec2 corner = (vec2(in_place) + 0.5) / ceil(u_size / u_tile) * 2.0 - 1.0;
+    vec2 corner = (vec2(in_cell) + 0.5) / ceil(u_size / u_tile) * 2.0 - 1.0;
     gl_PointSize = u_tile;
 #else
     vec2 corner = vec2(float((gl_VertexID & 1) << 2) - 1.0, float((gl_VertexID & 2) << 1) - 1.0);

@@ -1,4 +1,4 @@
-#include "air.glsl"
+#include "fog.glsl"
 #include "sky.glsl"
 #include "ray.glsl"
 

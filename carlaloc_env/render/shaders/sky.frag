@@ -1,4 +1,4 @@
-#include "air.glsl"
+#include "fog.glsl"
 #include "sky.glsl"
 #include "ray.glsl"
 layout(location = 0) out vec4 o_colour;

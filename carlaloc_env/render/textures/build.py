@@ -28,6 +28,7 @@ from carlaloc_env.render.textures.noise import Layer
 from carlaloc_env.scene.materials import Material
 
 _Recipe = Callable[[np.random.Generator, int], Layer]
+"""Makes a texture layer from a source of randomness and an edge [px]."""
 
 RECIPES: dict[Material, _Recipe] = {
     Material.PLAIN: small_materials.plain,

@@ -12,6 +12,7 @@ Rgb = tuple[int, int, int]
 """sRGB colour 0–255."""
 
 _OVERSAMPLING = 4
+"""Pixels drawn for each pixel of a texture, along each axis."""
 
 
 class Canvas:

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Field = NDArray[np.float32]
+"""A square of numbers that wraps."""
 Layer = NDArray[np.float32]
 """Linear albedo in RGB, roughness in A, shape (S, S, 4)."""
 
 
-class Cells(NamedTuple):
+class WorleyCells(NamedTuple):
     """Worley noise: distances in units of a cell, and which cell is nearest."""
 
     nearest: Field
@@ -58,7 +59,7 @@ def fbm(
     return field / np.float32(max(deviation, 1e-9))
 
 
-def worley(rng: np.random.Generator, size: int, columns: int, rows: int, jitter: float = 0.9) -> Cells:
+def worley(rng: np.random.Generator, size: int, columns: int, rows: int, jitter: float = 0.9) -> WorleyCells:
     """Cellular noise of one jittered point per cell of a wrapped grid."""
     points = 0.5 + jitter * (rng.random((rows, columns, 2), dtype=np.float32) - 0.5)
     u = (np.arange(size, dtype=np.float32) + 0.5) / size * columns
@@ -79,7 +80,7 @@ def worley(rng: np.random.Generator, size: int, columns: int, rows: int, jitter:
             second = np.where(closer, nearest, np.minimum(second, distance))
             nearest = np.where(closer, distance, nearest)
             index = np.where(closer, row[:, None] * columns + column[None, :], index)
-    return Cells(nearest, second, index)
+    return WorleyCells(nearest, second, index)
 
 
 def smoothstep(low: float, high: float, x: ArrayLike) -> Field:

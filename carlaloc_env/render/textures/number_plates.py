@@ -12,6 +12,7 @@ from carlaloc_env.render.textures.noise import Layer
 _GROUNDS: tuple[Rgb, ...] = ((232, 232, 224), (232, 232, 224), (232, 232, 224), (238, 204, 70))
 """White plates, and every fourth column yellow."""
 _INK: Rgb = (18, 18, 22)
+"""Colour of the letters, sRGB."""
 
 
 def number_plates(rng: np.random.Generator, size: int) -> Layer:

@@ -15,6 +15,7 @@ _PAIRS: tuple[tuple[Rgb, Rgb], ...] = (
     ((92, 24, 70), (246, 232, 240)), ((30, 104, 120), (252, 252, 244)), ((232, 228, 214), (24, 60, 110)),
     ((60, 38, 26), (238, 214, 170)), ((224, 90, 24), (255, 250, 240)),
 )  # fmt: skip
+"""Colours of a sign's board and letters, sRGB."""
 _FONTS = (
     cv2.FONT_HERSHEY_DUPLEX,
     cv2.FONT_HERSHEY_TRIPLEX,
@@ -22,6 +23,7 @@ _FONTS = (
     cv2.FONT_HERSHEY_SIMPLEX,
     cv2.FONT_HERSHEY_SCRIPT_COMPLEX,
 )
+"""Fonts of signs."""
 
 
 def shop_signs(rng: np.random.Generator, size: int) -> Layer:

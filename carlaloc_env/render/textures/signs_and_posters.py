@@ -9,11 +9,17 @@ from carlaloc_env.render.textures.canvas import Canvas, Rgb, sheet
 from carlaloc_env.render.textures.noise import Layer
 
 _WHITE: Rgb = (236, 236, 230)
+"""White of traffic signs, sRGB."""
 _BLACK: Rgb = (22, 22, 22)
+"""Black of traffic signs, sRGB."""
 _RED: Rgb = (196, 22, 28)
+"""Red of traffic signs, sRGB."""
 _BLUE: Rgb = (20, 70, 160)
+"""Blue of traffic signs, sRGB."""
 _GREEN: Rgb = (10, 104, 66)
+"""Green of traffic signs, sRGB."""
 _YELLOW: Rgb = (246, 196, 20)
+"""Yellow of traffic signs, sRGB."""
 
 _BILLS: dict[PosterCell, tuple[str, str, Rgb, Rgb, str]] = {
     PosterCell.OPERA: ("OPERA", "TOSCA 8 PM", (120, 16, 30), (244, 220, 170), "arches"),

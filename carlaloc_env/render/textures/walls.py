@@ -18,6 +18,7 @@ from carlaloc_env.render.textures.noise import (
 )
 
 _BRICK_COLUMNS, _BRICK_ROWS, _BRICK_TILE_M = 12, 34, 2.58
+"""Bricks along and up a tile, and the tile's edge [m]."""
 
 
 def brick(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:

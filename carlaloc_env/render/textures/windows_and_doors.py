@@ -9,6 +9,7 @@ from carlaloc_env.render.textures.canvas import Canvas, Rgb, sheet, strips
 from carlaloc_env.render.textures.noise import Layer
 
 _GLASS_ROUGHNESS = 0.06
+"""Roughness of panes."""
 _SHOPS: dict[str, tuple[str, str, Rgb, Rgb, Rgb]] = {
     ShopCell.CAFE.name: ("CAFE LUNA", "coffee & cake", (60, 30, 22), (240, 214, 160), (160, 40, 36)),
     ShopCell.BOOKS.name: ("OLD BOOKS", "rare & used", (24, 58, 46), (236, 226, 190), (40, 96, 74)),
@@ -31,8 +32,10 @@ _FRUIT: tuple[Rgb, ...] = (
     (250, 176, 60),
     (170, 24, 40), (226, 220, 190),
 )  # fmt: skip
+"""Colours of fruit on show, sRGB."""
 
 _BREAD: tuple[Rgb, ...] = ((206, 150, 80), (176, 112, 52), (226, 184, 116), (140, 84, 40), (240, 214, 160))
+"""Colours of bread on show, sRGB."""
 
 
 def windows(rng: np.random.Generator, size: int) -> Layer:

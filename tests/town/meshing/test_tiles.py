@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
-from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, View
+from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.build import load_town
 
@@ -21,7 +21,7 @@ def chunks() -> tuple[Mesh, ...]:
 
 
 @pytest.fixture(scope="module")
-def views() -> list[View]:
+def views() -> list[CameraView]:
     """A driver's eye at eight places along the route."""
     route = load_town("Town03").route
     assert route is not None
@@ -31,7 +31,9 @@ def views() -> list[View]:
         c, s = np.cos(heading), np.sin(heading)
         R_world_flu = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         found.append(
-            View.of(CAMERA, from_rotation(R_world_flu @ R_FLU_OPTICAL, place + np.array([0.0, 0.0, 1.3])))
+            CameraView.of(
+                CAMERA, from_rotation(R_world_flu @ R_FLU_OPTICAL, place + np.array([0.0, 0.0, 1.3]))
+            )
         )
     return found
 
@@ -41,7 +43,7 @@ def _boxes(chunks: tuple[Mesh, ...]) -> tuple[NDArray[np.float64], NDArray[np.fl
     return bounds[:, 0], bounds[:, 1]
 
 
-def test_only_squares_in_the_picture_are_drawn(chunks: tuple[Mesh, ...], views: list[View]) -> None:
+def test_only_squares_in_the_picture_are_drawn(chunks: tuple[Mesh, ...], views: list[CameraView]) -> None:
     """All that have a corner in it; none behind the eye; in the mean less than half of the triangles."""
     low, high = _boxes(chunks)
     count = np.array([len(chunk.triangles) for chunk in chunks])
