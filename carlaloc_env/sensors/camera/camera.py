@@ -31,7 +31,7 @@ from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry
 from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
-from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WIND_DIRECTION
@@ -92,15 +92,15 @@ class CameraSensor(Camera):
         samples.
         """
         self._make(self._world.seed)
-        frames: dict[int, tuple[Frame, Moment]] = {}
+        frames: dict[int, tuple[Frame, ScenePoses]] = {}
 
-        def draw(at_ns: int) -> tuple[Frame, Moment]:
+        def draw(at_ns: int) -> tuple[Frame, ScenePoses]:
             if at_ns not in frames:
                 # A long look back would fill the graphics memory: the picture itself and the last one stay.
                 for old in [t for t in frames if t != stamp_ns][:-1]:
                     del frames[old]
                 snapshot = Snapshot.of(timeline, at_ns)
-                frames[at_ns] = self._draw(snapshot), self._moment(snapshot)
+                frames[at_ns] = self._draw(snapshot), self._poses(snapshot)
             return frames[at_ns]
 
         imaging = self._imaging
@@ -130,7 +130,7 @@ class CameraSensor(Camera):
         """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
         snapshot = Snapshot.of(timeline, stamp_ns)
         frame = self._draw(snapshot)
-        return FrameGeometry.of(frame, self._moment(snapshot)), frame
+        return FrameGeometry.of(frame, self._poses(snapshot)), frame
 
     def _through_drops(self, rgb: NDArray[np.uint8], weather: Weather, stamp_ns: int) -> NDArray[np.uint8]:
         now, seed = weather.at(stamp_ns), self._world.seed
@@ -170,8 +170,8 @@ class CameraSensor(Camera):
         )
         return Frame(gbuffer, renderer, self._optics.view)
 
-    def _moment(self, snapshot: Snapshot) -> Moment:
-        return Moment.of(snapshot, self._pose(snapshot))
+    def _poses(self, snapshot: Snapshot) -> ScenePoses:
+        return ScenePoses.of(snapshot, self._pose(snapshot))
 
     def _shared(self, timeline: Timeline, stamp_ns: int, draw: Draw, swept: Swept | None) -> list[Sample]:
         outputs, samples = self.config.outputs, list[Sample]()
@@ -190,7 +190,7 @@ class CameraSensor(Camera):
                 frame.depth_m,
                 frame.labels[1],
                 now,
-                self._moment(Snapshot.of(timeline, stamp_ns + self._period_ns)),
+                self._poses(Snapshot.of(timeline, stamp_ns + self._period_ns)),
                 lens=self.config.lens,
                 rays=self._optics.rays,
             )
@@ -208,8 +208,8 @@ class CameraSensor(Camera):
         pinhole, dark = self.config.pinhole, self.config.events.dark_cd_m2
 
         def look(at_ns: int) -> tuple[FrameGeometry, list[F32]]:
-            seen, moment = draw(at_ns)
-            return FrameGeometry.of(seen, moment), [
+            seen, poses = draw(at_ns)
+            return FrameGeometry.of(seen, poses), [
                 log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
                 for weather in weathers
             ]

@@ -12,13 +12,13 @@ from carlaloc_env.core.array_types import F32
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry, FrameMotion, motion_between
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
-from carlaloc_env.sensors.imaging.motion_field import Moment
+from carlaloc_env.sensors.imaging.motion_field import ScenePoses
 from carlaloc_env.sensors.imaging.shutter import ShutterConfig, exposed, picked
 from carlaloc_env.sensors.imaging.state_chain import Chain
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
 
-Draw = Callable[[int], tuple[Frame, Moment]]
+Draw = Callable[[int], tuple[Frame, ScenePoses]]
 """Draws what the camera sees at a time [ns]."""
 
 
@@ -115,8 +115,8 @@ class Imaging:
             return None
         first, second = draw(begin_ns), draw(end_ns)
         glances = [
-            FrameGeometry(moment=moment, depth_m=frame.depth_m, instance=frame.labels[1])
-            for frame, moment in (first, second)
+            FrameGeometry(poses=poses, depth_m=frame.depth_m, instance=frame.labels[1])
+            for frame, poses in (first, second)
         ]
         return Swept(
             begin_ns=begin_ns,

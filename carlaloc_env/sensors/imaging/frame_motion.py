@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.jit import over_bands
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
-from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
 
@@ -18,7 +18,7 @@ from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 class FrameGeometry:
     """What one picture shows: where everything was, how far away, and which thing."""
 
-    moment: Moment
+    poses: ScenePoses
     """Where everything was."""
     depth_m: F32
     """Planar depth [m], 0 = sky, shape (H, W)."""
@@ -26,9 +26,9 @@ class FrameGeometry:
     """Instance ids, shape (H, W)."""
 
     @classmethod
-    def of(cls, frame: Frame, moment: Moment) -> FrameGeometry:
+    def of(cls, frame: Frame, poses: ScenePoses) -> FrameGeometry:
         """Geometry of a drawn picture."""
-        return cls(moment=moment, depth_m=frame.depth_m, instance=frame.labels[1])
+        return cls(poses=poses, depth_m=frame.depth_m, instance=frame.labels[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,8 +58,8 @@ def motion_between(optics: Optics, before: FrameGeometry, after: FrameGeometry) 
             optics.pinhole,
             now.depth_m,
             now.instance,
-            now.moment,
-            then.moment,
+            now.poses,
+            then.poses,
             lens=optics.lens,
             rays=optics.rays,
         )

@@ -39,7 +39,7 @@ SURFACE_RATIO = 1.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moment:
+class ScenePoses:
     """Where camera and actors were at one time."""
 
     stamp_ns: int
@@ -52,18 +52,18 @@ class Moment:
     """Poses of the actors, shape (N, 4, 4)."""
 
     @classmethod
-    def of(cls, snapshot: Snapshot, T_world_camera: Array) -> Moment:
-        """Moment of a snapshot and the camera's pose then."""
+    def of(cls, snapshot: Snapshot, T_world_camera: Array) -> ScenePoses:
+        """Poses of a snapshot and the camera's pose then."""
         catalog, frame = snapshot.catalog, snapshot.actors
         order = np.argsort(catalog.id, kind="stable")
         upright = catalog.tag == Tag.PEDESTRIAN
         pitch, roll = (np.where(upright, np.float32(0.0), tilt) for tilt in (frame.pitch_rad, frame.roll_rad))
-        poses = ground_poses(frame.position_m, frame.heading_rad, pitch, roll)
+        ground = ground_poses(frame.position_m, frame.heading_rad, pitch, roll)
         return cls(
             stamp_ns=snapshot.stamp_ns,
             T_world_camera=T_world_camera,
             actor_id=catalog.id[order],
-            T_world_actor=poses[order],
+            T_world_actor=ground[order],
         )
 
 
@@ -71,20 +71,20 @@ def motion_field(
     pinhole: Pinhole,
     depth_m: F32,
     instance: NDArray[np.uint32],
-    now: Moment,
-    then: Moment,
+    now: ScenePoses,
+    then: ScenePoses,
     *,
     lens: Lens | None = None,
     rays: Array | None = None,
 ) -> F32:
-    """Motion of the point seen by each pixel from one moment to another.
+    """Motion of the point seen by each pixel from one time to another.
 
     Args:
         pinhole: Intrinsics.
         depth_m: Planar depth now [m], 0 = sky, shape (H, W).
         instance: Instance ids now, shape (H, W).
-        now: Moment of the picture.
-        then: The other moment, earlier or later, with the same actors.
+        now: Poses at the time of the image.
+        then: Poses at another time, earlier or later, with the same actors.
         lens: Distortion of the picture; None: none.
         rays: What the pixels of that lens look along, from `Lens.rays`.
 

@@ -19,7 +19,7 @@ from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
-from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 from carlaloc_env.sensors.imaging.shutter import ShutterConfig, exposed, picked
 from carlaloc_env.weather.parameters import PRESETS
@@ -88,11 +88,11 @@ def sideways(shift_px: float) -> FrameMotion:
     then = T.copy()
     then[1, 3] += shift_px * 5.0 / PINHOLE.fx_px
     nobody = {"actor_id": np.zeros(0, np.uint32), "T_world_actor": np.zeros((0, 4, 4))}
-    moments = [Moment(stamp_ns=k, T_world_camera=pose, **nobody) for k, pose in enumerate((T, then))]
+    instants = [ScenePoses(stamp_ns=k, T_world_camera=pose, **nobody) for k, pose in enumerate((T, then))]
     shape = (PINHOLE.height_px, PINHOLE.width_px)
     depth, ids = np.full(shape, 5.0, np.float32), np.zeros(shape, np.uint32)
-    forward = motion_field(PINHOLE, depth, ids, *moments)
-    backward = motion_field(PINHOLE, depth, ids, *moments[::-1])
+    forward = motion_field(PINHOLE, depth, ids, *instants)
+    backward = motion_field(PINHOLE, depth, ids, *instants[::-1])
     return FrameMotion(forward=forward, backward=backward, passing=passing_surfaces(forward))
 
 

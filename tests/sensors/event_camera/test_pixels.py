@@ -27,7 +27,7 @@ from carlaloc_env.sensors.event_camera.pixels import (
 from carlaloc_env.sensors.event_camera.simd import LANES
 from carlaloc_env.sensors.event_camera.simd_state import BEGIN, DX, DY, END, GROWS, LEVELS, MORE, X, Y
 from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
-from carlaloc_env.sensors.imaging.motion_field import Moment, motion_field
+from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
 
 SHAPE = (32, 48)
@@ -200,15 +200,15 @@ def plane_motion(speed_mps: float, depth_m: float, ahead: bool = False) -> tuple
     then = T.copy()
     then[0 if ahead else 1, 3] += speed_mps * 0.05
     none = {"actor_id": np.zeros(0, np.uint32), "T_world_actor": np.zeros((0, 4, 4))}
-    moments = [
-        Moment(stamp_ns=k * 50_000_000, T_world_camera=pose, **none) for k, pose in enumerate((T, then))
+    instants = [
+        ScenePoses(stamp_ns=k * 50_000_000, T_world_camera=pose, **none) for k, pose in enumerate((T, then))
     ]
     shape = (PINHOLE.height_px, PINHOLE.width_px)
     ids = np.zeros(shape, np.uint32)
     now = np.full(shape, depth_m, np.float32)
     later = now - np.float32(speed_mps * 0.05 if ahead else 0.0)
-    forward = motion_field(PINHOLE, now, ids, *moments)
-    backward = motion_field(PINHOLE, later, ids, *moments[::-1])
+    forward = motion_field(PINHOLE, now, ids, *instants)
+    backward = motion_field(PINHOLE, later, ids, *instants[::-1])
     motion = FrameMotion(forward=forward, backward=backward, passing=passing_surfaces(forward))
     return motion, PINHOLE.fx_px * speed_mps * 0.05 / depth_m
 
@@ -277,12 +277,12 @@ def test_a_pole_that_sweeps_past_fires_all_along_its_way() -> None:
     # 60 px at 6 m: 3 m to the right.
     moved[0, 1, 3] -= 3.0
     who = np.array([(1 << 23) + 5], np.uint32)
-    moments = [
-        Moment(stamp_ns=0, T_world_camera=camera, actor_id=who, T_world_actor=actor),
-        Moment(stamp_ns=50_000_000, T_world_camera=camera, actor_id=who, T_world_actor=moved),
+    instants = [
+        ScenePoses(stamp_ns=0, T_world_camera=camera, actor_id=who, T_world_actor=actor),
+        ScenePoses(stamp_ns=50_000_000, T_world_camera=camera, actor_id=who, T_world_actor=moved),
     ]
-    forward = motion_field(PINHOLE, depths[0], ids[0], *moments)
-    backward = motion_field(PINHOLE, depths[1], ids[1], *moments[::-1])
+    forward = motion_field(PINHOLE, depths[0], ids[0], *instants)
+    backward = motion_field(PINHOLE, depths[1], ids[1], *instants[::-1])
     motion = FrameMotion(forward=forward, backward=backward, passing=passing_surfaces(forward))
     events, _ = run(values[0], values[1], motion, pixels=uniform(0.5, 0.5, shape))
     for x in range(56, 104):
