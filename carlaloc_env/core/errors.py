@@ -52,6 +52,10 @@ class WriterError(CarlaLocError):
     """A dataset cannot be written."""
 
 
+class OutputError(CarlaLocError):
+    """A file or folder may not be written there: it exists, or its name says another kind."""
+
+
 class EvaluationError(CarlaLocError):
     """Trajectories cannot be compared."""
 

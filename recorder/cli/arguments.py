@@ -5,13 +5,18 @@ from __future__ import annotations
 import argparse
 import math
 import os
+from collections.abc import Iterator
 from pathlib import Path
+
+from carlaloc_env.core.errors import OutputError
+from carlaloc_env.core.output_paths import EPISODE_SUFFIX, check_output_file, check_output_folder
+from recorder.episode.file_names import check_episode_output
 
 _PART_MAX_BYTES = 255
 """Longest name of a file or folder on common file systems."""
 
 
-def path_argument(text: str) -> Path:
+def _path(text: str) -> Path:
     """Path typed by the user, `~` expanded; one that no disk can hold is refused."""
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError("give a path")
@@ -21,6 +26,99 @@ def path_argument(text: str) -> Path:
         return Path(text).expanduser()
     except RuntimeError as error:
         raise argparse.ArgumentTypeError(f"{text}: {error}") from error
+
+
+def input_path(text: str) -> Path:
+    """Path of something that is read."""
+    return _path(text)
+
+
+class OutputFile:
+    """Kind of an option that names a file to write; `main` checks it before the command runs.
+
+    Args:
+        suffixes: What it may end in, in lower case.
+    """
+
+    def __init__(self, *suffixes: str) -> None:
+        self.suffixes = suffixes
+
+    def __call__(self, text: str) -> Path:
+        """Path typed by the user."""
+        return _path(text)
+
+    def check(self, path: Path, *, overwrite: bool) -> None:
+        """Refuse a path that may not be written.
+
+        Raises:
+            OutputError: see `check_output_file` and `check_episode_output`.
+        """
+        if self.suffixes == (EPISODE_SUFFIX,):
+            check_episode_output(path, overwrite=overwrite)
+        else:
+            check_output_file(path, suffixes=self.suffixes, overwrite=overwrite)
+
+
+class OutputFolder:
+    """Kind of an option that names a folder to write into; `main` checks it before the command runs.
+
+    Args:
+        files: Names of the files that are written there; none: the command looks after them.
+    """
+
+    def __init__(self, *files: str) -> None:
+        self.files = files
+
+    def __call__(self, text: str) -> Path:
+        """Path typed by the user."""
+        return _path(text)
+
+    def check(self, path: Path, *, overwrite: bool) -> None:
+        """Refuse a folder that may not be written into.
+
+        Raises:
+            OutputError: see `check_output_folder`.
+        """
+        check_output_folder(path, files=self.files, overwrite=overwrite)
+
+
+def chosen_actions(
+    parser: argparse.ArgumentParser, arguments: argparse.Namespace
+) -> Iterator[argparse.Action]:
+    """Options of the command that was chosen, those of its sub-commands included."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            yield from chosen_actions(action.choices[getattr(arguments, action.dest)], arguments)
+        else:
+            yield action
+
+
+def check_outputs(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+    """Refuse outputs that may not be written, before anything is done.
+
+    Raises:
+        OutputError: the first of them that may not.
+    """
+    actions = list(chosen_actions(parser, arguments))
+    read = {path.resolve() for path in _inputs(actions, arguments)}
+    for action in actions:
+        value = getattr(arguments, action.dest, None)
+        if isinstance(action.type, (OutputFile, OutputFolder)) and value is not None:
+            if value.resolve() in read:
+                raise OutputError(f"{value} is read by this command; give another name to write to")
+            action.type.check(value, overwrite=getattr(arguments, "force", False))
+
+
+def _inputs(actions: list[argparse.Action], arguments: argparse.Namespace) -> Iterator[Path]:
+    for action in actions:
+        value = getattr(arguments, action.dest, None)
+        if action.type is input_path and value is not None:
+            yield from value if isinstance(value, list) else [value]
+
+
+def force_option(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add `--force`, which replaces an older file; a wrong suffix it does not overcome."""
+    parser.add_argument("--force", action="store_true", help=f"replace {what}")
 
 
 def names(text: str) -> tuple[str, ...]:

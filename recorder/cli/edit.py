@@ -15,7 +15,8 @@ from dataclasses import asdict
 from typing import Any
 
 from carlaloc_env.core.errors import UsageError
-from recorder.cli.arguments import path_argument, shared_options
+from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from recorder.cli.arguments import OutputFile, force_option, input_path, shared_options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,11 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     traffic = actions.add_parser("traffic", parents=shared, help="the same drive among other traffic")
     traffic.add_argument("--seed", type=int, required=True, help="seed of the new traffic")
     for action in (cut, join, actors, traffic):
-        action.add_argument("episode", type=path_argument, help="episode (.mcap)")
+        action.add_argument("episode", type=input_path, help="episode (.mcap)")
         if action is join:
-            action.add_argument("second", type=path_argument, help="episode that follows")
-        action.add_argument("--out", type=path_argument, required=True, help="new episode")
-        action.add_argument("--force", action="store_true", help="replace an older episode of this name")
+            action.add_argument("second", type=input_path, help="episode that follows")
+        action.add_argument("--out", type=OutputFile(EPISODE_SUFFIX), required=True, help="new episode")
+        force_option(action, "an older episode of this name")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:

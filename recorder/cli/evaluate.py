@@ -11,15 +11,19 @@ import argparse
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from recorder.cli.arguments import path_argument
+from recorder.cli.arguments import OutputFolder, force_option, input_path
+
+PLOT = "trajectories.png"
+"""Name of the picture."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc evaluate`."""
-    parser.add_argument("--truth", type=path_argument, required=True, help="true trajectory (TUM)")
-    parser.add_argument("estimates", type=path_argument, nargs="+", metavar="EST", help="estimates (TUM)")
+    parser.add_argument("--truth", type=input_path, required=True, help="true trajectory (TUM)")
+    parser.add_argument("estimates", type=input_path, nargs="+", metavar="EST", help="estimates (TUM)")
     parser.add_argument("--align", default="se3", help="se3, sim3, posyaw or none (default: se3)")
-    parser.add_argument("--plot", type=path_argument, metavar="DIR", help="draw the trajectories")
+    parser.add_argument("--plot", type=OutputFolder(PLOT), metavar="DIR", help=f"draw {PLOT} there")
+    force_option(parser, "an older picture")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -39,7 +43,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.plot is not None:
         from recorder.report.trajectory_plot import plot_trajectories
 
-        plots = [str(path) for path in [plot_trajectories(results, arguments.plot / "trajectories.png")]]
+        picture = plot_trajectories(results, arguments.plot / PLOT, overwrite=arguments.force)
+        plots = [str(picture)]
     return {"results": [result.to_mapping() for result in results], "plots": plots}
 
 

@@ -3,6 +3,7 @@
 Examples:
   carlaloc info drive.mcap
   carlaloc info --repair drive.mcap.recording
+  carlaloc info --repair drive.mcap.recording --out whole.mcap
 """
 
 from __future__ import annotations
@@ -11,22 +12,33 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from recorder.cli.arguments import path_argument
+from carlaloc_env.core.errors import UsageError
+from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from recorder.cli.arguments import OutputFile, force_option, input_path
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc info`."""
-    parser.add_argument("episode", type=path_argument, help="episode (.mcap)")
+    parser.add_argument("episode", type=input_path, help="episode (.mcap)")
     parser.add_argument("--repair", action="store_true", help="make a whole file of a cut-off recording")
+    parser.add_argument(
+        "--out", type=OutputFile(EPISODE_SUFFIX), help="where the whole file goes; else beside the recording"
+    )
+    force_option(parser, "an older episode of that name")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Look at, or repair, an episode."""
+    if arguments.out is not None and not arguments.repair:
+        raise UsageError("--out says where a repaired episode goes; add --repair")
     from recorder.episode.episode import open_episode
     from recorder.episode.repair import repair_episode
     from recorder.episode.summary import summarise
 
-    episode = repair_episode(arguments.episode) if arguments.repair else open_episode(arguments.episode)
+    if arguments.repair:
+        episode = repair_episode(arguments.episode, arguments.out, overwrite=arguments.force)
+    else:
+        episode = open_episode(arguments.episode)
     return asdict(summarise(episode))
 
 

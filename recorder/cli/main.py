@@ -14,7 +14,7 @@ from typing import Any
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
-from recorder.cli.arguments import shared_options
+from recorder.cli.arguments import check_outputs, shared_options
 
 COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate")
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
@@ -30,8 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         0 when done, 1 after a named error (one line on stderr), 2 after a usage error.
     """
+    parser = _parser()
     try:
-        arguments = _parser().parse_args(argv)
+        arguments = parser.parse_args(argv)
     except SystemExit as stop:
         return int(stop.code or 0)
     logging.basicConfig(
@@ -40,6 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     command = import_module(f"recorder.cli.{arguments.command}")
     try:
+        check_outputs(parser, arguments)
         with _stdout_kept_clean():
             result = command.run(arguments)
     except UsageError as error:

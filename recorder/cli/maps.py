@@ -12,7 +12,7 @@ import argparse
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError
-from recorder.cli.arguments import path_argument, positive_seconds, shared_options
+from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, shared_options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,11 +22,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actions.add_parser("list", parents=shared, help="names and sizes of all towns")
     preview = actions.add_parser("preview", parents=shared, help="a town from above and from its streets")
     preview.add_argument("town", help="town, or a .xodr file")
-    preview.add_argument("--out", type=path_argument, required=True, help="PNG or JPEG to write")
+    preview.add_argument(
+        "--out", type=OutputFile(".png", ".jpg", ".jpeg"), required=True, help="PNG or JPEG to write"
+    )
+    force_option(preview, "an older picture")
     check = actions.add_parser("check", parents=shared, help="problems of an OpenDRIVE file")
-    check.add_argument("file", type=path_argument, help="OpenDRIVE file")
+    check.add_argument("file", type=input_path, help="OpenDRIVE file")
     check.add_argument("--waypoints", type=positive_seconds, metavar="STEP_M", help="list waypoints [m]")
-    check.add_argument("--csv", type=path_argument, metavar="OUT", help="where waypoints go")
+    check.add_argument("--csv", type=OutputFile(".csv"), metavar="OUT", help="where waypoints go (.csv)")
+    force_option(check, "an older table")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -84,7 +88,7 @@ def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
     from carlaloc_env.town.build import load_town
     from recorder.report.town_preview import draw_town
 
-    return {"out": str(draw_town(load_town(arguments.town), arguments.out))}
+    return {"out": str(draw_town(load_town(arguments.town), arguments.out, overwrite=arguments.force))}
 
 
 def _check(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -98,7 +102,7 @@ def _check(arguments: argparse.Namespace) -> dict[str, Any]:
     network = build_network(xodr)
     found = report(xodr, network)
     if arguments.csv is not None:
-        write_waypoints_csv(network, arguments.waypoints, arguments.csv)
+        write_waypoints_csv(network, arguments.waypoints, arguments.csv, overwrite=arguments.force)
     return {
         "report": found.as_dict(),
         "csv": str(arguments.csv) if arguments.csv is not None else None,

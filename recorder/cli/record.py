@@ -16,7 +16,8 @@ from dataclasses import asdict
 from typing import Any
 
 from carlaloc_env.core.errors import UsageError
-from recorder.cli.arguments import path_argument, positive_seconds
+from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--device", default="scripted", help="scripted, wheel, gamepad or keyboard (default: scripted)"
     )
-    parser.add_argument("--out", type=path_argument, help="episode to write, e.g. drive.mcap")
+    parser.add_argument("--out", type=OutputFile(EPISODE_SUFFIX), help="episode to write, e.g. drive.mcap")
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else the route")
     parser.add_argument("--seed", type=int, default=0, help="seed of traffic and scripted driver")
     parser.add_argument("--traffic", default="dynamic", help="dynamic, static or a fraction")
@@ -39,11 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="source",
-        type=path_argument,
+        type=input_path,
         metavar="E.mcap",
         help="drive an episode's controls again and compare every tick",
     )
-    parser.add_argument("--force", action="store_true", help="replace an older episode of this name")
+    force_option(parser, "an older episode of this name")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:

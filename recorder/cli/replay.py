@@ -10,13 +10,13 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from recorder.cli.arguments import names, path_argument, positive_int, positive_seconds, seconds
+from recorder.cli.arguments import OutputFolder, input_path, names, positive_int, positive_seconds, seconds
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc replay`."""
-    parser.add_argument("episode", type=path_argument, help="episode to replay (.mcap)")
-    parser.add_argument("--out", type=path_argument, required=True, help="folder of the dataset")
+    parser.add_argument("episode", type=input_path, help="episode to replay (.mcap)")
+    parser.add_argument("--out", type=OutputFolder(), required=True, help="folder of the dataset")
     parser.add_argument(
         "--weather", type=names, default=("ClearNoon",), metavar="A,B", help="weathers, or schedules (.yaml)"
     )

@@ -21,10 +21,11 @@ from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
 from recorder.episode.actor_messages import ACTORS_TOPIC, actor_states, unpack_actors
+from recorder.episode.file_names import RECORDING_SUFFIX, recording_path
 from recorder.episode.header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import Container, is_container, read_container
 from recorder.episode.messages import EGO_TOPIC, EVENTS_TOPIC, EgoRow, Event, unpack_ego, unpack_event
-from recorder.episode.writer import RECORDING_SUFFIX, EpisodeWriter, recording_path
+from recorder.episode.writer import EpisodeWriter
 
 __all__ = [
     "RECORDING_SUFFIX",

@@ -6,8 +6,10 @@ import heapq
 from pathlib import Path
 
 from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.core.output_paths import EPISODE_SUFFIX, check_output_file
 from recorder.episode.actor_messages import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE
 from recorder.episode.episode import Episode, read_episode_file
+from recorder.episode.file_names import RECORDING_SUFFIX
 from recorder.episode.mcap_container import ContainerWriter
 from recorder.episode.messages import (
     EGO_DEFINITION,
@@ -17,7 +19,7 @@ from recorder.episode.messages import (
     EVENT_TYPE,
     EVENTS_TOPIC,
 )
-from recorder.episode.writer import FLUSH_NS, RECORDING_SUFFIX, recording_path
+from recorder.episode.writer import FLUSH_NS
 
 _CHANNELS = (
     (EGO_TOPIC, EGO_TYPE, EGO_DEFINITION),
@@ -26,28 +28,30 @@ _CHANNELS = (
 )
 
 
-def repair_episode(path: str | Path, target: str | Path | None = None) -> Episode:
+def repair_episode(path: str | Path, target: str | Path | None = None, *, overwrite: bool = False) -> Episode:
     """Write a whole file of what a cut-off recording holds; the recording itself is left alone.
 
     Args:
         path: The recording, with or without its `.recording` suffix.
         target: New file; by default the name that the recording would have got.
+        overwrite: Whether an older episode of that name is replaced.
 
     Returns:
         The repaired episode; its `path` is the new file.
 
     Raises:
-        EpisodeError: nothing can be read, or the target exists.
+        EpisodeError: nothing can be read.
+        OutputError: the target exists.
     """
     source = Episode.load(path, allow_partial=True).path
     stem = source.name.removesuffix(RECORDING_SUFFIX)
     if target is None:
-        target = source.with_name(stem if stem != source.name else f"{source.stem}_repaired{source.suffix}")
+        name = stem if stem != source.name else f"{source.stem}_repaired{EPISODE_SUFFIX}"
+        target = source.with_name(name)
     target = Path(target)
-    part = recording_path(target) if recording_path(target) != source else target.with_name(stem + ".part")
-    for taken in (target, part):
-        if taken.exists():
-            raise EpisodeError(f"{taken} exists; choose another name for the repaired episode")
+    part = target.with_name(f".{target.name}.part")
+    check_output_file(target, suffixes=(EPISODE_SUFFIX,), overwrite=overwrite)
+    part.unlink(missing_ok=True)
     try:
         _rewrite(source, part)
         part.replace(target)

@@ -15,6 +15,7 @@ from carlaloc_env.core.clock import STEP_NS, stamp_ns
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.episode.actor_messages import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE, pack_actors
+from recorder.episode.file_names import check_episode_output, recording_path, repair_command
 from recorder.episode.header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import ContainerWriter
 from recorder.episode.messages import (
@@ -29,15 +30,8 @@ from recorder.episode.messages import (
     pack_event,
 )
 
-RECORDING_SUFFIX = ".recording"
-"""Added to the name of an episode until it is closed."""
 FLUSH_NS = 900_000_000
 """Longest stretch of the drive, and of real time, that waits for the disk [ns]."""
-
-
-def recording_path(path: Path) -> Path:
-    """Where the episode `path` stands while it is being recorded."""
-    return path.with_name(path.name + RECORDING_SUFFIX)
 
 
 class EpisodeWriter:
@@ -60,7 +54,8 @@ class EpisodeWriter:
                 last second.
 
         Raises:
-            EpisodeError: the name is taken or the file cannot be created.
+            OutputError: the name is taken, or a recording that was cut off waits under it.
+            EpisodeError: the file cannot be created.
         """
         self.path = Path(path)
         self.header = header
@@ -69,13 +64,9 @@ class EpisodeWriter:
         self._signal_count: int | None = None
         self._flushed_ns = 0
         self._flushed_at_s = time.monotonic()
-        if not overwrite:
-            for taken in (self.path, self._part):
-                if taken.exists():
-                    raise EpisodeError(f"{taken} exists; choose another name or overwrite it with --force")
+        check_episode_output(self.path, overwrite=overwrite)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._part.unlink(missing_ok=True)
             self._file = ContainerWriter(self._part, durable=durable)
             self._file.add_metadata(HEADER_RECORD, header.to_metadata())
         except OSError as error:
@@ -143,7 +134,7 @@ class EpisodeWriter:
             self._file.abandon()
             raise EpisodeError(
                 f"cannot go on recording to {self._part}: {error.strerror}; "
-                "the drive until a second ago is safe there"
+                f"the drive until a second ago is safe there; make it whole with: {repair_command(self.path)}"
             ) from error
         self._flushed_at_s = time.monotonic()
 

@@ -12,6 +12,7 @@ from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.output_paths import check_output_file
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.geometry.projection import FAR_M
 from carlaloc_env.render.renderer import SceneRenderer
@@ -24,6 +25,8 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_map import STRIP_PX, MapView, draw_map
 
+PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg")
+"""What pictures of towns may be called."""
 STREET_VIEWS = 4
 MAP_PX = (1360, 1080 - STRIP_PX)
 """Width and height of the view from above [px]."""
@@ -38,31 +41,30 @@ _CLEAR_M = 14.0
 """No vehicle stands nearer before a street view's eye [m]."""
 
 
-def draw_town(town: Town, out: Path, *, quality: str = "high") -> Path:
+def draw_town(town: Town, out: Path, *, quality: str = "high", overwrite: bool = False) -> Path:
     """Write a town's sheet.
 
     Args:
         town: The town.
         out: PNG or JPEG to write.
         quality: Render quality.
+        overwrite: Whether an older picture is replaced.
 
     Raises:
         RenderError: OpenGL is missing.
-        WriterError: the image exists or cannot be written.
+        OutputError: the image exists, or its name says that it is none.
+        WriterError: it cannot be written.
     """
-    if out.exists():
-        raise WriterError(f"{out} exists; choose another --out or delete it first")
+    check_output_file(out, suffixes=PICTURE_SUFFIXES, overwrite=overwrite)
     sheet = cv2.cvtColor(town_sheet(town, quality=quality), cv2.COLOR_RGB2BGR)
     part = out.with_name(f".part-{out.name}")
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        written = out.suffix.lower() in (".png", ".jpg", ".jpeg") and cv2.imwrite(str(part), sheet)
+        written = cv2.imwrite(str(part), sheet)
     except OSError:
         written = False
     if not written:
-        raise WriterError(
-            f"cannot write {out}; give a name that ends in .png or .jpg in a folder you may write to"
-        )
+        raise WriterError(f"cannot write {out}; give a name in a folder you may write to")
     return part.replace(out)
 
 

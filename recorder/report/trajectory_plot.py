@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
+from carlaloc_env.core.output_paths import check_output_file
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
 
@@ -14,18 +15,23 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's colours, which colour-blind people can tell apart."""
 
 
-def plot_trajectories(results: Sequence[EvaluationResult], path: str | Path, *, title: str = "") -> Path:
+def plot_trajectories(
+    results: Sequence[EvaluationResult], path: str | Path, *, title: str = "", overwrite: bool = False
+) -> Path:
     """Draw estimates over their truth from above, and the position error over time, as a PNG.
 
     Args:
         results: Results of one drive, each with the position error (`Metric.APE_TRANSLATION`).
-        path: New image; an older one is replaced.
+        path: New image (.png).
         title: Line above the image.
+        overwrite: Whether an older one is replaced.
 
     Raises:
+        OutputError: the image exists, or its name says that it is none.
         EvaluationError: there is nothing to draw, or the image cannot be written.
         MissingDependencyError: matplotlib is not installed.
     """
+    check_output_file(path, suffixes=(".png",), overwrite=overwrite)
     if not results or any(Metric.APE_TRANSLATION not in result.values for result in results):
         raise EvaluationError("no position errors to draw; evaluate with Metric.APE_TRANSLATION")
     figure, above, over_time = _figure()

@@ -18,7 +18,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.core.errors import EpisodeError, OutputError
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from recorder.episode import actor_messages, messages
@@ -275,9 +275,10 @@ def test_existing_names_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with EpisodeWriter(path, header_of(0)) as writer:
         write(writer, 3, 0)
-        with pytest.raises(EpisodeError, match="--force"):
-            EpisodeWriter(path, header_of(0))
-    with pytest.raises(EpisodeError, match="--force"):
+        for overwrite in (False, True):
+            with pytest.raises(OutputError, match=r"carlaloc info --repair .*a\.mcap\.recording"):
+                EpisodeWriter(path, header_of(0), overwrite=overwrite)
+    with pytest.raises(OutputError, match="move it away"):
         EpisodeWriter(path, header_of(0))
     with EpisodeWriter(path, header_of(0), overwrite=True) as writer:
         write(writer, 5, 0)

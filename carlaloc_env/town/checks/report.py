@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.output_paths import check_output_file
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
 from carlaloc_env.town.checks.roads import clearance_problems, plan_view_problems, road_problems
 from carlaloc_env.town.checks.signals import signal_problems
@@ -20,6 +21,8 @@ from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
 
 Severity = Literal["error", "warning"]
+CSV_SUFFIXES = (".csv",)
+"""What tables may be called."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,14 +134,16 @@ def _problems(rows: Sequence[tuple[Severity, str, str, int, str]]) -> list[Probl
     return [Problem(severity=s, element=e, id=i, line=n, message=m) for s, e, i, n, m in rows]
 
 
-def write_waypoints_csv(network: LaneNetwork, step_m: float, path: Path) -> int:
+def write_waypoints_csv(network: LaneNetwork, step_m: float, path: Path, *, overwrite: bool = False) -> int:
     """Writes the poses of all driving lanes every `step_m` of s; returns their number.
 
     Columns road_id, section, lane_id, s, x, y, z [m], heading [rad, travel direction], world frame.
 
     Raises:
         MapError: The step is not usable or the file cannot be written.
+        OutputError: The file exists, or its name does not end in .csv.
     """
+    check_output_file(path, suffixes=CSV_SUFFIXES, overwrite=overwrite)
     rows = network.waypoints(step_m)
     partial = path.with_name(path.name + ".part")
     try:

@@ -1,0 +1,62 @@
+"""Whether an output may be written: the one rule of all commands and of all that they call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from carlaloc_env.core.errors import OutputError
+
+EPISODE_SUFFIX = ".mcap"
+"""Suffix of episodes. A drive cannot be made again, so that no message proposes to overwrite one."""
+
+
+def check_output_file(path: str | Path, *, suffixes: Sequence[str] = (), overwrite: bool = False) -> Path:
+    """Path of a file, if it may be written: its suffix fits, and nothing is lost by it.
+
+    Args:
+        path: The file.
+        suffixes: Those that fit, in lower case, with their dot; none: any. They are looked at first, so
+            that not even `overwrite` puts a table in the place of an episode.
+        overwrite: Whether an older file is replaced.
+
+    Raises:
+        OutputError: the suffix is another one, the file exists, or it or its folder is of the wrong sort.
+    """
+    path = Path(path)
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path} does not end in {' or '.join(suffixes)}; give a name that does")
+    if path.is_dir():
+        raise OutputError(f"{path} is a folder; give the name of a file")
+    if not overwrite and (path.exists() or path.is_symlink()):
+        if path.suffix.lower() == EPISODE_SUFFIX:
+            raise OutputError(f"{path} exists; choose another name, or move it away first")
+        raise OutputError(f"{path} exists; choose another name, or replace it with --force")
+    _check_parents(path)
+    return path
+
+
+def check_output_folder(path: str | Path, *, files: Sequence[str] = (), overwrite: bool = False) -> Path:
+    """Path of a folder, if files may be written into it.
+
+    Args:
+        path: The folder; it need not exist.
+        files: Names of files that will be written there.
+        overwrite: Whether older ones are replaced.
+
+    Raises:
+        OutputError: it is no folder, or one of the files exists.
+    """
+    path = Path(path)
+    if path.exists() and not path.is_dir():
+        raise OutputError(f"{path} is no folder; give another name")
+    _check_parents(path)
+    for name in files:
+        check_output_file(path / name, overwrite=overwrite)
+    return path
+
+
+def _check_parents(path: Path) -> None:
+    above = next((folder for folder in path.absolute().parents if folder.exists()), None)
+    if above is not None and not above.is_dir():
+        raise OutputError(f"cannot write {path}: {above} is no folder; choose another place")
