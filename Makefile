@@ -1,5 +1,4 @@
 # Each target does all set-up itself; a second run starts at once.
-PYTHON ?= $(shell command -v python3.11 || command -v python3.10 || command -v python3)
 BIN := .venv/bin
 READY := .venv/ready
 
@@ -8,8 +7,8 @@ READY := .venv/ready
 setup: $(READY)
 
 $(READY): pyproject.toml .ci/system-libraries
-	@PYTHON="$(PYTHON)" .ci/system-libraries
-	@test -x $(BIN)/python || "$(PYTHON)" -m venv .venv
+	@python=$$(PYTHON="$(PYTHON)" .ci/find-python) && PYTHON="$$python" .ci/system-libraries && \
+		if [ "$$python" != $(BIN)/python ]; then "$$python" -m venv --clear .venv; fi
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --editable ".[slam,report,dev]"
 	@touch $(READY)

@@ -64,11 +64,11 @@ def examine(out: Path | None = None) -> DoctorReport:
     findings = (
         _python(),
         graphics,
-        _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0"),
+        _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0 libidn2-0"),
         _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
         _guarded("joystick", _joystick, needed=False, remedy="none is needed: the scripted driver drives"),
         _disk(out or Path.cwd()),
-        _optional("kiss_icp", "LiDAR odometry in `make demo`", "slam"),
+        _optional("kiss_icp", "LiDAR odometry in `make demo`", "slam", below=(3, 14)),
         _optional("matplotlib", "trajectory plots", "report"),
     )
     return DoctorReport(findings=findings, quality=quality)
@@ -90,7 +90,7 @@ def _python() -> Finding:
         works=good,
         needed=True,
         detail=f"{platform.python_version()} on {system}, {os.cpu_count()} cores",
-        remedy="" if good else "install Python 3.10 or newer",
+        remedy="" if good else "install Python 3.11",
     )
 
 
@@ -184,14 +184,17 @@ def _disk(folder: Path) -> Finding:
     )
 
 
-def _optional(module: str, purpose: str, extra: str) -> Finding:
+def _optional(module: str, purpose: str, extra: str, *, below: tuple[int, int] | None = None) -> Finding:
     works = find_spec(module) is not None
+    remedy = f'pip install "carlaloc-env[{extra}]"'
+    if below is not None and sys.version_info >= below:
+        remedy += f", in a Python older than {below[0]}.{below[1]}"
     return Finding(
         name=module,
         works=works,
         needed=False,
         detail=f"for {purpose}",
-        remedy="" if works else f'pip install "carlaloc-env[{extra}]"',
+        remedy="" if works else remedy,
     )
 
 

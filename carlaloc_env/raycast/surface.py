@@ -91,7 +91,7 @@ def import_open3d() -> ModuleType:
     except (ImportError, OSError) as error:
         raise RaycastError(
             f"LiDAR needs open3d, which does not load ({error}); run: pip install open3d, "
-            "and on Debian or Ubuntu: apt-get install libgomp1 libusb-1.0-0"
+            "and on Debian or Ubuntu: apt-get install libgomp1 libusb-1.0-0 libidn2-0"
         ) from error
     module: ModuleType = open3d
     return module

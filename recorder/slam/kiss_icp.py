@@ -37,7 +37,9 @@ def kiss_icp_odometry(
         EvaluationError: the bag has no such topic.
     """
     if find_spec("kiss_icp") is None:
-        raise MissingDependencyError('KISS-ICP is not installed; pip install "carlaloc-env[slam]"')
+        raise MissingDependencyError(
+            'KISS-ICP is not installed; pip install "carlaloc-env[slam]" (it has no wheels for Python 3.14)'
+        )
     from kiss_icp.config import KISSConfig
     from kiss_icp.kiss_icp import KissICP
 

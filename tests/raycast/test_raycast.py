@@ -238,5 +238,5 @@ def test_nothing_to_hit_and_no_rays(scenery: Any) -> None:
 
 def test_missing_open3d_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(RaycastError, match=r"libgomp1 libusb-1\.0-0"):
+    with pytest.raises(RaycastError, match=r"libgomp1 libusb-1\.0-0 libidn2-0"):
         raycast.RayScene([], ModelLibrary({}))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+from shared_fixtures.checkout import copy_of_checkout, run_pip
 
 ROOT = Path(__file__).parents[2]
 MAPS = [f"carlaloc_env/{path.relative_to(ROOT)}" for path in (ROOT / "maps").glob("Town*/*.*")]
@@ -25,20 +25,22 @@ def test_every_folder_with_code_is_a_package() -> None:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built from a copy so that the checkout stays clean."""
+    """The wheel, built from the source distribution of a copy: the checkout stays clean."""
     folder = tmp_path_factory.mktemp("wheel")
-    source = folder / "source"
-    for name in ("carlaloc_env", "recorder", "maps"):
-        shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, source / name)
-    pip = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--quiet", "--wheel-dir", str(folder)]
-    command = [*pip, str(source)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    if done.returncode and any(
-        word in done.stderr for word in ("onnection", "resolv", "No matching distribution")
-    ):
-        pytest.skip("pip cannot reach an index for the build's own setuptools")
+    source = copy_of_checkout(folder / "source")
+    run_pip("install", "--target", str(folder / "tools"), "setuptools>=77")
+    pack = "import sys, build_backend; print(build_backend.build_sdist(sys.argv[1]))"
+    path = os.pathsep.join([str(source / ".ci"), str(folder / "tools")])
+    made = subprocess.run(
+        [sys.executable, "-c", pack, str(folder)],
+        cwd=source,
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert made.returncode == 0, made.stderr
+    done = run_pip("wheel", "--no-deps", "--wheel-dir", str(folder), str(folder / made.stdout.split()[-1]))
     assert done.returncode == 0, done.stderr
     (built,) = folder.glob("carlaloc_env-*.whl")
     return built

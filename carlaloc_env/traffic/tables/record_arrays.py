@@ -27,9 +27,14 @@ def columns(kind: type[T], rows: int) -> T:
         if get_origin(hint) is Annotated:
             hint, *shape_parts = get_args(hint)
             shape = tuple(shape_parts)
-        scalar = get_args(get_args(hint)[1])[0]
-        fields.append((name, scalar, shape))
+        fields.append((name, _scalar(hint), shape))
     return cast(T, np.zeros(rows, np.dtype(fields, align=True)).view(np.recarray))
+
+
+def _scalar(array_type: Any) -> Any:
+    """Scalar type of an `NDArray[...]`: numpy 2.5 shows the alias, older ones `ndarray[..., dtype[...]]`."""
+    last = get_args(array_type)[-1]
+    return get_args(last)[0] if get_origin(last) is np.dtype else last
 
 
 def fill(kind: type[T], rows: int, /, **values: Any) -> T:
