@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.resources
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.array_cache import Arrays, cached, content_hash
@@ -53,6 +54,25 @@ def known_towns() -> dict[str, Path]:
     return found
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TownId:
+    """Which town it is, known without building it."""
+
+    name: str
+    """Name of its folder in `maps`, or of its file."""
+    content_hash: str
+    """Hash of the map, its `town.toml` and the version of the builder, 32 hexadecimal digits."""
+
+
+def identify_town(name_or_path: str | Path) -> TownId:
+    """Name and hash of a town; nothing is built, only its files are read.
+
+    Raises:
+        MapError: The town is unknown.
+    """
+    return _identify(_source(name_or_path))
+
+
 def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Town:
     """A town by name or OpenDRIVE file, from the cache when it was built before.
 
@@ -65,14 +85,11 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         ConfigError: Its `town.toml` is not valid.
     """
     source = _source(name_or_path)
-    toml = source.with_name("town.toml")
-    has_toml = source.name == "town.xodr" and toml.is_file()
-    name = source.parent.name if source.name == "town.xodr" else source.stem
-    config = TownConfig.from_toml(toml) if has_toml else TownConfig(name=name)
-    content = source.read_bytes()
-    key = content_hash(str(BUILDER_VERSION).encode(), content, toml.read_bytes() if has_toml else b"")
+    toml, town = _toml(source), _identify(source)
+    name, key = town.name, town.content_hash
+    config = TownConfig.from_toml(toml) if toml is not None else TownConfig(name=name)
     network = build_network(source)
-    if not has_toml:
+    if toml is None:
         config = choose_traffic(network, choose_zones(network, config))
     route = _route(network, config)
     scenery = cached(
@@ -112,6 +129,21 @@ def _source(name_or_path: str | Path) -> Path:
     if path.is_dir() and (path / "town.xodr").is_file():
         return path / "town.xodr"
     return find_town(str(name_or_path))
+
+
+def _toml(source: Path) -> Path | None:
+    """The `town.toml` beside an OpenDRIVE file."""
+    toml = source.with_name("town.toml")
+    return toml if source.name == "town.xodr" and toml.is_file() else None
+
+
+def _identify(source: Path) -> TownId:
+    toml = _toml(source)
+    key = content_hash(
+        str(BUILDER_VERSION).encode(), source.read_bytes(), toml.read_bytes() if toml is not None else b""
+    )
+    name = source.parent.name if source.name == "town.xodr" else source.stem
+    return TownId(name=name, content_hash=key)
 
 
 def _map_folders() -> list[Path]:

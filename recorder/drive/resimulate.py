@@ -20,11 +20,11 @@ from carlaloc_env.driving.driving_world import DriveListener, DrivingWorld
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import TrafficConfig
 from recorder.drive.episode_listener import ego_row
 from recorder.episode.actor_messages import pack_actors
 from recorder.episode.episode import Episode, EpisodeWriter
+from recorder.episode.town import town_of
 
 _FIRST_DRIVEN_TICK = 2
 """Ticks 0 and 1 belong to the start of a drive."""
@@ -117,12 +117,7 @@ def resimulate(
             f"{source} was edited ({header.history[-1]}): its controls no longer lead through it; "
             "drive the original again"
         )
-    town = load_town(header.map_name)
-    if town.content_hash != header.map_hash:
-        raise EpisodeError(
-            f"the map of {source} has changed since ({header.map_hash[:12]}, now {town.content_hash[:12]}); "
-            "use the version of CarlaLoc that recorded it"
-        )
+    town = town_of(episode)
     begin = None if out is None else lambda _: EpisodeWriter(out, header, overwrite=overwrite)
     comparison = _Comparison(episode, begin)
     with ExitStack() as stack:

@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.config_mapping import from_mapping
 from carlaloc_env.core.ego_car import EGO_SIZE_M
-from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.driving_world import ego_view
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
-from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 from recorder.episode.edit import rewrite_traffic
 from recorder.episode.episode import Episode
+from recorder.episode.town import town_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,9 +55,7 @@ def change_traffic(
     """
     episode = Episode.load(source)
     header = episode.header
-    town = load_town(header.map_name)
-    if town.content_hash != header.map_hash:
-        raise EpisodeError(f"the map of {source} has changed since; use the version that recorded it")
+    town = town_of(episode)
     config = replace(from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"), seed=seed)
     world = TrafficWorld(town.network, config)
     contacts = _ContactCounter(world.catalog)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,11 +9,12 @@ from numpy.typing import NDArray
 
 from carlaloc_env.timeline.actor_quantisation import ActorCodes, decode_actors, encode_actors
 from carlaloc_env.timeline.timeline import ActorFrame
-from recorder.episode.messages import CDR_LITTLE_ENDIAN, message_rows
+from recorder.episode.record_type import RecordType
 
-ACTORS_TOPIC = "/actors"
-ACTORS_TYPE = "carlaloc_msgs/msg/ActorFrame"
-ACTORS_DEFINITION = """\
+ACTORS = RecordType(
+    topic="/actors",
+    name="carlaloc_msgs/msg/ActorFrame",
+    definition="""\
 # State of all actors of the catalogue and of all signal heads at one 50 ms step, in fixed point.
 int64 step
 # Position [m] = 32 * tile + fraction / 2048, world frame.
@@ -36,47 +36,23 @@ int16[] travelled_tile
 uint16[] travelled_fraction
 uint8[] lights
 uint8[] signals
-"""
+""",
+)
+"""Actors and signal heads of every step."""
 
 _AXES = "xyz"
-_WORDS = (
-    *((f"{axis}_tile", "<i2") for axis in _AXES),
-    *((f"{axis}_fraction", "<u2") for axis in _AXES),
-    ("heading", "<i2"),
-    ("pitch", "<i2"),
-    ("roll", "<i2"),
-    ("steer", "<i2"),
-    ("speed", "<i2"),
-    ("travelled_tile", "<i2"),
-    ("travelled_fraction", "<u2"),
-)
 
 
-@functools.lru_cache(maxsize=8)
-def actors_dtype(actors: int, signals: int) -> np.dtype[np.void]:
-    """Layout of an `ActorFrame` message of so many actors and signal heads in CDR."""
-    fields: list[tuple[str, str] | tuple[str, str, tuple[int, ...]]] = [
-        ("encapsulation", "<u4"),
-        ("step", "<i8"),
-    ]
-    for name, kind in _WORDS:
-        fields += [(f"{name}_count", "<u4"), (name, kind, (actors,))]
-        fields += [(f"{name}_padding", "u1", (-2 * actors % 4,))]
-    fields += [
-        ("lights_count", "<u4"),
-        ("lights", "u1", (actors,)),
-        ("lights_padding", "u1", (-actors % 4,)),
-        ("signals_count", "<u4"),
-        ("signals", "u1", (signals,)),
-    ]
-    return np.dtype(fields)
+def _lengths(actors: int, signals: int) -> dict[str, int]:
+    """Length of every sequence of a message of so many actors and signal heads."""
+    lengths = {field.name: actors for field in ACTORS.fields if field.is_sequence}
+    return {**lengths, "signals": signals}
 
 
 def pack_actors(step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> bytes:
-    """CDR bytes of an `ActorFrame` message."""
+    """Bytes of an `ActorFrame` message."""
     codes = encode_actors(frame)
-    row = np.zeros((), dtype=actors_dtype(len(frame), len(signals)))
-    row["encapsulation"] = CDR_LITTLE_ENDIAN
+    row = ACTORS.row(_lengths(len(frame), len(signals)))
     row["step"] = step
     for k, axis in enumerate(_AXES):
         row[f"{axis}_tile"] = codes.position[:, k] >> 16
@@ -85,23 +61,20 @@ def pack_actors(step: int, frame: ActorFrame, signals: NDArray[np.uint8]) -> byt
     row["travelled_fraction"] = codes.travelled & 0xFFFF
     for name in ("heading", "pitch", "roll", "steer", "speed", "lights"):
         row[name] = getattr(codes, name)
-    for name in (*(name for name, _ in _WORDS), "lights"):
-        row[f"{name}_count"] = len(frame)
-    row["signals_count"] = len(signals)
     row["signals"] = signals
     return row.tobytes()
 
 
 def unpack_actors(payloads: Sequence[bytes], actors: int) -> NDArray[np.void]:
-    """Rows of `actors_dtype`; the number of signal heads is that of the first message.
+    """Rows of the layout of `ACTORS`; the number of signal heads is that of the first message.
 
     Raises:
         ValueError: a message has another size or number of actors.
     """
-    signals = len(payloads[0]) - actors_dtype(actors, 0).itemsize if payloads else 0
+    signals = len(payloads[0]) - ACTORS.dtype(_lengths(actors, 0)).itemsize if payloads else 0
     if signals < 0:
         raise ValueError(f"actor frame shorter than {actors} actors need")
-    rows = message_rows(payloads, actors_dtype(actors, signals))
+    rows = ACTORS.rows(payloads, _lengths(actors, signals))
     if np.any(rows["lights_count"] != actors) or np.any(rows["signals_count"] != signals):
         raise ValueError(f"actor frame not of {actors} actors and {signals} signal heads")
     return rows

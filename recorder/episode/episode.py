@@ -20,11 +20,11 @@ from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
-from recorder.episode.actor_messages import ACTORS_TOPIC, actor_states, unpack_actors
+from recorder.episode.actor_messages import ACTORS, actor_states, unpack_actors
 from recorder.episode.file_names import RECORDING_SUFFIX, recording_path
 from recorder.episode.header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import Container, is_container, read_container
-from recorder.episode.messages import EGO_TOPIC, EVENTS_TOPIC, EgoRow, Event, unpack_ego, unpack_event
+from recorder.episode.messages import CONTROLS, EGO, EVENT, EgoRow, Event
 from recorder.episode.writer import EpisodeWriter
 
 __all__ = [
@@ -85,9 +85,9 @@ class Episode:
         self.header = header
         """Configuration of the drive."""
         self.ego = ego
-        """Rows of `episode_messages.EGO_DTYPE`, one per tick."""
+        """Rows of the layout of `messages.EGO`, one per tick."""
         self.steps = steps
-        """Rows of `episode_actors.actors_dtype`, one per 50 ms step."""
+        """Rows of the layout of `actor_messages.ACTORS`, one per 50 ms step."""
         self.events = events
         """What happened, in order."""
         self.path = path
@@ -161,8 +161,7 @@ class Episode:
         return timeline
 
     def _log(self, prefix: str) -> ControlLog:
-        names = ("steer", "throttle", "brake", "reverse", "handbrake")
-        return ControlLog(**{name: np.ascontiguousarray(self.ego[prefix + name]) for name in names})
+        return ControlLog(**{name: np.ascontiguousarray(self.ego[prefix + name]) for name in CONTROLS})
 
 
 def open_episode(path: str | Path) -> Episode:
@@ -192,10 +191,10 @@ def read_episode_file(path: Path) -> Container:
 def _assemble(path: Path, header: EpisodeHeader, found: Container) -> Episode:
     payloads = found.payloads
     try:
-        ego = unpack_ego(payloads.get(EGO_TOPIC, []))
-        steps = unpack_actors(payloads.get(ACTORS_TOPIC, []), len(header.catalog))
-        rows = [unpack_event(payload) for payload in payloads.get(EVENTS_TOPIC, [])]
-        events = tuple(Event(tick=tick, kind=kind, data=json.loads(text)) for tick, kind, text in rows)
+        ego = EGO.rows(payloads.get(EGO.topic, []))
+        steps = unpack_actors(payloads.get(ACTORS.topic, []), len(header.catalog))
+        rows = [EVENT.unpack(payload) for payload in payloads.get(EVENT.topic, [])]
+        events = tuple(Event(tick=r["tick"], kind=r["kind"], data=json.loads(r["json"])) for r in rows)
     except (ValueError, struct.error) as error:
         raise EpisodeError(f"{path} is damaged: {error}; give another file") from error
     for name, numbers in (("tick", ego["tick"]), ("step", steps["step"])):

@@ -36,6 +36,8 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
+from recorder.episode.record_type import RecordType
+
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<BQHIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
@@ -81,11 +83,13 @@ class ContainerWriter:
         self._metadata.append(MetadataIndex(offset=self._offset, length=len(data), name=name))
         self._append(data)
 
-    def add_channel(self, topic: str, schema_name: str, schema_text: str) -> int:
+    def add_channel(self, record: RecordType) -> int:
         """Declare a topic of CDR messages; its definition goes into the next chunk."""
         number = len(self._channels) + 1
-        schema = Schema(id=number, name=schema_name, encoding="ros2msg", data=schema_text.encode())
-        channel = Channel(id=number, topic=topic, message_encoding="cdr", schema_id=number, metadata={})
+        schema = Schema(id=number, name=record.name, encoding="ros2msg", data=record.definition.encode())
+        channel = Channel(
+            id=number, topic=record.topic, message_encoding="cdr", schema_id=number, metadata={}
+        )
         self._schemas.append(schema)
         self._channels.append(channel)
         self._counts[number] = 0
@@ -102,7 +106,7 @@ class ContainerWriter:
         self._buffer += payload
         self._counts[channel] += 1
 
-    def cut(self) -> None:
+    def close_chunk(self) -> None:
         """Close the open chunk and put it on the disk."""
         if not self._buffer:
             return
@@ -145,7 +149,7 @@ class ContainerWriter:
 
     def finish(self) -> None:
         """Close the chunk, write the summary and close the file."""
-        self.cut()
+        self.close_chunk()
         self._append(_encoded(DataEnd(data_section_crc=0)))
         start = self._offset
         summary = b"".join(_encoded(record) for record in self._summary())
@@ -157,7 +161,7 @@ class ContainerWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close the file as it is; what was cut stays readable."""
+        """Close the file as it is; closed chunks stay readable."""
         self._file.close()
 
     def _summary(self) -> list[McapRecord]:

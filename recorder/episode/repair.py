@@ -7,25 +7,12 @@ from pathlib import Path
 
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.core.output_paths import EPISODE_SUFFIX, check_output_file
-from recorder.episode.actor_messages import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE
+from recorder.episode.actor_messages import ACTORS
 from recorder.episode.episode import Episode, read_episode_file
 from recorder.episode.file_names import RECORDING_SUFFIX
 from recorder.episode.mcap_container import ContainerWriter
-from recorder.episode.messages import (
-    EGO_DEFINITION,
-    EGO_TOPIC,
-    EGO_TYPE,
-    EVENT_DEFINITION,
-    EVENT_TYPE,
-    EVENTS_TOPIC,
-)
+from recorder.episode.messages import EGO, EVENT
 from recorder.episode.writer import FLUSH_NS
-
-_CHANNELS = (
-    (EGO_TOPIC, EGO_TYPE, EGO_DEFINITION),
-    (ACTORS_TOPIC, ACTORS_TYPE, ACTORS_DEFINITION),
-    (EVENTS_TOPIC, EVENT_TYPE, EVENT_DEFINITION),
-)
 
 
 def repair_episode(path: str | Path, target: str | Path | None = None, *, overwrite: bool = False) -> Episode:
@@ -66,7 +53,7 @@ def _rewrite(source: Path, target: Path) -> None:
     out = ContainerWriter(target)
     for name, values in found.metadata:
         out.add_metadata(name, values)
-    numbers = {topic: out.add_channel(topic, kind, text) for topic, kind, text in _CHANNELS}
+    numbers = {record.topic: out.add_channel(record) for record in (EGO, ACTORS, EVENT)}
     streams = [
         zip(found.stamps_ns[topic], [number] * len(found.payloads[topic]), found.payloads[topic], strict=True)
         for topic, number in numbers.items()
@@ -75,7 +62,7 @@ def _rewrite(source: Path, target: Path) -> None:
     cut_ns = FLUSH_NS
     for stamp, number, payload in heapq.merge(*streams, key=lambda message: message[0]):
         if stamp >= cut_ns:
-            out.cut()
+            out.close_chunk()
             cut_ns = stamp + FLUSH_NS
         out.add_message(number, stamp, payload)
     out.finish()

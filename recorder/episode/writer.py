@@ -14,21 +14,11 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_NS, stamp_ns
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.timeline import ActorFrame
-from recorder.episode.actor_messages import ACTORS_DEFINITION, ACTORS_TOPIC, ACTORS_TYPE, pack_actors
+from recorder.episode.actor_messages import ACTORS, pack_actors
 from recorder.episode.file_names import check_episode_output, recording_path, repair_command
 from recorder.episode.header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import ContainerWriter
-from recorder.episode.messages import (
-    EGO_DEFINITION,
-    EGO_TOPIC,
-    EGO_TYPE,
-    EVENT_DEFINITION,
-    EVENT_TYPE,
-    EVENTS_TOPIC,
-    EgoRow,
-    pack_ego,
-    pack_event,
-)
+from recorder.episode.messages import EGO, EVENT, EgoRow, pack_ego
 
 FLUSH_NS = 900_000_000
 """Longest stretch of the drive, and of real time, that waits for the disk [ns]."""
@@ -71,9 +61,9 @@ class EpisodeWriter:
             self._file.add_metadata(HEADER_RECORD, header.to_metadata())
         except OSError as error:
             raise EpisodeError(f"cannot record to {self._part}: {error.strerror}") from error
-        self._ego = self._file.add_channel(EGO_TOPIC, EGO_TYPE, EGO_DEFINITION)
-        self._actors = self._file.add_channel(ACTORS_TOPIC, ACTORS_TYPE, ACTORS_DEFINITION)
-        self._events = self._file.add_channel(EVENTS_TOPIC, EVENT_TYPE, EVENT_DEFINITION)
+        self._ego = self._file.add_channel(EGO)
+        self._actors = self._file.add_channel(ACTORS)
+        self._events = self._file.add_channel(EVENT)
         self._open = True
 
     def __enter__(self) -> EpisodeWriter:
@@ -119,7 +109,7 @@ class EpisodeWriter:
     def event(self, tick: int, kind: str, data: Mapping[str, object] | None = None) -> None:
         """Append something that happened; `data` holds JSON values."""
         text = json.dumps(dict(data or {}), ensure_ascii=False)
-        self._add(self._events, stamp_ns(tick), pack_event(tick, kind, text))
+        self._add(self._events, stamp_ns(tick), EVENT.pack({"tick": tick, "kind": kind, "json": text}))
 
     def flush(self) -> None:
         """Put everything on the disk now, e.g. while the drive is paused.
@@ -128,7 +118,7 @@ class EpisodeWriter:
             EpisodeError: the disk is full.
         """
         try:
-            self._file.cut()
+            self._file.close_chunk()
         except OSError as error:
             self._open = False
             self._file.abandon()

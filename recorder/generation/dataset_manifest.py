@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import platform
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,22 +13,13 @@ import yaml
 from carlaloc_env.core.config_mapping import to_mapping
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.town.build import TownId
 from recorder.episode.episode import Episode
 
 FILE_NAME = "dataset.yaml"
 """Name of the file in the dataset's folder."""
 VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
 """Distributions whose versions shape a dataset."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TownId:
-    """Which town a dataset shows."""
-
-    name: str
-    """Name of the town."""
-    content_hash: str
-    """Hash of its map, its configuration and the version of the builder."""
 
 
 def origin_of(

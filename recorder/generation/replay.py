@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS, TICK_NS
-from carlaloc_env.core.errors import ConfigError, EpisodeError, WriterError
+from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import Rig, SensorRig
 from carlaloc_env.samples import Sample
@@ -28,12 +28,12 @@ from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.schedule import Weather
 from recorder.episode.episode import Episode
+from recorder.episode.town import town_id_of, town_of
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.generation.conditions import conditions_of
-from recorder.generation.dataset_manifest import TownId, is_begun, origin_of, write_record
+from recorder.generation.dataset_manifest import is_begun, origin_of, write_record
 from recorder.generation.sequence_writers import (
     DatasetSequence,
     check_formats,
@@ -153,7 +153,7 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
     conditions = conditions_of(config.weathers, config.traffic)
     rig = rig_of(config)
     episode = Episode.load(config.episode)
-    town = _identified(episode)
+    town = town_id_of(episode)
     timeline = episode.timeline()
     span, cameras = _spans(config, rig, timeline)
     seed = episode.header.seed if config.seed is None else config.seed
@@ -195,17 +195,6 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
         ground_truth=town_dir / "ground_truth",
         samples=dict(sorted(counts.items())),
     )
-
-
-def _identified(episode: Episode) -> TownId:
-    """The episode's town, known to be the one that was driven in; it is not kept in memory here."""
-    town = load_town(episode.header.map_name)
-    if episode.header.map_hash and episode.header.map_hash != town.content_hash:
-        raise EpisodeError(
-            f"{episode.path} was driven in another version of {town.name}; record it again, or install the "
-            f"version of CarlaLoc it was made with ({episode.header.versions.get('carlaloc-env', 'unknown')})"
-        )
-    return TownId(name=town.name, content_hash=town.content_hash)
 
 
 def _spans(
@@ -252,7 +241,7 @@ def _replay_level(job: _Job, report: Callable[[float], None]) -> dict[str, int]:
     config = without_unwritten(rig_of(job.config), job.config.formats, job.config.topics)
     # Nobody else holds the town here, so that the stage can let its meshes go.
     stage = SensorStage(
-        load_town(episode.header.map_name),
+        town_of(episode),
         seed=job.seed,
         weather=job.sequences[0].condition.weather,
         quality=job.config.quality,

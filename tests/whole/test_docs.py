@@ -30,8 +30,8 @@ from carlaloc_env.town.config import (
 )
 from carlaloc_env.weather.parameters import WeatherParameters
 from recorder.drive.record import RecordConfig
-from recorder.episode.actor_messages import ACTORS_TOPIC, ACTORS_TYPE
-from recorder.episode.messages import EGO_TOPIC, EGO_TYPE, EVENT_TYPE, EVENTS_TOPIC
+from recorder.episode.actor_messages import ACTORS
+from recorder.episode.messages import EGO, EVENT
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.evaluation.align import Alignment
 from recorder.generation.replay import ReplayConfig
@@ -174,8 +174,8 @@ def test_the_plan_on_the_maps_page_is_a_town(tmp_path: Path, monkeypatch: pytest
 def test_formats_page_names_what_files_hold() -> None:
     """Topics and types of an episode, and the words that options take."""
     page = text_of("formats.md")
-    for topic, kind in ((EGO_TOPIC, EGO_TYPE), (ACTORS_TOPIC, ACTORS_TYPE), (EVENTS_TOPIC, EVENT_TYPE)):
-        assert f"| `{topic}` | `{kind}` |" in page
+    for record in (EGO, ACTORS, EVENT):
+        assert f"| `{record.topic}` | `{record.name}` |" in page
     for alignment in Alignment:
         assert f"`{alignment.name.lower()}`" in page
 

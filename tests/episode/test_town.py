@@ -1,0 +1,59 @@
+"""The town of an episode is known without building it, and must be the one that was driven in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shared_fixtures.episodes import write_drive
+
+from carlaloc_env.core.errors import EpisodeError, MapError
+from carlaloc_env.town.build import find_town, identify_town
+from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
+from recorder.episode.town import town_id_of, town_of
+
+
+@pytest.fixture
+def town(tmp_path: Path) -> Path:
+    """A copy of Town01 that may be changed."""
+    source, folder = find_town("Town01"), tmp_path / "maps" / "Mine"
+    folder.mkdir(parents=True)
+    for name in ("town.xodr", "town.toml"):
+        (folder / name).write_bytes(source.with_name(name).read_bytes())
+    return folder
+
+
+def drive_in(town: Path, path: Path) -> Episode:
+    header = EpisodeHeader(map_name=str(town), map_hash=identify_town(town).content_hash)
+    with EpisodeWriter(path, header) as writer:
+        write_drive(writer, 11, 0)
+    return Episode.load(path)
+
+
+def test_its_name_and_hash_are_read_and_nothing_is_built(
+    town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Building leaves a file in the cache."""
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "cache"))
+    episode = drive_in(town, tmp_path / "a.mcap")
+    found = town_id_of(episode)
+    assert (found.name, found.content_hash) == ("Mine", episode.header.map_hash)
+    assert len(found.content_hash) == 32
+    assert not (tmp_path / "cache").exists()
+
+
+@pytest.mark.parametrize("changed", ["town.xodr", "town.toml"])
+def test_a_changed_map_is_refused(town: Path, tmp_path: Path, changed: str) -> None:
+    episode = drive_in(town, tmp_path / "a.mcap")
+    with (town / changed).open("a") as file:
+        file.write("\n")
+    for ask in (town_id_of, town_of):
+        with pytest.raises(EpisodeError, match=r"another version of Mine .* record it again"):
+            ask(episode)
+
+
+def test_a_town_that_is_gone_is_a_named_error(town: Path, tmp_path: Path) -> None:
+    episode = drive_in(town, tmp_path / "a.mcap")
+    (town / "town.xodr").unlink()
+    with pytest.raises(MapError):
+        town_id_of(episode)

@@ -1,0 +1,91 @@
+"""Writing an episode: names, gaps, exceptions, full disks."""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_fixtures.episodes import frame_of, header_of, row_of, write_drive
+
+from carlaloc_env.core.errors import EpisodeError, OutputError
+from recorder.episode.episode import Episode, EpisodeWriter, open_episode
+
+
+def test_existing_names_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with EpisodeWriter(path, header_of(0)) as writer:
+        write_drive(writer, 3, 0)
+        for overwrite in (False, True):
+            with pytest.raises(OutputError, match=r"carlaloc info --repair .*a\.mcap\.recording"):
+                EpisodeWriter(path, header_of(0), overwrite=overwrite)
+    with pytest.raises(OutputError, match="move it away"):
+        EpisodeWriter(path, header_of(0))
+    with EpisodeWriter(path, header_of(0), overwrite=True) as writer:
+        write_drive(writer, 5, 0)
+        assert len(Episode.load(path).ego) == 3
+    assert len(Episode.load(path).ego) == 5
+
+
+def test_exception_keeps_what_was_recorded(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+
+    def crash() -> None:
+        with EpisodeWriter(path, header_of(0)) as writer:
+            write_drive(writer, 42, 0)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        crash()
+    assert not path.exists()
+    assert len(open_episode(path).ego) == 42
+
+
+def test_gaps_are_refused(tmp_path: Path) -> None:
+    with EpisodeWriter(tmp_path / "a.mcap", header_of(1)) as writer:
+        with pytest.raises(EpisodeError, match="tick 1 recorded where 0"):
+            writer.ego(1, row_of(1))
+        with pytest.raises(EpisodeError, match="step 2 recorded where 0"):
+            writer.step(2, frame_of(2, 1), np.zeros(1, np.uint8))
+        with pytest.raises(EpisodeError, match="2 actors"):
+            writer.step(0, frame_of(0, 2), np.zeros(1, np.uint8))
+
+
+class _NearlyFullDisk:
+    """A file that takes half of the next write and then has no space."""
+
+    def __init__(self, file: io.FileIO) -> None:
+        self._file = file
+        self._full = False
+
+    def write(self, data: memoryview) -> int:
+        if self._full:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        self._full = True
+        return self._file.write(data[: len(data) // 2])
+
+    def fileno(self) -> int:
+        return self._file.fileno()
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def test_full_disk_is_a_named_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.mcap"
+    writer = EpisodeWriter(path, header_of(0))
+    write_drive(writer, 250, 0)
+    monkeypatch.setattr(writer._file, "_file", _NearlyFullDisk(writer._file._file))
+
+    def drive_on() -> None:
+        for tick in range(250, 1000):
+            writer.ego(tick, row_of(tick))
+
+    with pytest.raises(EpisodeError, match="No space left"):
+        drive_on()
+    episode = open_episode(path)
+    assert episode.problem == "the file was not closed"
+    assert len(episode.ego) >= 180
