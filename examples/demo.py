@@ -20,7 +20,7 @@ from carlaloc_env.core.errors import CarlaLocError
 from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.evaluate import EvaluationResult, evaluate
 from recorder.evaluation.metrics import Metric
-from recorder.evaluation.trajectory import read_tum, write_tum
+from recorder.evaluation.trajectory_files import read_tum, write_tum
 from recorder.generation.replay import ReplayConfig, ReplayResult, replay
 from recorder.report.trajectory_plot import plot_trajectories
 from recorder.slam.gicp import gicp_odometry

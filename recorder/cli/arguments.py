@@ -131,7 +131,7 @@ def names(text: str) -> tuple[str, ...]:
 
 def seconds(text: str) -> float:
     """A time that is not negative [s]."""
-    value = _number(text)
+    value = number(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is negative")
     return value
@@ -139,7 +139,7 @@ def seconds(text: str) -> float:
 
 def positive_seconds(text: str) -> float:
     """A time above zero [s]."""
-    value = _number(text)
+    value = number(text)
     if value <= 0:
         raise argparse.ArgumentTypeError(f"{text} is not above zero")
     return value
@@ -153,7 +153,8 @@ def positive_int(text: str) -> int:
     return value
 
 
-def _number(text: str) -> float:
+def number(text: str) -> float:
+    """A finite number."""
     value = float(text)
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text} is not finite")

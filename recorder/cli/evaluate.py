@@ -3,6 +3,7 @@
 Examples:
   carlaloc evaluate --truth data/Town03/ground_truth/lidar.tum estimate.tum
   carlaloc evaluate --truth truth.tum orb.tum vins.tum --align posyaw --plot figures
+  carlaloc evaluate --truth truth.tum odometry.bag --topic /odometry --time-offset search
 """
 
 from __future__ import annotations
@@ -11,41 +12,67 @@ import argparse
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from recorder.cli.arguments import OutputFolder, force_option, input_path
+from recorder.cli.arguments import OutputFolder, force_option, input_path, number
 
 PLOT = "trajectories.png"
 """Name of the picture."""
 
+SEARCH = "search"
+"""Value of `--time-offset` that asks for the offset to be found."""
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc evaluate`."""
-    parser.add_argument("--truth", type=input_path, required=True, help="true trajectory (TUM)")
-    parser.add_argument("estimates", type=input_path, nargs="+", metavar="EST", help="estimates (TUM)")
+    parser.add_argument("--truth", type=input_path, required=True, help="true trajectory")
+    parser.add_argument(
+        "estimates", type=input_path, nargs="+", metavar="EST", help="TUM, KITTI, EuRoC csv or bags"
+    )
     parser.add_argument("--align", default="se3", help="se3, sim3, posyaw or none (default: se3)")
+    parser.add_argument("--times", type=input_path, metavar="TXT", help="times of KITTI poses")
+    parser.add_argument("--topic", help="topic of poses in a bag; else its only one")
+    parser.add_argument(
+        "--time-offset", type=_offset, default=0.0, metavar="S", help="added to the stamps [s], or search"
+    )
     parser.add_argument("--plot", type=OutputFolder(PLOT), metavar="DIR", help=f"draw {PLOT} there")
     force_option(parser, "an older picture")
+
+
+def _offset(text: str) -> float | str:
+    return SEARCH if text == SEARCH else number(text)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Evaluate."""
     from recorder.evaluation.align import Alignment
     from recorder.evaluation.evaluate import evaluate
-    from recorder.evaluation.trajectory import read_tum
+    from recorder.evaluation.time_offset import find_time_offset
+    from recorder.evaluation.trajectory_files import read_trajectory
 
     known = {alignment.name.lower(): alignment for alignment in Alignment}
     if arguments.align not in known:
         raise ConfigError(unknown_name("alignment", arguments.align, known))
-    truth = read_tum(arguments.truth)
-    results = [
-        evaluate(truth, read_tum(path), alignment=known[arguments.align]) for path in arguments.estimates
-    ]
+    alignment = known[arguments.align]
+    truth = read_trajectory(arguments.truth, times=arguments.times, topic=arguments.topic)
+    results, offsets_s = [], []
+    for path in arguments.estimates:
+        estimate = read_trajectory(path, times=arguments.times, topic=arguments.topic)
+        if arguments.time_offset == SEARCH:
+            offset_ns = find_time_offset(truth, estimate, alignment)
+        else:
+            offset_ns = round(arguments.time_offset * 1e9)
+        results.append(evaluate(truth, estimate, alignment=alignment, time_offset_ns=offset_ns))
+        offsets_s.append(offset_ns / 1e9)
     plots: list[str] = []
     if arguments.plot is not None:
         from recorder.report.trajectory_plot import plot_trajectories
 
         picture = plot_trajectories(results, arguments.plot / PLOT, overwrite=arguments.force)
         plots = [str(picture)]
-    return {"results": [result.to_mapping() for result in results], "plots": plots}
+    rows = zip(results, offsets_s, strict=True)
+    return {
+        "results": [{**result.to_mapping(), "time_offset_s": offset_s} for result, offset_s in rows],
+        "plots": plots,
+    }
 
 
 def show(result: dict[str, Any]) -> None:
@@ -53,6 +80,8 @@ def show(result: dict[str, Any]) -> None:
     for row in result["results"]:
         print(f"{row['estimate']}  against {row['truth']}")
         print(f"  {row['matched']} of {row['expected']} poses ({row['coverage']:.1%}); {row['alignment']}")
+        if row["time_offset_s"]:
+            print(f"  {row['time_offset_s']:+.6f} s added to the estimate's stamps")
         for metric in row["metrics"].values():
             print(
                 f"  {metric['label']:<58} rmse {metric['rmse']:.4f}  mean {metric['mean']:.4f}  "

@@ -48,7 +48,7 @@ def associate(
     if not len(pair[0]):
         raise EvaluationError(
             f"no pose of '{estimate.name}' lies within {max_gap_ns / 1e6:g} ms of one of '{truth.name}' "
-            f"({_span(estimate)} and {_span(truth)}); check the stamps"
+            f"({_span(estimate)} and {_span(truth)}); {_next_step(truth, estimate)}"
         )
     return pair
 
@@ -97,6 +97,15 @@ def _interpolated(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> t
         ),
         matched,
     )
+
+
+def _next_step(truth: Trajectory, estimate: Trajectory) -> str:
+    if not (len(truth) and len(estimate)):
+        return "give trajectories with poses"
+    apart_ns = max(truth.stamp_ns[0] - estimate.stamp_ns[-1], estimate.stamp_ns[0] - truth.stamp_ns[-1])
+    if apart_ns <= 0:
+        return "check the stamps"
+    return f"the stamps lie {apart_ns / 1e9:.6g} s apart; use --time-offset search"
 
 
 def _span(trajectory: Trajectory) -> str:

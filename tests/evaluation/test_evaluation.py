@@ -17,7 +17,8 @@ from recorder.evaluation.align import Alignment, umeyama
 from recorder.evaluation.associate import Association, associate
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
-from recorder.evaluation.trajectory import Trajectory, read_tum
+from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory_files import read_tum
 
 EPOCH_NS = 1_672_531_200_000_000_000
 

@@ -28,7 +28,7 @@ from recorder.episode.episode import Episode
 from recorder.episode.header import _checksum
 from recorder.episode.mcap_container import ContainerWriter, read_container
 from recorder.evaluation.evaluate import evaluate
-from recorder.evaluation.trajectory import read_tum
+from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.scans import read_scans
 
 try:

@@ -13,7 +13,8 @@ from robustness.targets import Seeds, targets
 
 from carlaloc_env.core.array_cache import default_cache_dir
 from recorder.drive.record import RecordConfig, record
-from recorder.evaluation.trajectory import Trajectory, write_tum
+from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory_files import write_tum
 from recorder.generation.replay import ReplayConfig, replay
 
 NAMES = tuple(targets(Seeds(episode=Path(), bag=Path(), tum=Path()), Path()))

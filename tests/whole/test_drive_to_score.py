@@ -29,7 +29,7 @@ from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
-from recorder.evaluation.trajectory import read_tum
+from recorder.evaluation.trajectory_files import read_tum
 from recorder.generation.dataset_manifest import checksums
 from recorder.generation.replay import ReplayConfig, ReplayResult, replay
 from recorder.slam.gicp import gicp_odometry

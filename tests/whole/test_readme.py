@@ -11,7 +11,7 @@ import pytest
 
 from carlaloc_env.core.errors import RaycastError, RenderError
 from recorder.cli.main import COMMANDS, _parser, main
-from recorder.evaluation.trajectory import read_tum
+from recorder.evaluation.trajectory_files import read_tum
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
-from recorder.evaluation.trajectory import tum_text
+from recorder.evaluation.trajectory_files import tum_text
 from recorder.writers.base import DEFAULT_EPOCH_NS, write_text
 
 
