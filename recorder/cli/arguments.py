@@ -153,6 +153,11 @@ def positive_int(text: str) -> int:
     return value
 
 
+def number_or_search(text: str) -> float | str:
+    """A finite number, or the word `search`."""
+    return text if text == "search" else number(text)
+
+
 def number(text: str) -> float:
     """A finite number."""
     value = float(text)

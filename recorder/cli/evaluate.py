@@ -12,13 +12,10 @@ import argparse
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from recorder.cli.arguments import OutputFolder, force_option, input_path, number
+from recorder.cli.arguments import OutputFolder, force_option, input_path, number_or_search
 
 PLOT = "trajectories.png"
 """Name of the picture."""
-
-SEARCH = "search"
-"""Value of `--time-offset` that asks for the offset to be found."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,14 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--times", type=input_path, metavar="TXT", help="times of KITTI poses")
     parser.add_argument("--topic", help="topic of poses in a bag; else its only one")
     parser.add_argument(
-        "--time-offset", type=_offset, default=0.0, metavar="S", help="added to the stamps [s], or search"
+        "--time-offset",
+        type=number_or_search,
+        default=0.0,
+        metavar="S",
+        help="added to the stamps [s], or search",
     )
     parser.add_argument("--plot", type=OutputFolder(PLOT), metavar="DIR", help=f"draw {PLOT} there")
     force_option(parser, "an older picture")
-
-
-def _offset(text: str) -> float | str:
-    return SEARCH if text == SEARCH else number(text)
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -56,7 +53,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     results, offsets_s = [], []
     for path in arguments.estimates:
         estimate = read_trajectory(path, times=arguments.times, topic=arguments.topic)
-        if arguments.time_offset == SEARCH:
+        if arguments.time_offset == "search":
             offset_ns = find_time_offset(truth, estimate, alignment)
         else:
             offset_ns = round(arguments.time_offset * 1e9)

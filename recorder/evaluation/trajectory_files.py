@@ -124,9 +124,7 @@ def _ordered(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xy
     quat = quat_xyzw[order]
     norm = np.sqrt(np.sum(quat**2, axis=1, keepdims=True))
     if not np.all(np.abs(norm - 1.0) < 0.01):
-        raise EvaluationError(
-            f"{path} holds a quaternion that is not of length 1; the order is x y z w"
-        )
+        raise EvaluationError(f"{path} holds a quaternion that is not of length 1; the order is x y z w")
     return Trajectory(
         stamp_ns=stamp_ns[order], position_m=position_m[order].copy(), quat_xyzw=quat / norm, name=path.stem
     )

@@ -21,10 +21,18 @@ OUTPUTS = [
     if is_output(action)
 ]
 NAMES_THAT_ARE_READ = {
-    "align", "device", "drop", "map", "quality", "rig", "topics", "town", "traffic", "weather",
+    "align", "device", "drop", "map", "quality", "rig", "topic", "topics", "town", "traffic", "weather",
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
-VALUES = (int, float, kinds.names, kinds.seconds, kinds.positive_seconds, kinds.positive_int)
+VALUES = (
+    int,
+    float,
+    kinds.names,
+    kinds.seconds,
+    kinds.positive_seconds,
+    kinds.positive_int,
+    kinds.number_or_search,
+)
 
 Capture = pytest.CaptureFixture[str]
 
