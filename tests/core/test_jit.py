@@ -46,9 +46,9 @@ def test_machine_code_is_kept_until_a_source_that_it_calls_changes(tmp_path: Pat
 
 def test_numba_still_keeps_its_stamp_where_ours_replaces_it() -> None:
     """Without the attribute nothing would be kept on disk any more: every start would compile for minutes."""
-    from carlaloc_env.sensors.event_camera import pixels
+    from carlaloc_env.sensors.event_camera import log_intensity
 
-    assert pixels.log_of._cache._cache_file._source_stamp == source_digest(pixels.__name__)
+    assert log_intensity.log_of._cache._cache_file._source_stamp == source_digest(log_intensity.__name__)
 
 
 def test_bands_cover_every_row_once_and_in_order() -> None:

@@ -26,7 +26,7 @@ from carlaloc_env.scene.semantic_tags import Tag, tags_in
 from carlaloc_env.sensors.base import Camera, World
 from carlaloc_env.sensors.camera.config import OUTPUTS, CameraConfig
 from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain
-from carlaloc_env.sensors.event_camera.pixels import log_intensity
+from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
 from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry

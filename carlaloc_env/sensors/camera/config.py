@@ -10,7 +10,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.lens_distortion import Lens
 from carlaloc_env.scene.semantic_tags import TAG_TABLES
 from carlaloc_env.sensors.base import Mount, SensorConfig
-from carlaloc_env.sensors.event_camera.event_camera import EventConfig
+from carlaloc_env.sensors.event_camera.config import EventConfig
 from carlaloc_env.sensors.imaging.imager import ImagerConfig
 from carlaloc_env.sensors.imaging.shutter import ShutterConfig
 

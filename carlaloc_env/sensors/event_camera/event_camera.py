@@ -18,51 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.samples import EVENT
-from carlaloc_env.sensors.event_camera.pixels import Pixels, PixelState, Shots, fire, limit_rate
+from carlaloc_env.sensors.event_camera.config import EventConfig
+from carlaloc_env.sensors.event_camera.esim import generate_events
+from carlaloc_env.sensors.event_camera.pixels import NoiseEvents, PixelState, Thresholds
+from carlaloc_env.sensors.event_camera.readout import limit_rate
 from carlaloc_env.sensors.imaging.frame import Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry, FrameMotion, motion_between
 from carlaloc_env.sensors.imaging.state_chain import Chain
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EventConfig:
-    """Pixels of an event camera; the defaults are CARLA's threshold with the noise of a good chip."""
-
-    threshold_on: float = 0.3
-    """Rise of log intensity that makes an event, no unit."""
-    threshold_off: float = 0.3
-    """Fall of log intensity that makes an event, no unit."""
-    threshold_sigma: float = 0.03
-    """Standard deviation of both thresholds between pixels, no unit (v2e: 0.03)."""
-    refractory_us: int = 500
-    """Shortest time between two events of a pixel [µs] (v2e: 500)."""
-    leak_hz: float = 0.1
-    """Positive events of a pixel in steady light [Hz]."""
-    shot_hz: float = 0.1
-    """Noise events of a pixel [Hz]."""
-    dark_cd_m2: float = 0.05
-    """Luminance whose photocurrent equals the dark current [cd/m²]."""
-    rate_max_mev_s: float = 0.0
-    """Most events the read-out passes on [million/s]; 0 = all."""
-    step_px: float = 1.0
-    """Farthest that anything moves between two samples of the signal [px]."""
-    restart_s: float = 10.0
-    """Pixels' memory begins anew at multiples of this time [s]."""
-
-    def __post_init__(self) -> None:
-        if min(self.threshold_on, self.threshold_off) < 0.01:
-            raise ConfigError("event thresholds must be at least 0.01")
-        rates = (self.leak_hz, self.shot_hz, self.rate_max_mev_s, self.threshold_sigma)
-        if min(*rates, self.refractory_us) < 0:
-            raise ConfigError(
-                "leak, shot noise, refractory time and rate limit of events must not be negative"
-            )
-        if self.dark_cd_m2 <= 0 or self.step_px <= 0 or self.restart_s <= 0:
-            raise ConfigError("dark_cd_m2, step_px and restart_s of events must be above zero")
 
 
 class EventCamera:
@@ -72,7 +37,7 @@ class EventCamera:
         self.config = config
         self._name, self._seed, self._optics = f"events_{name}", seed, optics
         self._shape = (optics.pinhole.height_px, optics.pinhole.width_px)
-        self._pixels = Pixels.draw(
+        self._thresholds = Thresholds.draw(
             seed, self._name, self._shape, config.threshold_on, config.threshold_off, config.threshold_sigma
         )
 
@@ -81,15 +46,15 @@ class EventCamera:
         """Time between two new beginnings [ns]."""
         return round(self.config.restart_s * 1e9)
 
-    def begin(self, log_intensity: F32, stamp_ns: int) -> PixelState:
+    def initial_state(self, log_intensity: F32, stamp_ns: int) -> PixelState:
         """State at a moment without history."""
-        return PixelState.begun(log_intensity, self._pixels, self._seed, self._name, stamp_ns)
+        return PixelState.initial(log_intensity, self._thresholds, self._seed, self._name, stamp_ns)
 
     def motion(self, before: FrameGeometry, after: FrameGeometry) -> FrameMotion:
         """How everything moves between two pictures; the same for all weathers."""
         return motion_between(self._optics, before, after)
 
-    def fire(
+    def generate(
         self, before: F32, after: F32, motion: FrameMotion, state: PixelState, span_ns: tuple[int, int]
     ) -> tuple[NDArray[np.void], PixelState]:
         """Events between two pictures of log intensity, and the state after them.
@@ -103,14 +68,14 @@ class EventCamera:
         """
         config, (start_ns, end_ns) = self.config, span_ns
         span_us = (end_ns - start_ns) // 1000
-        shots = Shots.draw(self._seed, self._name, end_ns, self._shape, config.shot_hz, span_us)
-        events, state = fire(
+        noise = NoiseEvents.draw(self._seed, self._name, end_ns, self._shape, config.shot_hz, span_us)
+        events, state = generate_events(
             before,
             after,
             motion,
             state,
-            self._pixels,
-            shots,
+            self._thresholds,
+            noise,
             start_ns=start_ns,
             span_us=span_us,
             refractory_us=config.refractory_us,
@@ -120,7 +85,7 @@ class EventCamera:
         if config.rate_max_mev_s > 0:
             events = limit_rate(events, start_ns, 1e6 * config.rate_max_mev_s)
         if start_ns // self.restart_ns < end_ns // self.restart_ns:
-            state = self.begin(after, end_ns)
+            state = self.initial_state(after, end_ns)
         return events, state
 
 
@@ -154,7 +119,7 @@ class EventChain:
 
         def begin(at_ns: int) -> _Held:
             glance, intensity = look(at_ns)
-            states = [self._camera.begin(one, at_ns) for one in intensity]
+            states = [self._camera.initial_state(one, at_ns) for one in intensity]
             none = [np.zeros(0, EVENT) for _ in intensity]
             return _Held(stamp_ns=at_ns, glance=glance, intensity=intensity, states=states, events=none)
 
@@ -162,7 +127,7 @@ class EventChain:
             glance, intensity = look(at_ns)
             motion = self._camera.motion(held.glance, glance)
             fired = [
-                self._camera.fire(before, after, motion, state, (held.stamp_ns, at_ns))
+                self._camera.generate(before, after, motion, state, (held.stamp_ns, at_ns))
                 for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
             ]
             return _Held(

@@ -19,7 +19,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.sensors.event_camera.event_camera import EventConfig
+from carlaloc_env.sensors.event_camera.config import EventConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
