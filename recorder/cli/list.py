@@ -1,0 +1,89 @@
+"""List what can be named: weathers, rigs, formats, topics, methods, devices.
+
+Examples:
+  carlaloc list weathers
+  carlaloc list formats --json
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc list`."""
+    parser.add_argument("kind", choices=tuple(KINDS), metavar="KIND", help=", ".join(KINDS))
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Collect the names."""
+    return {"kind": arguments.kind, "names": KINDS[arguments.kind]()}
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print a line for each name."""
+    width = max(len(name) for name in result["names"])
+    for name, what in result["names"].items():
+        print(f"{name:<{width}}  {what}".rstrip())
+
+
+def _weathers() -> dict[str, str]:
+    from carlaloc_env.weather.parameters import PRESETS
+
+    return {
+        name: f"sun {w.sun_altitude_angle:g}° high, clouds {w.cloudiness:g} %, rain {w.precipitation:g} %, "
+        f"fog {w.fog_density:g} %, wetness {w.wetness:g} %"
+        for name, w in PRESETS.items()
+    }
+
+
+def _rigs() -> dict[str, str]:
+    from carlaloc_env.rigs.presets import RIGS
+
+    return {name: ", ".join(sensor.name for sensor in make().sensors) for name, make in RIGS.items()}
+
+
+def _formats() -> dict[str, str]:
+    from recorder.generation.sequence_writers import FORMATS
+
+    return {name: " ".join((make.__doc__ or "").split()) for name, make in FORMATS.items()}
+
+
+def _topics() -> dict[str, str]:
+    from recorder.writers.topics import PROFILES
+
+    return {name: f"{len({rule.topic for rule in profile.rules})} topics" for name, profile in PROFILES.items()}
+
+
+def _methods() -> dict[str, str]:
+    from recorder.slam import METHODS
+
+    return {
+        name: f"{what}{'' if find_spec(module) else '; not installed, pip install carlaloc-env[slam]'}"
+        for name, (module, what) in METHODS.items()
+    }
+
+
+def _devices() -> dict[str, str]:
+    from recorder.devices.registry import DEVICES
+
+    return dict.fromkeys(DEVICES, "") | {
+        "scripted": "drives the town's route by itself",
+        "wheel": "wheel and pedals, by profile or calibrated",
+        "gamepad": "gamepad",
+        "keyboard": "arrow keys in the window",
+    }
+
+
+KINDS: dict[str, Callable[[], dict[str, str]]] = {
+    "weathers": _weathers,
+    "rigs": _rigs,
+    "formats": _formats,
+    "topics": _topics,
+    "methods": _methods,
+    "devices": _devices,
+}
+"""What can be listed, and how it is collected: names, and a few words on each."""
