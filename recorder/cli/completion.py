@@ -29,9 +29,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         raise MissingDependencyError('shtab is not installed; pip install "carlaloc-env[completion]"')
     import shtab
 
-    from recorder.cli.main import parser
+    from recorder.cli.main import make_parser
 
-    return {"shell": arguments.shell, "script": shtab.complete(parser(), shell=arguments.shell)}
+    return {"shell": arguments.shell, "script": shtab.complete(make_parser(), shell=arguments.shell)}
 
 
 def show(result: dict[str, Any]) -> None:

@@ -43,7 +43,10 @@ def _weathers() -> dict[str, str]:
 def _rigs() -> dict[str, str]:
     from carlaloc_env.rigs.presets import RIGS
 
-    return {name: ", ".join(sensor.name for sensor in make().sensors) for name, make in RIGS.items()}
+    def told(kind: str, name: str) -> str:
+        return name if kind == name else f"{kind} {name}"
+
+    return {name: ", ".join(told(s.kind, s.name) for s in make().sensors) for name, make in RIGS.items()}
 
 
 def _formats() -> dict[str, str]:
@@ -55,14 +58,16 @@ def _formats() -> dict[str, str]:
 def _topics() -> dict[str, str]:
     from recorder.writers.topics import PROFILES
 
-    return {name: f"{len({rule.topic for rule in profile.rules})} topics" for name, profile in PROFILES.items()}
+    return {
+        name: f"{len({rule.topic for rule in profile.rules})} topics" for name, profile in PROFILES.items()
+    }
 
 
 def _methods() -> dict[str, str]:
     from recorder.slam import METHODS
 
     return {
-        name: f"{what}{'' if find_spec(module) else '; not installed, pip install carlaloc-env[slam]'}"
+        name: what if find_spec(module) else f'{what}; not installed: pip install "carlaloc-env[slam]"'
         for name, (module, what) in METHODS.items()
     }
 

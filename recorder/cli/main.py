@@ -16,7 +16,7 @@ from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import check_outputs, shared_options
 
-COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate")
+COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate", "list", "completion")
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2
@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         0 when done, 1 after a named error (one line on stderr), 2 after a usage error.
     """
-    parser = _parser()
+    parser = make_parser()
     try:
         arguments = parser.parse_args(argv)
     except SystemExit as stop:
@@ -83,7 +83,8 @@ def _fail(arguments: argparse.Namespace, message: str) -> int:
     return EXIT_ERROR
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Parser of all commands."""
     parser = argparse.ArgumentParser(
         prog="carlaloc",
         description="Drive once; replay the drive under any weather and traffic; write bags; score SLAM.",

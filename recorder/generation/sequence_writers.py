@@ -58,15 +58,18 @@ class _WriterContext:
 
 
 def _rosbag1(m: _WriterContext) -> Writer:
+    """ROS 1 bag."""
     target = m.folder / f"{m.name}.bag"
     return Rosbag1Writer(target, m.calibration, profile=m.topics, streams=m.streams)
 
 
 def _euroc(m: _WriterContext) -> Writer:
+    """EuRoC (ASL) folder mav0: grey images, IMU, true states."""
     return EurocWriter(m.folder / "mav0", m.calibration, biases=m.imu.bias if m.imu else None)
 
 
 def _dsec(m: _WriterContext) -> list[Writer]:
+    """DSEC's HDF5 file of events for each event camera."""
     streams = [stream for stream in m.streams if stream.startswith("events_")]
     return [DsecWriter(m.folder / f"{stream}.h5", stream=stream) for stream in streams]
 

@@ -36,7 +36,7 @@ def command_lines(episode: Path, tum: Path, work: Path) -> st.SearchStrategy[lis
 
 
 def _drawn(draw: st.DrawFn, values: st.SearchStrategy[str]) -> list[str]:
-    parser = cli._parser()
+    parser = cli.make_parser()
     argv: list[str] = []
     while (choices := _choices(parser)) is not None:
         name = draw(st.sampled_from(sorted(set(choices) - set(LONG_COMMANDS))))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from recorder.cli.arguments import OutputFile, OutputFolder, input_path
-from recorder.cli.main import _parser
+from recorder.cli.main import make_parser
 
 Leaf = tuple[tuple[str, ...], argparse.ArgumentParser]
 """Words of a command, such as ``("maps", "check")``, and its parser."""
@@ -17,7 +17,7 @@ def all_commands(
     parser: argparse.ArgumentParser | None = None, words: tuple[str, ...] = ()
 ) -> Iterator[Leaf]:
     """Every command without commands of its own."""
-    parser = parser or _parser()
+    parser = parser or make_parser()
     below = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
     for action in below:
         for name, sub in action.choices.items():

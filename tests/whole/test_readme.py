@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.errors import RaycastError, RenderError
-from recorder.cli.main import COMMANDS, _parser, main
+from recorder.cli.main import COMMANDS, main, make_parser
 from recorder.evaluation.trajectory_files import read_tum
 
 ROOT = Path(__file__).parents[2]
@@ -52,7 +52,7 @@ def mentions(page: Path) -> list[list[str]]:
 )
 def test_every_command_parses(words: list[str]) -> None:
     """No option that does not exist, none that is missing."""
-    arguments = _parser().parse_args(words)
+    arguments = make_parser().parse_args(words)
     assert arguments.command == words[0]
 
 
@@ -62,7 +62,7 @@ def test_every_mentioned_command_exists(page: Path) -> None:
     for words in mentions(page):
         assert words[0] in COMMANDS
         options = {word for word in words if word.startswith("--")}
-        parser = _parser()._subparsers._group_actions[0].choices[words[0]]  # type: ignore[union-attr,index,call-overload]
+        parser = make_parser()._subparsers._group_actions[0].choices[words[0]]  # type: ignore[union-attr,index,call-overload]
         assert options <= set(parser._option_string_actions) | {"--out", "--waypoints", "--csv"}
 
 

@@ -1,0 +1,24 @@
+# CarlaLoc without a screen and without a GPU:
+#   docker build -t carlaloc . && docker run --rm -v "$PWD:/data" -w /data carlaloc record --duration 20 --out drive.mcap
+FROM python:3.11-slim-bookworm
+
+# The libraries of .ci/system-libraries: OpenGL by software, and what Embree and libusb users need.
+RUN apt-get update \
+    && apt-get install -y --no-install-recommends \
+        libegl1 \
+        libgl1 \
+        libgl1-mesa-dri \
+        libgomp1 \
+        libidn2-0 \
+        libusb-1.0-0 \
+    && rm -rf /var/lib/apt/lists/*
+
+COPY . /opt/carlaloc
+RUN pip install --no-cache-dir "/opt/carlaloc[slam,report]" && rm -rf /opt/carlaloc
+
+# Built towns and compiled code are kept here; mount a volume to keep them between runs.
+ENV CARLALOC_CACHE=/var/cache/carlaloc
+RUN useradd --create-home driver && mkdir -p /var/cache/carlaloc && chown driver /var/cache/carlaloc
+USER driver
+ENTRYPOINT ["carlaloc"]
+CMD ["--help"]

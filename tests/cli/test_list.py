@@ -1,0 +1,72 @@
+"""`carlaloc list` and `carlaloc completion`."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.weather.parameters import weather_by_name
+from recorder.cli.list import KINDS
+from recorder.cli.main import COMMANDS, main
+from recorder.devices.registry import DEVICES
+from recorder.generation.sequence_writers import check_formats
+from recorder.writers.topics import profile_by_name
+
+NAMED_BY = {"weathers": weather_by_name, "rigs": rig_by_name, "topics": profile_by_name}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_listed_can_be_named(kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", kind, "--json"]) == 0
+    names = json.loads(capsys.readouterr().out)["names"]
+    assert names
+    assert all(what.strip() for what in names.values())
+    if kind in NAMED_BY:
+        for name in names:
+            NAMED_BY[kind](name)
+    if kind == "formats":
+        check_formats(tuple(names))
+    if kind == "devices":
+        assert tuple(names) == DEVICES
+    assert main(["list", kind]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(names)
+
+
+def test_unknown_kind_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "colours"]) == 2
+    assert "weathers" in capsys.readouterr().err
+
+
+def test_bash_completes_commands_and_options(tmp_path: Path) -> None:
+    pytest.importorskip("shtab")
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    script = subprocess.run(
+        [sys.executable, "-m", "recorder.cli.main", "completion", "bash"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    (tmp_path / "carlaloc").write_text(script)
+    ask = (
+        f"source {tmp_path}/carlaloc; "
+        "COMP_WORDS=(carlaloc {words}); COMP_CWORD={at}; COMP_LINE='carlaloc {words}'; "
+        "$(complete -p carlaloc | sed 's/.*-F \\([^ ]*\\).*/\\1/') carlaloc; "
+        'printf "%s\\n" "${{COMPREPLY[@]}}"'
+    )
+    commands = subprocess.run(
+        [bash, "-c", ask.format(words="''", at=1)], capture_output=True, text=True, check=False
+    ).stdout.split()
+    assert set(COMMANDS) <= set(commands)
+    options = subprocess.run(
+        [bash, "-c", ask.format(words="replay --we", at=2)], capture_output=True, text=True, check=False
+    ).stdout.split()
+    assert options == ["--weather"]
