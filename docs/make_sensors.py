@@ -108,8 +108,8 @@ def _inputs(sensor: Any) -> str:
     parts = sorted(module.parent.glob("*.py")) if module.stem == module.parent.name else []
     source = "".join(path.read_text(encoding="utf-8") for path in (module, *parts))
     asked = (
-        ("the ego's motion", "ego_motion("),
-        ("wheels and pedals", "timeline.car"),
+        ("the ego's motion", "ego_motion(", "Snapshot.of("),
+        ("wheels and pedals", "timeline.car", "Snapshot.of("),
         ("boxes of all actors", "boxes_at("),
         ("rays against town and actors", ".rays()"),
         ("pictures of town and actors", ".renderer()"),
@@ -117,7 +117,7 @@ def _inputs(sensor: Any) -> str:
         ("the map's geo-reference", "world.geo"),
         ("the seed", "seed"),
     )
-    found = [name for name, sign in asked if sign in source]
+    found = [name for name, *signs in asked if any(sign in source for sign in signs)]
     feels = "feels the weather" if sensor.depends_on_weather else "the same in every weather by default"
     return f"{', '.join(found)}; {feels}."
 
