@@ -1,9 +1,12 @@
 """CarlaLoc: a driving world, a SLAM sensor suite and a dataset factory.
 
-Importing the package registers its Gymnasium environments and starts nothing.
+Importing the package registers its Gymnasium environments and starts nothing; its public names
+(docs/api.md) are loaded when they are asked for.
 """
 
 from gymnasium.envs.registration import register
+
+from carlaloc_env.core.lazy_names import lazy_names
 
 __version__ = "0.1.0"
 
@@ -21,3 +24,6 @@ for _town in TOWNS:
         max_episode_steps=_STEPS,
         kwargs={"map": _town},
     )
+
+__getattr__, _names = lazy_names(__name__, __file__)
+__all__ = [*_names, "TOWNS", "__version__"]
