@@ -201,7 +201,7 @@ def controls_of(action: ArrayLike) -> Controls:
     """Controls of an action vector (5,): steer, throttle, brake, reverse, handbrake.
 
     Raises:
-        ActionError: not five finite numbers in range.
+        ActionError: not five numbers, or a switch out of range; pedals and steering are the car's to check.
     """
     try:
         values = np.asarray(action, dtype=np.float64)
@@ -215,4 +215,4 @@ def controls_of(action: ArrayLike) -> Controls:
         if not 0.0 <= value <= 1.0:
             raise ActionError(f"{name} is {value}; give a finite number from 0 to 1")
     controls = Controls(steer=float(values[0]), throttle=float(values[1]), brake=float(values[2]))
-    return replace(controls, reverse=bool(values[3] > 0.5), handbrake=bool(values[4] > 0.5)).checked()
+    return replace(controls, reverse=bool(values[3] > 0.5), handbrake=bool(values[4] > 0.5))

@@ -118,7 +118,6 @@ class DrivingWorld:
         Raises:
             ActionError: a control is not finite or out of range; nothing has moved then.
         """
-        controls = controls.checked()
         if self._tick % 2 == 0:
             self._physics.set_actors(self.timeline.actors_at(stamp_ns(self._tick)), self.timeline.catalog)
         self._ego.tick(controls)

@@ -80,7 +80,7 @@ def lidar_rig() -> SensorRig:
 
 
 def state_rig() -> SensorRig:
-    """IMU, GNSS and speed: thousands of steps per second."""
+    """IMU, GNSS and speed: about a hundred steps per second."""
     return SensorRig(name="state", sensors=(_imu("flu"), _gnss(), SpeedConfig()))
 
 

@@ -7,10 +7,9 @@ import json
 import logging
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
@@ -20,8 +19,6 @@ COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate", "l
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2
-
-Run = Callable[[argparse.Namespace], dict[str, Any]]
 
 
 def main(argv: Sequence[str] | None = None) -> int:

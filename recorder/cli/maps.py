@@ -9,6 +9,7 @@ Examples:
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError
@@ -62,26 +63,9 @@ def show(result: dict[str, Any]) -> None:
 
 
 def _list(arguments: argparse.Namespace) -> dict[str, Any]:
-    from carlaloc_env.town.build import known_towns
-    from carlaloc_env.town.checks.report import check_map
-    from carlaloc_env.town.config import TownConfig
+    from recorder.report.town_list import list_towns
 
-    towns = []
-    for name, path in known_towns().items():
-        report = check_map(path)
-        toml = path.with_name("town.toml")
-        config = TownConfig.from_toml(toml) if toml.exists() else TownConfig(name=name)
-        towns.append(
-            {
-                "name": name,
-                "description": config.description,
-                "lane_km": report.lane_km,
-                "junctions": report.junctions,
-                "route_m": config.route.length_m or 0.0,
-                "path": str(path),
-            }
-        )
-    return {"towns": towns}
+    return {"towns": [asdict(town) for town in list_towns()]}
 
 
 def _preview(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -27,11 +27,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--traffic", type=names, default=("dynamic",), metavar="A,B", help="static, dynamic, fractions"
     )
-    parser.add_argument("--rig", default="paper", help="rig, or a .yaml file (default: paper)")
     parser.add_argument(
-        "--format", type=names, default=("rosbag1", "euroc"), metavar="A,B", help="rosbag1, euroc"
+        "--rig", default="paper", help="paper, flu, minimal, lidar, state, or a .yaml file (default: paper)"
     )
-    parser.add_argument("--topics", default="standard", help="topic profile: standard, slam or paper")
+    parser.add_argument(
+        "--format",
+        type=names,
+        default=("rosbag1", "euroc"),
+        metavar="A,B",
+        help="rosbag1, euroc, dsec (default: rosbag1,euroc)",
+    )
+    parser.add_argument(
+        "--topics", default="standard", help="topic profile of bags: standard, slam, paper or full"
+    )
     parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin here [s]")
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else to the end")
     parser.add_argument("--camera-start", type=seconds, metavar="S", help="pictures begin here [s]")

@@ -28,11 +28,6 @@ class Metric(Enum):
         """Unit of the values."""
         return "deg" if self in (Metric.APE_ROTATION, Metric.RPE_ROTATION) else "m"
 
-    @property
-    def is_relative(self) -> bool:
-        """Whether there is a value per pair of consecutive poses, not per pose."""
-        return self.name.startswith("RPE")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statistics:

@@ -15,7 +15,6 @@ from carlaloc_env.core import transforms as geometry
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.lens_distortion import Lens
-from carlaloc_env.samples import Odometry
 from recorder.writers.ros import event_messages
 
 Message = Any
@@ -159,12 +158,6 @@ class MessageParts:
         x, y, z = (float(v) for v in position_m)
         point = self.new("geometry_msgs/Point", x=x, y=y, z=z)
         return self.new("geometry_msgs/Pose", position=point, orientation=self.quaternion(quat_xyzw))
-
-    def pose_stamped(self, sample: Odometry, topic: str = "") -> Message:
-        """Pose of the sample's frame in the world."""
-        header = self.header(sample.stamp_ns, "world", topic)
-        pose = self.pose(sample.position_m, sample.quat_xyzw)
-        return self.new("geometry_msgs/PoseStamped", header=header, pose=pose)
 
     def clock(self, stamp_ns: int) -> Message:
         """Clock at a stamp [ns]."""

@@ -1,0 +1,40 @@
+"""The names that options take stand in `--help` and in README."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from carlaloc_env.rigs.presets import RIGS
+from recorder.cli.main import main
+from recorder.devices.registry import DEVICES
+from recorder.evaluation.align import Alignment
+from recorder.generation.sequence_writers import FORMATS
+from recorder.writers.topics import PROFILES
+
+README = Path(__file__).parents[2] / "README.md"
+NAMES = {
+    ("replay", "--format"): set(FORMATS),
+    ("replay", "--topics"): set(PROFILES),
+    ("replay", "--rig"): set(RIGS),
+    ("record", "--device"): set(DEVICES),
+    ("evaluate", "--align"): {alignment.name.lower() for alignment in Alignment},
+}
+
+
+@pytest.mark.parametrize(("command", "option"), NAMES)
+def test_help_names_all_that_an_option_takes(
+    command: str, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "--help"]) == 0
+    text = capsys.readouterr().out.split("options:")[1]
+    block = re.split(r"\n  -", text[text.index(f"\n  {option}") + 3 :])[0]
+    assert NAMES[command, option] <= set(re.findall(r"\w+", block.partition("\n")[0] + block))
+
+
+@pytest.mark.parametrize("names", [FORMATS, PROFILES, RIGS], ids=["formats", "profiles", "rigs"])
+def test_readme_names_all_formats_profiles_and_rigs(names: dict[str, object]) -> None:
+    text = README.read_text(encoding="utf-8")
+    assert not [name for name in names if f"`{name}`" not in text]
