@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -15,14 +17,14 @@ from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
+from carlaloc_env.core.errors import ActionError, ClosedError, ConfigError, unknown_name
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.observation import Observation, Observer
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.samples import Sample
+from carlaloc_env.samples import Sample, SampleList
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
@@ -125,6 +127,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             np.array([-1, 0, 0, 0, 0], np.float32), np.ones(5, np.float32), dtype=np.float32
         )
         self._began = False
+        self._closed = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -134,8 +137,14 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         Args:
             seed: Seed of traffic and noise; a fresh one is drawn from the last when left out.
             options: None are known.
+
+        Raises:
+            ConfigError: the seed is negative or no whole number, or there is an option.
+            ClosedError: the environment has been closed.
         """
-        super().reset(seed=seed)
+        self._check_open("reset")
+        check_reset(seed, options)
+        super().reset(seed=None if seed is None else int(seed))
         drive_seed = int(self.np_random.integers(2**31))
         self.stage.seed = drive_seed
         self._rig = self.rig_config.build(self.stage)
@@ -150,7 +159,9 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         Raises:
             ActionError: the action is not finite, out of range or of the wrong shape; nothing has moved.
+            ClosedError: the environment has been closed.
         """
+        self._check_open("step")
         if not self._began:
             raise ActionError("step before reset; call reset() first")
         controls = controls_of(action)
@@ -166,9 +177,18 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self._observer.observe(samples), reward, terminated, False, self._info(samples, contacts)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
-        """A 640×360 picture from the driver's seat, sRGB (360, 640, 3), in `render_mode` rgb_array."""
+        """A 640×360 picture from the driver's seat, sRGB (360, 640, 3), in `render_mode` rgb_array.
+
+        Raises:
+            ActionError: there has been no reset.
+            ClosedError: the environment has been closed.
+            RenderError: OpenGL is missing on this machine.
+        """
+        self._check_open("render")
         if self.render_mode != "rgb_array":
             return None
+        if not self._began:
+            raise ActionError("render before reset; call reset() first")
         renderer, now = self.stage.renderer(), self.world.now_ns
         snapshot = Snapshot.of(self.world.timeline, now)
         instances = instances_at(self.stage.library, self.stage.lenses, snapshot)
@@ -177,14 +197,19 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return renderer.shade(picture, self.weather.at(now), stamp_ns=now, seed=self.stage.seed)
 
     def close(self) -> None:
-        """Give physics and GPU memory back."""
+        """Give physics and GPU memory back; may be called twice."""
+        self._closed = True
         self.world.close()
         self.stage.close()
+
+    def _check_open(self, call: str) -> None:
+        if self._closed:
+            raise ClosedError(f"{call} after close; make a new environment with gymnasium.make()")
 
     def _info(self, samples: list[Sample], contacts: list[Contact]) -> dict[str, Any]:
         timeline, now = self.world.timeline, self.world.now_ns
         return {
-            "samples": samples,
+            "samples": SampleList(samples),
             "truth": truth_at(timeline, [now], np.eye(4))[0],
             "objects": objects_at(timeline, now, rays=self.stage.rays() if self._visibility else None),
             "stamp_ns": now,
@@ -195,6 +220,22 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
 
 _T_BASE_SEAT = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.03, 0.0)) @ R_FLU_OPTICAL, (1.8, 0.0, 1.65))
+
+
+def check_reset(seed: object, options: Mapping[str, object] | None) -> None:
+    """Refuse a seed or options that `CarlaLocEnv.reset` does not take.
+
+    Raises:
+        ConfigError: the seed is negative or no whole number, or there is an option.
+    """
+    whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) and seed >= 0
+    if not whole and seed is not None:
+        raise ConfigError(f"reset: the seed is {seed!r}; give a whole number of 0 or more, or none")
+    if options:
+        settings = ", ".join(signature(CarlaLocEnv).parameters)
+        raise ConfigError(
+            f"reset has no option '{next(iter(options))}', nor any other; gymnasium.make() takes {settings}"
+        )
 
 
 def controls_of(action: ArrayLike) -> Controls:

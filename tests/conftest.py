@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-pytest_plugins = ["shared_fixtures.scenes", "shared_fixtures.sticks", "shared_fixtures.drives"]
+pytest_plugins = [
+    "shared_fixtures.scenes",
+    "shared_fixtures.sticks",
+    "shared_fixtures.drives",
+    "shared_fixtures.lifecycles",
+]
 
 LONG = ("tests/whole/", "tests/env/", "tests/window/", "tests/drive/")
 """Folders whose modules take a minute or more."""

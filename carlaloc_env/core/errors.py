@@ -44,6 +44,10 @@ class ActionError(CarlaLocError):
     """An action is not finite or out of its range."""
 
 
+class ClosedError(CarlaLocError):
+    """Something is used after it has been closed."""
+
+
 class DeviceError(CarlaLocError):
     """An input device is missing or gave no usable value."""
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import cos, sin
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, TICK_S
+from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 MAX_BOXES = 32

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from math import atan, cos, sin, sqrt, tan
 
 import numpy as np
-import pybullet
 from numpy.typing import ArrayLike
 
 from carlaloc_env.core import transforms
@@ -16,6 +15,7 @@ from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain
+from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.physics.wheel import BodyMotion, Wheel, wet_at_speed
 from carlaloc_env.physics.world import PhysicsWorld, Point
 

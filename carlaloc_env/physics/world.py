@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+import weakref
+from collections.abc import Iterator
 from types import TracebackType
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.clock import TICK_S
@@ -14,6 +16,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog
+from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4
@@ -45,7 +48,9 @@ class PhysicsWorld:
         _check_mesh(vertices, triangles)
         self.set_friction(friction)
         self._client: int = pybullet.connect(pybullet.DIRECT)
-        self._is_open = True
+        # Also for a world that is dropped without being closed: PyBullet keeps it else.
+        self._disconnect = weakref.finalize(self, pybullet.disconnect, physicsClientId=self._client)
+        self._disconnect.atexit = False
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=TICK_S,
             numSubSteps=1,
@@ -173,9 +178,7 @@ class PhysicsWorld:
 
     def close(self) -> None:
         """Free the PyBullet server; may be called twice."""
-        if self._is_open:
-            self._is_open = False
-            pybullet.disconnect(physicsClientId=self._client)
+        self._disconnect()
 
     def __enter__(self) -> PhysicsWorld:
         return self
@@ -187,13 +190,22 @@ class PhysicsWorld:
 
     def _add_static(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
         used, index = np.unique(triangles, return_inverse=True)
+        # PyBullet never lets go of these two lists nor of the vertices in them, 30 MB of a town: they are
+        # emptied after use, and one object stands for all vertices.
+        # Made before what goes into them, so that little memory around them stays in use.
+        vertex, indices = _EachVertex(), list[int]()
+        corners = [vertex] * len(used)
+        vertex.rows = itertools.cycle(vertices[used].tolist())
+        indices += index.ravel().tolist()
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
-            vertices=vertices[used].tolist(),
-            indices=index.ravel().tolist(),
+            vertices=corners,
+            indices=indices,
             flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH | pybullet.GEOM_CONCAVE_INTERNAL_EDGE,
             physicsClientId=self._client,
         )
+        for kept in (corners, indices, vertex):
+            kept.clear()
         body = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
         pybullet.changeDynamics(
             body, -1, lateralFriction=_BODY_FRICTION, restitution=0.0, physicsClientId=self._client
@@ -202,6 +214,23 @@ class PhysicsWorld:
         pybullet.setCollisionFilterGroupMask(
             body, -1, GROUP_STATIC, GROUP_STATIC | GROUP_EGO, physicsClientId=self._client
         )
+
+
+class _EachVertex:
+    """The vertices of a mesh one after the other, over and over: every look gives the next one."""
+
+    def __init__(self) -> None:
+        self.rows: Iterator[list[float]] = itertools.cycle([])
+
+    def __len__(self) -> int:
+        return 3
+
+    def __iter__(self) -> Iterator[float]:
+        return iter(next(self.rows))
+
+    def clear(self) -> None:
+        """Forget the vertices."""
+        self.rows = itertools.cycle([])
 
 
 def _check_mesh(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:

@@ -4,7 +4,7 @@ Every sample names its `sensor` (the observation key), its `frame_id` and its `s
 of measurement since the drive began.
 """
 
-from carlaloc_env.samples.base import Sample
+from carlaloc_env.samples.base import Sample, SampleList
 from carlaloc_env.samples.ground_truth import ObjectList, Odometry
 from carlaloc_env.samples.images import (
     EVENT,
@@ -33,6 +33,7 @@ __all__ = [
     "PointCloud",
     "RadarScan",
     "Sample",
+    "SampleList",
     "SemanticImage",
     "Speed",
     "WheelTicks",

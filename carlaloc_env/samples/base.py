@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -26,7 +27,7 @@ def check(sample: object, name: str, dtype: type[np.generic], shape: tuple[int |
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Sample:
     """Common part of all samples."""
 
@@ -44,6 +45,29 @@ class Sample:
         return all(_same(getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
 
     __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        """One line: arrays of more than four numbers by type and shape."""
+        values = (f"{f.name}={_short(getattr(self, f.name))}" for f in fields(self))
+        return f"{type(self).__name__}({', '.join(values)})"
+
+
+class SampleList(list[Sample]):
+    """Samples in the order of their stamps; a list that prints as one line."""
+
+    def __repr__(self) -> str:
+        """How many there are of each stream."""
+        counts = Counter(sample.sensor for sample in self)
+        streams = ", ".join(name if count == 1 else f"{count} {name}" for name, count in counts.items())
+        return f"<{len(self)} samples: {streams}>"
+
+
+def _short(value: object) -> str:
+    if not isinstance(value, np.ndarray):
+        return repr(value)
+    if value.ndim <= 1 and value.size <= 4:
+        return np.array2string(value, precision=6, separator=", ")
+    return f"{value.dtype}{list(value.shape)}"
 
 
 def _same(a: object, b: object) -> bool:

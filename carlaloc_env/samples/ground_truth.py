@@ -11,7 +11,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.samples.base import Sample, check
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Odometry(Sample):
     """True motion of a frame; `frame_id` is the frame whose motion this is."""
 
@@ -34,7 +34,7 @@ class Odometry(Sample):
         check(self, "acceleration_world_mps2", np.float64, (3,))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class ObjectList(Sample):
     """True boxes of all other road users, whether seen or not, parallel arrays of N."""
 
@@ -69,6 +69,10 @@ class ObjectList(Sample):
             check(self, name, np.float64, (count, 3))
         for name in ("heading_rad", "pitch_rad", "roll_rad", "yaw_rate_radps", "visible", "distance_m"):
             check(self, name, np.float64, (count,))
+
+    def __repr__(self) -> str:
+        """One line: how many there are."""
+        return f"ObjectList(stamp_ns={self.stamp_ns}, {len(self.id)} objects)"
 
     @property
     def occluded(self) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.samples.base import Sample, check
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Image(Sample):
     """A colour picture."""
 
@@ -21,7 +21,7 @@ class Image(Sample):
         check(self, "rgb", np.uint8, (None, None, 3))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class DepthImage(Sample):
     """Distance along the optical axis of every pixel."""
 
@@ -32,7 +32,7 @@ class DepthImage(Sample):
         check(self, "depth_m", np.float32, (None, None))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SemanticImage(Sample):
     """What every pixel shows."""
 
@@ -46,7 +46,7 @@ class SemanticImage(Sample):
         check(self, "instance", np.uint32, (None, None))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlowImage(Sample):
     """Optical flow: how far what every pixel shows moves until the camera's next picture."""
 
@@ -61,7 +61,7 @@ class FlowImage(Sample):
         return self.flow_px
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class NormalImage(Sample):
     """Surface normals of every pixel, towards the camera."""
 
@@ -80,7 +80,7 @@ EVENT = np.dtype([("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
 """One event, 13 bytes: time since the drive began [ns], column, row [px], 1 = brighter or 0 = darker."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Events(Sample):
     """What an event camera fired in one period; `stamp_ns` is the end of the period."""
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.samples.base import Sample, check
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class PointCloud(Sample):
     """One LiDAR revolution in the sensor frame (FLU), each point where the sensor was at its time.
 
@@ -48,7 +48,7 @@ class PointCloud(Sample):
             check(self, "cos_incidence", np.float32, (count,))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class RadarScan(Sample):
     """Detections of one radar frame, nearest first, in the radar's frame (FLU)."""
 

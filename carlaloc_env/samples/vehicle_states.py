@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.samples.base import Sample, check
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Imu(Sample):
     """One inertial measurement in the IMU frame; at rest the up axis reads +9.81 m/s²."""
 
@@ -30,7 +30,7 @@ class Imu(Sample):
             check(self, "quat_xyzw", np.float64, (4,))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class GnssFix(Sample):
     """One satellite fix on WGS84."""
 
@@ -53,7 +53,7 @@ class GnssFix(Sample):
         check(self, "covariance_enu_m2", np.float64, (3, 3))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Speed(Sample):
     """The speedometer."""
 
@@ -61,7 +61,7 @@ class Speed(Sample):
     """Forward speed of base_link [m/s], negative backwards."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class WheelTicks(Sample):
     """Counters of the wheels: front left, front right, rear left, rear right."""
 
@@ -77,7 +77,7 @@ class WheelTicks(Sample):
         check(self, "rate_radps", np.float64, (4,))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class CanState(Sample):
     """What a car tells on its CAN bus, rounded to the bus' steps."""
 

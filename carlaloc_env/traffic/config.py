@@ -54,6 +54,8 @@ class TrafficConfig:
     def __post_init__(self) -> None:
         if self.vehicles < 0 or self.walkers < 0 or self.warm_up_s < 0:
             raise ConfigError("traffic: vehicles, walkers and warm_up_s must not be negative")
+        if self.seed < 0:
+            raise ConfigError(f"the seed is {self.seed}; give a whole number of 0 or more")
         for item in fields(self):
             if item.name.endswith("_percentage") and not 0.0 <= getattr(self, item.name) <= 100.0:
                 raise ConfigError(f"traffic: {item.name} is {getattr(self, item.name)}; give 0 to 100")

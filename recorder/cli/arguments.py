@@ -153,6 +153,14 @@ def positive_int(text: str) -> int:
     return value
 
 
+def seed(text: str) -> int:
+    """Seed of random numbers: a whole number of 0 or more."""
+    value = int(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is negative; give a whole number of 0 or more")
+    return value
+
+
 def number_or_search(text: str) -> float | str:
     """A finite number, or the word `search`."""
     return text if text == "search" else number(text)

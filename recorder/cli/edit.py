@@ -16,7 +16,7 @@ from typing import Any
 
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.output_paths import EPISODE_SUFFIX
-from recorder.cli.arguments import OutputFile, force_option, input_path, shared_options
+from recorder.cli.arguments import OutputFile, force_option, input_path, seed, shared_options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actors.add_argument("--drop", help="all, vehicles, walkers, models or ids, with commas between them")
     actors.add_argument("--keep", type=float, metavar="FRACTION", help="fraction of the others that stays")
     traffic = actions.add_parser("traffic", parents=shared, help="the same drive among other traffic")
-    traffic.add_argument("--seed", type=int, required=True, help="seed of the new traffic")
+    traffic.add_argument("--seed", type=seed, required=True, help="seed of the new traffic")
     for action in (cut, join, actors, traffic):
         action.add_argument("episode", type=input_path, help="episode (.mcap)")
         if action is join:

@@ -17,7 +17,7 @@ from typing import Any
 
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.output_paths import EPISODE_SUFFIX
-from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds
+from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, seed
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", type=OutputFile(EPISODE_SUFFIX), help="episode to write, e.g. drive.mcap")
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else the route")
-    parser.add_argument("--seed", type=int, default=0, help="seed of traffic and scripted driver")
+    parser.add_argument("--seed", type=seed, default=0, help="seed of traffic and scripted driver")
     parser.add_argument("--traffic", default="dynamic", help="dynamic, static or a fraction")
     parser.add_argument("--weather", default="ClearNoon", help="weather in the window, or a schedule.yaml")
     parser.add_argument(

@@ -10,7 +10,15 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, input_path, names, positive_int, positive_seconds, seconds
+from recorder.cli.arguments import (
+    OutputFolder,
+    input_path,
+    names,
+    positive_int,
+    positive_seconds,
+    seconds,
+    seed,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--camera-duration", type=positive_seconds, metavar="S", help="length of pictures [s]"
     )
-    parser.add_argument("--seed", type=int, help="seed of sensor noise; else the episode's")
+    parser.add_argument("--seed", type=seed, help="seed of sensor noise; else the episode's")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")
     parser.add_argument("--no-preview", action="store_true", help="make no films")

@@ -163,6 +163,7 @@ def test_usage_errors_exit_with_2(capfd: Capture) -> None:
     assert main(["recrod"]) == 2
     assert main(["record"]) == 2
     assert main(["record", "--out", "x.mcap", "--duration", "-3"]) == 2
+    assert main(["record", "--out", "x.mcap", "--seed", "-1"]) == 2
     capfd.readouterr()
 
 
