@@ -10,8 +10,7 @@ import gymnasium
 import numpy as np
 
 import carlaloc_env  # noqa: F401  registers the environments
-from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env import LidarConfig, SensorRig
 
 RIG_FILE = Path(__file__).with_suffix(".yaml")
 REAR_PICTURE = Path("rear.png")

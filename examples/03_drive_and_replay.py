@@ -6,10 +6,8 @@ from pathlib import Path
 
 from rosbags.highlevel import AnyReader
 
-from carlaloc_env.core.controls import Controls
-from carlaloc_env.driving.driver_view import DriverView
-from recorder.drive.record import RecordConfig, record
-from recorder.generation.replay import ReplayConfig, replay
+from carlaloc_env import Controls, DriverView
+from recorder import RecordConfig, ReplayConfig, record, replay
 
 
 class CruiseControl:

@@ -7,16 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from carlaloc_env import GnssFix, SensorStage, load_town, weather_by_name
 from carlaloc_env.rigs.presets import state_rig
-from carlaloc_env.samples import GnssFix
-from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode.episode import Episode
-from recorder.evaluation.align import Alignment
-from recorder.evaluation.evaluate import EvaluationResult, evaluate
-from recorder.evaluation.metrics import Metric
-from recorder.evaluation.trajectory import Trajectory
+from recorder import Alignment, Episode, EvaluationResult, Metric, Trajectory, evaluate
 
 
 def main(drive: Path, seed: int = 0) -> EvaluationResult:

@@ -7,12 +7,8 @@ from pathlib import Path
 
 from barometer import BarometerConfig, Pressure
 
-from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.registry import SENSOR_KINDS
-from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode.episode import Episode
+from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, load_town, weather_by_name
+from recorder import Episode
 
 RIG = """
 name: weather_station

@@ -9,16 +9,17 @@ from typing import Any
 import numpy as np
 from laser import LaserConfig, Ranges
 
-from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.registry import SENSOR_KINDS
-from carlaloc_env.town.build import load_town
-from carlaloc_env.weather.parameters import weather_by_name
-from recorder.episode.episode import Episode
-from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.messages import ENCODERS, MessageMaker
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.topics import PROFILES, TopicProfile, TopicRule
+from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, load_town, weather_by_name
+from recorder import (
+    ENCODERS,
+    PROFILES,
+    Episode,
+    MessageMaker,
+    RigCalibration,
+    Rosbag1Writer,
+    TopicProfile,
+    TopicRule,
+)
 
 RIG = """
 name: bumper

@@ -9,10 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
-from carlaloc_env.samples import Sample
-from carlaloc_env.sensors.base import Sensor, SensorConfig, World
+from carlaloc_env import Sample, Sensor, SensorConfig, Timeline
+from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.inertial.stochastic_processes import white
-from carlaloc_env.timeline.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

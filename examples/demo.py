@@ -16,15 +16,22 @@ import cv2
 import numpy as np
 from tqdm import tqdm
 
-from carlaloc_env.core.errors import CarlaLocError
-from recorder.drive.record import RecordConfig, record
-from recorder.evaluation.evaluate import EvaluationResult, evaluate
-from recorder.evaluation.metrics import Metric
-from recorder.evaluation.trajectory_files import read_tum, write_tum
-from recorder.generation.replay import ReplayConfig, ReplayResult, replay
-from recorder.report.trajectory_plot import plot_trajectories
-from recorder.slam.gicp import gicp_odometry
-from recorder.slam.kiss_icp import kiss_icp_odometry
+from carlaloc_env import CarlaLocError
+from recorder import (
+    EvaluationResult,
+    Metric,
+    RecordConfig,
+    ReplayConfig,
+    ReplayResult,
+    evaluate,
+    gicp_odometry,
+    kiss_icp_odometry,
+    plot_trajectories,
+    read_tum,
+    record,
+    replay,
+    write_tum,
+)
 
 WEATHERS = ("ClearNoon", "FoggyNoon")
 TRAFFIC = ("static", "dynamic")

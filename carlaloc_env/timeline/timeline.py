@@ -191,11 +191,11 @@ class Timeline:
         if fraction == 0.0:
             return a
         f = np.float32(fraction)
-        way = b.position_m - a.position_m
-        if len(way) and np.abs(way).max() > JUMP_M:
+        change = b.position_m - a.position_m
+        if len(change) and np.abs(change).max() > JUMP_M:
             b = _held(a, b)
-            way = b.position_m - a.position_m
-        position = a.position_m + f * way
+            change = b.position_m - a.position_m
+        position = a.position_m + f * change
         return ActorFrame(
             position_m=position,
             heading_rad=_turn(a.heading_rad, b.heading_rad, f),

@@ -112,8 +112,8 @@ class CarTrack:
             )
         after = np.minimum(row + 1, self._count - 1)
         begin = self._rows[row]
-        share = ((stamps % TICK_NS) / TICK_NS)[:, None]
-        values = begin + share * (self._rows[after] - begin)
+        fraction = ((stamps % TICK_NS) / TICK_NS)[:, None]
+        values = begin + fraction * (self._rows[after] - begin)
         return CarState(
             wheel_angle_rad=values[:, :4],
             wheel_spin_radps=values[:, 4:8],

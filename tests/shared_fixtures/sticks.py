@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.town.routing.route import Route
+from recorder.devices.inputs import Inputs
 
 WHEEL, GAMEPAD = 2, 1
 
@@ -92,3 +95,13 @@ def straight_route() -> Route:
         length_m=1000.0,
         closed=False,
     )
+
+
+@pytest.fixture
+def inputs() -> Iterator[Inputs]:
+    """Events of all sticks, without a window."""
+    pytest.importorskip("pygame")
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+    source = Inputs(window=False)
+    yield source
+    source.close()

@@ -11,22 +11,11 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from shared_fixtures.drives import CALM, small_cameras
 
-from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
-from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.rigs.presets import flu_rig
-from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.samples import Sample
-from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera.config import CameraConfig
-from carlaloc_env.town.build import load_town
-from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
-from recorder.episode.episode import Episode
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
@@ -35,25 +24,12 @@ from recorder.generation.replay import ReplayConfig, ReplayResult, replay
 from recorder.slam.gicp import gicp_odometry
 from recorder.slam.kiss_icp import kiss_icp_odometry
 
-CALM = "dynamic,vehicles=50,walkers=10"
-
-
-def _small_cameras(rig: SensorRig) -> SensorRig:
-    """The rig with pictures of 160×90 pixels."""
-    sensors = tuple(
-        CameraConfig(name=s.name, mount=s.mount, pinhole=Pinhole.from_fov(160, 90, 90.0))
-        if isinstance(s, CameraConfig)
-        else s
-        for s in rig.sensors
-    )
-    return SensorRig(name="small", sensors=sensors)
-
 
 @pytest.fixture(scope="module")
 def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A rig in YAML: HDL-32E, IMU, GNSS, small stereo pair."""
     path = tmp_path_factory.mktemp("rig") / "small.yaml"
-    path.write_text(_small_cameras(flu_rig()).to_yaml(), encoding="utf-8")
+    path.write_text(small_cameras(flu_rig()).to_yaml(), encoding="utf-8")
     return path
 
 
@@ -161,48 +137,6 @@ def test_replaying_again_gives_the_same_bytes(
         for stamp, raw in part:
             # ROS 1 headers count messages from the bag's beginning; the four bytes of seq differ.
             assert whole[stamp][4:] == raw[4:], topic
-
-
-def test_live_samples_equal_replayed_samples(tmp_path: Path) -> None:
-    """The samples of a live drive are, byte for byte, those of its episode's replay."""
-    town = load_town("Town03")
-    rig = _small_cameras(flu_rig())
-    stage = SensorStage(town, seed=7, weather=weather_by_name("ClearNoon"))
-    built = rig.build(stage)
-    world = DrivingWorld(town, traffic_of_town(town, CALM, 7))
-    world.reset(7)
-    live: list[Sample] = []
-    try:
-        for step in range(12):
-            before = world.now_ns
-            for _ in range(10):
-                world.tick(Controls(throttle=0.5, steer=0.05))
-            live += built.measure(world.timeline, before if step else -1, world.now_ns)
-            world.forget_before(world.now_ns - 2 * STEP_NS)
-    except RenderError as error:
-        pytest.skip(str(error))
-    path = tmp_path / "same.mcap"
-
-    class Driver:
-        name = "test"
-
-        def read(self, view: object) -> Controls:
-            return Controls(throttle=0.5, steer=0.05)
-
-        def close(self) -> None:
-            pass
-
-    record(RecordConfig(out=path, duration_s=0.6, seed=7, traffic=CALM), device=Driver())
-    replayed = built.measure(Episode.load(path).timeline(), -1, world.now_ns)
-
-    def by_stamp(samples: list[Sample]) -> dict[tuple[int, str], Sample]:
-        # A live sweep comes when it is complete, after the IMU samples taken meanwhile.
-        return {(sample.stamp_ns, sample.sensor): sample for sample in samples}
-
-    assert len(live) == len(replayed) > 150
-    assert by_stamp(live) == by_stamp(replayed)
-    stage.close()
-    world.close()
 
 
 def test_checksums_tell_every_file(data: ReplayResult) -> None:

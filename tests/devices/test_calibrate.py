@@ -1,0 +1,50 @@
+"""Calibration of a device as a person does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recorder.devices.calibrate import calibrate
+from recorder.devices.inputs import Inputs
+from recorder.devices.profile import read_profile
+
+pytest.importorskip("pygame")
+
+
+Plug = Callable[..., Any]
+
+
+def test_calibration_as_a_person_does_it(inputs: Inputs, tmp_path: Path, plug: Plug) -> None:
+    """A person follows the lines shown; this wheel has its pedals swapped and the throttle upside down."""
+    stick = plug()
+    for axis, rest in ((0, 0.0), (1, -1.0), (2, 1.0), (3, 0.0)):
+        stick.axis(axis, 0.5)
+        stick.axis(axis, rest)
+    inputs.pump()
+    moves = {"LEFT": (0, 0.97), "RIGHT": (0, -0.96), "THROTTLE": (1, 1.0), "BRAKE": (2, -1.0)}
+    rests = {0: 0.0, 1: -1.0, 2: 1.0}
+    moved: list[int] = []
+
+    def person(line: str) -> None:
+        if "Let go" in line and moved:
+            stick.axis(moved[-1], rests[moved[-1]])
+        for word, (axis, value) in moves.items():
+            if word in line:
+                moved.append(axis)
+                stick.axis(axis, value)
+
+    path = calibrate("wheel", ask=person, inputs=inputs, folder=tmp_path)
+    stick.unplug()
+    profile = read_profile(path.read_text(), "x")
+    assert profile.calibrated
+    assert profile.steer is not None
+    assert profile.throttle is not None
+    assert profile.brake is not None
+    assert (profile.steer.axis, profile.throttle.axis, profile.brake.axis) == (0, 1, 2)
+    assert profile.steer.full == pytest.approx(0.97, abs=0.01)
+    assert (profile.throttle.rest, profile.throttle.full) == pytest.approx((-1.0, 1.0), abs=0.01)
+    assert (profile.brake.rest, profile.brake.full) == pytest.approx((1.0, -1.0), abs=0.01)

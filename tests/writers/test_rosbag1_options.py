@@ -1,0 +1,113 @@
+"""ROS 1 bags: profiles, compressions before ROS's own reader, refusals."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_fixtures.bag_samples import cloud, drive, read, rig
+
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.samples import (
+    Image,
+)
+from recorder.writers.ros.rosbag1 import Rosbag1Writer
+
+
+def test_paper_profile(tmp_path: Path) -> None:
+    samples = drive()
+    with Rosbag1Writer(tmp_path / "p.bag", rig(), profile="paper") as writer:
+        for sample in samples:
+            writer.write(sample)
+    types, messages = read(tmp_path / "p.bag")
+    frames = {topic: entries[0][1].header.frame_id for topic, entries in messages.items()}
+    assert frames == {"/imu": "imu", "/cam0_raw": "cam_left", "/cam1_raw": "cam_right", "/velodyne": "laser"}
+    image = messages["/cam0_raw"][0][1]
+    rgb = next(s for s in samples if isinstance(s, Image)).rgb.astype(np.float64)
+    assert image.encoding == "mono8"
+    brightness = rgb @ [0.299, 0.587, 0.114]
+    assert np.abs(image.data.reshape(24, 32) - brightness).max() <= 1.0
+    names = [field.name for field in messages["/velodyne"][0][1].fields]
+    assert names == ["x", "y", "z", "intensity", "ring", "time"]
+    assert len(types) == 4
+
+
+def test_plain_cloud_alone_is_written(tmp_path: Path) -> None:
+    with Rosbag1Writer(tmp_path / "a.bag", rig(), streams={"lidar"}) as writer:
+        writer.write(cloud(0, False))
+    _, messages = read(tmp_path / "a.bag")
+    assert messages["/lidar/points"][0][1].point_step == 22
+
+
+_ROS = """
+import json, sys, rosbag, roslib.message
+import sensor_msgs.point_cloud2 as pc2
+bag = rosbag.Bag(sys.argv[1])
+info = bag.get_type_and_topic_info()
+for kind, md5 in info.msg_types.items():
+    assert roslib.message.get_message_class(kind)._md5sum == md5, kind
+counts, times = {}, []
+for topic, message, time in bag.read_messages():
+    counts[topic] = counts.get(topic, 0) + 1
+    times.append(time.to_nsec())
+    if topic == "/lidar/points":
+        points = list(pc2.read_points(message))
+print(json.dumps([counts, times, points]))
+"""
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "bz2"])
+def test_ros_own_reader_agrees(tmp_path: Path, compression: str) -> None:
+    """ROS 1's rosbag, where Debian's python3-rosbag is installed."""
+    python = "/usr/bin/python3"
+    needed = "import rosbag, sensor_msgs.point_cloud2, nav_msgs.msg, tf2_msgs.msg, rosgraph_msgs.msg"
+    if not Path(python).exists() or subprocess.run([python, "-c", needed], capture_output=True).returncode:
+        pytest.skip("needs Debian's python3-rosbag with its message packages")
+    samples = drive()
+    path = tmp_path / "a.bag"
+    with Rosbag1Writer(path, rig(), streams={s.sensor for s in samples}, compression=compression) as writer:
+        for sample in samples:
+            writer.write(sample)
+    done = subprocess.run([python, "-c", _ROS, str(path)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    counts, times, points = json.loads(done.stdout)
+    _, messages = read(path)
+    assert counts == {topic: len(entries) for topic, entries in messages.items()}
+    assert times == sorted(time_ns for entries in messages.values() for time_ns, _ in entries)
+    last = cloud(150_000_000, True)
+    assert np.array_equal(np.array([p[:3] for p in points], np.float32), last.points_xyz_m)
+    assert [p[4] for p in points] == last.ring.tolist()
+    assert last.instance is not None
+    assert [p[7] for p in points] == last.instance.tolist()
+
+
+def test_refusals(tmp_path: Path) -> None:
+    path = tmp_path / "a.bag"
+    path.write_bytes(b"mine")
+    with pytest.raises(WriterError, match="exists"):
+        Rosbag1Writer(path, rig()).open()
+    assert path.read_bytes() == b"mine"
+    with pytest.raises(WriterError, match="did you mean 'paper'"):
+        Rosbag1Writer(path, rig(), profile="papr")
+    with pytest.raises(WriterError, match="lz4"):
+        Rosbag1Writer(path, rig(), compression="zip")
+    with pytest.raises(WriterError, match="after 0"):
+        Rosbag1Writer(path, rig(), epoch_ns=0)
+    with Rosbag1Writer(tmp_path / "b.bag", rig()) as writer:
+        writer.write(cloud(100, False))
+        with pytest.raises(WriterError, match="order of their stamps"):
+            writer.write(cloud(99, False))
+
+
+def test_failure_leaves_nothing_behind(tmp_path: Path) -> None:
+    def crash() -> None:
+        with Rosbag1Writer(tmp_path / "a.bag", rig()) as writer:
+            writer.write(cloud(0, False))
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        crash()
+    assert list(tmp_path.iterdir()) == []
