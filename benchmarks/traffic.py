@@ -51,8 +51,8 @@ def table(rows: dict[str, TrafficReport]) -> str:
     ]
     for name, r in rows.items():
         lines.append(
-            f"{name:10} {r.vehicles:4} {r.walkers:4} {r.duration_s:5.0f} {100 * r.overlap_share:9.4f} "
-            f"{r.longest_stand_s:8.1f} {r.speed_share:8.3f} {r.red_runs:4} {r.lines_crossed:6} "
+            f"{name:10} {r.vehicles:4} {r.walkers:4} {r.duration_s:5.0f} {100 * r.overlap_fraction:9.4f} "
+            f"{r.longest_stand_s:8.1f} {r.speed_fraction:8.3f} {r.red_runs:4} {r.lines_crossed:6} "
             f"{r.walker_hits:5} {r.walkers_astray:6} {r.walked_across:6} {r.lane_changes:7} "
             f"{r.step_ms[0]:6.2f}/{r.step_ms[1]:.2f}"
         )

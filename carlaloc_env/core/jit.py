@@ -44,14 +44,31 @@ def _compiled(function: Callable[P, R], *, forceinline: bool) -> Callable[P, R]:
     if hasattr(kept, "_source_stamp"):
         # Numba's own stamp is that of the function's file: it would miss a change in a function called.
         kept._source_stamp = source_digest(function.__module__)
+        kept._load_index = _index_or_nothing(kept._load_index)
     else:
         # A numba that keeps its stamp elsewhere must not lend machine code of older sources.
         made = numba.njit(**options, forceinline=forceinline)(function)
     return cast(Callable[P, R], made)
 
 
+def _index_or_nothing(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
+    """Numba's reader of its index, which gives nothing where the index names classes that are gone.
+
+    The index holds the types of arguments beside the stamp: after a class has been renamed, it cannot
+    even be read, although its stamp is an old one.
+    """
+
+    def index() -> dict[Any, str]:
+        try:
+            return load()
+        except (AttributeError, ImportError):
+            return {}
+
+    return index
+
+
 def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BAND_ROWS) -> list[R]:
-    """Results of a function of (first row, end row) for all bands of a picture, from the top down."""
+    """Results of a function of (first row, end row) for all bands of an image, from the top down."""
     bands = [(first, min(first + band_rows, rows)) for first in range(0, rows, band_rows)]
     threads = min(os.cpu_count() or 1, len(bands), 8)
     if threads <= 1:

@@ -1,4 +1,4 @@
-"""Watch traffic from outside: do boxes overlap, does anybody get stuck, are lights and kerbs respected?"""
+"""Audit of traffic from outside: overlapping boxes, stuck vehicles, lights run, walkers hit or astray."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ LATE_S = 1.0
 BODY_RADIUS_M = 0.25
 """A walker is a disc of this radius [m]."""
 _HEIGHT_M = 3.0
+"""What is farther apart in height is on another level: a bridge, an underpass [m]."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -40,11 +41,11 @@ class TrafficReport:
     """Number of walkers."""
     duration_s: float
     """Length of the run [s]."""
-    overlap_share: float
-    """Share of vehicle-seconds in which a vehicle's box overlaps another's."""
+    overlap_fraction: float
+    """Fraction of vehicle-seconds in which a vehicle's box overlaps another's."""
     longest_stand_s: float
     """Longest time for which a vehicle stood without a break [s]."""
-    speed_share: float
+    speed_fraction: float
     """Mean over all vehicles and times of speed over the limit of the lane."""
     red_runs: int
     """Fronts that crossed a stop line whose lights had all been red for more than a second."""
@@ -53,7 +54,7 @@ class TrafficReport:
     walker_hits: int
     """Walker-seconds inside a vehicle's box."""
     walkers_astray: int
-    """Walker-seconds neither on a pavement nor on a crosswalk."""
+    """Walker-seconds neither on a sidewalk nor on a crosswalk."""
     walked_across: int
     """Walker-seconds on crosswalks."""
     lane_changes: int
@@ -89,11 +90,11 @@ class _Watch:
     def __init__(self, network: LaneNetwork, world: TrafficWorld) -> None:
         self._network = network
         self._world = world
-        walking = world.catalog.tag == Tag.PEDESTRIAN
-        self._vehicles, self._walkers = np.flatnonzero(~walking), np.flatnonzero(walking)
+        is_walker = world.catalog.tag == Tag.PEDESTRIAN
+        self._vehicles, self._walkers = np.flatnonzero(~is_walker), np.flatnonzero(is_walker)
         count = len(self._vehicles)
         self._stand_s, self._longest_s = np.zeros(count), 0.0
-        self._speed_share: list[float] = []
+        self._speed_fraction: list[float] = []
         self._overlaps: list[tuple[float, int, int]] = []
         self._red_runners: list[tuple[float, int]] = []
         self._hits: list[tuple[float, int]] = []
@@ -103,7 +104,7 @@ class _Watch:
         self._before: ActorFrame | None = None
 
     def see(self, frame: ActorFrame, step: int) -> None:
-        """Take note of one frame."""
+        """Record one frame."""
         speed = frame.speed_mps[self._vehicles]
         self._stand_s = np.where(speed < STUCK_MPS, self._stand_s + STEP_NS / 1e9, 0.0)
         self._longest_s = max(self._longest_s, float(self._stand_s.max(initial=0.0)))
@@ -125,7 +126,7 @@ class _Watch:
 
     def _each_second(self, frame: ActorFrame, step: int) -> None:
         limit = self._world.speed_limits_mps()
-        self._speed_share.append(
+        self._speed_fraction.append(
             float(np.mean(frame.speed_mps[self._vehicles] / limit)) if len(limit) else 1.0
         )
         for a, b in overlapping_boxes(frame, self._world.catalog, self._vehicles):
@@ -133,21 +134,21 @@ class _Watch:
         if len(self._walkers):
             hit = walkers_in_boxes(frame, self._world.catalog, self._vehicles, self._walkers)
             self._hits += [(step * STEP_NS / 1e9, int(w)) for w in self._walkers[hit]]
-            pavement, crosswalk = walking_ground(self._network, frame.position_m[self._walkers])
-            self._astray += int(np.count_nonzero(~pavement & ~crosswalk))
-            self._across += int(np.count_nonzero(crosswalk & ~pavement))
+            sidewalk, crosswalk = on_walkable(self._network, frame.position_m[self._walkers])
+            self._astray += int(np.count_nonzero(~sidewalk & ~crosswalk))
+            self._across += int(np.count_nonzero(crosswalk & ~sidewalk))
 
     def report(self, duration_s: float, costs_s: Array) -> TrafficReport:
         """The findings."""
-        seconds = max(len(self._speed_share), 1)
+        seconds = max(len(self._speed_fraction), 1)
         hit = {(at, v) for at, a, b in self._overlaps for v in (a, b)}
         return TrafficReport(
             vehicles=len(self._vehicles),
             walkers=len(self._walkers),
             duration_s=duration_s,
-            overlap_share=len(hit) / (seconds * max(len(self._vehicles), 1)),
+            overlap_fraction=len(hit) / (seconds * max(len(self._vehicles), 1)),
             longest_stand_s=self._longest_s,
-            speed_share=float(np.mean(self._speed_share)),
+            speed_fraction=float(np.mean(self._speed_fraction)),
             red_runs=len(self._red_runners),
             lines_crossed=self._crossed,
             walker_hits=len(self._hits),
@@ -166,16 +167,16 @@ def overlapping_boxes(frame: ActorFrame, catalog: ActorCatalog, which: Index) ->
 
     Boxes more than 3 m apart in height do not count: one of them is on a bridge.
     """
-    place = frame.position_m[which].astype(np.float64)
+    position = frame.position_m[which].astype(np.float64)
     half = 0.5 * catalog.size_m[which, :2].astype(np.float64)
     heading = frame.heading_rad[which].astype(np.float64)
     if len(which) < 2:
         return np.zeros((0, 2), np.intp)
-    reach = 2.0 * float(np.hypot(half[:, 0], half[:, 1]).max())
-    pairs = cKDTree(place[:, :2]).query_pairs(reach, output_type="ndarray")
-    pairs = pairs[np.abs(place[pairs[:, 0], 2] - place[pairs[:, 1], 2]) < _HEIGHT_M]
+    range_m = 2.0 * float(np.hypot(half[:, 0], half[:, 1]).max())
+    pairs = cKDTree(position[:, :2]).query_pairs(range_m, output_type="ndarray")
+    pairs = pairs[np.abs(position[pairs[:, 0], 2] - position[pairs[:, 1], 2]) < _HEIGHT_M]
     a, b = pairs[:, 0], pairs[:, 1]
-    delta = place[b, :2] - place[a, :2]
+    delta = position[b, :2] - position[a, :2]
     apart = np.zeros(len(pairs), dtype=np.bool_)
     for own, other in ((a, b), (b, a)):
         turn = heading[other] - heading[own]
@@ -204,24 +205,24 @@ def walkers_in_boxes(
     return result
 
 
-def walking_ground(
+def on_walkable(
     network: LaneNetwork, position_m: NDArray[np.float32]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether points (W, 3) lie on a pavement (within a hand's breadth), and whether on a crosswalk."""
+    """Whether points (W, 3) lie on a sidewalk (within 0.1 m), and whether on a crosswalk, (W,) each."""
     near = network.nearest(position_m, types=("sidewalk",))
     width = network.width_m(near.lane, near.station_m)
     on_lane = np.abs(near.offset_m) <= 0.5 * width + 0.1
-    pavement: NDArray[np.bool_] = on_lane & (near.distance_m <= 0.5 * width + 0.5)
+    sidewalk: NDArray[np.bool_] = on_lane & (near.distance_m <= 0.5 * width + 0.5)
     crosswalk: NDArray[np.bool_] = np.zeros(len(position_m), dtype=bool)
     for item in network.crosswalks:
-        way = item.end_m[:2] - item.start_m[:2]
-        length = float(np.hypot(way[0], way[1]))
-        along = np.sum((position_m[:, :2] - item.start_m[:2]) * way, axis=1) / length
-        side = position_m[:, :2] - item.start_m[:2] - along[:, None] * way / length
+        path = item.end_m[:2] - item.start_m[:2]
+        length = float(np.hypot(path[0], path[1]))
+        along = np.sum((position_m[:, :2] - item.start_m[:2]) * path, axis=1) / length
+        side = position_m[:, :2] - item.start_m[:2] - along[:, None] * path / length
         level = np.abs(position_m[:, 2] - item.start_m[2]) < _HEIGHT_M
         inside = (along > -0.6) & (along < length + 0.6) & level
         crosswalk |= inside & (np.hypot(side[:, 0], side[:, 1]) < 0.5 * item.width_m + 0.1)
-    return pavement, crosswalk
+    return sidewalk, crosswalk
 
 
 class _StopLines:

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.traffic.signals import SignalTiming
-from carlaloc_env.traffic.tables.vehicle_state import Habits
+from carlaloc_env.traffic.tables.vehicle_state import DriverParameters
 
 if TYPE_CHECKING:
     from carlaloc_env.town.town import Town
 
 LEVELS = {"dynamic": 1.0, "static": 0.0}
+"""Named levels of traffic, as fractions of the town's own numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,29 +26,29 @@ class TrafficConfig:
     walkers: int = 10
     """Number of walkers."""
     seed: int = 0
-    """Seed of places, models, drivers and turns; CARLA's ``set_random_device_seed``."""
+    """Seed of positions, models, drivers and turns; CARLA's ``set_random_device_seed``."""
     warm_up_s: float = 10.0
     """Time that traffic runs before the drive begins [s]."""
     timing: SignalTiming = field(default_factory=SignalTiming)
     """Durations of the signal phases."""
     global_percentage_speed_difference: float = 0.0
-    """How much slower than usual everybody drives [%]; negative values drive faster."""
+    """How much slower than usual all vehicles drive [%]; negative values drive faster."""
     distance_to_leading_vehicle: float | None = None
-    """Gap that everybody keeps to a standing vehicle in front [m]; None for each driver's own."""
+    """Gap that all vehicles keep to a standing vehicle in front [m]; None for each driver's own."""
     auto_lane_change: bool = True
-    """Whether drivers change lanes to drive faster; they always do where their way asks for it."""
+    """Whether drivers change lanes to drive faster; they always do where their path asks for it."""
     random_left_lanechange_percentage: float = 0.0
     """Chance in every two seconds that a driver changes to the left for no reason [%]."""
     random_right_lanechange_percentage: float = 0.0
     """Chance in every two seconds that a driver changes to the right for no reason [%]."""
     keep_right_rule_percentage: float = 20.0
-    """Share of drivers who prefer the right lane [%]."""
+    """Percentage of drivers who prefer the right lane [%]."""
     ignore_lights_percentage: float = 0.0
     """Chance that a driver takes no notice of the lights of a junction [%]."""
     ignore_signs_percentage: float = 0.0
     """Chance that a driver does not stop at the stop signs of a junction [%]."""
     ignore_walkers_percentage: float = 0.0
-    """Chance that a driver takes no notice of those on crosswalks, drawn every ten seconds [%]."""
+    """Chance that a driver takes no notice of walkers on crosswalks, drawn every ten seconds [%]."""
     ignore_vehicles_percentage: float = 0.0
     """Chance that a driver takes no notice of the vehicle in front, drawn every second [%]."""
 
@@ -64,9 +65,9 @@ class TrafficConfig:
         if self.distance_to_leading_vehicle is not None and not 0.5 <= self.distance_to_leading_vehicle <= 50:
             raise ConfigError("traffic: distance_to_leading_vehicle must lie between 0.5 and 50 m")
 
-    def habits(self) -> Habits:
-        """What applies to all drivers, as compiled functions read it."""
-        return Habits(
+    def driver_parameters(self) -> DriverParameters:
+        """Parameters of all drivers, as compiled functions read them."""
+        return DriverParameters(
             seed=self.seed,
             auto_lane_change=self.auto_lane_change,
             random_left=0.01 * self.random_left_lanechange_percentage,
@@ -79,14 +80,15 @@ class TrafficConfig:
 
 
 _OPTIONS = tuple(item.name for item in fields(TrafficConfig) if item.name not in ("seed", "timing"))
+"""Options of traffic that users may give beside its level."""
 
 
-def traffic_of_town(town: Town, share: str | float | Mapping[str, Any], seed: int) -> TrafficConfig:
-    """Configuration of a share of a town's traffic.
+def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: int) -> TrafficConfig:
+    """Traffic of a town at a level.
 
     Args:
         town: The town; its town.toml counts vehicles and walkers.
-        share: ``dynamic`` (all of it), ``static`` (none) or a fraction, e.g. ``0.5``; followed, if wanted,
+        level: ``dynamic`` (all of it), ``static`` (none) or a fraction, e.g. ``0.5``; followed, if wanted,
             by options of `TrafficConfig`: ``"dynamic,ignore_lights_percentage=20"``. Or a mapping with
             those options and ``level``.
         seed: Seed of the traffic.
@@ -94,7 +96,7 @@ def traffic_of_town(town: Town, share: str | float | Mapping[str, Any], seed: in
     Raises:
         ConfigError: neither a known word nor a number ≥ 0, or an option that is unknown or wrong.
     """
-    options = _options_of(share)
+    options = _options_of(level)
     fraction = _fraction(options.pop("level", "dynamic"))
     for name in options:
         if name not in _OPTIONS:
@@ -124,10 +126,10 @@ def _fraction(level: object) -> float:
     return fraction
 
 
-def _options_of(share: str | float | Mapping[str, Any]) -> dict[str, Any]:
-    if isinstance(share, Mapping):
-        return dict(share)
-    level, *pairs = str(share).split(",")
+def _options_of(level: str | float | Mapping[str, Any]) -> dict[str, Any]:
+    if isinstance(level, Mapping):
+        return dict(level)
+    level, *pairs = str(level).split(",")
     options: dict[str, Any] = {"level": level}
     for pair in pairs:
         name, _, text = pair.partition("=")

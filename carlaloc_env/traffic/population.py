@@ -1,4 +1,4 @@
-"""Who drives and who walks: models, colours and habits drawn from the catalogue."""
+"""Population of the traffic: models, colours and drivers drawn from the catalogue."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from carlaloc_env.traffic.tables.vehicle_state import Drivers
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 
 _HEAVY_TOP_MPS = 25.0
+"""Top speed of trucks and buses [m/s]: 90 km/h."""
 _CYCLIST_MPS = (15.0 / 3.6, 22.0 / 3.6)
+"""Least and greatest speed that cyclists like to ride at [m/s]: 15 to 22 km/h."""
 _CYCLE_EDGE_M = 0.75
+"""Distance of cyclists from the right edge of their lane [m]."""
 
 
 def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
@@ -32,7 +35,7 @@ def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
 
 
 def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
-    """Drivers' habits, the ego's size in the last row.
+    """Drivers of N vehicles, the ego in the last row, (N + 1,).
 
     Headways as in towns (Treiber & Kesting, "Traffic Flow Dynamics", ch. 11); accelerations up to those of
     SUMO's vehicle classes.
@@ -47,16 +50,16 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     factor = np.clip(draw.normal(1.0, 0.1, count), 0.8, 1.2)
     headway = np.clip(draw.normal(1.1, 0.2, count), 0.8, 1.8)
     standstill = draw.uniform(2.0, 2.5, count)
-    pull = draw.uniform(1.8, 2.6, count)
-    change = np.clip(draw.normal(4.6, 0.8, count), 3.0, 7.0)
+    acceleration = draw.uniform(1.8, 2.6, count)
+    change_s = np.clip(draw.normal(4.6, 0.8, count), 3.0, 7.0)
     cyclist = draw.uniform(*_CYCLIST_MPS, count)
     keeps_right = draw.random(count) < 0.01 * config.keep_right_rule_percentage
     slower = 1.0 - 0.01 * config.global_percentage_speed_difference
     distance = config.distance_to_leading_vehicle
     ego = EgoView(position_m=(0.0, 0.0, 0.0), heading_rad=0.0, speed_mps=0.0)
 
-    def with_ego(values: Array, its: float) -> Array:
-        return np.append(values.astype(np.float64), its)
+    def with_ego(values: Array, of_ego: float) -> Array:
+        return np.append(values.astype(np.float64), of_ego)
 
     return fill(
         Drivers,
@@ -73,24 +76,26 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
             else np.full(count, distance),
             2.0,
         ),
-        acceleration_mps2=with_ego(np.where(heavy | bicycle, 1.2, np.where(motorcycle, 2.6, pull)), 1.5),
+        acceleration_mps2=with_ego(
+            np.where(heavy | bicycle, 1.2, np.where(motorcycle, 2.6, acceleration)), 1.5
+        ),
         braking_mps2=with_ego(np.where(heavy | bicycle, 1.5, np.where(motorcycle, 2.5, 2.0)), 2.0),
-        change_s=with_ego(np.where(two_wheels, 3.0, change), 4.0),
+        change_s=with_ego(np.where(two_wheels, 3.0, change_s), 4.0),
         keeps_right=with_ego(np.where(keeps_right | bicycle, 0.2, 0.0), 0.0),
-        aside_m=with_ego(np.where(bicycle, _CYCLE_EDGE_M, 0.0), 0.0),
+        edge_distance_m=with_ego(np.where(bicycle, _CYCLE_EDGE_M, 0.0), 0.0),
     )
 
 
 def draw_catalog(names: list[str], tints: NDArray[np.uint8], config: TrafficConfig) -> ActorCatalog:
     """All vehicles, then all walkers."""
     draw = rng.stream(config.seed, "traffic/people")
-    who = _draw_names(draw, {name: model.weight for name, model in WALKERS.items()}, config.walkers)
-    clothes = np.array([_draw_tint(draw, WALKERS[name].tints) for name in who], np.uint8)
-    size = [VEHICLES[name].size_m for name in names] + [WALKERS[name].size_m for name in who]
-    tags = [int(VEHICLES[name].tag) for name in names] + [int(Tag.PEDESTRIAN)] * len(who)
+    walker_models = _draw_names(draw, {name: model.weight for name, model in WALKERS.items()}, config.walkers)
+    clothes = np.array([_draw_tint(draw, WALKERS[name].tints) for name in walker_models], np.uint8)
+    size = [VEHICLES[name].size_m for name in names] + [WALKERS[name].size_m for name in walker_models]
+    tags = [int(VEHICLES[name].tag) for name in names] + [int(Tag.PEDESTRIAN)] * len(walker_models)
     return ActorCatalog(
         id=np.arange(EGO_INSTANCE + 1, EGO_INSTANCE + 1 + len(tags), dtype=np.uint32),
-        model=tuple(names + who),
+        model=tuple(names + walker_models),
         tag=np.array(tags, np.uint8),
         size_m=np.array(size, np.float32).reshape(-1, 3),
         tint=np.concatenate([tints.reshape(-1, 3), clothes.reshape(-1, 3)]).astype(np.uint8),
@@ -98,11 +103,11 @@ def draw_catalog(names: list[str], tints: NDArray[np.uint8], config: TrafficConf
 
 
 def _draw_names(draw: np.random.Generator, weights: Mapping[str, float], count: int) -> list[str]:
-    share = np.array(list(weights.values()))
+    probability = np.array(list(weights.values()))
     names = list(weights)
-    return [names[k] for k in draw.choice(len(names), size=count, p=share / share.sum())]
+    return [names[k] for k in draw.choice(len(names), size=count, p=probability / probability.sum())]
 
 
 def _draw_tint(draw: np.random.Generator, tints: Tints) -> tuple[int, int, int]:
-    share = np.array([weight for _, weight in tints])
-    return tints[int(draw.choice(len(tints), p=share / share.sum()))][0]
+    probability = np.array([weight for _, weight in tints])
+    return tints[int(draw.choice(len(tints), p=probability / probability.sum()))][0]

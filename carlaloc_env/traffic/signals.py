@@ -15,6 +15,7 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.lane_tables import Roads
 
 _LEFT_RAD = 0.5
+"""Change of heading along a junction lane from which it is a left turn [rad]."""
 
 
 class SignalState(IntEnum):
@@ -37,7 +38,7 @@ class SignalTiming:
     yellow_s: float = 3.0
     """Yellow [s]."""
     all_red_s: float = 2.0
-    """Red for everybody between two phases [s]."""
+    """Red for all between two phases [s]."""
     offset_s: float = 0.0
     """How much later all cycles begin [s]."""
 
@@ -106,13 +107,13 @@ class SignalPlan:
         into = np.mod(stamp_ns - self._start_ns, self._cycle_ns)
         return np.maximum(self._green_ns + self._yellow_ns - into, 0) / 1e9
 
-    def open_share(self, roads: Roads) -> NDArray[np.float64]:
-        """Share of time for which the lights let vehicles into each lane, 1 without lights, shape (N,)."""
-        share = np.zeros(len(roads.lane.head_first))
-        lane = np.repeat(np.arange(len(share)), roads.lane.head_end - roads.lane.head_first)
-        np.maximum.at(share, lane, (self._green_ns / self._cycle_ns)[roads.head])
-        share[roads.lane.head_first == roads.lane.head_end] = 1.0
-        return share
+    def open_fraction(self, roads: Roads) -> NDArray[np.float64]:
+        """Fraction of time for which lights let vehicles into each lane, 1 without lights, shape (N,)."""
+        fraction = np.zeros(len(roads.lane.head_first))
+        lane = np.repeat(np.arange(len(fraction)), roads.lane.head_end - roads.lane.head_first)
+        np.maximum.at(fraction, lane, (self._green_ns / self._cycle_ns)[roads.head])
+        fraction[roads.lane.head_first == roads.lane.head_end] = 1.0
+        return fraction
 
 
 def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:

@@ -1,4 +1,4 @@
-"""What traffic needs to know of a town, and where its vehicles may start."""
+"""Traffic tables of a town, and the stations at which vehicles may start."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.lane_tables import build_roads
-from carlaloc_env.traffic.tables.sidewalks import build_ground
+from carlaloc_env.traffic.tables.sidewalks import build_walker_network
 from carlaloc_env.traffic.vehicles.ego_agent import build_cells
 from carlaloc_env.traffic.vehicles.overlapping_lanes import find_overlaps
 
@@ -17,23 +17,25 @@ SPACING_M = 12.0
 KEEP_CLEAR_M = 20.0
 """Distance from the ego's start that stays empty [m]."""
 _END_ROOM_M = 7.0
+"""Distance from both ends of a lane that stays empty at the start [m]."""
 _NARROWEST_M = 2.5
+"""Narrower lanes get no vehicle at the start [m]."""
 
 
 class TrafficTables:
-    """Computed once per town and shared by all drives in it."""
+    """Tables that are computed once per town and shared by all drives in it."""
 
     def __init__(self, network: LaneNetwork) -> None:
         self.network = network
         self.roads = build_roads(network)
-        self.ground = build_ground(network, self.roads)
+        self.walker_network = build_walker_network(network, self.roads)
         driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
         self.cells = build_cells(self.roads, driving)
         after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]
         self.overlaps = find_overlaps(network, driving, self.roads.lane.junction, after)
         self._driving = driving
 
-    def starting_places(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:
+    def starting_positions(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:
         """Lanes and stations [m] at which vehicles may start, in the order in which they are taken.
 
         They lie outside junctions, on lanes that lead into no dead end.

@@ -1,182 +1,228 @@
-"""All vehicles of the traffic, advanced together by steps of 50 ms."""
+"""Vehicles of the traffic, advanced together by steps of 50 ms."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.junctions.approach import collect
+from carlaloc_env.traffic.junctions.approach import collect_requests
 from carlaloc_env.traffic.junctions.conflict_yielding import release_passed, wait_inside
 from carlaloc_env.traffic.junctions.right_of_way import admit
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Presence, empty_presence, gather, sort_bodies
-from carlaloc_env.traffic.tables.reservations import Requests, empty_requests, list_holders
-from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet, Habits, empty_fleet
-from carlaloc_env.traffic.traffic_tables import TrafficTables
-from carlaloc_env.traffic.vehicles.ego_agent import Cells, place_ego
-from carlaloc_env.traffic.vehicles.lane_changes import think_of_changes
-from carlaloc_env.traffic.vehicles.lane_plans import measure_crowd, plan_ahead
-from carlaloc_env.traffic.vehicles.lateral_motion import move_aside
-from carlaloc_env.traffic.vehicles.longitudinal import (
-    be_courteous,
-    drive,
-    enter_lanes,
-    look_ahead,
-    stop_where_needed,
+from carlaloc_env.traffic.tables.occupancy import (
+    Occupancy,
+    empty_occupancy,
+    gather_bodies,
+    missing_rows,
+    sort_bodies,
 )
-from carlaloc_env.traffic.vehicles.map_entries import pass_gates
-from carlaloc_env.traffic.vehicles.overlapping_lanes import Comers, Overlaps, empty_comers, mind_overlaps
-from carlaloc_env.traffic.vehicles.poses import put_poses
+from carlaloc_env.traffic.tables.record_arrays import columns
+from carlaloc_env.traffic.tables.reservations import Requests, empty_requests, list_holders
+from carlaloc_env.traffic.tables.vehicle_state import DriverParameters, Drivers, Fleet, empty_fleet
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.vehicles.ego_agent import EgoBox, LaneCells, add_ego
+from carlaloc_env.traffic.vehicles.lane_changes import decide_lane_changes
+from carlaloc_env.traffic.vehicles.lane_plans import measure_density, plan_ahead
+from carlaloc_env.traffic.vehicles.lateral_motion import move_laterally
+from carlaloc_env.traffic.vehicles.longitudinal import (
+    advance_lanes,
+    brake_for_stops,
+    follow_leaders,
+    integrate_motion,
+    make_room_for_changes,
+)
+from carlaloc_env.traffic.vehicles.map_entries import reenter_map
+from carlaloc_env.traffic.vehicles.overlapping_lanes import (
+    Approaches,
+    Overlaps,
+    empty_approaches,
+    gather_approaches,
+    missing_approaches,
+    yield_at_overlaps,
+)
+from carlaloc_env.traffic.vehicles.poses import VehiclePoses, put_poses
 from carlaloc_env.traffic.vehicles.vehicle_lights import put_lights
-from carlaloc_env.traffic.vehicles.yield_to_walkers import mind_walkers
+from carlaloc_env.traffic.vehicles.yield_to_walkers import yield_to_walkers
 
-_CROWD_EVERY = 20
+DENSITY_EVERY = 20
+"""Steps between two measurements of traffic density: one second."""
+
+
+class VehicleMap(NamedTuple):
+    """What vehicles read of a town; fixed."""
+
+    roads: Roads
+    """Lanes, their samples, paths, zones and crossings."""
+    overlaps: Overlaps
+    """Pieces of lanes on which another lane lies."""
+    cells: LaneCells
+    """Samples of driving lanes by square cells."""
+    open_fraction: Array
+    """Fraction of time for which lights let vehicles into each lane, (lanes,)."""
+
+
+class Traffic(NamedTuple):
+    """Vehicles, their drivers, and what one step works out about them; arrays are written in place."""
+
+    drivers: Drivers
+    """Fixed properties, the ego in the last row, (N + 1,)."""
+    parameters: DriverParameters
+    """What applies to all drivers."""
+    fleet: Fleet
+    """State, the ego in the last row, (N + 1,)."""
+    occupancy: Occupancy
+    """Bodies on every lane."""
+    requests: Requests
+    """Who wants into which junction, and who has been admitted."""
+    approaches: Approaches
+    """Who comes up to lanes that lie on each other."""
+    density: Array
+    """Density of each stretch and queue of each junction lane, as `measure_density` says, (lanes,)."""
+    last_change: Index
+    """Step at which a vehicle last moved into each lane, (lanes,)."""
+    desired_mps2: Array
+    """Acceleration that each driver wants [m/s²], (N + 1,)."""
+
+
+class StepInput(NamedTuple):
+    """What vehicles see of the rest of the world in one step."""
+
+    ego: EgoBox
+    """The ego's box."""
+    signals: NDArray[np.uint8]
+    """`SignalState` of each head, (S,)."""
+    red_in_s: Array
+    """Time until each head turns red [s], (S,)."""
+    taken_by_walkers: NDArray[np.uint8]
+    """What walkers do with each crossing: 0, WANTED or TAKEN, (C,)."""
+    step: int
+    """Number of the step, of 50 ms."""
 
 
 @compiled
-def _step(
-    roads: Roads,
-    overlaps: Overlaps,
-    cells: Cells,
-    drivers: Drivers,
-    habits: Habits,
-    fleet: Fleet,
-    there: Presence,
-    asks: Requests,
-    comers: Comers,
-    taken_by_walkers: NDArray[np.uint8],
-    signals: NDArray[np.uint8],
-    red_in_s: Array,
-    ego: Array,
-    open_share: Array,
-    crowd: Array,
-    last_change: Index,
-    wanted: Array,
-    step: int,
-) -> None:
-    """Everything that happens in 50 ms."""
+def _observe(area: VehicleMap, traffic: Traffic, seen: StepInput) -> bool:
+    """List bodies on lanes and approaches to overlaps; False when their tables have too few rows.
+
+    It changes nothing that it reads, so that it can be repeated with larger tables.
+    """
+    roads, drivers, fleet, occupancy = area.roads, traffic.drivers, traffic.fleet, traffic.occupancy
     count = len(fleet.speed_mps) - 1
-    if step % _CROWD_EVERY == 0:
-        measure_crowd(roads, fleet, drivers.length_m, open_share, count, crowd)
-    gather(there, roads, drivers, fleet, count)
-    place_ego(there, cells, roads, fleet, ego)
-    sort_bodies(there)
-    list_holders(asks, fleet)
-    look_ahead(there, roads, drivers, fleet, habits, wanted, count, step)
-    be_courteous(there, roads, drivers, fleet, wanted, count)
-    collect(asks, roads, drivers, fleet, habits, signals, red_in_s, count)
-    admit(asks, there, roads, drivers, fleet)
-    wait_inside(asks, roads, drivers, fleet, count)
-    mind_overlaps(comers, overlaps, there, roads, drivers, fleet)
-    mind_walkers(taken_by_walkers, roads, drivers, fleet, habits, count, step)
-    stop_where_needed(drivers, fleet, wanted, count)
-    think_of_changes(there, roads, drivers, fleet, habits, crowd, last_change, count, step)
-    drive(fleet, wanted, count)
-    move_aside(roads, drivers, fleet, count)
-    enter_lanes(roads, crowd, fleet, count, habits.seed)
-    pass_gates(there, roads, drivers, fleet, crowd, last_change, count, step, habits.seed)
+    if seen.step % DENSITY_EVERY == 0:
+        measure_density(roads, fleet, drivers.length_m, area.open_fraction, count, traffic.density)
+    gather_bodies(occupancy, roads, drivers, fleet, count)
+    add_ego(occupancy, area.cells, roads, fleet, seen.ego)
+    if occupancy.used[0] > len(occupancy.order):
+        return False
+    sort_bodies(occupancy)
+    gather_approaches(traffic.approaches, area.overlaps, occupancy, roads, drivers, fleet, count)
+    return bool(traffic.approaches.used[0] <= len(traffic.approaches.entry.row))
+
+
+@compiled
+def _advance(area: VehicleMap, traffic: Traffic, seen: StepInput) -> None:
+    """Decide and move all vehicles by 50 ms."""
+    roads, drivers, parameters, fleet = area.roads, traffic.drivers, traffic.parameters, traffic.fleet
+    occupancy, requests, density = traffic.occupancy, traffic.requests, traffic.density
+    desired, last_change, step = traffic.desired_mps2, traffic.last_change, seen.step
+    count = len(fleet.speed_mps) - 1
+    list_holders(requests, fleet)
+    follow_leaders(occupancy, roads, drivers, fleet, parameters, desired, count, step)
+    make_room_for_changes(occupancy, roads, drivers, fleet, desired, count)
+    collect_requests(requests, roads, drivers, fleet, parameters, seen.signals, seen.red_in_s, count)
+    admit(requests, occupancy, roads, drivers, fleet)
+    wait_inside(requests, roads, drivers, fleet, count)
+    yield_at_overlaps(traffic.approaches, area.overlaps, fleet)
+    yield_to_walkers(seen.taken_by_walkers, roads, drivers, fleet, parameters, count, step)
+    brake_for_stops(drivers, fleet, desired, count)
+    decide_lane_changes(occupancy, roads, drivers, fleet, parameters, density, last_change, count, step)
+    integrate_motion(fleet, desired, count)
+    move_laterally(roads, drivers, fleet, count)
+    advance_lanes(roads, density, fleet, count, parameters.seed)
+    reenter_map(occupancy, roads, drivers, fleet, density, last_change, count, step, parameters.seed)
     release_passed(roads, drivers, fleet, count)
 
 
 @compiled
-def _plan_all(roads: Roads, crowd: Array, fleet: Fleet, count: int, seed: int) -> None:
+def _plan_all(roads: Roads, density: Array, fleet: Fleet, count: int, seed: int) -> None:
+    """Plan the lanes ahead of the first `count` vehicles."""
     for v in range(count):
-        plan_ahead(roads, crowd, fleet, v, seed)
+        plan_ahead(roads, density, fleet, v, seed)
 
 
 class Vehicles:
-    """All vehicles of the traffic, advanced together by steps of 50 ms."""
+    """Vehicles of the traffic, advanced together by steps of 50 ms."""
 
-    def __init__(self, tables: TrafficTables, drivers: Drivers, habits: Habits, open_share: Array) -> None:
+    def __init__(
+        self, tables: TrafficTables, drivers: Drivers, parameters: DriverParameters, open_fraction: Array
+    ) -> None:
         self.tables = tables
         self.drivers = drivers
-        self.habits = habits
-        self._open_share = open_share
+        self.parameters = parameters
         self.count = len(drivers.length_m) - 1
-        self._position_m = np.zeros((self.count, 3))
-        self._heading_rad = np.zeros(self.count)
-        self._pitch_rad = np.zeros(self.count)
-        self._roll_rad = np.zeros(self.count)
-        self._steer_rad = np.zeros(self.count)
+        self._map = VehicleMap(tables.roads, tables.overlaps, tables.cells, open_fraction)
+        self._poses = columns(VehiclePoses, self.count)
         self._lights = np.zeros(self.count, np.uint8)
 
-    def place(self, lane: Index, station_m: Array) -> None:
-        """Stand the vehicles at stations [m] of lanes, shape (N,), at rest."""
+    @property
+    def fleet(self) -> Fleet:
+        """State of the vehicles; the last row is the ego, (N + 1,)."""
+        return self.traffic.fleet
+
+    @property
+    def occupancy(self) -> Occupancy:
+        """Bodies on every lane, as of the last step."""
+        return self.traffic.occupancy
+
+    def reset(self, lane: Index, station_m: Array) -> None:
+        """Stand the vehicles at stations [m] of lanes, (N,) each, at rest."""
         roads, lanes = self.tables.roads, len(self.tables.roads.lane.length_m)
-        self.fleet = empty_fleet(self.count)
-        self.there = empty_presence(self.count, lanes)
-        self._asks = empty_requests(self.count, lanes)
-        self._comers = empty_comers(self.count)
-        self._crowd = np.zeros(lanes)
-        self._last_change = np.full(lanes, -(10**9), np.int64)
-        self._wanted = np.zeros(self.count + 1)
-        self.fleet.plan[: self.count, 0] = lane
-        self.fleet.station_m[: self.count] = station_m
+        fleet, density = empty_fleet(self.count), np.zeros(lanes)
+        self.traffic = Traffic(
+            drivers=self.drivers,
+            parameters=self.parameters,
+            fleet=fleet,
+            occupancy=empty_occupancy(self.count, lanes),
+            requests=empty_requests(self.count, lanes),
+            approaches=empty_approaches(self.count),
+            density=density,
+            last_change=np.full(lanes, -(10**9), np.int64),
+            desired_mps2=np.zeros(self.count + 1),
+        )
+        fleet.plan[: self.count, 0] = lane
+        fleet.station_m[: self.count] = station_m
         before = roads.lane.before_first[lane]
         has_before = before < roads.lane.before_end[lane]
-        self.fleet.past[: self.count, 0][has_before] = roads.before[before[has_before]]
-        measure_crowd(roads, self.fleet, self.drivers.length_m, self._open_share, self.count, self._crowd)
-        _plan_all(roads, self._crowd, self.fleet, self.count, self.habits.seed)
+        fleet.past[: self.count, 0][has_before] = roads.before[before[has_before]]
+        open_fraction = self._map.open_fraction
+        measure_density(roads, fleet, self.drivers.length_m, open_fraction, self.count, density)
+        _plan_all(roads, density, fleet, self.count, self.parameters.seed)
 
-    def step(
-        self,
-        ego: Array,
-        signals: NDArray[np.uint8],
-        red_in_s: Array,
-        taken_by_walkers: NDArray[np.uint8],
-        step: int,
-    ) -> None:
-        """Advance by 50 ms.
+    def step(self, seen: StepInput) -> None:
+        """Advance by 50 ms; tables of bodies and approaches grow when they are full."""
+        while not _observe(self._map, self.traffic, seen):
+            self._grow()
+        _advance(self._map, self.traffic, seen)
 
-        Args:
-            ego: The ego in numbers, as `EgoView.numbers` gives them.
-            signals: State of all signal heads.
-            red_in_s: Time until each of them turns red [s].
-            taken_by_walkers: What walkers do with each crossing: 0, WANTED or TAKEN.
-            step: Number of the step.
-        """
-        tables = self.tables
-        _step(
-            tables.roads,
-            tables.overlaps,
-            tables.cells,
-            self.drivers,
-            self.habits,
-            self.fleet,
-            self.there,
-            self._asks,
-            self._comers,
-            taken_by_walkers,
-            signals,
-            red_in_s,
-            ego,
-            self._open_share,
-            self._crowd,
-            self._last_change,
-            self._wanted,
-            step,
-        )
+    def _grow(self) -> None:
+        """Give the table that was too small twice the rows that it needs."""
+        traffic, lanes = self.traffic, len(self.traffic.density)
+        if missing_rows(traffic.occupancy):
+            rows = 2 * int(traffic.occupancy.used[0])
+            self.traffic = traffic._replace(occupancy=empty_occupancy(self.count, lanes, rows))
+        elif missing_approaches(traffic.approaches):
+            rows = 2 * int(traffic.approaches.used[0])
+            self.traffic = traffic._replace(approaches=empty_approaches(self.count, rows))
 
     def lights(self) -> NDArray[np.uint8]:
         """Bits of lit lights, (N,)."""
         put_lights(self.tables.roads, self.fleet, self.count, self._lights)
         return self._lights.copy()
 
-    def poses(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Box centre on the ground [m] (N, 3), heading, pitch, roll and steering angle [rad] (N,)."""
-        put_poses(
-            self.tables.roads,
-            self.drivers,
-            self.fleet,
-            self.count,
-            self._position_m,
-            self._heading_rad,
-            self._pitch_rad,
-            self._roll_rad,
-            self._steer_rad,
-            np.empty(6),
-            np.empty(6),
-        )
-        return self._position_m, self._heading_rad, self._pitch_rad, self._roll_rad, self._steer_rad
+    def poses(self) -> VehiclePoses:
+        """Poses of all vehicles, (N,); the next call writes the same table."""
+        put_poses(self.tables.roads, self.drivers, self.fleet, self._poses)
+        return self._poses

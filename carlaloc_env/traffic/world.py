@@ -1,4 +1,4 @@
-"""All other road users of a town: who they are, and where they are every 50 ms."""
+"""Traffic of a town: vehicles, walkers and signals, advanced by steps of 50 ms."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town
 from carlaloc_env.traffic.population import draw_catalog, draw_drivers, draw_vehicles
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.traffic_tables import TrafficTables
-from carlaloc_env.traffic.vehicle_step import Vehicles
+from carlaloc_env.traffic.vehicle_step import StepInput, Vehicles
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.walkers.walkers import Walkers
 
 _NOWHERE = EgoView(position_m=(1e6, 1e6, 0.0), heading_rad=0.0, speed_mps=0.0)
+"""An ego that is nowhere near the map."""
 
 
 class TrafficWorld:
     """Vehicles, walkers and signals of one town.
 
-    `reset` puts everybody in place; each `step` moves them by 50 ms and returns their state.
+    `reset` places all actors; each `step` moves them by 50 ms and returns their state.
     """
 
     def __init__(
@@ -36,35 +37,40 @@ class TrafficWorld:
         self.signal_plan = SignalPlan.from_network(network, config.timing)
         names, tints = draw_vehicles(config)
         self._tables = tables or TrafficTables(network)
-        drivers, open_share = draw_drivers(names, config), self.signal_plan.open_share(self._tables.roads)
-        self._vehicles = Vehicles(self._tables, drivers, config.habits(), open_share)
+        drivers, open_fraction = (
+            draw_drivers(names, config),
+            self.signal_plan.open_fraction(self._tables.roads),
+        )
+        self._vehicles = Vehicles(self._tables, drivers, config.driver_parameters(), open_fraction)
         self.catalog = draw_catalog(names, tints, config)
 
     def reset(self, ego: EgoView | None = None) -> ActorFrame:
-        """Everybody's state at time 0, after the warm-up.
+        """State of all actors at time 0, after the warm-up.
 
         Raises:
             ConfigError: the vehicles or walkers do not fit on the map.
         """
         config = self._config
         keep_clear = np.array([ego.position_m]) if ego is not None else np.zeros((0, 3))
-        lane, station = self._tables.starting_places(config.seed, keep_clear)
+        lane, station = self._tables.starting_positions(config.seed, keep_clear)
         if len(lane) < config.vehicles:
             raise ConfigError(f"{config.vehicles} vehicles do not fit on this map; at most {len(lane)} do")
-        self._vehicles.place(lane[: config.vehicles], station[: config.vehicles])
-        self._walkers = Walkers(self._tables.ground, config.walkers, config.seed, self._vehicles.drivers)
+        self._vehicles.reset(lane[: config.vehicles], station[: config.vehicles])
+        self._walkers = Walkers(
+            self._tables.walker_network, config.walkers, config.seed, self._vehicles.drivers
+        )
         self._taken = np.zeros(len(self._tables.roads.crossing.lane), np.uint8)
         self._step = -round(config.warm_up_s * 1e9) // STEP_NS
-        watched = ego or _NOWHERE
+        seen_ego = ego or _NOWHERE
         self._poses = self._vehicles.poses()
         while self._step < 0:
-            self._advance(watched)
+            self._advance(seen_ego)
         self._vehicles.fleet.travelled_m[:] = 0.0
         self._walkers.state.travelled_m[:] = 0.0
         return self._frame()
 
     def step(self, ego: EgoView) -> ActorFrame:
-        """Everybody's state 50 ms later, having seen the ego where it is now."""
+        """State of all actors 50 ms later; they see the ego where it is now."""
         self._advance(ego)
         return self._frame()
 
@@ -84,34 +90,39 @@ class TrafficWorld:
 
     def _advance(self, ego: EgoView) -> None:
         stamp_ns = self._step * STEP_NS
-        signals, seen = self.signal_plan.state_at(stamp_ns), ego.numbers()
+        seen = StepInput(
+            ego=ego.box(),
+            signals=self.signal_plan.state_at(stamp_ns),
+            red_in_s=self.signal_plan.until_red_s(stamp_ns),
+            taken_by_walkers=self._taken,
+            step=self._step,
+        )
         if self._config.walkers:
             v = self._vehicles
-            self._walkers.see_vehicles(v.fleet, self._poses[0], self._poses[1], seen)
+            self._walkers.see_vehicles(v.fleet, self._poses, seen.ego)
             until_green = self.signal_plan.until_green_s(stamp_ns)
-            self._walkers.step(self._tables.roads, v.there, self._taken, signals, until_green)
-        red_in = self.signal_plan.until_red_s(stamp_ns)
-        self._vehicles.step(seen, signals, red_in, self._taken, self._step)
+            self._walkers.step(self._tables.roads, v.occupancy, self._taken, seen.signals, until_green)
+        self._vehicles.step(seen)
         self._poses = self._vehicles.poses()
         self._step += 1
 
     def _frame(self) -> ActorFrame:
-        fleet, people = self._vehicles.fleet, self._walkers.state
-        position, heading, pitch, roll, steer = self._poses
+        fleet, walker_state = self._vehicles.fleet, self._walkers.state
+        poses = self._poses
         walker_position, walker_heading, walker_speed = self._walkers.poses()
         lights = self._vehicles.lights()
-        none = np.zeros(len(walker_heading))
+        zeros = np.zeros(len(walker_heading))
 
         def f32(vehicles: Array, walkers: Array) -> NDArray[np.float32]:
             return np.concatenate([vehicles, walkers]).astype(np.float32)
 
         return ActorFrame(
-            position_m=f32(position, walker_position),
-            heading_rad=f32(heading, walker_heading),
-            pitch_rad=f32(pitch, none),
+            position_m=f32(poses.position_m, walker_position),
+            heading_rad=f32(poses.heading_rad, walker_heading),
+            pitch_rad=f32(poses.pitch_rad, zeros),
             speed_mps=f32(fleet.speed_mps[:-1], walker_speed),
-            travelled_m=f32(fleet.travelled_m[:-1], people.travelled_m),
-            steer_rad=f32(steer, none),
-            lights=np.concatenate([lights, none]).astype(np.uint8),
-            roll_rad=f32(roll, none),
+            travelled_m=f32(fleet.travelled_m[:-1], walker_state.travelled_m),
+            steer_rad=f32(poses.steer_rad, zeros),
+            lights=np.concatenate([lights, zeros]).astype(np.uint8),
+            roll_rad=f32(poses.roll_rad, zeros),
         )

@@ -26,7 +26,7 @@ def standing_traffic(
         vehicles: How many vehicles at most.
         seed: What stands where.
     """
-    lanes, stations = TrafficTables(network).starting_places(seed, np.zeros((0, 3)))
+    lanes, stations = TrafficTables(network).starting_positions(seed, np.zeros((0, 3)))
     drivers = network.pose(lanes[:vehicles], stations[:vehicles])
     draw = rng.stream(seed, "preview/traffic")
     names = _names(draw, {n: m.weight for n, m in VEHICLES.items()}, len(drivers.heading_rad))

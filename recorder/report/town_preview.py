@@ -101,7 +101,7 @@ def street_poses(town: Town, count: int) -> list[Array]:
         at = town.route.at(s)
         positions, headings = at.position_m, at.heading_rad
     else:
-        lanes, stations = TrafficTables(town.network).starting_places(0, np.zeros((0, 3)))
+        lanes, stations = TrafficTables(town.network).starting_positions(0, np.zeros((0, 3)))
         pose = town.network.pose(lanes[:count], stations[:count])
         positions, headings = pose.position_m, pose.heading_rad
     poses = []
@@ -146,7 +146,7 @@ def _seen_from_above(town: Town, view: MapView, quality: str) -> U8:
 
 
 def _spawn_points(town: Town) -> Array:
-    lanes, stations = TrafficTables(town.network).starting_places(0, np.zeros((0, 3)))
+    lanes, stations = TrafficTables(town.network).starting_positions(0, np.zeros((0, 3)))
     return np.asarray(town.network.pose(lanes, stations).position_m)
 
 

@@ -19,6 +19,19 @@ def moved(x):
 
 print(moved(1.0), sum(moved.stats.cache_hits.values()))
 """
+_WITH_CLASS = """
+from typing import NamedTuple
+from carlaloc_env.core.jit import compiled
+
+class {0}(NamedTuple):
+    x: float
+
+@compiled
+def of(record):
+    return record.x + 4.0
+
+print(of({0}(3.0)), sum(of.stats.cache_hits.values()))
+"""
 _CALLEE = "from carlaloc_env.core.jit import compiled\n\n@compiled\ndef shift():\n    return {}\n"
 
 
@@ -42,6 +55,16 @@ def test_machine_code_is_kept_until_a_source_that_it_calls_changes(tmp_path: Pat
     assert _run(tmp_path) == (3.0, 1)
     callee.write_text(_CALLEE.format(5.0))
     assert _run(tmp_path) == (6.0, 0)
+
+
+def test_machine_code_of_a_class_that_is_gone_is_made_anew(tmp_path: Path) -> None:
+    """The kept index names the classes of arguments; one that has been renamed must not stop a start."""
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    (folder / "__init__.py").write_text("")
+    for name, hits in (("Old", 0), ("Old", 1), ("New", 0), ("New", 1)):
+        (folder / "caller.py").write_text(_WITH_CLASS.format(name))
+        assert _run(tmp_path) == (7.0, hits)
 
 
 def test_numba_still_keeps_its_stamp_where_ours_replaces_it() -> None:

@@ -74,15 +74,15 @@ def test_traffic_flows_and_a_route_is_found(network: LaneNetwork) -> None:
     assert report.lines_crossed > 20
     assert report.red_runs == 0
     assert report.longest_stand_s < 80.0
-    assert report.speed_share > 0.25
-    assert report.overlap_share <= 0.0005
+    assert report.speed_fraction > 0.25
+    assert report.overlap_fraction <= 0.0005
 
 
 def test_vehicles_take_turns_where_roads_lie_on_each_other(tmp_path: Path) -> None:
     """Two roads of this town run into each other; without turns taken, boxes would overlap there."""
     network = build_network(generated("rough", tmp_path))
     report = audit_traffic(network, TrafficConfig(vehicles=50, walkers=0, seed=4), 100.0)
-    assert report.overlap_share <= 0.0005
+    assert report.overlap_fraction <= 0.0005
     assert report.longest_stand_s < 60.0
 
 

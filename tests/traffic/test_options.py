@@ -45,7 +45,7 @@ def usual(tables: TrafficTables) -> TrafficReport:
 
 
 def test_speed_difference_slows_everybody(tables: TrafficTables, usual: TrafficReport) -> None:
-    assert watch(tables, global_percentage_speed_difference=60.0).speed_share < 0.75 * usual.speed_share
+    assert watch(tables, global_percentage_speed_difference=60.0).speed_fraction < 0.75 * usual.speed_fraction
 
 
 def test_auto_lane_change_off_leaves_the_necessary_ones(motorway: TrafficTables) -> None:
@@ -68,7 +68,7 @@ def test_ignored_lights_are_run(tables: TrafficTables, usual: TrafficReport) -> 
 
 def test_ignored_vehicles_are_driven_into(tables: TrafficTables, usual: TrafficReport) -> None:
     careless = watch(tables, ignore_vehicles_percentage=60.0)
-    assert careless.overlap_share > max(0.005, 5.0 * usual.overlap_share)
+    assert careless.overlap_fraction > max(0.005, 5.0 * usual.overlap_fraction)
 
 
 def test_keep_right_rule_fills_the_right_lanes(tables: TrafficTables) -> None:

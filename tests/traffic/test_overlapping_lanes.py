@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.audit import audit_traffic
+from carlaloc_env.traffic.audit import NOBODY, audit_traffic
+from carlaloc_env.traffic.tables.occupancy import empty_occupancy
 from carlaloc_env.traffic.traffic_tables import TrafficTables
-from carlaloc_env.traffic.vehicles.overlapping_lanes import CLEAR_M
-from carlaloc_env.traffic.world import TrafficConfig
+from carlaloc_env.traffic.vehicles.overlapping_lanes import CLEAR_M, empty_approaches
+from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 ROAD = (
     '<road id="{id}" length="{length}" junction="-1"><link/><planView>'
@@ -70,4 +72,24 @@ def test_vehicles_take_turns_where_roads_cross(angle_deg: float) -> None:
     report = audit_traffic(network, TrafficConfig(vehicles=10, walkers=0, seed=3), 300.0)
     assert report.overlaps == []
     assert report.longest_stand_s < 90.0
-    assert report.speed_share > 0.3
+    assert report.speed_fraction > 0.3
+
+
+def test_full_tables_grow_and_lose_nobody() -> None:
+    """With one row for all bodies and one for all approaches, ten vehicles drive as with room enough."""
+    network = crossing(math.pi / 2, lanes=2)
+    tables = TrafficTables(network)
+    roomy, tight = (
+        TrafficWorld(network, TrafficConfig(vehicles=10, walkers=0, seed=3), tables) for _ in range(2)
+    )
+    roomy.reset()
+    tight.reset()
+    vehicles = tight._vehicles
+    vehicles.traffic = vehicles.traffic._replace(
+        occupancy=empty_occupancy(10, len(network.lanes), rows=1), approaches=empty_approaches(10, rows=1)
+    )
+    for _ in range(300):
+        expected, frame = roomy.step(NOBODY), tight.step(NOBODY)
+        np.testing.assert_array_equal(frame.position_m, expected.position_m)
+    assert len(vehicles.occupancy.order) > 1
+    assert len(vehicles.traffic.approaches.entry.row) > 1

@@ -1,4 +1,4 @@
-"""Walkers: on pavements and crosswalks, at red lights and before an ego that does not stop."""
+"""Walkers: on sidewalks and crosswalks, at red lights and before an ego that does not stop."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.build import find_town
 from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.traffic.audit import NOBODY, walking_ground
+from carlaloc_env.traffic.audit import NOBODY, on_walkable
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
 from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK
@@ -24,18 +24,21 @@ def tables() -> TrafficTables:
     return TrafficTables(build_network(find_town("Town03")))
 
 
-def test_every_crosswalk_joins_two_pavements(tables: TrafficTables) -> None:
+def test_every_crosswalk_joins_two_sidewalks(tables: TrafficTables) -> None:
     """All crosswalks of Town03 can be walked, each over as many lanes as the map says."""
-    ground, network = tables.ground, tables.network
-    ways = np.flatnonzero(ground.way.kind == CROSSWALK)
-    assert len(ways) == len(network.crosswalks)
-    assert (ground.land[ways] >= 0).all()
-    lanes = sorted(int(ground.way.pass_end[k] - ground.way.pass_first[k]) for k in ways)
+    walker_network, network = tables.walker_network, tables.network
+    crosswalks = np.flatnonzero(walker_network.path.kind == CROSSWALK)
+    assert len(crosswalks) == len(network.crosswalks)
+    assert (walker_network.landing[crosswalks] >= 0).all()
+    lanes = sorted(
+        int(walker_network.path.lane_crossing_end[k] - walker_network.path.lane_crossing_first[k])
+        for k in crosswalks
+    )
     assert lanes == sorted(len(item.lanes) for item in network.crosswalks)
 
 
-def test_walkers_keep_their_ground_and_distance(tables: TrafficTables) -> None:
-    """On an empty town all stay on pavements and crosswalks, cross, and never stand inside each other."""
+def test_walkers_keep_to_their_paths_and_distance(tables: TrafficTables) -> None:
+    """On an empty town all stay on sidewalks and crosswalks, cross, and never stand inside each other."""
     world = TrafficWorld(tables.network, TrafficConfig(vehicles=0, walkers=80, seed=2), tables)
     frame = world.reset()
     across = 0
@@ -43,9 +46,9 @@ def test_walkers_keep_their_ground_and_distance(tables: TrafficTables) -> None:
         frame = world.step(NOBODY)
         if step % 20:
             continue
-        pavement, crosswalk = walking_ground(tables.network, frame.position_m)
-        assert (pavement | crosswalk).all()
-        across += int((crosswalk & ~pavement).sum())
+        sidewalk, crosswalk = on_walkable(tables.network, frame.position_m)
+        assert (sidewalk | crosswalk).all()
+        across += int((crosswalk & ~sidewalk).sum())
         apart = np.linalg.norm(frame.position_m[:, None, :2] - frame.position_m[None, :, :2], axis=-1)
         apart[np.arange(80), np.arange(80)] = 9.0
         assert apart.min() > 0.2
@@ -57,19 +60,25 @@ def test_walkers_do_not_set_out_against_a_green(tables: TrafficTables) -> None:
     """Nobody steps onto the carriageway while a light lets the traffic drive that would come across."""
     world = TrafficWorld(tables.network, TrafficConfig(vehicles=0, walkers=80, seed=4), tables)
     world.reset()
-    state, ground = world._walkers.state, tables.ground
+    state, walker_network = world._walkers.state, tables.walker_network
     was = state.crossing.copy()
     begun = 0
     for step in range(20 * 90):
         lights = world.signals((step - 0) * STEP_NS)
         world.step(NOBODY)
         for w in np.flatnonzero(state.crossing & ~was):
-            way = int(state.way[w])
-            rows = range(int(ground.way.pass_first[way]), int(ground.way.pass_end[way]))
+            path = int(state.path[w])
+            rows = range(
+                int(walker_network.path.lane_crossing_first[path]),
+                int(walker_network.path.lane_crossing_end[path]),
+            )
             heads = [
-                int(ground.head[i])
+                int(walker_network.head[i])
                 for k in rows
-                for i in range(int(ground.passage.head_first[k]), int(ground.passage.head_end[k]))
+                for i in range(
+                    int(walker_network.lane_crossing.head_first[k]),
+                    int(walker_network.lane_crossing.head_end[k]),
+                )
             ]
             begun += bool(heads)
             assert (lights[heads] == SignalState.RED).all()
@@ -77,23 +86,25 @@ def test_walkers_do_not_set_out_against_a_green(tables: TrafficTables) -> None:
     assert begun > 10
 
 
-def test_a_walker_whose_way_is_parked_up_leaves_the_road(tables: TrafficTables) -> None:
+def test_a_walker_whose_path_is_parked_up_leaves_the_road(tables: TrafficTables) -> None:
     """It holds up only the lane that it stands in and, after a while, goes back to where it came from."""
     world = TrafficWorld(tables.network, TrafficConfig(vehicles=0, walkers=1, seed=2, warm_up_s=0.0), tables)
     world.reset()
-    ground, state, roads = tables.ground, world._walkers.state, tables.roads
-    way = next(
+    walker_network, state, roads = tables.walker_network, world._walkers.state, tables.roads
+    path = next(
         w
-        for w in np.flatnonzero(ground.way.kind == CROSSWALK)
-        if ground.way.pass_end[w] - ground.way.pass_first[w] == 4
+        for w in np.flatnonzero(walker_network.path.kind == CROSSWALK)
+        if walker_network.path.lane_crossing_end[w] - walker_network.path.lane_crossing_first[w] == 4
     )
-    passes = range(int(ground.way.pass_first[way]), int(ground.way.pass_end[way]))
-    first, parked = sorted(passes, key=lambda k: float(ground.passage.near_m[k]))[:2]
-    state.way[0], state.sense[0], state.crossing[0] = way, 1, True
-    state.station_m[0] = ground.passage.near_m[first]
-    row = int(ground.way.row_first[way] + state.station_m[0] / ground.way.row_step_m[way])
-    state.position_m[0] = ground.row.position_m[row]
-    crossing = int(ground.passage.crossing[parked])
+    crossings = range(
+        int(walker_network.path.lane_crossing_first[path]), int(walker_network.path.lane_crossing_end[path])
+    )
+    first, parked = sorted(crossings, key=lambda k: float(walker_network.lane_crossing.near_m[k]))[:2]
+    state.path[0], state.sense[0], state.crossing[0] = path, 1, True
+    state.station_m[0] = walker_network.lane_crossing.near_m[first]
+    row = int(walker_network.path.row_first[path] + state.station_m[0] / walker_network.path.row_step_m[path])
+    state.position_m[0] = walker_network.row.position_m[row]
+    crossing = int(walker_network.lane_crossing.crossing[parked])
     lane = int(roads.crossing.lane[crossing])
     middle = 0.5 * (roads.crossing.enter_m[crossing] + roads.crossing.leave_m[crossing])
     pose = tables.network.pose(np.array([lane]), np.array([middle]))
@@ -104,14 +115,14 @@ def test_a_walker_whose_way_is_parked_up_leaves_the_road(tables: TrafficTables) 
         frame = world.step(ego)
         if state.waited_s[0] > 5.0:
             waited = max(waited, float(state.waited_s[0]))
-            assert world._taken[ground.passage.crossing[parked]] == TAKEN
-            assert world._taken[ground.passage.crossing[first]] == 0
-        back = back or (ground.way.kind[state.way[0]] != CROSSWALK)
+            assert world._taken[walker_network.lane_crossing.crossing[parked]] == TAKEN
+            assert world._taken[walker_network.lane_crossing.crossing[first]] == 0
+        back = back or (walker_network.path.kind[state.path[0]] != CROSSWALK)
         if back:
             break
     assert waited > 5.0
     assert back
-    start = ground.row.position_m[ground.way.row_first[way]]
+    start = walker_network.row.position_m[walker_network.path.row_first[path]]
     assert np.linalg.norm(frame.position_m[0, :2] - start[:2]) < 2.0
 
 

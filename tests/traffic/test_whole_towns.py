@@ -66,7 +66,7 @@ def report(network: LaneNetwork, tables: TrafficTables) -> TrafficReport:
 
 def check(report: TrafficReport) -> None:
     """What traffic has to keep on every map under all lights."""
-    assert report.overlap_share <= 0.0005
+    assert report.overlap_fraction <= 0.0005
     assert report.longest_stand_s <= 150.0
     assert report.red_runs == 0
     assert report.walker_hits == 0
@@ -76,7 +76,7 @@ def check(report: TrafficReport) -> None:
 def test_full_traffic_behaves(report: TrafficReport) -> None:
     """Boxes do not overlap, nobody is stuck, lights and kerbs are respected, and traffic flows."""
     check(report)
-    assert report.speed_share > 0.35
+    assert report.speed_fraction > 0.35
     assert report.lines_crossed > 100
     assert report.lane_changes > 50
     assert report.walked_across > 100
@@ -164,7 +164,7 @@ def test_lane_changes_are_smooth_and_indicated(network: LaneNetwork, tables: Tra
     fleet = world._vehicles.fleet
     lights = [world._vehicles.lights()]
     begun = indicated = 0
-    before_aside, before_change = fleet.aside_m.copy(), fleet.change.copy()
+    before_aside, before_change = fleet.lateral_offset_m.copy(), fleet.change.copy()
     for _ in range(20 * 60):
         frame = world.step(NOBODY)
         lights.append(frame.lights[:150].copy())
@@ -174,9 +174,9 @@ def test_lane_changes_are_smooth_and_indicated(network: LaneNetwork, tables: Tra
             bit = LIGHT_LEFT if fleet.origin[v] < 0 else LIGHT_RIGHT
             indicated += bool(lights[-20][v] & bit)
         going = (fleet.change[:-1] < 1.0) & (before_change[:-1] < 1.0)
-        moved = np.abs(fleet.aside_m - before_aside)[:-1][going]
+        moved = np.abs(fleet.lateral_offset_m - before_aside)[:-1][going]
         assert (moved <= 0.25 * fleet.speed_mps[:-1][going] * 0.05 + 1e-9).all()
-        before_aside, before_change = fleet.aside_m.copy(), fleet.change.copy()
+        before_aside, before_change = fleet.lateral_offset_m.copy(), fleet.change.copy()
     assert begun > 20
     assert indicated == begun
 
@@ -194,7 +194,7 @@ def test_ten_minutes_of_every_town(town: str) -> None:
     config = TrafficConfig(vehicles=vehicles, walkers=walkers, seed=1, timing=town_timing(town))
     report = audit_traffic(build_network(source), config, 600.0)
     check(report)
-    assert report.speed_share > 0.35
+    assert report.speed_fraction > 0.35
     assert report.step_ms[0] < 2.0
 
 
@@ -214,7 +214,7 @@ def test_ten_minutes_of_real_maps(
         pytest.skip("CARLA's maps are not there")
     config = TrafficConfig(vehicles=vehicles, walkers=walkers, seed=1)
     report = audit_traffic(build_network(source), config, 600.0)
-    record_property("speed_share", report.speed_share)
+    record_property("speed_share", report.speed_fraction)
     check(report)
 
 
@@ -244,7 +244,7 @@ def test_ten_minutes_of_town03_under_other_lights(
     """
     config = TrafficConfig(vehicles=237, walkers=34, seed=seed, timing=timing)
     report = audit_traffic(network, config, 600.0, tables)
-    record_property("speed_share", report.speed_share)
+    record_property("speed_share", report.speed_fraction)
     check(report)
 
 

@@ -1,4 +1,4 @@
-"""Coming up to a junction: what lights and signs say, where to stop, and who asks to be let in first."""
+"""Approach to a junction: lights and signs, where to stop, and requests to enter in their order."""
 
 from __future__ import annotations
 
@@ -7,26 +7,38 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.hash_random import chance
+from carlaloc_env.traffic.tables.hash_random import hash_uniform
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.reservations import MAX_WAITING, Requests, drop_holds_ahead, holds
+from carlaloc_env.traffic.tables.reservations import Requests, drop_holds_ahead, holds
 from carlaloc_env.traffic.tables.speed_profile import COMFORT_BRAKING_MPS2
-from carlaloc_env.traffic.tables.vehicle_state import PLAN, REFUSED_LIGHT, Drivers, Fleet, Habits
+from carlaloc_env.traffic.tables.vehicle_state import PLAN, REFUSED_LIGHT, DriverParameters, Drivers, Fleet
 
-GREEN, YELLOW = 3, 2
+GREEN = 3
+"""State of a head, as in `SignalState`."""
+YELLOW = 2
+"""State of a head, as in `SignalState`."""
 YELLOW_BRAKING_MPS2 = 3.0
 """At yellow, drivers stop if that takes less braking [m/s²]."""
 HARDEST_BRAKING_MPS2 = 6.0
 """At yellow, drivers who would come to the line too late brake up to this [m/s²]."""
 STOP_SIGN_S = 1.0
-"""How long they stand at a stop sign [s]."""
+"""Time that drivers stand at a stop sign [s]."""
 PATIENCE_S = 25.0
 """After so long a wait, a driver's turn comes before that of higher ranks [s]."""
 _LATE_S = 0.4
+"""A front may cross the line so long after the light has turned red [s]."""
 _CLOSES_M = 0.6
-_STUCK_OUTSIDE_S, _STUCK_OUTSIDE_M = 3.0, 2.0
+"""A lane that is too narrow for longer than this before its end closes there [m]."""
+_STUCK_OUTSIDE_S = 3.0
+"""Who has been admitted but stands longer before the junction gives it up [s]."""
+_STUCK_OUTSIDE_M = 2.0
+"""Distance before the junction from which that applies [m]."""
 _AT_SIGN_M = 3.0
-_LIGHTS, _SIGNS = 23, 24
+"""Distance to the line within which a driver stands at a stop sign [m]."""
+_DRAW_LIGHTS = 23
+"""Purpose of the draw for ignored lights."""
+_DRAW_SIGNS = 24
+"""Purpose of the draw for ignored signs."""
 
 
 @compiled
@@ -64,29 +76,29 @@ def permitted(
 
 
 @compiled
-def collect(
-    asks: Requests,
+def collect_requests(
+    requests: Requests,
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
-    habits: Habits,
+    parameters: DriverParameters,
     signals: NDArray[np.uint8],
     red_in_s: Array,
     count: int,
 ) -> None:
-    """Find all who want in, and where they must stop if they may not; `fleet.stop_gap_m` says where."""
-    asks.used[0] = 0
+    """Collect requests to enter junctions; `fleet.stop_gap_m` says where vehicles stop that may not."""
+    requests.used[0] = 0
     for v in range(count):
         fleet.stop_gap_m[v] = np.inf
         fleet.at_stop_sign[v] = False
         fleet.refused[v], fleet.blocker[v] = 0, -1
         front = fleet.station_m[v] + 0.5 * drivers.length_m[v]
         speed = fleet.speed_mps[v]
-        reach = max(30.0, speed * speed / (2.0 * COMFORT_BRAKING_MPS2) + 12.0)
+        range_m = max(30.0, speed * speed / (2.0 * COMFORT_BRAKING_MPS2) + 12.0)
         lane = fleet.plan[v, 0]
         distance = roads.lane.length_m[lane] - front
         for hop in range(1, PLAN):
-            if distance > reach:
+            if distance > range_m:
                 break
             lane = fleet.plan[v, hop]
             if lane < 0 and roads.lane.leaves[fleet.plan[v, hop - 1]]:
@@ -96,11 +108,11 @@ def collect(
                 break
             before = fleet.plan[v, hop - 1]
             if roads.lane.junction[lane] >= 0 and roads.lane.junction[before] < 0:
-                _ask(asks, roads, fleet, habits, signals, red_in_s, v, hop, distance)
+                _request_entry(requests, roads, fleet, parameters, signals, red_in_s, v, hop, distance)
                 if not holds(fleet, v, lane):
                     break
             distance += roads.lane.length_m[lane]
-    _sort_requests(asks, roads, fleet)
+    _sort_requests(requests, roads, fleet)
 
 
 @compiled
@@ -123,17 +135,17 @@ def _until_narrow(roads: Roads, fleet: Fleet, v: int, hop: int, distance_m: floa
 
 
 @compiled
-def _ignores(share: float, seed: int, purpose: int, fleet: Fleet, v: int) -> bool:
+def _ignores(probability: float, seed: int, purpose: int, fleet: Fleet, v: int) -> bool:
     """Whether a driver pays no heed this time; drawn once for each junction that it comes to."""
-    return share > 0.0 and chance(seed, purpose, v, fleet.draws[v]) < share
+    return probability > 0.0 and hash_uniform(seed, purpose, v, fleet.draws[v]) < probability
 
 
 @compiled
-def _ask(
-    asks: Requests,
+def _request_entry(
+    requests: Requests,
     roads: Roads,
     fleet: Fleet,
-    habits: Habits,
+    parameters: DriverParameters,
     signals: NDArray[np.uint8],
     red_in_s: Array,
     v: int,
@@ -143,7 +155,7 @@ def _ask(
     lane, before = fleet.plan[v, hop], fleet.plan[v, hop - 1]
     to_line = distance_m - (roads.lane.length_m[before] - roads.lane.stop_m[before])
     ready = permitted(roads, lane, signals, red_in_s, to_line, fleet.speed_mps[v])
-    if not ready and _ignores(habits.ignore_lights, habits.seed, _LIGHTS, fleet, v):
+    if not ready and _ignores(parameters.ignore_lights, parameters.seed, _DRAW_LIGHTS, fleet, v):
         ready = True
     if holds(fleet, v, lane):
         stuck = fleet.waited_s[v] > _STUCK_OUTSIDE_S and distance_m > _STUCK_OUTSIDE_M
@@ -154,39 +166,56 @@ def _ask(
         drop_holds_ahead(fleet, v)
     gap = to_line if to_line > -1.0 else max(distance_m - 0.3, 0.0)
     fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], max(gap, 0.0))
-    if roads.lane.stop_sign[lane] and not _ignores(habits.ignore_signs, habits.seed, _SIGNS, fleet, v):
+    if roads.lane.stop_sign[lane] and not _ignores(
+        parameters.ignore_signs, parameters.seed, _DRAW_SIGNS, fleet, v
+    ):
         fleet.at_stop_sign[v] = to_line < _AT_SIGN_M
         ready = ready and fleet.stopped_s[v] >= STOP_SIGN_S
     fleet.refused[v] = REFUSED_LIGHT
-    if ready and asks.used[0] < MAX_WAITING:
-        k = asks.used[0]
-        asks.ask.vehicle[k], asks.ask.hop[k], asks.ask.distance_m[k] = v, hop, distance_m
-        asks.used[0] = k + 1
+    if ready:
+        k = requests.used[0]
+        requests.queue.vehicle[k], requests.queue.hop[k], requests.queue.distance_m[k] = v, hop, distance_m
+        requests.used[0] = k + 1
 
 
 @compiled
-def _sort_requests(asks: Requests, roads: Roads, fleet: Fleet) -> None:
-    """Order of decision: patience at its end, then rank, then who is there first, then the number."""
-    for k in range(asks.used[0]):
-        v = asks.ask.vehicle[k]
-        lane = fleet.plan[v, asks.ask.hop[k]]
+def _sort_requests(requests: Requests, roads: Roads, fleet: Fleet) -> None:
+    """Sort requests: patience at its end first, then rank, then arrival, then the vehicle's number."""
+    for k in range(requests.used[0]):
+        v = requests.queue.vehicle[k]
+        lane = fleet.plan[v, requests.queue.hop[k]]
         waited = fleet.waited_s[v]
-        arrives = asks.ask.distance_m[k] / max(fleet.speed_mps[v], 1.0)
-        rank = 10.0 if waited > PATIENCE_S and asks.ask.distance_m[k] < 8.0 else float(roads.lane.rank[lane])
-        asks.ask.urgency[k] = 1000.0 * rank + waited - arrives
-    for k in range(1, asks.used[0]):
+        arrives = requests.queue.distance_m[k] / max(fleet.speed_mps[v], 1.0)
+        rank = (
+            10.0
+            if waited > PATIENCE_S and requests.queue.distance_m[k] < 8.0
+            else float(roads.lane.rank[lane])
+        )
+        requests.queue.urgency[k] = 1000.0 * rank + waited - arrives
+    for k in range(1, requests.used[0]):
         v, hop, distance, urgency = (
-            asks.ask.vehicle[k],
-            asks.ask.hop[k],
-            asks.ask.distance_m[k],
-            asks.ask.urgency[k],
+            requests.queue.vehicle[k],
+            requests.queue.hop[k],
+            requests.queue.distance_m[k],
+            requests.queue.urgency[k],
         )
         j = k
-        while j > 0 and asks.ask.urgency[j - 1] < urgency:
-            asks.ask.vehicle[j], asks.ask.hop[j] = asks.ask.vehicle[j - 1], asks.ask.hop[j - 1]
-            asks.ask.distance_m[j], asks.ask.urgency[j] = asks.ask.distance_m[j - 1], asks.ask.urgency[j - 1]
+        while j > 0 and requests.queue.urgency[j - 1] < urgency:
+            requests.queue.vehicle[j], requests.queue.hop[j] = (
+                requests.queue.vehicle[j - 1],
+                requests.queue.hop[j - 1],
+            )
+            requests.queue.distance_m[j], requests.queue.urgency[j] = (
+                requests.queue.distance_m[j - 1],
+                requests.queue.urgency[j - 1],
+            )
             j -= 1
-        asks.ask.vehicle[j], asks.ask.hop[j], asks.ask.distance_m[j], asks.ask.urgency[j] = (
+        (
+            requests.queue.vehicle[j],
+            requests.queue.hop[j],
+            requests.queue.distance_m[j],
+            requests.queue.urgency[j],
+        ) = (
             v,
             hop,
             distance,

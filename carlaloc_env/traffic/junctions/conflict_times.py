@@ -1,4 +1,4 @@
-"""Who would be in a zone that two lanes of a junction share, and when."""
+"""Conflict times: when two vehicles would be in a zone that their lanes share."""
 
 from __future__ import annotations
 
@@ -10,8 +10,14 @@ from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.reservations import Requests
 from carlaloc_env.traffic.tables.vehicle_state import HELD, PLAN, Drivers, Fleet
 
-_GAP_S, _SHORTEST_GAP_S = 1.8, 0.8
-_PULL_AWAY_MPS2, _INSIDE_MPS = 1.3, 8.0
+_GAP_S = 1.8
+"""Time that drivers leave between themselves and others in a zone at first [s]."""
+_SHORTEST_GAP_S = 0.8
+"""Least such time, after a long wait [s]."""
+_PULL_AWAY_MPS2 = 1.3
+"""Acceleration that others are taken to have inside a junction [m/s²]."""
+_INSIDE_MPS = 8.0
+"""Speed that others are taken to attain inside a junction [m/s]."""
 
 
 @compiled
@@ -31,7 +37,7 @@ def travel_time(distance_m: float, speed_mps: float, acceleration_mps2: float, t
 
 @compiled
 def zones_clear(
-    asks: Requests,
+    requests: Requests,
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
@@ -39,7 +45,7 @@ def zones_clear(
     hop: int,
     distance_m: float,
 ) -> bool:
-    """Whether every zone on the way is clear when the vehicle would be there."""
+    """Whether every zone on the path of vehicle v is clear when it would be there."""
     waited = fleet.waited_s[v]
     margin = max(_SHORTEST_GAP_S, _GAP_S - 0.05 * waited)
     ahead = distance_m
@@ -51,18 +57,20 @@ def zones_clear(
             if roads.zone.kind[z] == PARTING:
                 continue
             other = roads.zone.other[z]
-            for place in range(asks.holder_first[other], asks.holder_first[other + 1]):
-                h, slot = asks.holder[place] // HELD, asks.holder[place] % HELD
+            for index in range(requests.holder_first[other], requests.holder_first[other + 1]):
+                h, slot = requests.holder[index] // HELD, requests.holder[index] % HELD
                 if h == v or fleet.held_lane[h, slot] != other:
                     continue
-                if not agree(roads, drivers, fleet, v, ahead, z, h, fleet.held_front_m[h, slot], margin):
+                if not is_conflict_free(
+                    roads, drivers, fleet, v, ahead, z, h, fleet.held_front_m[h, slot], margin
+                ):
                     return False
         ahead += roads.lane.length_m[lane]
     return True
 
 
 @compiled
-def agree(
+def is_conflict_free(
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,

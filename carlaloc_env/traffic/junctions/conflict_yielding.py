@@ -1,22 +1,25 @@
-"""Inside a junction: stop before zones that are not clear after all, and give up what lies behind."""
+"""Yielding inside a junction: stop before zones that are not clear, give up zones that lie behind."""
 
 from __future__ import annotations
 
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.junctions.conflict_times import agree
+from carlaloc_env.traffic.junctions.conflict_times import is_conflict_free
 from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.reservations import Requests
 from carlaloc_env.traffic.tables.vehicle_state import HELD, PLAN, Drivers, Fleet
 
 STANDING_MPS = 0.1
+"""Slower than this, a vehicle stands [m/s]."""
 _STANDING_INSIDE_S = 8.0
+"""Who has waited inside a junction for longer goes on before those who stand [s]."""
 _BEFORE_ZONE_M = 0.6
+"""Gap to a zone before which a vehicle stops [m]."""
 
 
 @compiled
-def wait_inside(asks: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
-    """Stop before zones on one's way that somebody admitted earlier, or somebody standing there, holds."""
+def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
+    """Stop before zones on the path that a vehicle admitted earlier, or one standing there, holds."""
     for v in range(count):
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]
@@ -27,18 +30,25 @@ def wait_inside(asks: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, co
                 to_zone = roads.zone.enter_m[z] - front
                 if roads.zone.kind[z] == PARTING or to_zone < 0.0:
                     continue
-                if _must_wait(asks, roads, drivers, fleet, v, slot, z, to_zone):
+                if _must_wait(requests, roads, drivers, fleet, v, slot, z, to_zone):
                     gap = max(to_zone - _BEFORE_ZONE_M, 0.0)
                     fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], gap)
 
 
 @compiled
 def _must_wait(
-    asks: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, v: int, slot: int, z: int, to_zone_m: float
+    requests: Requests,
+    roads: Roads,
+    drivers: Drivers,
+    fleet: Fleet,
+    v: int,
+    slot: int,
+    z: int,
+    to_zone_m: float,
 ) -> bool:
     other = roads.zone.other[z]
-    for place in range(asks.holder_first[other], asks.holder_first[other + 1]):
-        h, h_slot = asks.holder[place] // HELD, asks.holder[place] % HELD
+    for index in range(requests.holder_first[other], requests.holder_first[other + 1]):
+        h, h_slot = requests.holder[index] // HELD, requests.holder[index] % HELD
         if h == v:
             continue
         h_front = fleet.held_front_m[h, h_slot]
@@ -46,7 +56,7 @@ def _must_wait(
             continue
         inside = h_front > roads.zone.other_enter_m[z]
         if inside:
-            # Who merges into the same lane is followed, not waited for.
+            # A vehicle that merges into the same lane is followed, not waited for.
             if roads.zone.kind[z] != MERGING:
                 return True
             continue
@@ -55,7 +65,7 @@ def _must_wait(
         if fleet.waited_s[v] > _STANDING_INSIDE_S and fleet.speed_mps[h] < STANDING_MPS:
             continue
         ahead = to_zone_m - roads.zone.enter_m[z]
-        if not agree(roads, drivers, fleet, v, ahead, z, h, h_front, 0.4):
+        if not is_conflict_free(roads, drivers, fleet, v, ahead, z, h, h_front, 0.4):
             return True
     return False
 

@@ -1,4 +1,4 @@
-"""Where the lanes through a junction meet: zones that two of them share, and who ranks first."""
+"""Conflict zones of junctions: where two lanes meet, and which of them ranks first."""
 
 from __future__ import annotations
 
@@ -14,19 +14,24 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
 
 Links = Sequence[Sequence[int]]
+"""For each lane, the lanes that it is linked to."""
 _Row = tuple[int, int, float, float, float, float]
+"""Columns of `Zones` in their order."""
 
 _SAMPLE_M = 0.5
+"""Spacing of the samples between which zones are searched [m]."""
 _CLEAR_M = 2.9
 """Centre lines closer than this share a zone: two swept widths of 2.2 m and a margin [m]."""
 CROSSING, MERGING, PARTING = 0, 1, 2
 """Kinds of zones: the lanes cross, end in the same lane, or begin in the same lane."""
 RANK_MINOR, RANK_LEFT, RANK_RIGHT, RANK_STRAIGHT = 0, 1, 2, 3
-"""Who goes first: the higher rank."""
+"""Ranks of junction lanes: the higher goes first."""
 STOP_LINE_M = 1.0
 """Where no signal says so, drivers stop this far before the junction [m]."""
 _TURN_RAD = 0.5
+"""Change of heading from which a junction lane is a turn [rad]."""
 _NEAR_JUNCTION_M = 12.0
+"""A sign this close to a lane's end belongs to the junction there [m]."""
 
 
 class Zones:
@@ -47,7 +52,7 @@ class Zones:
 
 
 class Rules(NamedTuple):
-    """What signs and signals ask for, by lane."""
+    """Rules by lane, from signs and signals."""
 
     rank: Index
     """Rank of each junction lane, (N,)."""

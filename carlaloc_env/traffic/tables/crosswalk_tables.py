@@ -1,4 +1,4 @@
-"""Where crosswalks lie on the lanes."""
+"""Crosswalks by the lanes that they cross."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ WANTED, TAKEN = 1, 2
 
 
 class Crossings:
-    """Each pair of a crosswalk and a lane that it crosses, C rows."""
+    """Pairs of a crosswalk and a lane that it crosses, C rows."""
 
     lane: Index
-    """(C,)."""
+    """Number of the lane, (C,)."""
     crosswalk: Index
     """Number of the crosswalk, (C,)."""
     enter_m: Array

@@ -1,4 +1,4 @@
-"""Chance for compiled functions: a hash of what is decided, the same on every machine."""
+"""Uniform draws for compiled functions: a hash of what is decided, the same on every machine."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import numpy as np
 from carlaloc_env.core.jit import compiled
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+"""2⁶⁴ over the golden ratio: SplitMix64's increment."""
 _MIX_A = np.uint64(0xBF58476D1CE4E5B9)
+"""First multiplier of SplitMix64's finaliser."""
 _MIX_B = np.uint64(0x94D049BB133111EB)
+"""Second multiplier of SplitMix64's finaliser."""
 _ONE_53 = 1.0 / 9007199254740992.0
+"""2⁻⁵³: makes 53 random bits a number in [0, 1)."""
 
 
 @compiled
@@ -20,14 +24,14 @@ def _mixed(x: np.uint64) -> np.uint64:
 
 
 @compiled
-def chance(seed: int, purpose: int, who: int, when: int) -> float:
-    """A number in [0, 1), the same for the same arguments.
+def hash_uniform(seed: int, purpose: int, entity: int, counter: int) -> float:
+    """Uniform draw in [0, 1), the same for the same seed, purpose, entity and counter.
 
     SplitMix64's finaliser over the arguments (Steele, Lea & Flood, "Fast splittable pseudorandom
     number generators", OOPSLA 2014).
     """
     x = _mixed(np.uint64(seed) + _GOLDEN)
     x = _mixed(x ^ np.uint64(purpose) * _GOLDEN)
-    x = _mixed(x ^ np.uint64(who) * _GOLDEN)
-    x = _mixed(x ^ np.uint64(when) * _GOLDEN)
+    x = _mixed(x ^ np.uint64(entity) * _GOLDEN)
+    x = _mixed(x ^ np.uint64(counter) * _GOLDEN)
     return float(x >> np.uint64(11)) * _ONE_53

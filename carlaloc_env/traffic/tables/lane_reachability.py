@@ -1,6 +1,6 @@
-"""Which junction lanes can be reached from a lane, and the lane changes that this takes.
+"""Paths from every lane to the junction lanes ahead, and the lane changes that they take.
 
-A driver on the way to a junction has chosen one lane through it. For every lane before that junction
+A driver who comes up to a junction has chosen one lane through it. For every lane before that junction
 the table says how many lane changes are left, to which side, where to go on otherwise, and how far
 ahead the last chance lies.
 """
@@ -17,12 +17,13 @@ from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
 
 CHANGE_ROOM_M = 18.0
 """Shortest lane on which a lane change is planned [m]."""
-CLOSED_SHARE = 0.5
-"""Where less of all lanes goes on for ever, vehicles may leave the map."""
+CLOSED_FRACTION = 0.5
+"""Where a smaller fraction of all lanes goes on for ever, vehicles may leave the map."""
 _FAR_M = 3000.0
+"""Room beyond this makes no difference to a driver [m]."""
 
 
-class Ways:
+class GoalPaths:
     """One row for each pair of a plain lane and a junction lane that it leads to, K rows."""
 
     goal: Index
@@ -34,10 +35,10 @@ class Ways:
     onward: Index
     """Lane to go on to without a change, −1 = the change must happen before this lane ends, (K,)."""
     room_m: Array
-    """From the lane's end to the last place where all changes are still possible [m], (K,)."""
+    """From the lane's end to the last station at which all changes are still possible [m], (K,)."""
 
 
-def find_ways(
+def find_goal_paths(
     length_m: Array,
     junction: Index,
     left: Index,
@@ -45,8 +46,8 @@ def find_ways(
     after: Sequence[Sequence[int]],
     before: Sequence[Sequence[int]],
     driving: Flags,
-) -> tuple[Index, Ways, Flags, Flags]:
-    """All ways from plain lanes to the next junction.
+) -> tuple[Index, GoalPaths, Flags, Flags]:
+    """Paths from all plain lanes to the next junction.
 
     Args:
         length_m: Length of each lane [m], (N,).
@@ -70,7 +71,7 @@ def find_ways(
     leaves = np.zeros(len(length_m), dtype=bool)
     lasting = _lasting(junction, after, changes, leaves)
     plain_m = np.where(driving & (junction < 0), length_m, 0.0)
-    if float(np.sum(plain_m[lasting])) < CLOSED_SHARE * float(np.sum(plain_m)):
+    if float(np.sum(plain_m[lasting])) < CLOSED_FRACTION * float(np.sum(plain_m)):
         leaves = road_ends(driving, junction, left, right, after)
         lasting = _lasting(junction, after, changes, leaves)
     rows: list[list[tuple[int, int, int, int, float]]] = [[] for _ in length_m]
@@ -81,7 +82,7 @@ def find_ways(
                 rows[lane].append(_row(goal, lane, known, length_m, left, right, after))
     flat = [row for own in rows for row in own]
     names = ("goal", "changes", "side", "onward", "room_m")
-    table = fill(Ways, len(flat), **{name: [row[k] for row in flat] for k, name in enumerate(names)})
+    table = fill(GoalPaths, len(flat), **{name: [row[k] for row in flat] for k, name in enumerate(names)})
     return starts(rows), table, lasting, leaves
 
 

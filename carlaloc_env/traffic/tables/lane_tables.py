@@ -11,7 +11,7 @@ from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
 from carlaloc_env.traffic.tables.crosswalk_tables import Crossings, find_crossings
-from carlaloc_env.traffic.tables.lane_reachability import Ways, find_ways, road_ends
+from carlaloc_env.traffic.tables.lane_reachability import GoalPaths, find_goal_paths, road_ends
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.speed_profile import allowed_speeds
 
@@ -20,7 +20,11 @@ WIDE_M = 2.6
 
 
 class Lanes:
-    """All N lanes. Names in ``_first`` and ``_end`` bound a lane's rows in another table."""
+    """Lanes of a town, N rows.
+
+    Columns that end in ``_first`` and ``_end`` bound a lane's rows in another table: lanes after and before
+    it, its samples (`row`), paths, zones, signal heads and crossings.
+    """
 
     length_m: Array
     """Length [m]."""
@@ -56,8 +60,8 @@ class Lanes:
     row_count: Index
     row_step_m: Array
     """Spacing of the samples [m]."""
-    way_first: Index
-    way_end: Index
+    path_first: Index
+    path_end: Index
     zone_first: Index
     zone_end: Index
     head_first: Index
@@ -84,29 +88,36 @@ class Samples:
 
 
 class Roads(NamedTuple):
-    """Everything about the roads that traffic needs."""
+    """Roads of a town: lanes, and the tables that hold their rows."""
 
     lane: Lanes
+    """Lanes, (N,)."""
     row: Samples
-    way: Ways
+    """Samples of all lanes, (R,)."""
+    path: GoalPaths
+    """Paths to junction lanes, (K,)."""
     zone: Zones
+    """Conflict zones, (Z,)."""
     crossing: Crossings
+    """Crossings of lanes and crosswalks, (C,)."""
     after: Index
-    """Successors of all lanes."""
+    """Successors of all lanes, end to end."""
     before: Index
-    """Predecessors of all lanes."""
+    """Predecessors of all lanes, end to end."""
     head: Index
-    """Signal heads that lanes obey."""
+    """Numbers of the signal heads that lanes obey, end to end."""
     entrance: Index
     """Lanes on which vehicles come into the map that have left it elsewhere."""
 
 
 def build_roads(network: LaneNetwork) -> Roads:
-    """Tables of a network."""
+    """Tables of a lane network."""
     tables, links = network.tables, _Links(network)
     length = tables.length_m.astype(np.float64)
     sides = (links.junction, links.left, links.right)
-    way_first, ways, lasting, leaves = find_ways(length, *sides, links.after, links.before, links.driving)
+    path_first, paths, lasting, leaves = find_goal_paths(
+        length, *sides, links.after, links.before, links.driving
+    )
     begins = road_ends(links.driving, *sides, links.before)
     entrance = np.flatnonzero(lasting & begins & leaves.any()).astype(np.int64)
     turn = _turns(network)
@@ -118,7 +129,7 @@ def build_roads(network: LaneNetwork) -> Roads:
     for name, first in (
         ("after", starts(links.after)),
         ("before", starts(links.before)),
-        ("way", way_first),
+        ("path", path_first),
         ("zone", zone_first),
         ("head", starts(rules.heads)),
         ("crossing", crossing_first),
@@ -156,7 +167,7 @@ def build_roads(network: LaneNetwork) -> Roads:
         np.array([n for own in rows for n in own], np.int64)
         for rows in (links.after, links.before, rules.heads)
     ]
-    return Roads(lanes, samples, ways, zones, crossings, flat[0], flat[1], flat[2], entrance)
+    return Roads(lanes, samples, paths, zones, crossings, flat[0], flat[1], flat[2], entrance)
 
 
 class _Links:
@@ -200,12 +211,17 @@ def _stretches(links: _Links) -> Index:
     for lane in range(len(number)):
         if links.junction[lane] >= 0 or number[lane] != lane:
             continue
-        waiting = [lane]
-        while waiting:
-            here = waiting.pop()
-            number[here] = lane
-            near = [*links.after[here], *links.before[here], int(links.left[here]), int(links.right[here])]
-            waiting += [n for n in near if n > lane and links.junction[n] < 0 and number[n] == n]
+        queue = [lane]
+        while queue:
+            current = queue.pop()
+            number[current] = lane
+            near = [
+                *links.after[current],
+                *links.before[current],
+                int(links.left[current]),
+                int(links.right[current]),
+            ]
+            queue += [n for n in near if n > lane and links.junction[n] < 0 and number[n] == n]
     return number
 
 
@@ -218,7 +234,7 @@ def _turns(network: LaneNetwork) -> Array:
 
 @compiled
 def sample(roads: Roads, lane: int, station_m: float) -> tuple[int, float]:
-    """Row before a station, and the fraction of the way to the next row."""
+    """Row before a station, and the fraction of the distance to the next row."""
     at = min(max(station_m / roads.lane.row_step_m[lane], 0.0), roads.lane.row_count[lane] - 1.0)
     k = min(int(at), roads.lane.row_count[lane] - 2)
     return roads.lane.row_first[lane] + k, at - k
@@ -239,8 +255,8 @@ def width_at(roads: Roads, lane: int, station_m: float) -> float:
 
 
 @compiled
-def place_of(roads: Roads, lane: int, station_m: float) -> tuple[float, float, float, float]:
-    """x, y [m], cosine and sine of a lane's centre line, by straight lines between the samples."""
+def centre_at(roads: Roads, lane: int, station_m: float) -> tuple[float, float, float, float]:
+    """Point (x, y) [m], cosine and sine of a lane's centre line, by straight lines between the samples."""
     row, f = sample(roads, lane, station_m)
     c = roads.row.tangent[row, 0] * (1.0 - f) + roads.row.tangent[row + 1, 0] * f
     s = roads.row.tangent[row, 1] * (1.0 - f) + roads.row.tangent[row + 1, 1] * f
@@ -256,21 +272,21 @@ def station_beside(roads: Roads, lane: int, station_m: float, other: int) -> flo
     row, f = sample(roads, lane, station_m)
     along = roads.row.along_m[row] * (1.0 - f) + roads.row.along_m[row + 1] * f
     first, last = roads.lane.row_first[other], roads.lane.row_first[other] + roads.lane.row_count[other] - 2
-    there = min(
+    other_row = min(
         first
         + int(
             (row - roads.lane.row_first[lane] + f) * roads.lane.row_count[other] / roads.lane.row_count[lane]
         ),
         last,
     )
-    while there > first and roads.row.along_m[there] > along:
-        there -= 1
-    while there < last and roads.row.along_m[there + 1] < along:
-        there += 1
-    gap = roads.row.along_m[there + 1] - roads.row.along_m[there]
-    share = (along - roads.row.along_m[there]) / gap if gap > 1e-9 else 0.0
+    while other_row > first and roads.row.along_m[other_row] > along:
+        other_row -= 1
+    while other_row < last and roads.row.along_m[other_row + 1] < along:
+        other_row += 1
+    gap = roads.row.along_m[other_row + 1] - roads.row.along_m[other_row]
+    fraction = (along - roads.row.along_m[other_row]) / gap if gap > 1e-9 else 0.0
     beyond = station_m - min(max(station_m, 0.0), roads.lane.length_m[lane])
-    return float((there - first + share) * roads.lane.row_step_m[other] + beyond)
+    return float((other_row - first + fraction) * roads.lane.row_step_m[other] + beyond)
 
 
 @compiled
@@ -281,14 +297,14 @@ def bank_at(roads: Roads, lane: int, station_m: float) -> float:
 
 
 @compiled
-def put_point(roads: Roads, lane: int, station_m: float, aside_m: float, out: Array) -> None:
+def put_point(roads: Roads, lane: int, station_m: float, lateral_offset_m: float, out: Array) -> None:
     """Write a point of a lane and its direction to `out`: x, y, z [m], cos, sin, rise.
 
     Args:
         roads: The roads.
         lane: The lane.
         station_m: Station [m]; beyond the lane's ends its end directions go on straight.
-        aside_m: Distance to the left of the centre line [m].
+        lateral_offset_m: Distance to the left of the centre line [m].
         out: Six numbers.
     """
     row, f = sample(roads, lane, station_m)
@@ -305,6 +321,6 @@ def put_point(roads: Roads, lane: int, station_m: float, aside_m: float, out: Ar
     norm = np.sqrt(out[3] * out[3] + out[4] * out[4])
     out[3] /= norm
     out[4] /= norm
-    out[0] -= aside_m * out[4]
-    out[1] += aside_m * out[3]
-    out[2] += aside_m * bank_at(roads, lane, station_m)
+    out[0] -= lateral_offset_m * out[4]
+    out[1] += lateral_offset_m * out[3]
+    out[2] += lateral_offset_m * bank_at(roads, lane, station_m)

@@ -1,4 +1,4 @@
-"""What stands on every lane: vehicles, their tails and noses on other lanes, the ego, sorted by place."""
+"""Occupancy of every lane: vehicles, their tails and noses on other lanes, the ego, sorted by station."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from carlaloc_env.traffic.tables.record_arrays import columns
 from carlaloc_env.traffic.tables.vehicle_state import PAST, Drivers, Fleet
 
 HORIZON_M = 120.0
-"""How far drivers look for somebody in front [m]."""
-_PER_VEHICLE = 14
-_EGO_LANES = 64
+"""Distance ahead within which drivers look for a leader [m]."""
+_ROWS_PER_VEHICLE = 14
+"""Rows that are made for each vehicle at first; `missing_rows` says when they do not suffice."""
+_ROWS_FOR_EGO = 64
+"""Rows that are made for the ego at first: it lies on every lane that its box touches."""
 
 
 class Bodies:
@@ -34,8 +36,8 @@ class Bodies:
     """Vehicle; the ego's number is the count of vehicles, (E,)."""
 
 
-class Presence(NamedTuple):
-    """All bodies on lanes."""
+class Occupancy(NamedTuple):
+    """Bodies on all lanes."""
 
     body: Bodies
     """Rows; the first ``used[0]`` are in use."""
@@ -44,13 +46,19 @@ class Presence(NamedTuple):
     first: Index
     """Where each lane begins in `order`, (N + 1,)."""
     used: Index
-    """Number of rows in use, (1,)."""
+    """Number of bodies, (1,); above the number of rows when there was no room for all."""
 
 
-def empty_presence(vehicles: int, lanes: int) -> Presence:
-    """Room for all bodies of a number of vehicles and the ego."""
-    rows = _PER_VEHICLE * vehicles + _EGO_LANES
-    return Presence(
+def empty_occupancy(vehicles: int, lanes: int, rows: int = 0) -> Occupancy:
+    """Empty occupancy of N lanes.
+
+    Args:
+        vehicles: Number of vehicles, the ego not counted.
+        lanes: Number of lanes N.
+        rows: Bodies that there is room for; usually enough for these vehicles when left out.
+    """
+    rows = rows or _ROWS_PER_VEHICLE * vehicles + _ROWS_FOR_EGO
+    return Occupancy(
         body=columns(Bodies, rows),
         order=np.zeros(rows, np.int64),
         first=np.zeros(lanes + 1, np.int64),
@@ -60,34 +68,39 @@ def empty_presence(vehicles: int, lanes: int) -> Presence:
 
 @compiled
 def add_body(
-    there: Presence, lane: int, centre_m: float, half_m: float, speed_mps: float, owner: int
+    occupancy: Occupancy, lane: int, centre_m: float, half_m: float, speed_mps: float, owner: int
 ) -> None:
-    """One more body on a lane; silently nothing when all rows are in use."""
-    k = there.used[0]
-    if k < len(there.order):
-        there.body.lane[k] = lane
-        there.body.centre_m[k] = centre_m
-        there.body.half_m[k] = half_m
-        there.body.speed_mps[k] = speed_mps
-        there.body.owner[k] = owner
-        there.used[0] = k + 1
+    """Put one more body on a lane; where no row is left it is only counted, and `missing_rows` tells."""
+    k = occupancy.used[0]
+    if k < len(occupancy.order):
+        occupancy.body.lane[k] = lane
+        occupancy.body.centre_m[k] = centre_m
+        occupancy.body.half_m[k] = half_m
+        occupancy.body.speed_mps[k] = speed_mps
+        occupancy.body.owner[k] = owner
+    occupancy.used[0] = k + 1
+
+
+def missing_rows(occupancy: Occupancy) -> int:
+    """Number of bodies that found no row when they were gathered last."""
+    return max(int(occupancy.used[0]) - len(occupancy.order), 0)
 
 
 @compiled
 def _add_with_zones(
-    there: Presence, roads: Roads, lane: int, centre_m: float, half_m: float, speed: float, v: int
+    occupancy: Occupancy, roads: Roads, lane: int, centre_m: float, half_m: float, speed: float, v: int
 ) -> None:
     """A body on a lane and, in junctions, on the lanes that part from or merge with it there."""
-    add_body(there, lane, centre_m, half_m, speed, v)
+    add_body(occupancy, lane, centre_m, half_m, speed, v)
     if roads.lane.junction[lane] < 0:
         return
     for z in range(roads.lane.zone_first[lane], roads.lane.zone_end[lane]):
         other = roads.zone.other[z]
         if roads.zone.kind[z] == PARTING and centre_m - half_m < roads.zone.leave_m[z]:
-            add_body(there, other, centre_m, half_m, speed, v)
+            add_body(occupancy, other, centre_m, half_m, speed, v)
         elif roads.zone.kind[z] == MERGING and centre_m + half_m > roads.zone.enter_m[z]:
             add_body(
-                there,
+                occupancy,
                 other,
                 roads.lane.length_m[other] - (roads.lane.length_m[lane] - centre_m),
                 half_m,
@@ -97,58 +110,58 @@ def _add_with_zones(
 
 
 @compiled
-def gather(there: Presence, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
-    """Bodies of all vehicles on all lanes that they touch."""
-    there.used[0] = 0
+def gather_bodies(occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
+    """Gather the bodies of the first `count` vehicles on all lanes that they touch."""
+    occupancy.used[0] = 0
     for v in range(count):
         lane, station = fleet.plan[v, 0], fleet.station_m[v]
         half, speed = 0.5 * drivers.length_m[v], fleet.speed_mps[v]
-        _add_with_zones(there, roads, lane, station, half, speed, v)
+        _add_with_zones(occupancy, roads, lane, station, half, speed, v)
         centre = station
         for k in range(PAST):
             before = fleet.past[v, k]
             if centre - half >= 0.0 or before < 0:
                 break
             centre += roads.lane.length_m[before]
-            _add_with_zones(there, roads, before, centre, half, speed, v)
+            _add_with_zones(occupancy, roads, before, centre, half, speed, v)
         ahead = fleet.plan[v, 1]
         if ahead >= 0 and station + half > roads.lane.length_m[lane]:
-            _add_with_zones(there, roads, ahead, station - roads.lane.length_m[lane], half, speed, v)
+            _add_with_zones(occupancy, roads, ahead, station - roads.lane.length_m[lane], half, speed, v)
         side = fleet.origin[v]
         if side != 0 and on_origin(roads, drivers, fleet, v):
             origin = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
             if origin >= 0:
-                place = station_beside(roads, lane, station, origin)
-                add_body(there, origin, place, half, speed, v)
+                origin_station = station_beside(roads, lane, station, origin)
+                add_body(occupancy, origin, origin_station, half, speed, v)
                 before = (
                     roads.before[roads.lane.before_first[origin]]
                     if (roads.lane.before_first[origin] < roads.lane.before_end[origin])
                     else -1
                 )
-                if place - half < 0.0 and before >= 0:
-                    add_body(there, before, place + roads.lane.length_m[before], half, speed, v)
+                if origin_station - half < 0.0 and before >= 0:
+                    add_body(occupancy, before, origin_station + roads.lane.length_m[before], half, speed, v)
 
 
 @compiled
 def on_origin(roads: Roads, drivers: Drivers, fleet: Fleet, v: int) -> bool:
-    """Whether a vehicle that changes lanes still reaches into the lane it is leaving."""
+    """Whether vehicle v still reaches into the lane that it is leaving."""
     lane = fleet.plan[v, 0]
-    reach = abs(fleet.aside_m[v]) + 0.5 * drivers.width_m[v] + 0.1
-    return bool(reach > 0.5 * width_at(roads, lane, fleet.station_m[v]))
+    half_extent = abs(fleet.lateral_offset_m[v]) + 0.5 * drivers.width_m[v] + 0.1
+    return bool(half_extent > 0.5 * width_at(roads, lane, fleet.station_m[v]))
 
 
 @compiled
-def sort_bodies(there: Presence) -> None:
+def sort_bodies(occupancy: Occupancy) -> None:
     """Order all bodies by lane and centre; equal ones in the order of their gathering."""
-    first, order, count = there.first, there.order, there.used[0]
+    first, order, count = occupancy.first, occupancy.order, occupancy.used[0]
     first[:] = 0
     for k in range(count):
-        first[there.body.lane[k] + 1] += 1
+        first[occupancy.body.lane[k] + 1] += 1
     for lane in range(len(first) - 1):
         first[lane + 1] += first[lane]
     # Insertion into each lane's stretch: lanes hold few bodies.
     for k in range(count - 1, -1, -1):
-        lane = there.body.lane[k]
+        lane = occupancy.body.lane[k]
         first[lane + 1] -= 1
         order[first[lane + 1]] = k
     for lane in range(len(first) - 1):
@@ -158,19 +171,19 @@ def sort_bodies(there: Presence) -> None:
         for i in range(first[lane] + 1, first[lane + 1]):
             row = order[i]
             j = i
-            while j > first[lane] and there.body.centre_m[order[j - 1]] > there.body.centre_m[row]:
+            while j > first[lane] and occupancy.body.centre_m[order[j - 1]] > occupancy.body.centre_m[row]:
                 order[j] = order[j - 1]
                 j -= 1
             order[j] = row
 
 
 @compiled
-def place_after(there: Presence, lane: int, centre_m: float) -> int:
-    """Place in `order` of the first body of a lane whose centre lies beyond a station."""
-    low, high = there.first[lane], there.first[lane + 1]
+def index_after(occupancy: Occupancy, lane: int, centre_m: float) -> int:
+    """Index in `order` of the first body of a lane whose centre lies beyond a station [m]."""
+    low, high = occupancy.first[lane], occupancy.first[lane + 1]
     while low < high:
         middle = (low + high) // 2
-        if there.body.centre_m[there.order[middle]] > centre_m:
+        if occupancy.body.centre_m[occupancy.order[middle]] > centre_m:
             high = middle
         else:
             low = middle + 1

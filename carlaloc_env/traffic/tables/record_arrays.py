@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Index
 
 Flags = NDArray[np.bool_]
+"""Columns of truth values."""
 
 T = TypeVar("T")
 

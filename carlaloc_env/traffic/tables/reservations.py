@@ -1,4 +1,4 @@
-"""Who wants into which junction, and who has been admitted to which lane."""
+"""Requests of vehicles to enter junctions, and junction lanes that are held by those admitted."""
 
 from __future__ import annotations
 
@@ -9,33 +9,31 @@ import numpy as np
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.record_arrays import columns
-from carlaloc_env.traffic.tables.vehicle_state import HELD, Fleet
-
-MAX_WAITING = 512
+from carlaloc_env.traffic.tables.vehicle_state import HELD, PLAN, Fleet
 
 
-class Asks:
-    """Vehicles that come up to a junction and want in."""
+class RequestQueue:
+    """Vehicles that come up to a junction and ask to enter, W rows."""
 
     vehicle: Index
-    """(W,)."""
+    """Number of the vehicle, (W,)."""
     hop: Index
-    """Place of the first junction lane in the vehicle's plan, (W,)."""
+    """Index of the first junction lane in the vehicle's plan, (W,)."""
     distance_m: Array
     """From its front to that lane [m], (W,)."""
     urgency: Array
-    """The greater goes first, (W,)."""
+    """Urgency: requests are decided from the greatest on, (W,)."""
 
 
 class Requests(NamedTuple):
-    """Who wants in, and who has been admitted to which lane."""
+    """Requests to enter junctions, and the vehicles admitted to each lane, the holders."""
 
-    ask: Asks
+    queue: RequestQueue
     """The first ``used[0]`` rows are in use."""
     holder_first: Index
     """Rows of `holder` for each lane, (N + 1,)."""
     holder: Index
-    """Vehicle · HELD + place in its list of held lanes, (N · HELD,)."""
+    """Vehicle · HELD + slot in its list of held lanes, (N · HELD,)."""
     claimed: Array
     """Room claimed on each lane by those admitted to a junction before it [m], (N,)."""
     used: Index
@@ -43,9 +41,14 @@ class Requests(NamedTuple):
 
 
 def empty_requests(vehicles: int, lanes: int) -> Requests:
-    """Room for the requests of a number of vehicles and the ego."""
+    """Room for all requests of a number of vehicles, one for each lane of each plan at most.
+
+    Args:
+        vehicles: Number of vehicles, the ego not counted.
+        lanes: Number of lanes.
+    """
     return Requests(
-        ask=columns(Asks, MAX_WAITING),
+        queue=columns(RequestQueue, vehicles * PLAN),
         holder_first=np.zeros(lanes + 1, np.int64),
         holder=np.zeros((vehicles + 1) * HELD, np.int64),
         claimed=np.zeros(lanes),
@@ -54,26 +57,26 @@ def empty_requests(vehicles: int, lanes: int) -> Requests:
 
 
 @compiled
-def list_holders(asks: Requests, fleet: Fleet) -> None:
-    """Sort everybody who has been admitted by lane."""
-    first = asks.holder_first
+def list_holders(requests: Requests, fleet: Fleet) -> None:
+    """Sort all holders by lane; writes `holder_first` (N + 1,) and `holder`."""
+    first = requests.holder_first
     first[:] = 0
-    rows, places = fleet.held_lane.shape
+    rows, slots = fleet.held_lane.shape
     for v in range(rows):
-        for k in range(places):
+        for k in range(slots):
             if fleet.held_lane[v, k] >= 0:
                 first[fleet.held_lane[v, k] + 1] += 1
     for lane in range(len(first) - 1):
         first[lane + 1] += first[lane]
     for v in range(rows - 1, -1, -1):
-        for k in range(places - 1, -1, -1):
+        for k in range(slots - 1, -1, -1):
             lane = fleet.held_lane[v, k]
             if lane >= 0:
                 first[lane + 1] -= 1
-                asks.holder[first[lane + 1]] = v * HELD + k
+                requests.holder[first[lane + 1]] = v * HELD + k
     total = 0
     for v in range(rows):
-        for k in range(places):
+        for k in range(slots):
             total += fleet.held_lane[v, k] >= 0
     for lane in range(len(first) - 1):
         first[lane] = first[lane + 1]

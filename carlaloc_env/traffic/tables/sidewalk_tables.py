@@ -1,4 +1,4 @@
-"""Pavements and crosswalks as tables that compiled functions read."""
+"""Walker network as record arrays that compiled functions read."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from typing import Annotated, NamedTuple
 
 from carlaloc_env.core.array_types import Array, Index
 
-PAVEMENT, CROSSWALK = 0, 1
-"""Kinds of footways."""
+SIDEWALK, CROSSWALK = 0, 1
+"""Kinds of walker paths."""
 
 
-class Footways:
-    """Footways, F rows."""
+class WalkerPaths:
+    """Paths of walkers, sidewalks and crosswalks, F rows."""
 
     kind: Index
-    """PAVEMENT or CROSSWALK."""
+    """SIDEWALK or CROSSWALK."""
     length_m: Array
     """Length [m]."""
     row_first: Index
@@ -23,19 +23,19 @@ class Footways:
     """Spacing of the samples [m]."""
     kerb_m: Annotated[Array, 2]
     """Crosswalks: stations between which it lies on the carriageway [m]."""
-    door_first: Index
-    door_end: Index
-    """Pavements: rows of `Doors`, in the order of their stations."""
+    entry_first: Index
+    entry_end: Index
+    """Sidewalks: rows of `CrosswalkEntries`, in the order of their stations."""
     join_first: Annotated[Index, 2]
     """Where the joins at start and end begin."""
     join_end: Annotated[Index, 2]
-    pass_first: Index
-    pass_end: Index
-    """Crosswalks: rows of `Passes`."""
+    lane_crossing_first: Index
+    lane_crossing_end: Index
+    """Crosswalks: rows of `LaneCrossings`."""
 
 
-class FootRows:
-    """Samples along footways."""
+class WalkerPathSamples:
+    """Samples along walker paths, R rows."""
 
     position_m: Annotated[Array, 3]
     """World [m]."""
@@ -45,45 +45,49 @@ class FootRows:
     """Width [m]."""
 
 
-class Doors:
-    """Where crosswalks leave pavements."""
+class CrosswalkEntries:
+    """Points at which crosswalks leave sidewalks."""
 
     station_m: Array
-    """Station on the pavement [m]."""
+    """Station on the sidewalk [m]."""
     crosswalk: Index
-    """Footway over the road."""
+    """Path over the road."""
     end: Index
     """Which end of it lies here: 0 start, 1 end."""
 
 
-class Passes:
+class LaneCrossings:
     """Lanes that a crosswalk crosses."""
 
     crossing: Index
     """Row of `Roads.crossing`."""
     near_m: Array
-    """Station of the footway at which the lane begins [m]."""
+    """Station of the path at which the lane begins [m]."""
     far_m: Array
     """Station at which it ends [m]."""
     head_first: Index
     head_end: Index
-    """Lights before which traffic on the lane stops, so that one may walk: rows of `Ground.head`."""
+    """Lights that stop traffic on the lane, so that walkers may cross: rows of `WalkerNetwork.head`."""
 
 
-class Ground(NamedTuple):
-    """Everything that walkers need to know of a town."""
+class WalkerNetwork(NamedTuple):
+    """Walker network of a town: paths, their samples, and how they join."""
 
-    way: Footways
-    row: FootRows
-    door: Doors
-    passage: Passes
-    join_way: Index
-    """Footways that join others."""
+    path: WalkerPaths
+    """Paths, (F,)."""
+    row: WalkerPathSamples
+    """Samples of all paths, (R,)."""
+    entry: CrosswalkEntries
+    """Entries of crosswalks."""
+    lane_crossing: LaneCrossings
+    """Crossings of crosswalks and lanes."""
+    join_path: Index
+    """Paths that join others, end to end."""
     join_end: Index
     """Which end of each of them joins."""
-    land: Annotated[Index, 2]
-    """Pavement at start and end of each crosswalk, −1 for pavements, (F, 2)."""
-    land_m: Array
+    landing: Annotated[Index, 2]
+    """Sidewalk at start and end of each crosswalk, −1 for sidewalks, (F, 2)."""
+    landing_m: Array
     """Station there [m], (F, 2)."""
     head: Index
-    """Signal heads."""
+    """Numbers of signal heads, end to end."""

@@ -1,4 +1,4 @@
-"""Where walkers walk: pavements, and the ways over crosswalks from one pavement to another."""
+"""Walker network of a town: sidewalks, and crosswalks from one sidewalk to another."""
 
 from __future__ import annotations
 
@@ -14,20 +14,24 @@ from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.record_arrays import columns, fill, starts
 from carlaloc_env.traffic.tables.sidewalk_tables import (
     CROSSWALK,
-    PAVEMENT,
-    Doors,
-    FootRows,
-    Footways,
-    Ground,
-    Passes,
+    SIDEWALK,
+    CrosswalkEntries,
+    LaneCrossings,
+    WalkerNetwork,
+    WalkerPaths,
+    WalkerPathSamples,
 )
 
 STEP_M = 0.5
+"""Spacing of samples along crosswalks [m]."""
 _SHORTEST_M = 1.0
+"""Shorter sidewalk lanes are left out [m]."""
 _JOIN_M = 1.5
-_REACH_M = 7.0
+"""Ends of sidewalks this close to each other join [m]."""
+_LANDING_RANGE_M = 7.0
+"""Distance from a crosswalk's end within which a sidewalk must lie [m]."""
 _KERB_M = 0.2
-_LEVEL_M = 2.0
+"""Margin beside a lane within which walkers still hold up its traffic [m]."""
 
 
 class _Line(NamedTuple):
@@ -35,15 +39,15 @@ class _Line(NamedTuple):
     width_m: Array
 
 
-def build_ground(network: LaneNetwork, roads: Roads) -> Ground:
-    """Footways of a town; crosswalks without a pavement near both ends are left out."""
-    lines = _pavements(network)
-    pavements = len(lines)
-    land: list[tuple[int, int]] = [(-1, -1)] * pavements
-    land_m: list[tuple[float, float]] = [(0.0, 0.0)] * pavements
-    kerbs: list[tuple[float, float]] = [(0.0, 0.0)] * pavements
-    numbers: list[int] = [-1] * pavements
-    finder = _PavementFinder(lines)
+def build_walker_network(network: LaneNetwork, roads: Roads) -> WalkerNetwork:
+    """Walker network of a town; crosswalks without a sidewalk near both ends are left out."""
+    lines = _sidewalks(network)
+    sidewalks = len(lines)
+    landing: list[tuple[int, int]] = [(-1, -1)] * sidewalks
+    landing_m: list[tuple[float, float]] = [(0.0, 0.0)] * sidewalks
+    kerbs: list[tuple[float, float]] = [(0.0, 0.0)] * sidewalks
+    numbers: list[int] = [-1] * sidewalks
+    finder = _SidewalkFinder(lines)
     for number, crosswalk in enumerate(network.crosswalks):
         ends = [finder.nearest(point) for point in (crosswalk.start_m, crosswalk.end_m)]
         if any(end is None for end in ends):
@@ -53,14 +57,14 @@ def build_ground(network: LaneNetwork, roads: Roads) -> Ground:
         lead = float(np.hypot(*(points[1] - points[0])[:2]))
         across = float(np.hypot(*(points[2] - points[1])[:2]))
         lines.append(_resampled(points, crosswalk.width_m))
-        land.append((a, b))
-        land_m.append((a_m, b_m))
+        landing.append((a, b))
+        landing_m.append((a_m, b_m))
         kerbs.append((lead, lead + across))
         numbers.append(number)
-    return _packed(network, roads, lines, pavements, land, land_m, kerbs, numbers)
+    return _packed(network, roads, lines, sidewalks, landing, landing_m, kerbs, numbers)
 
 
-def _pavements(network: LaneNetwork) -> list[_Line]:
+def _sidewalks(network: LaneNetwork) -> list[_Line]:
     lines = []
     tables = network.tables
     for lane in network.lanes:
@@ -72,8 +76,8 @@ def _pavements(network: LaneNetwork) -> list[_Line]:
     return lines
 
 
-class _PavementFinder:
-    """The nearest sample of all pavements."""
+class _SidewalkFinder:
+    """Nearest sample of all sidewalks."""
 
     def __init__(self, lines: list[_Line]) -> None:
         self._points = np.concatenate([line.points_m for line in lines] or [np.zeros((0, 3))])
@@ -83,11 +87,11 @@ class _PavementFinder:
         self._tree = cKDTree(self._points) if len(self._points) else None
 
     def nearest(self, point_m: Array) -> tuple[int, float, Array] | None:
-        """Pavement, station [m] and point, None if there is none within reach."""
+        """Sidewalk, station [m] and point (3,) nearest to a point, None without a sidewalk in range."""
         if self._tree is None:
             return None
         distance, row = self._tree.query(point_m)
-        if distance > _REACH_M:
+        if distance > _LANDING_RANGE_M:
             return None
         owner = int(self._owner[row])
         station = float(_stations(self._lines[owner].points_m)[row - self._first[owner]])
@@ -111,75 +115,75 @@ def _packed(
     network: LaneNetwork,
     roads: Roads,
     lines: list[_Line],
-    pavements: int,
-    land: list[tuple[int, int]],
-    land_m: list[tuple[float, float]],
+    sidewalks: int,
+    landing: list[tuple[int, int]],
+    landing_m: list[tuple[float, float]],
     kerbs: list[tuple[float, float]],
     numbers: list[int],
-) -> Ground:
+) -> WalkerNetwork:
     count = len(lines)
     station = [_stations(line.points_m) for line in lines]
     row_first = starts([[0] * len(own) for own in station])
-    doors: list[list[tuple[float, int, int]]] = [[] for _ in lines]
-    for way in range(pavements, count):
+    entries: list[list[tuple[float, int, int]]] = [[] for _ in lines]
+    for path in range(sidewalks, count):
         for end in range(2):
-            doors[land[way][end]].append((land_m[way][end], way, end))
-    for own in doors:
+            entries[landing[path][end]].append((landing_m[path][end], path, end))
+    for own in entries:
         own.sort()
-    joins = _joins(lines[:pavements])
-    joins += [([], []) for _ in range(pavements, count)]
-    passes, heads = _passes(network, roads, lines, numbers, kerbs)
+    joins = _joins(lines[:sidewalks])
+    joins += [([], []) for _ in range(sidewalks, count)]
+    lane_crossings, heads = _lane_crossings(network, roads, lines, numbers, kerbs)
     flat_joins = [ends[k] for ends in joins for k in range(2)]
     join_starts = starts(flat_joins)
-    door_starts, pass_starts = starts(doors), starts(passes)
-    ways = fill(
-        Footways,
+    entry_starts, crossing_starts = starts(entries), starts(lane_crossings)
+    paths = fill(
+        WalkerPaths,
         count,
-        kind=[CROSSWALK if number >= 0 else PAVEMENT for number in numbers],
+        kind=[CROSSWALK if number >= 0 else SIDEWALK for number in numbers],
         length_m=[own[-1] for own in station],
         row_first=row_first[:-1],
         row_count=np.diff(row_first),
         row_step_m=[max(own[-1] / (len(own) - 1), 1e-6) for own in station],
         kerb_m=np.array(kerbs).reshape(-1, 2),
-        door_first=door_starts[:-1],
-        door_end=door_starts[1:],
+        entry_first=entry_starts[:-1],
+        entry_end=entry_starts[1:],
         join_first=join_starts[:-1].reshape(-1, 2),
         join_end=join_starts[1:].reshape(-1, 2),
-        pass_first=pass_starts[:-1],
-        pass_end=pass_starts[1:],
+        lane_crossing_first=crossing_starts[:-1],
+        lane_crossing_end=crossing_starts[1:],
     )
-    rows = columns(FootRows, int(row_first[-1]))
+    rows = columns(WalkerPathSamples, int(row_first[-1]))
     if count:
         rows.position_m[...] = np.concatenate([line.points_m for line in lines])
         rows.width_m[...] = np.concatenate([line.width_m for line in lines])
         rows.tangent[...] = np.concatenate([_tangents(line.points_m) for line in lines])
-    flat_doors = [door for own in doors for door in own]
-    flat_passes = [item for own in passes for item in own]
-    head_starts = starts([heads[item[0]] for item in flat_passes])
-    return Ground(
-        way=ways,
+    flat_entries = [entry for own in entries for entry in own]
+    flat_crossings = [item for own in lane_crossings for item in own]
+    head_starts = starts([heads[item[0]] for item in flat_crossings])
+    return WalkerNetwork(
+        path=paths,
         row=rows,
-        door=fill(
-            Doors,
-            len(flat_doors),
-            station_m=[door[0] for door in flat_doors],
-            crosswalk=[door[1] for door in flat_doors],
-            end=[door[2] for door in flat_doors],
+        entry=fill(
+            CrosswalkEntries,
+            len(flat_entries),
+            station_m=[entry[0] for entry in flat_entries],
+            crosswalk=[entry[1] for entry in flat_entries],
+            end=[entry[2] for entry in flat_entries],
         ),
-        passage=fill(
-            Passes,
-            len(flat_passes),
-            crossing=[item[0] for item in flat_passes],
-            near_m=[item[1] for item in flat_passes],
-            far_m=[item[2] for item in flat_passes],
+        lane_crossing=fill(
+            LaneCrossings,
+            len(flat_crossings),
+            crossing=[item[0] for item in flat_crossings],
+            near_m=[item[1] for item in flat_crossings],
+            far_m=[item[2] for item in flat_crossings],
             head_first=head_starts[:-1],
             head_end=head_starts[1:],
         ),
-        join_way=np.array([way for own in flat_joins for way, _ in own], dtype=np.int64),
+        join_path=np.array([path for own in flat_joins for path, _ in own], dtype=np.int64),
         join_end=np.array([end for own in flat_joins for _, end in own], dtype=np.int64),
-        land=np.array(land, dtype=np.int64).reshape(-1, 2),
-        land_m=np.array(land_m, dtype=np.float64).reshape(-1, 2),
-        head=np.array([head for item in flat_passes for head in heads[item[0]]], dtype=np.int64),
+        landing=np.array(landing, dtype=np.int64).reshape(-1, 2),
+        landing_m=np.array(landing_m, dtype=np.float64).reshape(-1, 2),
+        head=np.array([head for item in flat_crossings for head in heads[item[0]]], dtype=np.int64),
     )
 
 
@@ -189,55 +193,55 @@ def _tangents(points_m: Array) -> Array:
 
 
 def _joins(lines: list[_Line]) -> list[tuple[list[tuple[int, int]], list[tuple[int, int]]]]:
-    """At start and end of each pavement, the ends of others that meet it there."""
+    """For start and end of each sidewalk, the ends of others that meet it there."""
     if not lines:
         return []
     ends = np.array([line.points_m[k] for line in lines for k in (0, -1)])
     near = cKDTree(ends).query_ball_point(ends, _JOIN_M)
     joins: list[tuple[list[tuple[int, int]], list[tuple[int, int]]]] = []
-    for way in range(len(lines)):
+    for path in range(len(lines)):
         own: list[list[tuple[int, int]]] = []
         for end in range(2):
-            others = sorted(k for k in near[2 * way + end] if k // 2 != way)
+            others = sorted(k for k in near[2 * path + end] if k // 2 != path)
             own.append([(k // 2, k % 2) for k in others])
         joins.append((own[0], own[1]))
     return joins
 
 
-def _passes(
+def _lane_crossings(
     network: LaneNetwork,
     roads: Roads,
     lines: list[_Line],
     numbers: list[int],
     kerbs: list[tuple[float, float]],
 ) -> tuple[list[list[tuple[int, float, float]]], dict[int, list[int]]]:
-    """For each footway the lanes that it crosses, and for each such crossing the lights that hold traffic."""
+    """For each path the lanes that it crosses, and for each such crossing the lights that hold traffic."""
     crossing = roads.crossing
     of_crosswalk: dict[int, list[int]] = {}
     for row, number in enumerate(crossing.crosswalk):
         of_crosswalk.setdefault(int(number), []).append(row)
-    passes: list[list[tuple[int, float, float]]] = []
+    lane_crossings: list[list[tuple[int, float, float]]] = []
     heads: dict[int, list[int]] = {}
-    for way in range(len(lines)):
+    for path in range(len(lines)):
         own = []
-        for row in of_crosswalk.get(numbers[way], []) if numbers[way] >= 0 else []:
-            near, far = _span(network, network.crosswalks[numbers[way]], crossing, row, kerbs[way])
+        for row in of_crosswalk.get(numbers[path], []) if numbers[path] >= 0 else []:
+            near, far = _span(network, network.crosswalks[numbers[path]], crossing, row, kerbs[path])
             own.append((row, near, far))
             heads[row] = _holding_heads(network, roads, int(crossing.lane[row]), float(crossing.enter_m[row]))
-        passes.append(own)
-    return passes, heads
+        lane_crossings.append(own)
+    return lane_crossings, heads
 
 
 def _span(
     network: LaneNetwork, crosswalk: Crosswalk, crossing: object, row: int, kerb_m: tuple[float, float]
 ) -> tuple[float, float]:
-    """Stations of the footway between which it crosses a lane [m]."""
+    """Stations of the path between which it crosses a lane [m]."""
     lane = int(crossing.lane[row])  # type: ignore[attr-defined]
     middle = 0.5 * float(crossing.enter_m[row] + crossing.leave_m[row])  # type: ignore[attr-defined]
     point = network.pose([lane], [middle]).position_m[0, :2]
-    way = crosswalk.end_m[:2] - crosswalk.start_m[:2]
-    length = float(np.hypot(way[0], way[1]))
-    at = kerb_m[0] + float(np.sum((point - crosswalk.start_m[:2]) * way)) / length
+    path = crosswalk.end_m[:2] - crosswalk.start_m[:2]
+    length = float(np.hypot(path[0], path[1]))
+    at = kerb_m[0] + float(np.sum((point - crosswalk.start_m[:2]) * path)) / length
     half = 0.5 * float(network.width_m([lane], [middle])[0]) + _KERB_M
     return at - half, at + half
 

@@ -1,4 +1,4 @@
-"""Speeds that roads allow, at every sample of the lane tables."""
+"""Speed profile: the speed that roads allow at every sample of the lane tables."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def allowed_speeds(network: LaneNetwork) -> Array:
     """
     tables = network.tables
     bend = np.maximum(np.abs(tables.curvature_radpm), 1e-4)
-    slow = np.maximum(np.sqrt(LATERAL_ACCELERATION_MPS2 / bend), SLOWEST_BEND_MPS)
-    allowed = np.minimum(tables.speed_limit_mps, slow)
+    bend_mps = np.maximum(np.sqrt(LATERAL_ACCELERATION_MPS2 / bend), SLOWEST_BEND_MPS)
+    allowed = np.minimum(tables.speed_limit_mps, bend_mps)
     last = tables.first + tables.count - 1
-    # Backward pass: one sweep over samples of equal place before their lane's end.
+    # Backward pass: one sweep over samples of equal index before their lane's end.
     for back in range(1, int(tables.count.max())):
         own = tables.count > back
         rows = last[own] - back
-        reach = allowed[rows + 1]
-        brake = np.sqrt(reach * reach + 2.0 * COMFORT_BRAKING_MPS2 * tables.step_m[own])
+        entry_mps = allowed[rows + 1]
+        brake = np.sqrt(entry_mps * entry_mps + 2.0 * COMFORT_BRAKING_MPS2 * tables.step_m[own])
         allowed[rows] = np.minimum(allowed[rows], brake)
     return np.ascontiguousarray(allowed)

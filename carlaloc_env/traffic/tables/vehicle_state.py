@@ -1,6 +1,6 @@
-"""Who drives, and where everybody is: arrays that compiled functions read and write.
+"""State of vehicles and drivers: record arrays that compiled functions read and write.
 
-All arrays have one row more than there are vehicles: the last row is the ego.
+All have one row more than there are vehicles, N + 1: the last row is the ego.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ PAST = 3
 GOALS = 6
 """Junction lanes that a driver has chosen ahead."""
 REFUSED_LIGHT, REFUSED_LEADER, REFUSED_ROOM, REFUSED_ZONE = 1, 2, 3, 4
-"""By light or stop sign; because the vehicle before it waits; no room behind; somebody crosses."""
+"""Reasons in `Fleet.refused`: light or sign; the vehicle ahead waits; no room behind; a zone not clear."""
 HELD = 6
 """Junction lanes that a vehicle can be admitted to at once."""
 
@@ -49,17 +49,17 @@ class Drivers:
     """Time that a lane change takes [s]."""
     keeps_right: Array
     """Gain that the driver sees in the right lane [m/s²]."""
-    aside_m: Array
+    edge_distance_m: Array
     """Where in the lane the vehicle drives: distance from the right edge [m], 0 = in the middle."""
 
 
-class Habits(NamedTuple):
-    """What applies to all drivers."""
+class DriverParameters(NamedTuple):
+    """Parameters that apply to all drivers alike."""
 
     seed: int
-    """Seed of all chance."""
+    """Seed of all draws."""
     auto_lane_change: bool
-    """Whether lanes are changed for speed, not only because the way asks for it."""
+    """Whether lanes are changed for speed, not only because the path needs it."""
     random_left: float
     """Chance of a change to the left without a reason, at each decision."""
     random_right: float
@@ -90,51 +90,51 @@ class Fleet:
     travelled_m: Array
     """Distance covered [m], (N + 1,)."""
     waited_s: Array
-    """How long it has stood [s], (N + 1,)."""
+    """Time for which it has stood [s], (N + 1,)."""
     stopped_s: Array
-    """How long it has stood at the stop sign before it [s], (N + 1,)."""
+    """Time for which it has stood at the stop sign before it [s], (N + 1,)."""
     goals: Annotated[Index, GOALS]
     """Junction lanes that the driver heads for, one after the other, −1 = none, (N + 1, GOALS)."""
     draws: Index
-    """How many goals have been reached, (N + 1,)."""
+    """Number of goals reached, (N + 1,)."""
     held_lane: Annotated[Index, HELD]
     """Junction lanes that it is admitted to, −1 = none, (N + 1, HELD)."""
     held_front_m: Annotated[Array, HELD]
     """Station of its front on each of them [m], negative before it, (N + 1, HELD)."""
     held_ticket: Annotated[Index, HELD]
     """Order of admission, (N + 1, HELD)."""
-    aside_m: Array
+    lateral_offset_m: Array
     """Distance of the centre to the left of the lane's centre line [m], (N + 1,)."""
-    drift: Array
-    """Metres that it moves to the left per metre driven, (N + 1,)."""
+    lateral_slope: Array
+    """Distance that it moves to the left per distance driven, (N + 1,)."""
     origin: Index
-    """Side on which the lane lies that it is leaving: 1 left, −1 right, 0 none, (N + 1,)."""
+    """Side of the lane that it is leaving: 1 left, −1 right, 0 none, (N + 1,)."""
     change: Array
-    """Share of the lane change that is done, (N + 1,)."""
+    """Fraction of the lane change that is done, (N + 1,)."""
     spacing_m: Array
     """Distance between the two lanes of the change [m], (N + 1,)."""
-    wish: Index
+    desired_side: Index
     """Side to which it indicates a lane change, (N + 1,)."""
-    wished_s: Array
-    """For how long it has indicated [s], (N + 1,)."""
+    indicated_s: Array
+    """Time for which it has indicated [s], (N + 1,)."""
     urgent: Flags
-    """Whether the wish follows from the way, (N + 1,)."""
+    """Whether the path needs that change soon, (N + 1,)."""
     at_stop_sign: Flags
     """Whether it stands or comes to a stand at a stop sign, (N + 1,)."""
     refused: Index
     """Why it may not enter the junction before it (`REFUSED_…`), 0 = it may or need not, (N + 1,)."""
     blocker: Index
-    """Who takes the room that it needs behind that junction, −1 = nobody, (N + 1,)."""
+    """Vehicle that takes the room it needs behind that junction, −1 = none, (N + 1,)."""
     leader: Index
-    """Who drives in front, −1 = nobody, (N + 1,)."""
+    """Vehicle in front, −1 = none, (N + 1,)."""
     gap_m: Array
     """Gap to the leader [m], (N + 1,)."""
     stop_gap_m: Array
-    """Distance from the front to the place to stop at [m], inf = none, (N + 1,)."""
+    """Distance from the front to where it has to stop [m], inf = nowhere, (N + 1,)."""
 
 
 def empty_fleet(count: int) -> Fleet:
-    """Rows for a number of vehicles and the ego, nobody placed yet."""
+    """Empty state of N vehicles and the ego, (N + 1,); no vehicle is on a lane yet."""
     fleet = columns(Fleet, count + 1)
     for lanes in (fleet.plan, fleet.past, fleet.goals, fleet.held_lane):
         lanes[...] = -1

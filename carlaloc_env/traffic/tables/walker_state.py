@@ -1,4 +1,4 @@
-"""Those who walk, and the vehicles as they see them."""
+"""State of walkers, and vehicles as walkers see them."""
 
 from __future__ import annotations
 
@@ -9,41 +9,42 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.traffic.tables.record_arrays import Flags
 
 STEP_S = STEP_NS / 1e9
+"""One step [s]."""
 RADIUS_M = 0.3
 """Half the width of a walker [m]."""
 
 
-class Walking:
+class WalkerState:
     """State of all walkers, W rows."""
 
-    way: Index
-    """Footway."""
+    path: Index
+    """Number of the path."""
     station_m: Array
     """Station on it [m]."""
     sense: Index
     """1 towards its end, −1 towards its start."""
     side_m: Array
-    """How far right of the middle it likes to walk [m]."""
+    """Distance right of the path's middle at which it likes to walk [m]."""
     position_m: Annotated[Array, 3]
-    """World [m]."""
+    """Position of the feet, world [m], (W, 3)."""
     velocity_mps: Annotated[Array, 2]
-    """World [m/s]."""
+    """Velocity, world [m/s], (W, 2)."""
     direction: Annotated[Array, 2]
-    """Cosine and sine of where it looks."""
+    """Cosine and sine of its heading."""
     pace_mps: Array
     """Speed it likes to walk at [m/s]."""
     travelled_m: Array
     """Distance walked [m]."""
     waited_s: Array
-    """How long it has waited at the kerb or for somebody in the way [s]."""
+    """Time for which it has waited, at the kerb or for another in its path [s]."""
     crossing: Flags
     """Whether it has set out over the road."""
     draws: Index
-    """Decisions taken."""
+    """Number of decisions taken."""
 
 
-class Boxes:
-    """Vehicles as walkers see them, and the ego in the last row."""
+class VehicleBoxes:
+    """Boxes of N vehicles as walkers see them; the last row is the ego, (N + 1,)."""
 
     position_m: Annotated[Array, 2]
     """Centre [m]."""

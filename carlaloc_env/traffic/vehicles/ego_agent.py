@@ -11,18 +11,43 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.ego_car import EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Presence, add_body
+from carlaloc_env.traffic.tables.occupancy import Occupancy, add_body
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns
 from carlaloc_env.traffic.tables.vehicle_state import HELD, Fleet
 
 CELL_M = 8.0
+"""Side of a cell [m]; no lane is so wide that its vehicles reach beyond the next one."""
 _OVERLAP_M = 0.3
+"""The ego is on a lane when its box reaches so far over the lane's edge [m]."""
 _HEIGHT_M = 3.0
-_HEAD_FOR_M = 1.5
+"""Lanes farther above or below are on another level [m]."""
+_RESERVE_SIDE_M = 1.5
+"""The ego heads for junction lanes whose middle is this close to its line ahead [m]."""
 _LOOK_AHEAD_S = 2.0
-_FOUND = 48
+"""Time ahead for which junction lanes are kept free for the ego [s]."""
 _ALONG = 0.7
 """Cosine of the angle within which the ego drives along a lane."""
+
+
+class EgoBox(NamedTuple):
+    """Box of the ego on the ground plane, world frame."""
+
+    x_m: float
+    """Centre, east [m]."""
+    y_m: float
+    """Centre, north [m]."""
+    z_m: float
+    """Height of the ground below the centre [m]."""
+    cos: float
+    """Cosine of the heading."""
+    sin: float
+    """Sine of the heading."""
+    speed_mps: float
+    """Forward speed [m/s]."""
+    half_length_m: float
+    """Half the length [m]."""
+    half_width_m: float
+    """Half the width [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,24 +65,32 @@ class EgoView:
     width_m: float = EGO_SIZE_M[1]
     """Width of the ego [m]."""
 
-    def numbers(self) -> Array:
-        """Centre [m], cosine and sine of the heading, speed [m/s], half length and half width [m], (8,)."""
-        c, s = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        half = (0.5 * self.length_m, 0.5 * self.width_m)
-        return np.array([*self.position_m, c, s, self.speed_mps, *half], dtype=np.float64)
+    def box(self) -> EgoBox:
+        """The ego's box as compiled functions read it."""
+        x, y, z = self.position_m
+        return EgoBox(
+            x_m=float(x),
+            y_m=float(y),
+            z_m=float(z),
+            cos=float(np.cos(self.heading_rad)),
+            sin=float(np.sin(self.heading_rad)),
+            speed_mps=float(self.speed_mps),
+            half_length_m=0.5 * float(self.length_m),
+            half_width_m=0.5 * float(self.width_m),
+        )
 
 
-class Found:
+class TouchedLanes:
     """Lanes that the ego touches."""
 
     lane: Index
     row: Index
     """Sample nearest to the ego's centre."""
-    m: Array
+    distance_m: Array
     """How far ahead of or behind that centre it lies [m]."""
 
 
-class Cells(NamedTuple):
+class LaneCells(NamedTuple):
     """Samples of the driving lanes sorted into square cells."""
 
     corner_m: Array
@@ -70,51 +103,60 @@ class Cells(NamedTuple):
     """Samples, (R,)."""
     lane: Index
     """Lane of each of them, (R,)."""
-    found: Found
-    """Room for the lanes that were found."""
+    found: TouchedLanes
+    """Room for the lanes that the ego touches, one row a lane."""
 
 
-def build_cells(roads: Roads, driving: Flags) -> Cells:
+def build_cells(roads: Roads, driving: Flags) -> LaneCells:
     """Cells over all samples of some lanes, (N,) of them."""
     owner = np.repeat(np.arange(len(driving)), roads.lane.row_count)
     rows = np.flatnonzero(driving[owner])
     xy = roads.row.position_m[rows, :2]
     corner = np.floor(xy.min(axis=0) / CELL_M) * CELL_M
-    place = ((xy - corner) / CELL_M).astype(np.int64)
-    size = place.max(axis=0) + 1
-    cell = place[:, 1] * size[0] + place[:, 0]
+    cell_xy = ((xy - corner) / CELL_M).astype(np.int64)
+    size = cell_xy.max(axis=0) + 1
+    cell = cell_xy[:, 1] * size[0] + cell_xy[:, 0]
     order = np.argsort(cell, kind="stable")
     first = np.searchsorted(cell[order], np.arange(size[0] * size[1] + 1))
-    return Cells(
+    return LaneCells(
         corner_m=corner,
         size=size,
         first=first.astype(np.int64),
         row=rows[order].astype(np.int64),
         lane=owner[rows[order]],
-        found=columns(Found, _FOUND),
+        found=columns(TouchedLanes, len(driving)),
     )
 
 
 @compiled
-def place_ego(there: Presence, cells: Cells, roads: Roads, fleet: Fleet, ego: Array) -> None:
-    """Put the ego on every lane that its box touches, and hold the junction lanes it drives along.
+def add_ego(occupancy: Occupancy, cells: LaneCells, roads: Roads, fleet: Fleet, ego: EgoBox) -> None:
+    """Add the ego to every lane that its box touches, and hold the junction lanes it drives along.
 
-    Its body is the last row of the fleet; to whatever lies straight ahead of it within two seconds it
-    has the first right.
+    Its body is the last row of the fleet; it has the right of way on what lies straight
+    ahead of it within two seconds.
     """
     me = len(fleet.speed_mps) - 1
-    fleet.speed_mps[me] = ego[5]
+    fleet.speed_mps[me] = ego.speed_mps
     fleet.held_lane[me, :] = -1
-    _touch(there, cells, roads, fleet, me, ego)
-    reach = max(_LOOK_AHEAD_S * ego[5], 0.5)
-    steps = int(reach) + 1
+    _occupy_lanes(occupancy, cells, roads, fleet, me, ego)
+    range_m = max(_LOOK_AHEAD_S * ego.speed_mps, 0.5)
+    steps = int(range_m) + 1
     for k in range(steps):
-        ahead = ego[6] + reach * k / steps
-        _head_for(cells, roads, fleet, me, ego, ego[0] + ahead * ego[3], ego[1] + ahead * ego[4], ahead)
+        ahead = ego.half_length_m + range_m * k / steps
+        _reserve_ahead(
+            cells,
+            roads,
+            fleet,
+            me,
+            ego,
+            ego.x_m + ahead * ego.cos,
+            ego.y_m + ahead * ego.sin,
+            ahead,
+        )
 
 
 @compiled
-def _cell_range(cells: Cells, x: float, y: float) -> tuple[int, int, int, int]:
+def _cell_range(cells: LaneCells, x: float, y: float) -> tuple[int, int, int, int]:
     i = int(np.floor((x - cells.corner_m[0]) / CELL_M))
     j = int(np.floor((y - cells.corner_m[1]) / CELL_M))
     return (
@@ -126,31 +168,40 @@ def _cell_range(cells: Cells, x: float, y: float) -> tuple[int, int, int, int]:
 
 
 @compiled
-def _touch(there: Presence, cells: Cells, roads: Roads, fleet: Fleet, me: int, ego: Array) -> None:
-    west, east, south, north = _cell_range(cells, ego[0], ego[1])
-    lanes, rows, best = cells.found.lane, cells.found.row, cells.found.m
+def _occupy_lanes(
+    occupancy: Occupancy, cells: LaneCells, roads: Roads, fleet: Fleet, me: int, ego: EgoBox
+) -> None:
+    west, east, south, north = _cell_range(cells, ego.x_m, ego.y_m)
+    lanes, rows, best = cells.found.lane, cells.found.row, cells.found.distance_m
     found = 0
     for j in range(south, north):
         for i in range(west, east):
             cell = j * cells.size[0] + i
             for k in range(cells.first[cell], cells.first[cell + 1]):
                 row, lane = cells.row[k], cells.lane[k]
-                if abs(roads.row.position_m[row, 2] - ego[2]) > _HEIGHT_M:
+                if abs(roads.row.position_m[row, 2] - ego.z_m) > _HEIGHT_M:
                     continue
                 c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
-                dx, dy = ego[0] - roads.row.position_m[row, 0], ego[1] - roads.row.position_m[row, 1]
+                dx, dy = ego.x_m - roads.row.position_m[row, 0], ego.y_m - roads.row.position_m[row, 1]
                 along, across = dx * c + dy * s, dy * c - dx * s
-                cos, sin = abs(c * ego[3] + s * ego[4]), abs(c * ego[4] - s * ego[3])
-                if abs(along) > ego[6] * cos + ego[7] * sin:
+                cos, sin = (
+                    abs(c * ego.cos + s * ego.sin),
+                    abs(c * ego.sin - s * ego.cos),
+                )
+                if abs(along) > ego.half_length_m * cos + ego.half_width_m * sin:
                     continue
-                if abs(across) > 0.5 * roads.row.width_m[row] + ego[6] * sin + ego[7] * cos - _OVERLAP_M:
+                if (
+                    abs(across)
+                    > 0.5 * roads.row.width_m[row]
+                    + ego.half_length_m * sin
+                    + ego.half_width_m * cos
+                    - _OVERLAP_M
+                ):
                     continue
                 known = 0
                 while known < found and lanes[known] != lane:
                     known += 1
                 if known == found:
-                    if found == _FOUND:
-                        continue
                     found += 1
                     best[known] = np.inf
                 if abs(along) < best[known]:
@@ -158,18 +209,18 @@ def _touch(there: Presence, cells: Cells, roads: Roads, fleet: Fleet, me: int, e
     for k in range(found):
         lane, row = lanes[k], rows[k]
         c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
-        along = (ego[0] - roads.row.position_m[row, 0]) * c + (ego[1] - roads.row.position_m[row, 1]) * s
+        along = (ego.x_m - roads.row.position_m[row, 0]) * c + (ego.y_m - roads.row.position_m[row, 1]) * s
         station = (row - roads.lane.row_first[lane]) * roads.lane.row_step_m[lane] + along
-        turn = c * ego[3] + s * ego[4]
-        half = ego[6] * abs(turn) + ego[7] * abs(c * ego[4] - s * ego[3])
-        add_body(there, lane, station, half, max(0.0, ego[5] * turn), me)
+        turn = c * ego.cos + s * ego.sin
+        half = ego.half_length_m * abs(turn) + ego.half_width_m * abs(c * ego.sin - s * ego.cos)
+        add_body(occupancy, lane, station, half, max(0.0, ego.speed_mps * turn), me)
         if turn > _ALONG and roads.lane.junction[lane] >= 0:
             _hold(fleet, me, lane, station + half)
 
 
 @compiled
-def _head_for(
-    cells: Cells, roads: Roads, fleet: Fleet, me: int, ego: Array, x: float, y: float, ahead_m: float
+def _reserve_ahead(
+    cells: LaneCells, roads: Roads, fleet: Fleet, me: int, ego: EgoBox, x: float, y: float, ahead_m: float
 ) -> None:
     i = int(np.floor((x - cells.corner_m[0]) / CELL_M))
     j = int(np.floor((y - cells.corner_m[1]) / CELL_M))
@@ -178,18 +229,18 @@ def _head_for(
     cell = j * cells.size[0] + i
     for k in range(cells.first[cell], cells.first[cell + 1]):
         row, lane = cells.row[k], cells.lane[k]
-        if roads.lane.junction[lane] < 0 or abs(roads.row.position_m[row, 2] - ego[2]) > _HEIGHT_M:
+        if roads.lane.junction[lane] < 0 or abs(roads.row.position_m[row, 2] - ego.z_m) > _HEIGHT_M:
             continue
         c, s = roads.row.tangent[row, 0], roads.row.tangent[row, 1]
         dx, dy = x - roads.row.position_m[row, 0], y - roads.row.position_m[row, 1]
         along, across = dx * c + dy * s, dy * c - dx * s
         if (
             abs(along) < roads.lane.row_step_m[lane]
-            and abs(across) < _HEAD_FOR_M
-            and c * ego[3] + s * ego[4] > _ALONG
+            and abs(across) < _RESERVE_SIDE_M
+            and c * ego.cos + s * ego.sin > _ALONG
         ):
             station = (row - roads.lane.row_first[lane]) * roads.lane.row_step_m[lane] + along
-            _hold(fleet, me, lane, station - (ahead_m - ego[6]))
+            _hold(fleet, me, lane, station - (ahead_m - ego.half_length_m))
 
 
 @compiled

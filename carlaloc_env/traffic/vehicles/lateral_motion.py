@@ -1,4 +1,4 @@
-"""The motion from lane to lane, and where in its lane a vehicle drives."""
+"""Lateral motion of vehicles: from lane to lane, and where in its lane a vehicle drives."""
 
 from __future__ import annotations
 
@@ -8,20 +8,25 @@ from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside, width
 from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
 
 STEP_S = STEP_NS / 1e9
+"""One step [s]."""
 _FULL_PACE_MPS = 4.0
+"""Below this speed lane changes take longer in proportion [m/s]."""
 _BEFORE_LINE_M = 2.0
+"""Changes are complete so far before a junction's line [m]."""
 
 
 @compiled
-def move_aside(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
-    """Carry on with all lane changes: 10τ³ − 15τ⁴ + 6τ⁵ of the way after the share τ of the time.
+def move_laterally(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
+    """Move all vehicles across their lanes; a change has done 10τ³ − 15τ⁴ + 6τ⁵ of the spacing at fraction τ.
+
+    That is the path of least jerk (Flash & Hogan 1985).
 
     Slow vehicles take longer, those that stand do not move at all.
     """
     for v in range(count):
         lane, station = fleet.plan[v, 0], fleet.station_m[v]
-        before = fleet.aside_m[v]
-        base = _base_aside(roads, drivers, v, lane, station)
+        before = fleet.lateral_offset_m[v]
+        base = _lane_position(roads, drivers, v, lane, station)
         if fleet.change[v] >= 1.0:
             target = base
         else:
@@ -37,23 +42,25 @@ def move_aside(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None
             side = fleet.origin[v]
             origin = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
             if origin >= 0:
-                there = station_beside(roads, lane, station, origin)
-                fleet.spacing_m[v] = 0.5 * (width_at(roads, lane, station) + width_at(roads, origin, there))
+                origin_station = station_beside(roads, lane, station, origin)
+                fleet.spacing_m[v] = 0.5 * (
+                    width_at(roads, lane, station) + width_at(roads, origin, origin_station)
+                )
             left = 1.0 - t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
             target = base + side * fleet.spacing_m[v] * left
             if t >= 1.0:
                 fleet.origin[v] = 0
-        # Nobody slides sideways faster than a quarter of the way driven.
+        # No vehicle slides sideways faster than a quarter of its speed.
         most = 0.25 * fleet.speed_mps[v] * STEP_S
-        fleet.aside_m[v] = before + min(max(target - before, -most), most)
-        drift = (fleet.aside_m[v] - before) / max(fleet.speed_mps[v] * STEP_S, 0.05)
-        fleet.drift[v] += 0.4 * (drift - fleet.drift[v])
+        fleet.lateral_offset_m[v] = before + min(max(target - before, -most), most)
+        lateral_slope = (fleet.lateral_offset_m[v] - before) / max(fleet.speed_mps[v] * STEP_S, 0.05)
+        fleet.lateral_slope[v] += 0.4 * (lateral_slope - fleet.lateral_slope[v])
 
 
 @compiled
-def _base_aside(roads: Roads, drivers: Drivers, v: int, lane: int, station_m: float) -> float:
+def _lane_position(roads: Roads, drivers: Drivers, v: int, lane: int, station_m: float) -> float:
     """Where in its lane a vehicle usually drives: in the middle, or near the right edge [m]."""
-    edge = drivers.aside_m[v]
+    edge = drivers.edge_distance_m[v]
     if edge <= 0.0:
         return 0.0
     return float(min(0.0, edge - 0.5 * width_at(roads, lane, station_m)))

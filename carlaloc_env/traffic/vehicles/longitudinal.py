@@ -1,4 +1,4 @@
-"""One step of all vehicles: accelerations from everything that counts, and the way that comes of them."""
+"""Longitudinal motion of vehicles: accelerations behind leaders and before stops, speeds and stations."""
 
 from __future__ import annotations
 
@@ -7,38 +7,48 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.hash_random import chance
+from carlaloc_env.traffic.tables.hash_random import hash_uniform
 from carlaloc_env.traffic.tables.lane_tables import Roads, allowed_at, station_beside
-from carlaloc_env.traffic.tables.occupancy import Presence, on_origin, place_after
+from carlaloc_env.traffic.tables.occupancy import Occupancy, index_after, on_origin
 from carlaloc_env.traffic.tables.speed_profile import COMFORT_BRAKING_MPS2
-from carlaloc_env.traffic.tables.vehicle_state import HELD, PAST, PLAN, Drivers, Fleet, Habits
-from carlaloc_env.traffic.vehicles.car_following import idm_plus
-from carlaloc_env.traffic.vehicles.lane_plans import plan_ahead, reach_goal
+from carlaloc_env.traffic.tables.vehicle_state import HELD, PAST, PLAN, DriverParameters, Drivers, Fleet
+from carlaloc_env.traffic.vehicles.car_following import FREE_MPS, follow, idm_plus
+from carlaloc_env.traffic.vehicles.lane_plans import advance_goals, plan_ahead
 from carlaloc_env.traffic.vehicles.neighbours import find_ahead, find_beside, find_leader
 
 STEP_S = STEP_NS / 1e9
+"""One step [s]."""
 _COURTEOUS_BRAKING_MPS2 = 1.5
-_SEES_WISH_M, _BEHIND_M = 45.0, 0.5
-_LETS_IN_S, _FITS_IN_MPS = 4.0, 2.0
+"""Braking with which drivers make room for others at most [m/s²]."""
+_LETS_IN_RANGE_M = 45.0
+"""Distance within which a driver lets somebody in who indicates [m]."""
+_BEHIND_M = 0.5
+"""Who is closer behind is alongside, and drives on [m]."""
+_LETS_IN_S = 4.0
+"""Who has stood longer lets nobody in [s]."""
+_FITS_IN_MPS = 2.0
+"""Faster than this, a driver adapts to the gap beside [m/s]."""
 _STANDING_MPS = 0.1
-_IGNORES = 22
+"""Slower than this, a vehicle stands [m/s]."""
+_DRAW_IGNORE = 22
+"""Purpose of the draw for ignored vehicles."""
 
 
 @compiled
-def look_ahead(
-    there: Presence,
+def follow_leaders(
+    occupancy: Occupancy,
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
-    habits: Habits,
-    wanted: Array,
+    parameters: DriverParameters,
+    desired_mps2: Array,
     count: int,
     step: int,
 ) -> None:
-    """Find everybody's leader, and the acceleration wished for behind it [m/s²], (N,)."""
+    """Find the leader of each vehicle; writes `desired_mps2`, the IDM+ acceleration behind it, (N + 1,)."""
     for v in range(count):
         half, speed = 0.5 * drivers.length_m[v], fleet.speed_mps[v]
-        leader, gap, leader_speed = find_leader(there, roads, fleet, v, half)
+        leader, gap, leader_speed = find_leader(occupancy, roads, fleet, v, half)
         fleet.leader[v], fleet.gap_m[v] = leader, gap
         side = fleet.origin[v]
         if side != 0 and on_origin(roads, drivers, fleet, v):
@@ -46,15 +56,18 @@ def look_ahead(
             origin = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
             if origin >= 0:
                 station = station_beside(roads, lane, fleet.station_m[v], origin)
-                place = place_after(there, origin, station)
-                owner, other, other_speed = find_ahead(there, roads, origin, place, station, v, half)
+                index = index_after(occupancy, origin, station)
+                owner, other, other_speed = find_ahead(occupancy, roads, origin, index, station, v, half)
                 if owner >= 0 and other < gap:
                     gap, leader_speed = other, other_speed
         second = (step + v) // 20
-        if habits.ignore_vehicles > 0.0 and chance(habits.seed, _IGNORES, v, second) < habits.ignore_vehicles:
+        if (
+            parameters.ignore_vehicles > 0.0
+            and hash_uniform(parameters.seed, _DRAW_IGNORE, v, second) < parameters.ignore_vehicles
+        ):
             gap = np.inf
-        desired = min(_allowed(roads, fleet, v) * drivers.speed_factor[v], drivers.top_mps[v])
-        wanted[v] = _follow(drivers, v, speed, desired, gap, leader_speed)
+        desired_mps = min(_allowed(roads, fleet, v) * drivers.speed_factor[v], drivers.top_mps[v])
+        desired_mps2[v] = follow(drivers, v, speed, desired_mps, gap, leader_speed)
 
 
 @compiled
@@ -76,49 +89,35 @@ def _allowed(roads: Roads, fleet: Fleet, v: int) -> float:
 
 
 @compiled
-def _follow(drivers: Drivers, v: int, speed: float, desired: float, gap: float, leader: float) -> float:
-    return idm_plus(
-        speed,
-        desired,
-        gap,
-        leader,
-        drivers.headway_s[v],
-        drivers.standstill_m[v],
-        drivers.acceleration_mps2[v],
-        drivers.braking_mps2[v],
-    )
-
-
-@compiled
-def be_courteous(
-    there: Presence, roads: Roads, drivers: Drivers, fleet: Fleet, wanted: Array, count: int
+def make_room_for_changes(
+    occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: Fleet, desired_mps2: Array, count: int
 ) -> None:
-    """Who must change lanes fits its speed to the gap; the first behind that gap lets it in."""
+    """Adapt vehicles that must change lanes to the gap beside; the first behind that gap lets them in."""
     for v in range(count):
-        if fleet.wish[v] == 0 or not fleet.urgent[v]:
+        if fleet.desired_side[v] == 0 or not fleet.urgent[v]:
             continue
         lane = fleet.plan[v, 0]
-        target = roads.lane.left[lane] if fleet.wish[v] > 0 else roads.lane.right[lane]
+        target = roads.lane.left[lane] if fleet.desired_side[v] > 0 else roads.lane.right[lane]
         if target < 0:
             continue
         half, speed = 0.5 * drivers.length_m[v], fleet.speed_mps[v]
         station = station_beside(roads, lane, fleet.station_m[v], target)
         front, gap, front_speed, back, back_gap, back_speed = find_beside(
-            there, roads, target, station, v, half
+            occupancy, roads, target, station, v, half
         )
         if front >= 0 and speed > _FITS_IN_MPS:
-            fit = _follow(drivers, v, speed, max(speed, 1.0), max(gap, 0.5), front_speed)
-            wanted[v] = min(wanted[v], max(fit, -_COURTEOUS_BRAKING_MPS2))
-        # Who is alongside drives on: waiting there would keep the place from everybody.
-        sees = 0 <= back < count and _BEHIND_M < back_gap < _SEES_WISH_M
+            fit = follow(drivers, v, speed, max(speed, 1.0), max(gap, 0.5), front_speed)
+            desired_mps2[v] = min(desired_mps2[v], max(fit, -_COURTEOUS_BRAKING_MPS2))
+        # A vehicle alongside drives on: waiting there would keep the gap closed for both.
+        sees = 0 <= back < count and _BEHIND_M < back_gap < _LETS_IN_RANGE_M
         if sees and fleet.waited_s[back] < _LETS_IN_S:
-            let = _follow(drivers, back, back_speed, 40.0, back_gap, speed)
-            wanted[back] = min(wanted[back], max(let, -_COURTEOUS_BRAKING_MPS2))
+            let = follow(drivers, back, back_speed, FREE_MPS, back_gap, speed)
+            desired_mps2[back] = min(desired_mps2[back], max(let, -_COURTEOUS_BRAKING_MPS2))
 
 
 @compiled
-def stop_where_needed(drivers: Drivers, fleet: Fleet, wanted: Array, count: int) -> None:
-    """Brake for the places to stop at."""
+def brake_for_stops(drivers: Drivers, fleet: Fleet, desired_mps2: Array, count: int) -> None:
+    """Brake for `fleet.stop_gap_m`; writes `desired_mps2`, (N + 1,)."""
     for v in range(count):
         if fleet.stop_gap_m[v] < np.inf:
             halt = idm_plus(
@@ -131,25 +130,25 @@ def stop_where_needed(drivers: Drivers, fleet: Fleet, wanted: Array, count: int)
                 drivers.acceleration_mps2[v],
                 drivers.braking_mps2[v],
             )
-            wanted[v] = min(wanted[v], halt)
+            desired_mps2[v] = min(desired_mps2[v], halt)
 
 
 @compiled
-def drive(fleet: Fleet, wanted: Array, count: int) -> None:
-    """Move everybody on by one step; accelerations change as fast as a foot moves a pedal."""
+def integrate_motion(fleet: Fleet, desired_mps2: Array, count: int) -> None:
+    """Integrate speeds and stations over one step; acceleration changes as fast as a foot moves a pedal."""
     for v in range(count):
         speed, a = fleet.speed_mps[v], fleet.acceleration_mps2[v]
-        fall = 60.0 if wanted[v] < -3.0 else 8.0
-        a = min(max(wanted[v], a - fall * STEP_S), a + 3.0 * STEP_S)
+        fall = 60.0 if desired_mps2[v] < -3.0 else 8.0
+        a = min(max(desired_mps2[v], a - fall * STEP_S), a + 3.0 * STEP_S)
         after = speed + a * STEP_S
         if after < 0.0:
-            path = speed * speed / (-2.0 * a) if a < -1e-6 else 0.0
+            distance = speed * speed / (-2.0 * a) if a < -1e-6 else 0.0
             a, after = 0.0, 0.0
         else:
-            path = speed * STEP_S + 0.5 * a * STEP_S * STEP_S
+            distance = speed * STEP_S + 0.5 * a * STEP_S * STEP_S
         fleet.acceleration_mps2[v], fleet.speed_mps[v] = a, after
-        fleet.station_m[v] += path
-        fleet.travelled_m[v] += path
+        fleet.station_m[v] += distance
+        fleet.travelled_m[v] += distance
         fleet.waited_s[v] = fleet.waited_s[v] + STEP_S if after < _STANDING_MPS else 0.0
         if not fleet.at_stop_sign[v]:
             fleet.stopped_s[v] = 0.0
@@ -157,12 +156,12 @@ def drive(fleet: Fleet, wanted: Array, count: int) -> None:
             fleet.stopped_s[v] += STEP_S
         for k in range(HELD):
             if fleet.held_lane[v, k] >= 0:
-                fleet.held_front_m[v, k] += path
+                fleet.held_front_m[v, k] += distance
 
 
 @compiled
-def enter_lanes(roads: Roads, crowd: Array, fleet: Fleet, count: int, seed: int) -> None:
-    """Whoever has come to the end of its lane goes on to the next one of its plan."""
+def advance_lanes(roads: Roads, density: Array, fleet: Fleet, count: int, seed: int) -> None:
+    """Move vehicles that have come to the end of their lane to the next lane of their plan."""
     for v in range(count):
         while fleet.station_m[v] >= roads.lane.length_m[fleet.plan[v, 0]]:
             lane, following = fleet.plan[v, 0], fleet.plan[v, 1]
@@ -175,5 +174,5 @@ def enter_lanes(roads: Roads, crowd: Array, fleet: Fleet, count: int, seed: int)
             fleet.past[v, 0] = lane
             fleet.plan[v, 0] = following
             if roads.lane.junction[lane] >= 0 and roads.lane.junction[following] < 0:
-                reach_goal(fleet, v)
-            plan_ahead(roads, crowd, fleet, v, seed)
+                advance_goals(fleet, v)
+            plan_ahead(roads, density, fleet, v, seed)

@@ -1,4 +1,4 @@
-"""Where roads end at the edge of a map: vehicles leave there, and come in again where other roads begin.
+"""Map entries: vehicles leave where roads end at the map's edge, and enter again where others begin.
 
 Towns are closed: their traffic goes round for ever. Of a map whose roads mostly lead out of it, such as a
 single crossing or a piece of motorway, only what may leave can drive there at all.
@@ -8,55 +8,61 @@ from __future__ import annotations
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.hash_random import chance
+from carlaloc_env.traffic.tables.hash_random import hash_uniform
 from carlaloc_env.traffic.tables.lane_tables import Roads, allowed_at
-from carlaloc_env.traffic.tables.occupancy import Presence
+from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
 from carlaloc_env.traffic.vehicles.lane_plans import plan_ahead
 from carlaloc_env.traffic.vehicles.neighbours import find_ahead
 
-_BEHIND_M, _ROOM_M, _ROOM_S = 0.5, 8.0, 2.0
-_GATE = 13
+_BEHIND_M = 0.5
+"""Distance from an entrance at which a vehicle's tail comes in [m]."""
+_ROOM_M = 8.0
+"""Room that it needs ahead there [m]."""
+_ROOM_S = 2.0
+"""Further room in driving time [s]."""
+_DRAW_ENTRANCE = 13
+"""Purpose of the draw for an entrance."""
 
 
 @compiled
-def pass_gates(
-    there: Presence,
+def reenter_map(
+    occupancy: Occupancy,
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
-    crowd: Array,
+    density: Array,
     taken: Index,
     count: int,
     step: int,
     seed: int,
 ) -> None:
-    """Whoever comes to the edge of the map comes in again elsewhere, or waits there for room.
+    """Let vehicles that come to the edge of the map enter elsewhere, or wait there for room.
 
     Args:
-        there: What stands on the lanes.
+        occupancy: Bodies on every lane.
         roads: The roads.
-        drivers: Their habits.
-        fleet: State, changed in place.
-        crowd: How full each stretch is.
-        taken: Step at which somebody last moved into each lane: one a step.
+        drivers: Drivers, (N + 1,).
+        fleet: State, changed in place, (N + 1,).
+        density: Density of each stretch, (lanes,).
+        taken: Step at which a vehicle last moved into each lane, (lanes,): one a step.
         count: Number of vehicles.
         step: Number of this step.
-        seed: Seed of all chance.
+        seed: Seed of all draws.
     """
-    gates = len(roads.entrance)
+    entrances = len(roads.entrance)
     for v in range(count):
         lane = fleet.plan[v, 0]
         front = fleet.station_m[v] + 0.5 * drivers.length_m[v]
-        if not roads.lane.leaves[lane] or front < roads.lane.length_m[lane] or gates == 0:
+        if not roads.lane.leaves[lane] or front < roads.lane.length_m[lane] or entrances == 0:
             continue
-        first = int(chance(seed, _GATE, v, fleet.draws[v]) * gates)
+        first = int(hash_uniform(seed, _DRAW_ENTRANCE, v, fleet.draws[v]) * entrances)
         entered = False
-        for k in range(gates):
-            gate = roads.entrance[(first + k) % gates]
-            if _has_room(there, roads, drivers, fleet, taken, v, gate, step):
-                _enter(roads, drivers, fleet, crowd, v, gate, seed)
-                taken[gate] = step
+        for k in range(entrances):
+            entrance = roads.entrance[(first + k) % entrances]
+            if _has_room(occupancy, roads, drivers, fleet, taken, v, entrance, step):
+                _place_at_entrance(roads, drivers, fleet, density, v, entrance, seed)
+                taken[entrance] = step
                 entered = True
                 break
         if not entered:
@@ -65,32 +71,41 @@ def pass_gates(
 
 @compiled
 def _has_room(
-    there: Presence, roads: Roads, drivers: Drivers, fleet: Fleet, taken: Index, v: int, gate: int, step: int
+    occupancy: Occupancy,
+    roads: Roads,
+    drivers: Drivers,
+    fleet: Fleet,
+    taken: Index,
+    v: int,
+    entrance: int,
+    step: int,
 ) -> bool:
-    if taken[gate] == step:
+    if taken[entrance] == step:
         return False
     half = 0.5 * drivers.length_m[v]
-    _, gap, _ = find_ahead(there, roads, gate, there.first[gate], half + _BEHIND_M, v, half)
+    _, gap, _ = find_ahead(occupancy, roads, entrance, occupancy.first[entrance], half + _BEHIND_M, v, half)
     return bool(gap > _ROOM_M + _ROOM_S * fleet.speed_mps[v])
 
 
 @compiled
-def _enter(roads: Roads, drivers: Drivers, fleet: Fleet, crowd: Array, v: int, gate: int, seed: int) -> None:
+def _place_at_entrance(
+    roads: Roads, drivers: Drivers, fleet: Fleet, density: Array, v: int, entrance: int, seed: int
+) -> None:
     """Put a vehicle at the beginning of a lane, as if it had come from beyond the map."""
     fleet.plan[v, :] = -1
     fleet.past[v, :] = -1
     fleet.goals[v, :] = -1
     fleet.held_lane[v, :] = -1
-    fleet.plan[v, 0] = gate
+    fleet.plan[v, 0] = entrance
     fleet.station_m[v] = 0.5 * drivers.length_m[v] + _BEHIND_M
     fleet.speed_mps[v] = min(
-        fleet.speed_mps[v], allowed_at(roads, gate, fleet.station_m[v]) * drivers.speed_factor[v]
+        fleet.speed_mps[v], allowed_at(roads, entrance, fleet.station_m[v]) * drivers.speed_factor[v]
     )
     fleet.acceleration_mps2[v] = 0.0
-    fleet.aside_m[v] = fleet.drift[v] = 0.0
-    fleet.origin[v] = fleet.wish[v] = 0
+    fleet.lateral_offset_m[v] = fleet.lateral_slope[v] = 0.0
+    fleet.origin[v] = fleet.desired_side[v] = 0
     fleet.change[v] = 1.0
-    fleet.waited_s[v] = fleet.stopped_s[v] = fleet.wished_s[v] = 0.0
+    fleet.waited_s[v] = fleet.stopped_s[v] = fleet.indicated_s[v] = 0.0
     fleet.urgent[v] = False
     fleet.draws[v] += 1
-    plan_ahead(roads, crowd, fleet, v, seed)
+    plan_ahead(roads, density, fleet, v, seed)

@@ -1,7 +1,7 @@
 """Lanes of different roads that lie on each other outside any junction: one vehicle at a time there.
 
-Maps that nobody drew by hand let roads run into each other where no junction says who goes first.
-Drivers then do as at a narrow place: who is there first goes on, the others wait before it.
+Generated maps let roads run into each other where no junction gives a right of way. Drivers then do as at
+a narrow stretch of road: the first goes on, the others wait before it.
 """
 
 from __future__ import annotations
@@ -16,26 +16,41 @@ from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Links
 from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside
-from carlaloc_env.traffic.tables.occupancy import Presence, on_origin
+from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
 
 NEAR_M = 2.3
 """Lanes whose centre lines come closer than this cannot both be driven: about a vehicle's width [m]."""
 CLEAR_M = 2.9
-"""Nobody else may be where the centre lines are closer than this [m]."""
-_LEAST_M = 3.0
+"""No other vehicle may be where the centre lines are closer than this [m]."""
+_SHORTEST_M = 3.0
 """Shorter pieces are corners that touch [m]."""
 _ONWARD_M = 15.0
-"""Lanes that follow each other within this distance are one way [m]."""
-_REACH_M, _REACH_S = 20.0, 4.0
-_BEFORE_M, _ROOM_M = 1.5, 2.0
+"""Lanes that follow each other within this distance are one path [m]."""
+_RANGE_M = 20.0
+"""Distance to a shared piece from which on vehicles watch it [m]."""
+_RANGE_S = 4.0
+"""Further distance in driving time [s]."""
+_STOP_BEFORE_M = 1.5
+"""Gap to a shared piece before which vehicles stop [m]."""
+_ROOM_M = 2.0
+"""Pieces with less room between them, beside the vehicle's length, are entered as one [m]."""
 _BRAKES_MPS2 = 3.5
-_EGO_S, _PATIENT, _STUCK_S, _STANDING_MPS = 2.0, 0.2, 60.0, 0.1
-_MOST = 2048
+"""Who would have to brake harder goes first [m/s²]."""
+_EGO_RANGE_S = 2.0
+"""Driving time ahead within which shared pieces are kept free for the ego [s]."""
+_PATIENCE = 0.2
+"""How much sooner who waits counts as arriving, per second of waiting."""
+_STUCK_S = 60.0
+"""Who has waited longer goes before a vehicle that stands in the piece [s]."""
+_STANDING_MPS = 0.1
+"""Slower than this, a vehicle stands [m/s]."""
+_ROWS = 2048
+"""Rows that are made for approaches at first; `missing_approaches` says when they do not suffice."""
 
 
-class Shared:
+class SharedPieces:
     """Pieces of lanes that another lane lies on, P rows, each pair twice."""
 
     enter_m: Array
@@ -43,7 +58,7 @@ class Shared:
     leave_m: Array
     """Station at which it ends [m]."""
     twin: Index
-    """Row of the same place as seen from the other lane."""
+    """Row of the same piece as seen from the other lane."""
 
 
 class Overlaps(NamedTuple):
@@ -51,10 +66,10 @@ class Overlaps(NamedTuple):
 
     first: Index
     """Where each lane's rows begin, (N + 1,)."""
-    piece: Shared
+    piece: SharedPieces
 
 
-class Coming:
+class ApproachRows:
     """Vehicles that are in a shared piece or come up to it."""
 
     row: Index
@@ -64,18 +79,25 @@ class Coming:
     """From the front to the piece, or to the first of a group of pieces, not above 0 inside [m]."""
 
 
-class Comers(NamedTuple):
-    """Room for them; the first ``used[0]`` rows are in use."""
+class Approaches(NamedTuple):
+    """All approaches to shared pieces in one step."""
 
-    coming: Coming
+    entry: ApproachRows
+    """Rows; the first ``used[0]`` are in use."""
     halt_m: Array
     """Where each vehicle has to stop for others, from its front [m], inf = nowhere, (N,)."""
     used: Index
+    """Number of approaches, (1,); above the number of rows when there was no room for all."""
 
 
-def empty_comers(vehicles: int) -> Comers:
-    """Room for the comers of a number of vehicles."""
-    return Comers(columns(Coming, _MOST), np.full(vehicles, np.inf), np.zeros(1, np.int64))
+def empty_approaches(vehicles: int, rows: int = _ROWS) -> Approaches:
+    """Room for the approaches of a number of vehicles, N, in so many rows at first."""
+    return Approaches(columns(ApproachRows, rows), np.full(vehicles, np.inf), np.zeros(1, np.int64))
+
+
+def missing_approaches(approaches: Approaches) -> int:
+    """Number of approaches that found no row when they were gathered last."""
+    return max(int(approaches.used[0]) - len(approaches.entry.row), 0)
 
 
 def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: Links) -> Overlaps:
@@ -86,25 +108,25 @@ def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: 
     tables = network.tables
     owner = np.repeat(np.arange(len(tables.count)), tables.count)
     rows = np.flatnonzero(driving[owner])
-    places = cKDTree(tables.position_m[rows])
-    near = _pairs(network, owner[rows], places, NEAR_M, junction)
+    tree = cKDTree(tables.position_m[rows])
+    near = _pairs(network, owner[rows], tree, NEAR_M, junction)
     onward = {a: _onward(network, after, a) for a in set(near[:, :2].ravel().tolist())}
     pairs = {(a, b) for a, b in near[:, :2].tolist() if b not in onward[a] and a not in onward[b]}
     found: list[list[tuple[float, float, tuple[int, int]]]] = [[] for _ in network.lanes]
-    wide = _pairs(network, owner[rows], places, CLEAR_M, junction) if pairs else near
+    wide = _pairs(network, owner[rows], tree, CLEAR_M, junction) if pairs else near
     for a, b in sorted(pairs):
         both = wide[(wide[:, 0] == a) & (wide[:, 1] == b)]
         at_a, at_b = (
             (rows[both[:, 2 + k]] - tables.first[lane]) * tables.step_m[lane] for k, lane in enumerate((a, b))
         )
-        if min(np.ptp(at_a), np.ptp(at_b)) < _LEAST_M:
+        if min(np.ptp(at_a), np.ptp(at_b)) < _SHORTEST_M:
             continue
         found[a].append((float(at_a.min()), float(at_a.max()), (a, b)))
         found[b].append((float(at_b.min()), float(at_b.max()), (b, a)))
     flat = [piece for own in found for piece in sorted(own)]
     number = {key: k for k, (_, _, key) in enumerate(flat)}
     piece = fill(
-        Shared,
+        SharedPieces,
         len(flat),
         enter_m=[enter for enter, _, _ in flat],
         leave_m=[leave for _, leave, _ in flat],
@@ -113,9 +135,9 @@ def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: 
     return Overlaps(starts(found), piece)
 
 
-def _pairs(network: LaneNetwork, owner: Index, places: cKDTree, reach_m: float, junction: Index) -> Index:
+def _pairs(network: LaneNetwork, owner: Index, tree: cKDTree, range_m: float, junction: Index) -> Index:
     """Lanes a < b of different roads and junctions, and the samples (by number) that are near, (K, 4)."""
-    samples = places.query_pairs(reach_m, output_type="ndarray")
+    samples = tree.query_pairs(range_m, output_type="ndarray")
     a, b = owner[samples[:, 0]], owner[samples[:, 1]]
     samples = np.where((a > b)[:, None], samples[:, ::-1], samples)
     a, b = owner[samples[:, 0]], owner[samples[:, 1]]
@@ -126,62 +148,67 @@ def _pairs(network: LaneNetwork, owner: Index, places: cKDTree, reach_m: float, 
 
 
 def _onward(network: LaneNetwork, after: Links, lane: int) -> set[int]:
-    """Lanes that begin within a short way behind a lane's end."""
+    """Lanes that begin within a short distance behind a lane's end."""
     found: set[int] = set()
     waiting = [(lane, 0.0)]
     while waiting:
-        here, way_m = waiting.pop()
+        here, distance_m = waiting.pop()
         for n in after[here]:
             if n not in found:
                 found.add(n)
-                if way_m + network.lanes[n].length_m < _ONWARD_M:
-                    waiting.append((n, way_m + network.lanes[n].length_m))
+                if distance_m + network.lanes[n].length_m < _ONWARD_M:
+                    waiting.append((n, distance_m + network.lanes[n].length_m))
     return found
 
 
 @compiled
-def mind_overlaps(
-    comers: Comers, overlaps: Overlaps, there: Presence, roads: Roads, drivers: Drivers, fleet: Fleet
-) -> None:
-    """Stop before shared pieces that somebody else is in, or will be in sooner; change no lanes there."""
+def yield_at_overlaps(approaches: Approaches, overlaps: Overlaps, fleet: Fleet) -> None:
+    """Stop before shared pieces that another vehicle is in, or will be in sooner; change no lanes there.
+
+    Args:
+        approaches: Those of this step, as `gather_approaches` left them.
+        overlaps: All shared pieces.
+        fleet: State (N + 1,); `stop_gap_m` and `indicated_s` are written.
+    """
     if len(overlaps.piece.twin) == 0:
         return
     count = len(fleet.speed_mps) - 1
-    _gather(comers, overlaps, there, roads, drivers, fleet, count)
-    for k in range(comers.used[0]):
-        v = comers.coming.vehicle[k]
+    for k in range(approaches.used[0]):
+        v = approaches.entry.vehicle[k]
         if v == count:
             continue
-        fleet.wished_s[v] = 0.0
-        if comers.coming.to_enter_m[k] <= 0.0:
+        fleet.indicated_s[v] = 0.0
+        if approaches.entry.to_enter_m[k] <= 0.0:
             continue
-        twin = overlaps.piece.twin[comers.coming.row[k]]
-        for j in range(comers.used[0]):
-            if comers.coming.row[j] != twin or comers.coming.vehicle[j] == v:
+        twin = overlaps.piece.twin[approaches.entry.row[k]]
+        for j in range(approaches.used[0]):
+            if approaches.entry.row[j] != twin or approaches.entry.vehicle[j] == v:
                 continue
-            if _goes_first(fleet, count, comers.coming, j, k):
-                gap = max(comers.coming.to_enter_m[k] - _BEFORE_M, 0.0)
-                comers.halt_m[v] = min(comers.halt_m[v], gap)
+            if _has_priority(fleet, count, approaches.entry, j, k):
+                gap = max(approaches.entry.to_enter_m[k] - _STOP_BEFORE_M, 0.0)
+                approaches.halt_m[v] = min(approaches.halt_m[v], gap)
     for v in range(count):
-        fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], comers.halt_m[v])
-        comers.halt_m[v] = np.inf
+        fleet.stop_gap_m[v] = min(fleet.stop_gap_m[v], approaches.halt_m[v])
+        approaches.halt_m[v] = np.inf
 
 
 @compiled
-def _gather(
-    comers: Comers,
+def gather_approaches(
+    approaches: Approaches,
     overlaps: Overlaps,
-    there: Presence,
+    occupancy: Occupancy,
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
     count: int,
 ) -> None:
-    """Note who is in shared pieces or comes up to them: along plans, with tails, and the ego."""
-    comers.used[0] = 0
+    """Gather vehicles in shared pieces or coming up to them: along plans, with tails, and the ego."""
+    approaches.used[0] = 0
+    if len(overlaps.piece.twin) == 0:
+        return
     for v in range(count):
         half = 0.5 * drivers.length_m[v]
-        reach = _REACH_M + _REACH_S * fleet.speed_mps[v]
+        range_m = _RANGE_M + _RANGE_S * fleet.speed_mps[v]
         begins, begun, ends = -fleet.station_m[v], -np.inf, -np.inf
         known = 0
         while known < PAST and fleet.past[v, known] >= 0:
@@ -189,32 +216,34 @@ def _gather(
             known += 1
         for k in range(-known, PLAN):
             lane = fleet.past[v, -k - 1] if k < 0 else fleet.plan[v, k]
-            if lane < 0 or begins - half > reach:
+            if lane < 0 or begins - half > range_m:
                 break
-            begun, ends = _note(comers, overlaps, v, lane, begins, half, reach, begun, ends)
+            begun, ends = _add_lane(approaches, overlaps, v, lane, begins, half, range_m, begun, ends)
             begins += roads.lane.length_m[lane]
         side, lane = fleet.origin[v], fleet.plan[v, 0]
         if side != 0 and on_origin(roads, drivers, fleet, v):
             old = roads.lane.left[lane] if side > 0 else roads.lane.right[lane]
             if old >= 0:
                 begins = -station_beside(roads, lane, fleet.station_m[v], old)
-                _note(comers, overlaps, v, old, begins, half, 0.0, -np.inf, -np.inf)
-    for k in range(there.used[0]):
-        if there.body.owner[k] == count:
-            reach = _EGO_S * there.body.speed_mps[k]
-            lane, begins = there.body.lane[k], -there.body.centre_m[k]
-            _note(comers, overlaps, count, lane, begins, there.body.half_m[k], reach, -np.inf, -np.inf)
+                _add_lane(approaches, overlaps, v, old, begins, half, 0.0, -np.inf, -np.inf)
+    for k in range(occupancy.used[0]):
+        if occupancy.body.owner[k] == count:
+            range_m = _EGO_RANGE_S * occupancy.body.speed_mps[k]
+            lane, begins = occupancy.body.lane[k], -occupancy.body.centre_m[k]
+            _add_lane(
+                approaches, overlaps, count, lane, begins, occupancy.body.half_m[k], range_m, -np.inf, -np.inf
+            )
 
 
 @compiled
-def _note(
-    comers: Comers,
+def _add_lane(
+    approaches: Approaches,
     overlaps: Overlaps,
     v: int,
     lane: int,
     begins_m: float,
     half_m: float,
-    reach_m: float,
+    range_m: float,
     begun_m: float,
     ends_m: float,
 ) -> tuple[float, float]:
@@ -231,31 +260,32 @@ def _note(
         if enter > ends_m + 2.0 * half_m + _ROOM_M:
             begun_m, ends_m = enter, leave
         ends_m = max(ends_m, leave)
-        k = comers.used[0]
-        if begun_m - half_m > reach_m or leave + half_m < 0.0 or k == _MOST:
+        k = approaches.used[0]
+        if begun_m - half_m > range_m or leave + half_m < 0.0:
             continue
-        comers.coming.row[k], comers.coming.vehicle[k] = row, v
-        comers.coming.to_enter_m[k] = begun_m - half_m
-        comers.used[0] = k + 1
+        if k < len(approaches.entry.row):
+            approaches.entry.row[k], approaches.entry.vehicle[k] = row, v
+            approaches.entry.to_enter_m[k] = begun_m - half_m
+        approaches.used[0] = k + 1
     return begun_m, ends_m
 
 
 @compiled
-def _goes_first(fleet: Fleet, me: int, coming: Coming, j: int, k: int) -> bool:
-    """Whether comer j passes a shared piece before comer k, who is still outside."""
-    h, v = coming.vehicle[j], coming.vehicle[k]
-    h_way, way = coming.to_enter_m[j], coming.to_enter_m[k]
-    if h_way <= 0.0 or h == me:
+def _has_priority(fleet: Fleet, me: int, entry: ApproachRows, j: int, k: int) -> bool:
+    """Whether approach j passes a shared piece before approach k, which is still outside."""
+    h, v = entry.vehicle[j], entry.vehicle[k]
+    h_distance, distance = entry.to_enter_m[j], entry.to_enter_m[k]
+    if h_distance <= 0.0 or h == me:
         return not (fleet.waited_s[v] > _STUCK_S and fleet.speed_mps[h] < _STANDING_MPS)
     h_speed, speed = fleet.speed_mps[h], fleet.speed_mps[v]
-    # Who stands farther off for another reason does not come.
-    led = fleet.leader[h] >= 0 and fleet.leader[h] != v and fleet.gap_m[h] < h_way
-    if h_speed < _STANDING_MPS and (fleet.stop_gap_m[h] < h_way - 1.5 or led):
+    # A vehicle that stands farther off for another reason does not come.
+    led = fleet.leader[h] >= 0 and fleet.leader[h] != v and fleet.gap_m[h] < h_distance
+    if h_speed < _STANDING_MPS and (fleet.stop_gap_m[h] < h_distance - 1.5 or led):
         return False
-    h_must = h_speed * h_speed > 2.0 * _BRAKES_MPS2 * max(h_way - _BEFORE_M, 0.01)
-    must = speed * speed > 2.0 * _BRAKES_MPS2 * max(way - _BEFORE_M, 0.01)
+    h_must = h_speed * h_speed > 2.0 * _BRAKES_MPS2 * max(h_distance - _STOP_BEFORE_M, 0.01)
+    must = speed * speed > 2.0 * _BRAKES_MPS2 * max(distance - _STOP_BEFORE_M, 0.01)
     if h_must != must:
         return bool(h_must)
-    h_comes = h_way / max(h_speed, 1.0) - _PATIENT * fleet.waited_s[h]
-    comes = way / max(speed, 1.0) - _PATIENT * fleet.waited_s[v]
+    h_comes = h_distance / max(h_speed, 1.0) - _PATIENCE * fleet.waited_s[h]
+    comes = distance / max(speed, 1.0) - _PATIENCE * fleet.waited_s[v]
     return bool(h_comes < comes or (h_comes == comes and h < v))

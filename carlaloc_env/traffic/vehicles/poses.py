@@ -1,6 +1,8 @@
-"""Where vehicles stand in the world: both axles on their path, the body between them."""
+"""Poses of vehicles in the world: both axles on their path, the body between them."""
 
 from __future__ import annotations
+
+from typing import Annotated
 
 import numpy as np
 
@@ -10,6 +12,28 @@ from carlaloc_env.traffic.tables.lane_tables import Roads, bank_at, put_point, s
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
 
 _QUARTER = 0.7853981633974483
+"""π/4 [rad]."""
+STEER_MAX_RAD = 0.7
+"""Greatest steering angle that is shown [rad], 40°: about that of a car's front wheels at full lock."""
+
+
+class VehiclePoses:
+    """Poses of N vehicles in the world (ENU)."""
+
+    position_m: Annotated[Array, 3]
+    """Centre of the box on the ground [m], (N, 3)."""
+    heading_rad: Array
+    """Heading, anticlockwise from east [rad], (N,)."""
+    pitch_rad: Array
+    """Pitch, nose up positive [rad], (N,)."""
+    roll_rad: Array
+    """Roll, left side up positive [rad], (N,)."""
+    steer_rad: Array
+    """Steering angle of the front wheels, left positive [rad], (N,)."""
+    front_axle: Annotated[Array, 6]
+    """Point of the path below the front axle, as `put_point` writes it, (N, 6)."""
+    rear_axle: Annotated[Array, 6]
+    """The same below the rear axle, (N, 6)."""
 
 
 @compiled
@@ -39,7 +63,7 @@ def angle_of(y: float, x: float) -> float:
 
 @compiled
 def _path_point(
-    roads: Roads, fleet: Fleet, v: int, ahead_m: float, aside_m: float, out: Array
+    roads: Roads, fleet: Fleet, v: int, ahead_m: float, lateral_offset_m: float, out: Array
 ) -> tuple[float, float]:
     """Write a point of a vehicle's path to `out`; give its curvature [1/m] and the road's rise to the left.
 
@@ -48,7 +72,7 @@ def _path_point(
         fleet: State.
         v: Vehicle.
         ahead_m: How far ahead of its centre [m], negative behind.
-        aside_m: Distance to the left of the lane's centre line [m].
+        lateral_offset_m: Distance to the left of the lane's centre line [m].
         out: Six numbers, as `put_point` writes them.
     """
     lane, station = fleet.plan[v, 0], fleet.station_m[v] + ahead_m
@@ -62,7 +86,7 @@ def _path_point(
             break
         station -= roads.lane.length_m[lane]
         lane = fleet.plan[v, hop]
-    put_point(roads, lane, station, aside_m, out)
+    put_point(roads, lane, station, lateral_offset_m, out)
     row, _ = sample(roads, lane, station)
     a, b = roads.row.tangent[row], roads.row.tangent[row + 1]
     bend = (a[0] * b[1] - a[1] * b[0]) / max(roads.lane.row_step_m[lane], 1e-3)
@@ -70,38 +94,27 @@ def _path_point(
 
 
 @compiled
-def put_poses(
-    roads: Roads,
-    drivers: Drivers,
-    fleet: Fleet,
-    count: int,
-    position_m: Array,
-    heading_rad: Array,
-    pitch_rad: Array,
-    roll_rad: Array,
-    steer_rad: Array,
-    front: Array,
-    rear: Array,
-) -> None:
-    """Write centre on the ground [m] (N, 3), heading, pitch, roll and steering angle [rad] (N,) of vehicles.
+def put_poses(roads: Roads, drivers: Drivers, fleet: Fleet, poses: VehiclePoses) -> None:
+    """Write the poses of N vehicles.
 
     They lean as the road does below both axles, left side up positive. Steering is that of a bicycle of
-    the same wheelbase on the path's mean curvature. `front` and `rear` are room for six numbers.
+    the same wheelbase on the path's mean curvature.
     """
-    for v in range(count):
+    for v in range(len(poses.heading_rad)):
+        front, rear = poses.front_axle[v], poses.rear_axle[v]
         half = 0.5 * drivers.wheelbase_m[v]
-        aside, drift = fleet.aside_m[v], fleet.drift[v]
-        bend, bank = _path_point(roads, fleet, v, half, aside + drift * half, front)
-        bend_behind, bank_behind = _path_point(roads, fleet, v, -half, aside - drift * half, rear)
+        lateral_offset, slope = fleet.lateral_offset_m[v], fleet.lateral_slope[v]
+        bend, bank = _path_point(roads, fleet, v, half, lateral_offset + slope * half, front)
+        bend_behind, bank_behind = _path_point(roads, fleet, v, -half, lateral_offset - slope * half, rear)
         bend += bend_behind
         dx, dy, dz = front[0] - rear[0], front[1] - rear[1], front[2] - rear[2]
         for k in range(3):
-            position_m[v, k] = 0.5 * (front[k] + rear[k])
-        heading_rad[v] = angle_of(dy, dx)
+            poses.position_m[v, k] = 0.5 * (front[k] + rear[k])
+        poses.heading_rad[v] = angle_of(dy, dx)
         level = np.sqrt(dx * dx + dy * dy)
-        pitch_rad[v] = angle_of(dz, level)
+        poses.pitch_rad[v] = angle_of(dz, level)
         # Across a slope along the heading, the same rise to the left is less of a turn.
         cos_pitch = level / max(np.sqrt(level * level + dz * dz), 1e-9)
-        roll_rad[v] = angle_of(0.5 * (bank + bank_behind) * cos_pitch, 1.0)
+        poses.roll_rad[v] = angle_of(0.5 * (bank + bank_behind) * cos_pitch, 1.0)
         wheel = angle_of(half * bend, 1.0)
-        steer_rad[v] = min(max(wheel, -0.7), 0.7)
+        poses.steer_rad[v] = min(max(wheel, -STEER_MAX_RAD), STEER_MAX_RAD)

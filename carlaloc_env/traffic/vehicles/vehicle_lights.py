@@ -12,8 +12,12 @@ from carlaloc_env.traffic.tables.vehicle_state import PLAN, Fleet
 
 INDICATE_M = 35.0
 """From here on before a turn drivers indicate it [m]."""
-_BRAKES_MPS2, _STANDS_MPS = -0.6, 0.1
+_BRAKES_MPS2 = -0.6
+"""Acceleration below which the brake lights are lit [m/s²]."""
+_STANDS_MPS = 0.1
+"""Speed below which they are lit [m/s]."""
 _TURN_RAD = 0.5
+"""Change of heading of a junction lane from which it is indicated [rad]."""
 
 
 @compiled
@@ -23,7 +27,7 @@ def put_lights(roads: Roads, fleet: Fleet, count: int, lights: NDArray[np.uint8]
         lit = LIGHT_LOW_BEAM
         if fleet.acceleration_mps2[v] < _BRAKES_MPS2 or fleet.speed_mps[v] < _STANDS_MPS:
             lit |= LIGHT_BRAKE
-        side = fleet.wish[v]
+        side = fleet.desired_side[v]
         if side == 0 and fleet.change[v] < 1.0:
             side = -fleet.origin[v]
         if side == 0:

@@ -1,4 +1,4 @@
-"""How drivers mind those who walk on crosswalks."""
+"""Yielding of drivers to walkers on crosswalks."""
 
 from __future__ import annotations
 
@@ -7,46 +7,51 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.crosswalk_tables import WANTED
-from carlaloc_env.traffic.tables.hash_random import chance
+from carlaloc_env.traffic.tables.hash_random import hash_uniform
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.vehicle_state import PLAN, Drivers, Fleet, Habits
+from carlaloc_env.traffic.tables.vehicle_state import PLAN, DriverParameters, Drivers, Fleet
 
 STOP_BEFORE_M = 1.2
-"""How far before a crosswalk drivers stop [m]."""
+"""Distance before a crosswalk at which drivers stop [m]."""
 _TOO_LATE_MPS2 = 6.0
-_AT_STRIPES_M, _STOOD_S = 0.7, 5.0
-_IGNORES = 21
+"""Who would have to brake harder drives on [m/s²]."""
+_AT_STRIPES_M = 0.7
+"""Distance to a crosswalk within which a driver stands at its stripes [m]."""
+_STOOD_S = 5.0
+"""Who has stood there longer goes before those who wait at the kerb [s]."""
+_DRAW_IGNORE = 21
+"""Purpose of the draw for ignored walkers."""
 
 
 @compiled
-def mind_walkers(
+def yield_to_walkers(
     taken: NDArray[np.uint8],
     roads: Roads,
     drivers: Drivers,
     fleet: Fleet,
-    habits: Habits,
+    parameters: DriverParameters,
     count: int,
     step: int,
 ) -> None:
     """Stop before crossings that walkers have taken, (C,) of them."""
     for v in range(count):
         if (
-            habits.ignore_walkers > 0.0
-            and chance(habits.seed, _IGNORES, v, step // 200) < habits.ignore_walkers
+            parameters.ignore_walkers > 0.0
+            and hash_uniform(parameters.seed, _DRAW_IGNORE, v, step // 200) < parameters.ignore_walkers
         ):
             continue
         front, speed = fleet.station_m[v] + 0.5 * drivers.length_m[v], fleet.speed_mps[v]
-        reach = 10.0 + speed * speed / 3.0
+        range_m = 10.0 + speed * speed / 3.0
         ahead = -front
         for hop in range(PLAN):
             lane = fleet.plan[v, hop]
-            if lane < 0 or ahead > reach:
+            if lane < 0 or ahead > range_m:
                 break
             for k in range(roads.lane.crossing_first[lane], roads.lane.crossing_end[lane]):
                 gap = ahead + roads.crossing.enter_m[k]
-                if taken[k] == 0 or gap < -0.3 or gap > reach:
+                if taken[k] == 0 or gap < -0.3 or gap > range_m:
                     continue
-                # Who stands at the stripes already lets those at the kerb wait.
+                # A driver who stands at the stripes already lets walkers at the kerb wait.
                 stood = taken[k] == WANTED or fleet.waited_s[v] > _STOOD_S
                 if stood and gap < _AT_STRIPES_M:
                     continue

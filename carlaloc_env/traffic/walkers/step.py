@@ -1,4 +1,4 @@
-"""One step of all walkers: along their footways, past each other, over the road when they may."""
+"""Step of all walkers: along their paths, past each other, over the road when they may."""
 
 from __future__ import annotations
 
@@ -7,27 +7,33 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.hash_random import chance
+from carlaloc_env.traffic.tables.hash_random import hash_uniform
 from carlaloc_env.traffic.tables.lane_tables import Roads
-from carlaloc_env.traffic.tables.occupancy import Presence
-from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK, PAVEMENT, Ground
-from carlaloc_env.traffic.tables.walker_state import STEP_S, Boxes, Walking
+from carlaloc_env.traffic.tables.occupancy import Occupancy
+from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK, SIDEWALK, WalkerNetwork
+from carlaloc_env.traffic.tables.walker_state import STEP_S, VehicleBoxes, WalkerState
 from carlaloc_env.traffic.walkers.crossing_decisions import claim_crossings, wait_or_go
 from carlaloc_env.traffic.walkers.steering import move
 
 CROSSES = 0.45
 """Chance that a walker who comes past a crosswalk crosses."""
 _TURNS_BACK_S = 15.0
-_DOOR, _WAY, _JOIN = 31, 32, 33
+"""Who stands longer on a crosswalk turns back [s]."""
+_CROSS = 31
+"""Purpose of the draw for taking a crosswalk."""
+_TURN = 32
+"""Purpose of the draw for a direction behind one."""
+_JOIN = 33
+"""Purpose of the draw for one of several sidewalks that follow."""
 
 
 @compiled
 def walk(
-    ground: Ground,
-    walking: Walking,
-    boxes: Boxes,
+    walker_network: WalkerNetwork,
+    walkers: WalkerState,
+    boxes: VehicleBoxes,
     roads: Roads,
-    there: Presence,
+    occupancy: Occupancy,
     taken: NDArray[np.uint8],
     signals: NDArray[np.uint8],
     red_for_s: Array,
@@ -36,83 +42,87 @@ def walk(
     """Move all walkers by 50 ms, and write which crossings they take.
 
     Args:
-        ground: Footways.
-        walking: State, changed in place.
-        boxes: Vehicles.
+        walker_network: Sidewalks and crosswalks.
+        walkers: State of W walkers, changed in place.
+        boxes: Boxes of vehicles and the ego, (N + 1,).
         roads: The roads.
-        there: What stands on the lanes.
-        taken: Written: crossings that walkers use or are about to use.
-        signals: State of all heads.
-        red_for_s: For how long each head will not be green [s].
-        seed: Seed of all chance.
+        occupancy: Bodies on every lane.
+        taken: Written: 0, WANTED or TAKEN for each crossing, (C,).
+        signals: `SignalState` of each head, (S,).
+        red_for_s: Time until each head turns green [s], (S,).
+        seed: Seed of all draws.
     """
     taken[:] = 0
-    for w in range(len(walking.way)):
-        wanted = walking.pace_mps[w]
-        way = walking.way[w]
-        if ground.way.kind[way] == CROSSWALK:
-            if not walking.crossing[w]:
-                wanted = wait_or_go(ground, walking, roads, there, boxes, signals, red_for_s, w)
-            elif walking.waited_s[w] > _TURNS_BACK_S:
-                # Whoever stands in the way may itself wait for the lane that this walker stands in.
-                walking.sense[w], walking.waited_s[w] = -walking.sense[w], 0.0
-            claim_crossings(ground, walking, roads, there, taken, w)
-        move(ground, walking, boxes, w, wanted)
-        _follow_way(ground, walking, w, seed)
+    for w in range(len(walkers.path)):
+        desired_mps = walkers.pace_mps[w]
+        path = walkers.path[w]
+        if walker_network.path.kind[path] == CROSSWALK:
+            if not walkers.crossing[w]:
+                desired_mps = wait_or_go(
+                    walker_network, walkers, roads, occupancy, boxes, signals, red_for_s, w
+                )
+            elif walkers.waited_s[w] > _TURNS_BACK_S:
+                # The vehicle in its path may itself wait for the lane that this walker stands in.
+                walkers.sense[w], walkers.waited_s[w] = -walkers.sense[w], 0.0
+            claim_crossings(walker_network, walkers, roads, occupancy, taken, w)
+        move(walker_network, walkers, boxes, w, desired_mps)
+        _follow_path(walker_network, walkers, w, seed)
 
 
 @compiled
-def _follow_way(ground: Ground, walking: Walking, w: int, seed: int) -> None:
-    """Take to crosswalks, go on to the next footway at the end of one, turn round where none follows."""
-    way, sense, station = walking.way[w], walking.sense[w], walking.station_m[w]
-    if ground.way.kind[way] == PAVEMENT:
-        if _take_door(ground, walking, w, seed):
+def _follow_path(walker_network: WalkerNetwork, walkers: WalkerState, w: int, seed: int) -> None:
+    """Let walker w take crosswalks, go on to the path that follows, turn round where none does."""
+    path, sense, station = walkers.path[w], walkers.sense[w], walkers.station_m[w]
+    if walker_network.path.kind[path] == SIDEWALK:
+        if _take_crosswalk(walker_network, walkers, w, seed):
             return
-        over = station - ground.way.length_m[way] if sense > 0 else -station
+        over = station - walker_network.path.length_m[path] if sense > 0 else -station
         if over > -0.25:
-            _next_pavement(ground, walking, w, seed)
+            _next_sidewalk(walker_network, walkers, w, seed)
         return
     end = 1 if sense > 0 else 0
-    left = ground.way.length_m[way] - station if sense > 0 else station
+    left = walker_network.path.length_m[path] - station if sense > 0 else station
     if left < 0.3:
-        pavement = ground.land[way, end]
-        walking.way[w] = pavement
-        walking.station_m[w] = ground.land_m[way, end]
-        walking.sense[w] = 1 if chance(seed, _WAY, w, walking.draws[w]) < 0.5 else -1
-        walking.crossing[w] = False
-        walking.draws[w] += 1
+        sidewalk = walker_network.landing[path, end]
+        walkers.path[w] = sidewalk
+        walkers.station_m[w] = walker_network.landing_m[path, end]
+        walkers.sense[w] = 1 if hash_uniform(seed, _TURN, w, walkers.draws[w]) < 0.5 else -1
+        walkers.crossing[w] = False
+        walkers.draws[w] += 1
 
 
 @compiled
-def _take_door(ground: Ground, walking: Walking, w: int, seed: int) -> bool:
-    way, station = walking.way[w], walking.station_m[w]
-    path = walking.pace_mps[w] * STEP_S
-    for k in range(ground.way.door_first[way], ground.way.door_end[way]):
-        passed = (station - ground.door.station_m[k]) * walking.sense[w]
-        if not 0.0 <= passed < path:
+def _take_crosswalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int, seed: int) -> bool:
+    path, station = walkers.path[w], walkers.station_m[w]
+    distance = walkers.pace_mps[w] * STEP_S
+    for k in range(walker_network.path.entry_first[path], walker_network.path.entry_end[path]):
+        passed = (station - walker_network.entry.station_m[k]) * walkers.sense[w]
+        if not 0.0 <= passed < distance:
             continue
-        walking.draws[w] += 1
-        if chance(seed, _DOOR, w, walking.draws[w]) < CROSSES:
-            walking.way[w] = ground.door.crosswalk[k]
-            end = ground.door.end[k]
-            walking.sense[w] = 1 if end == 0 else -1
-            walking.station_m[w] = 0.0 if end == 0 else ground.way.length_m[walking.way[w]]
-            walking.crossing[w] = False
+        walkers.draws[w] += 1
+        if hash_uniform(seed, _CROSS, w, walkers.draws[w]) < CROSSES:
+            walkers.path[w] = walker_network.entry.crosswalk[k]
+            end = walker_network.entry.end[k]
+            walkers.sense[w] = 1 if end == 0 else -1
+            walkers.station_m[w] = 0.0 if end == 0 else walker_network.path.length_m[walkers.path[w]]
+            walkers.crossing[w] = False
             return True
     return False
 
 
 @compiled
-def _next_pavement(ground: Ground, walking: Walking, w: int, seed: int) -> None:
-    way = walking.way[w]
-    end = 1 if walking.sense[w] > 0 else 0
-    first, last = ground.way.join_first[way, end], ground.way.join_end[way, end]
-    walking.draws[w] += 1
+def _next_sidewalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int, seed: int) -> None:
+    path = walkers.path[w]
+    end = 1 if walkers.sense[w] > 0 else 0
+    first, last = walker_network.path.join_first[path, end], walker_network.path.join_end[path, end]
+    walkers.draws[w] += 1
     if first == last:
-        walking.sense[w] = -walking.sense[w]
-        walking.station_m[w] = min(max(walking.station_m[w], 0.3), ground.way.length_m[way] - 0.3)
+        walkers.sense[w] = -walkers.sense[w]
+        walkers.station_m[w] = min(max(walkers.station_m[w], 0.3), walker_network.path.length_m[path] - 0.3)
         return
-    pick = first + int(chance(seed, _JOIN, w, walking.draws[w]) * (last - first))
-    walking.way[w] = ground.join_way[pick]
-    walking.sense[w] = 1 if ground.join_end[pick] == 0 else -1
-    walking.station_m[w] = 0.0 if ground.join_end[pick] == 0 else ground.way.length_m[walking.way[w]]
+    pick = first + int(hash_uniform(seed, _JOIN, w, walkers.draws[w]) * (last - first))
+    walkers.path[w] = walker_network.join_path[pick]
+    walkers.sense[w] = 1 if walker_network.join_end[pick] == 0 else -1
+    walkers.station_m[w] = (
+        0.0 if walker_network.join_end[pick] == 0 else walker_network.path.length_m[walkers.path[w]]
+    )
