@@ -23,8 +23,10 @@ from numpy.typing import NDArray
 from carlaloc_env.core.source_digest import source_digest
 
 _log = logging.getLogger(__name__)
+"""Log of misses."""
 
 Arrays = dict[str, NDArray[Any]]
+"""Arrays by name."""
 T = TypeVar("T")
 
 SIGNATURE = b"carlaloc arrays 1\n"
@@ -32,6 +34,7 @@ SIGNATURE = b"carlaloc arrays 1\n"
 ALIGNED_BYTES = 64
 """Values of each array begin at a multiple of this, so that they can be used where they lie."""
 _KEY = re.compile(r"-[0-9a-f]+")
+"""Digest at the end of a folder's name."""
 
 
 def default_cache_dir() -> Path:

@@ -10,9 +10,13 @@ Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
 """What sensors measure and GPUs read."""
 I32 = NDArray[np.int32]
+"""Whole numbers with sign, 32 bits."""
 U8 = NDArray[np.uint8]
+"""Bytes: colours, tags, materials."""
 U32 = NDArray[np.uint32]
+"""Whole numbers, 32 bits: instances, times in a scan [ns]."""
 U64 = NDArray[np.uint64]
+"""Whole numbers, 64 bits: hashes."""
 Index = NDArray[np.intp]
 """Rows of other arrays."""
 Mask = NDArray[np.bool_]

@@ -15,6 +15,7 @@ WGS84_A_M = 6378137.0
 WGS84_F = 1.0 / 298.257223563
 """Flattening."""
 _E2 = WGS84_F * (2.0 - WGS84_F)
+"""Square of the ellipsoid's first eccentricity."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,8 +40,8 @@ class GeoReference:
     def ecef_to_enu(self, ecef_m: ArrayLike) -> Array:
         """World points [m] (..., 3) of Earth-centred points [m] (..., 3)."""
         T = self._T_ecef_enu()
-        turn = transforms.from_rotation(T[:3, :3].T)
-        return transforms.apply(turn, np.asarray(ecef_m, dtype=np.float64) - T[:3, 3])
+        rotation = transforms.from_rotation(T[:3, :3].T)
+        return transforms.apply(rotation, np.asarray(ecef_m, dtype=np.float64) - T[:3, 3])
 
     def _T_ecef_enu(self) -> Array:
         lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)

@@ -75,13 +75,13 @@ def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BA
         return [function(*band) for band in bands]
     found: dict[int, R] = {}
     failed: list[BaseException] = []
-    turns = iter(range(len(bands)))
+    pending = iter(range(len(bands)))
 
     def work() -> None:
-        # Threads of its own that take the next band in turn cost a tenth of an executor's.
+        # Threads of its own that each take the next band cost a tenth of an executor's.
         try:
-            for turn in turns:
-                found[turn] = function(*bands[turn])
+            for number in pending:
+                found[number] = function(*bands[number])
         except BaseException as error:
             failed.append(error)
 
@@ -93,4 +93,4 @@ def over_bands(function: Callable[[int, int], R], rows: int, band_rows: int = BA
         helper.join()
     if failed:
         raise failed[0]
-    return [found[turn] for turn in range(len(bands))]
+    return [found[number] for number in range(len(bands))]

@@ -22,7 +22,7 @@ _HALF_VIEW_MAX = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lens:
-    """Distortion: from the direction of a ray to its place in the picture."""
+    """Distortion: from the direction of a ray to its position in the image."""
 
     model: str = "none"
     """``none``; ``radtan``: radial and tangential (Brown); ``equidistant``: Kannala and Brandt."""
@@ -41,7 +41,7 @@ class Lens:
         return self.model == "none"
 
     def distort(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        """Normalised picture coordinates of rays (x, y, 1)."""
+        """Normalised image coordinates of rays (x, y, 1)."""
         x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
         if self.is_plain:
             return x.copy(), y.copy()
@@ -65,7 +65,7 @@ class Lens:
         """Directions (x, y, 1) that the pixels of a camera look along, x and y, shape (H, W, 2).
 
         Raises:
-            ConfigError: the distortion cannot be undone at the picture's corners, or looks farther
+            ConfigError: the distortion cannot be undone at the image's corners, or looks farther
                 than 72° to the side.
         """
         v, u = np.mgrid[: pinhole.height_px, : pinhole.width_px].astype(np.float64)
@@ -89,7 +89,7 @@ class Lens:
         px, py = self.distort(x, y)
         if max(np.abs(px - xd).max(), np.abs(py - yd).max()) > 1e-7:
             raise ConfigError(
-                f"lens '{self.model}' {list(self.coefficients)}: the distortion folds the picture's corners; "
+                f"lens '{self.model}' {list(self.coefficients)}: the distortion folds the image's corners; "
                 "use smaller coefficients"
             )
         if max(np.abs(x).max(), np.abs(y).max()) > _HALF_VIEW_MAX:
@@ -101,10 +101,10 @@ class Lens:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LensView:
-    """How the picture through a lens is taken from one without distortion."""
+    """Resampling of an image without distortion to the image through a lens."""
 
     pinhole: Pinhole
-    """The larger picture without distortion that is drawn."""
+    """Pinhole of the larger image without distortion that is drawn."""
     column_px: NDArray[np.float32]
     """Where each pixel lies in it, u [px], shape (H, W)."""
     row_px: NDArray[np.float32]
@@ -114,7 +114,7 @@ class LensView:
 
     @classmethod
     def of(cls, pinhole: Pinhole, lens: Lens) -> LensView:
-        """View of a camera; the drawn picture has the camera's own resolution on the axis."""
+        """View of a camera; the drawn image has the camera's own resolution on the axis."""
         rays = lens.rays(pinhole)
         left, top = rays.reshape(-1, 2).min(axis=0)
         right, bottom = rays.reshape(-1, 2).max(axis=0)
@@ -129,12 +129,15 @@ class LensView:
             cy_px=cy,
         )
         # Rounded, so that the last bits of a machine's tangents do not matter.
-        place = np.round(rays * [pinhole.fx_px, pinhole.fy_px] + [cx, cy], 4)
-        column, row = np.rint(place[..., 0]).astype(np.intp), np.rint(place[..., 1]).astype(np.intp)
-        u, v = (np.ascontiguousarray(place[..., k], np.float32) for k in range(2))
+        position_px = np.round(rays * [pinhole.fx_px, pinhole.fy_px] + [cx, cy], 4)
+        column, row = (
+            np.rint(position_px[..., 0]).astype(np.intp),
+            np.rint(position_px[..., 1]).astype(np.intp),
+        )
+        u, v = (np.ascontiguousarray(position_px[..., k], np.float32) for k in range(2))
         return cls(pinhole=drawn, column_px=u, row_px=v, nearest=row * drawn.width_px + column)
 
-    def pick(self, picture: NDArray[_T]) -> NDArray[_T]:
-        """Nearest pixels of a drawn picture (H', W', …), shape (H, W, …)."""
-        flat = picture.reshape(-1, *picture.shape[2:])
+    def pick(self, image: NDArray[_T]) -> NDArray[_T]:
+        """Nearest pixels of a drawn image (H', W', …), shape (H, W, …)."""
+        flat = image.reshape(-1, *image.shape[2:])
         return np.ascontiguousarray(flat[self.nearest])

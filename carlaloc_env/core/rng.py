@@ -12,6 +12,7 @@ import hashlib
 import numpy as np
 
 _WORD = (1 << 64) - 1
+"""64 bits."""
 
 
 def stream(seed: int, name: str, stamp_ns: int = 0, index: int = 0) -> np.random.Generator:

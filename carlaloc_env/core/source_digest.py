@@ -16,7 +16,9 @@ from pathlib import Path
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n#]*)|import[ \t]+([^\n#]+))", re.MULTILINE
 )
+"""One import statement of a module."""
 _IMPORTED_NAME = re.compile(r"(\w+)(?:[ \t]+as[ \t]+\w+)?")
+"""One name of an import, whatever it is called here."""
 _VERSIONS = ("__version__", "geos_version_string")
 """Attributes that name a library's version, and that of the GEOS which shapely computes with."""
 

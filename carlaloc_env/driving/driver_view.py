@@ -1,4 +1,4 @@
-"""What a driver sees and feels at one tick: all that an input device may know of the world."""
+"""Driver's view at one tick: all that an input device may know of the world."""
 
 from __future__ import annotations
 
@@ -37,6 +37,6 @@ class DriverView:
     signal_state: int = 0
     """`SignalState` of that light."""
     leader_gap_m: float | None = None
-    """From the front bumper to the rear of whoever is ahead in the way [m], None when nobody is."""
+    """From the front bumper to the rear of the vehicle ahead [m], None without one."""
     leader_speed_mps: float = 0.0
     """Speed of that vehicle along the route [m/s]."""

@@ -31,10 +31,11 @@ from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 _PARKED = Controls(brake=1.0)
+"""Controls of a standing car."""
 
 
 class DriveListener(Protocol):
-    """Who wants to know of every tick, e.g. the writer of an episode."""
+    """Listener to every tick of a drive, e.g. the writer of an episode."""
 
     def on_start(self, catalog: ActorCatalog) -> None:
         """A drive begins with these actors."""
@@ -68,7 +69,7 @@ class DrivingWorld:
 
         Args:
             seed: New seed of the traffic; the last one when left out.
-            listener: Told of every tick and step from now on.
+            listener: Called at every tick and step from now on.
         """
         if seed is not None:
             self.traffic_config = replace(self.traffic_config, seed=seed)
@@ -86,7 +87,7 @@ class DrivingWorld:
         self.state = self._ego.state()
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
         self._append_tick(_PARKED)
-        self._tell_tick(_PARKED)
+        self._notify_tick(_PARKED)
         self._add_step(self._traffic.reset(self._ego_view()))
         self._add_step(self._traffic.step(self._ego_view()))
         self.tick(_PARKED)
@@ -125,7 +126,7 @@ class DrivingWorld:
         self.state = self._ego.state()
         self._speeds.append(self.state.speed_mps)
         self._append_tick(controls)
-        self._tell_tick(controls)
+        self._notify_tick(controls)
         contacts = self._physics.contacts()
         if self._listener is not None:
             for contact in contacts:
@@ -171,7 +172,7 @@ class DrivingWorld:
         self.timeline.ego.append(state.position_m, state.quat_xyzw)
         self.timeline.car.append(state.wheel_spin_radps, state.road_wheel_rad, controls)
 
-    def _tell_tick(self, controls: Controls) -> None:
+    def _notify_tick(self, controls: Controls) -> None:
         if self._listener is not None:
             self._listener.on_tick(self._tick, self.state, controls)
 
@@ -183,7 +184,7 @@ def ego_view(position_m: NDArray[np.float64], heading_rad: float, speed_mps: flo
     """The ego as other road users see it.
 
     Args:
-        position_m: Place of `base_link` [m], world (3,).
+        position_m: Position of `base_link` [m], world (3,).
         heading_rad: Direction of the car [rad].
         speed_mps: Forward speed [m/s].
     """

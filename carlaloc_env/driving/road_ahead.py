@@ -1,4 +1,4 @@
-"""What lies ahead of the ego on its route: stop lines and their lights, and who drives in front."""
+"""Road ahead of the ego on its route: stop lines, their lights, and the vehicle in front."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from carlaloc_env.town.routing.route import Route
 SIGHT_M = 100.0
 """How far ahead a driver looks for others and for lights [m]."""
 _SAMPLE_M = 1.0
+"""Spacing of the points of the route that are looked at [m]."""
 
 
 class _Sight(NamedTuple):
@@ -34,7 +35,7 @@ class _Sight(NamedTuple):
 class RoadAhead:
     """Follows the ego along its route.
 
-    Place, actors and lights are known anew every 50 ms, at `follow`; ticks in between see the same.
+    Position, actors and lights are known anew every 50 ms, at `follow`; ticks in between see the same.
     """
 
     def __init__(self, network: LaneNetwork, route: Route) -> None:
@@ -74,7 +75,7 @@ class RoadAhead:
     ) -> DriverView:
         """What a driver at the wheel sees now."""
         if self._sight is None:
-            self._sight = self._look(state.speed_mps, actors, catalog, signals)
+            self._sight = self._observe(state.speed_mps, actors, catalog, signals)
         return DriverView(
             tick=tick,
             position_m=state.position_m,
@@ -87,7 +88,7 @@ class RoadAhead:
             **self._sight._asdict(),
         )
 
-    def _look(
+    def _observe(
         self, speed_mps: float, actors: ActorFrame, catalog: ActorCatalog, signals: NDArray[np.uint8]
     ) -> _Sight:
         route = self._route
@@ -119,7 +120,7 @@ class RoadAhead:
         return float(ahead[nearest]), int(signals[self._stop_heads[nearest]].max())
 
     def _leader(self, s_m: float, actors: ActorFrame, catalog: ActorCatalog) -> tuple[float | None, float]:
-        """Bumper-to-bumper gap to whoever is first in the ego's way [m], and its speed along the route."""
+        """Bumper-to-bumper gap to the first vehicle in the ego's path [m], and its speed along the route."""
         if not len(actors):
             return None, 0.0
         ahead = np.arange(0.0, SIGHT_M, _SAMPLE_M)
@@ -131,31 +132,31 @@ class RoadAhead:
             ahead = ahead[: len(s)]
         path = self._route.at(s)
         half = 0.5 * catalog.size_m[:, :2].astype(np.float64)
-        place = actors.position_m.astype(np.float64)
-        near = np.linalg.norm(place[:, :2] - path.position_m[0, :2], axis=-1) < SIGHT_M + 10.0
+        position_m = actors.position_m.astype(np.float64)
+        near = np.linalg.norm(position_m[:, :2] - path.position_m[0, :2], axis=-1) < SIGHT_M + 10.0
         if not near.any():
             return None, 0.0
         index = np.flatnonzero(near)
-        delta = place[index, None, :] - path.position_m[None]
+        delta = position_m[index, None, :] - path.position_m[None]
         distance = delta[..., 0] ** 2 + delta[..., 1] ** 2
         closest = np.argmin(distance, axis=1)
         rows = np.arange(len(index))
-        turn = actors.heading_rad[index].astype(np.float64) - path.heading_rad[closest]
-        reach = half[index, 0] * np.abs(np.sin(turn)) + half[index, 1] * np.abs(np.cos(turn))
+        angle = actors.heading_rad[index].astype(np.float64) - path.heading_rad[closest]
+        half_width = half[index, 0] * np.abs(np.sin(angle)) + half[index, 1] * np.abs(np.cos(angle))
         side = np.sqrt(distance[rows, closest])
-        in_way = (side < reach + 0.5 * EGO_SIZE_M[1] + 0.25) & (np.abs(delta[rows, closest, 2]) < 3.0)
-        in_way &= (closest > 0) & (closest < len(ahead) - 1)
-        if not in_way.any():
+        in_path = (side < half_width + 0.5 * EGO_SIZE_M[1] + 0.25) & (np.abs(delta[rows, closest, 2]) < 3.0)
+        in_path &= (closest > 0) & (closest < len(ahead) - 1)
+        if not in_path.any():
             return None, 0.0
-        along = half[index, 0] * np.abs(np.cos(turn)) + half[index, 1] * np.abs(np.sin(turn))
-        gap = np.where(in_way, ahead[closest] - along - EGO_FRONT_M, np.inf)
+        along = half[index, 0] * np.abs(np.cos(angle)) + half[index, 1] * np.abs(np.sin(angle))
+        gap = np.where(in_path, ahead[closest] - along - EGO_FRONT_M, np.inf)
         first = int(np.argmin(gap))
-        speed = float(actors.speed_mps[index[first]]) * float(np.cos(turn[first]))
+        speed = float(actors.speed_mps[index[first]]) * float(np.cos(angle[first]))
         return float(gap[first]), max(speed, 0.0)
 
 
 def _stop_lines(network: LaneNetwork, route: Route) -> tuple[Array, list[list[int]]]:
-    """Places of the route [m] at which lights must be obeyed, and the heads that count there."""
+    """Stations of the route [m] at which lights must be obeyed, and the heads that count there."""
     found: dict[float, list[int]] = {}
     for index, head in enumerate(network.signals):
         for lane, stop in zip(head.lanes, head.stop_station_m, strict=True):

@@ -14,11 +14,16 @@ from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 MAX_BOXES = 32
 """Actors that exist in the collision world at once."""
 _NEAR_M = 30.0
+"""Actors this close to the ego have a box, along x, y and z [m]."""
 _TOUCH_M = 14.0
+"""Actors this close are moved at every tick [m]."""
 _MAX_BODIES = 64
+"""Bodies that are made at most; boxes of one size are used again."""
 _PARKED_M = -1000.0
+"""Height at which unused bodies wait [m]."""
 
 _Size = tuple[float, float, float]
+"""Length, width, height [m]."""
 
 
 class ActorPool:
@@ -39,7 +44,7 @@ class ActorPool:
         self._moving: list[tuple[int, list[float], list[float], list[float]]] = []
         self._ticks = 0
 
-    def place(
+    def update(
         self,
         frame: ActorFrame,
         catalog: ActorCatalog,
@@ -133,13 +138,13 @@ def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], 
     ch, sh = cos(0.5 * heading), sin(0.5 * heading)
     cp, sp = cos(-0.5 * pitch), sin(-0.5 * pitch)
     cr, sr = cos(0.5 * roll), sin(0.5 * roll)
-    turn = [
+    quat_xyzw = [
         ch * cp * sr - sh * sp * cr,
         ch * sp * cr + sh * cp * sr,
         sh * cp * cr - ch * sp * sr,
         ch * cp * cr + sh * sp * sr,
     ]
-    return centre, turn
+    return centre, quat_xyzw
 
 
 def _velocity(frame: ActorFrame, i: int, following: ActorFrame | None) -> list[float]:

@@ -27,7 +27,7 @@ class Contact:
 
 
 class ContactLog:
-    """Adds up PyBullet's contact points per thing touched until somebody asks."""
+    """Adds up PyBullet's contact points per thing touched until they are read."""
 
     def __init__(self) -> None:
         self._touched: dict[int | None, tuple[float, float, tuple[float, float, float]]] = {}

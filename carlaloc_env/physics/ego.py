@@ -17,11 +17,14 @@ from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain
 from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.physics.wheel import BodyMotion, Wheel, wet_at_speed
-from carlaloc_env.physics.world import PhysicsWorld, Point
+from carlaloc_env.physics.world import PhysicsWorld, Vector3
 
 _SETTLE_TICKS = 400
+"""Ticks after which the car rests on its springs."""
 _BRAKE_LIGHT_MPS2 = 1.3
+"""Deceleration from which the brake lights are lit [m/s²]."""
 _PARKED = Controls(handbrake=True, brake=1.0)
+"""Controls of a standing car."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,8 +126,8 @@ class EgoCar:
         self._powertrain.update(controls, m[12])
         slowing_n = -self._powertrain.motor_n if m[12] > 0.0 else self._powertrain.motor_n
         self._is_braking = controls.brake > 0.0 or slowing_n > _BRAKE_LIGHT_MPS2 * p.mass_kg
-        starts: list[Point] = []
-        ends: list[Point] = []
+        starts: list[Vector3] = []
+        ends: list[Vector3] = []
         for wheel in wheels:
             wheel.add_rays(m, starts, ends)
         hits = self._world.cast_down(starts, ends)

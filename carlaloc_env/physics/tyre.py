@@ -12,11 +12,18 @@ from math import atan, exp, sin, sqrt
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.physics.params import VehicleParams
 
-_C, _E = 1.4, -0.2
+_C = 1.4
+"""Shape factor C of Pacejka's Magic Formula."""
+_E = -0.2
+"""Its curvature factor E."""
 _B = 1.0 / _C
+"""Its stiffness factor B, such that the slope at zero is one."""
 _R_PEAK = 2.69
+"""Normalised slip at which the formula has its peak."""
 _R_MAX = 4.0 * _R_PEAK
+"""Greatest normalised slip; shear beyond it slides away."""
 _SLIP_DAMPED_MPS = 0.3
+"""Speed below which slip is damped [m/s]."""
 
 
 class Tyre:

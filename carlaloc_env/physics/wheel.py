@@ -12,7 +12,9 @@ from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.tyre import Tyre, lateral_mu
 
 _RAY_ABOVE_M = 0.5
+"""Rays to the road start so far above the hub [m]."""
 _RAY_BELOW_M = 1.0
+"""Rays to the road end so far below the hub [m]."""
 
 BodyMotion = tuple[
     float, float, float, float, float, float, float, float, float,
@@ -48,7 +50,7 @@ class Wheel:
         self.settle(0.0)
 
     def settle(self, speed_mps: float) -> None:
-        """Put the wheel to its place at rest on flat ground, rolling at a speed [m/s]."""
+        """Set the wheel to its state at rest on flat ground, rolling at a speed [m/s]."""
         self.travel_m = 0.0
         """Compression of the suspension from rest [m]."""
         self.speed_z = 0.0

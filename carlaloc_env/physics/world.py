@@ -22,10 +22,14 @@ from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4
 """Collision groups; actors touch nothing but the ego, wheel rays see nothing but the town."""
 _MESH_TRIANGLES = 100_000
+"""Triangles of one collision mesh at most."""
 _CONTACT_ERP = 0.05
+"""Share of a penetration that PyBullet removes in one step."""
 _BODY_FRICTION = 0.4
+"""Friction of the ego's body against things."""
 
-Point = tuple[float, float, float]
+Vector3 = tuple[float, float, float]
+"""x, y, z."""
 
 
 class PhysicsWorld:
@@ -99,7 +103,7 @@ class PhysicsWorld:
         if self._ego_body < 0 or len(frame) == 0:
             return
         ego, _ = pybullet.getBasePositionAndOrientation(self._ego_body, physicsClientId=self._client)
-        self._actors.place(frame, catalog, np.array(ego), following)
+        self._actors.update(frame, catalog, np.array(ego), following)
 
     def clear_actors(self) -> None:
         """Take all actors away."""
@@ -113,7 +117,7 @@ class PhysicsWorld:
         self,
         *,
         mass_kg: float,
-        inertia_kgm2: Point,
+        inertia_kgm2: Vector3,
         half_extents_m: list[float],
         box_centre_m: list[float],
         position_m: list[float],
@@ -162,7 +166,7 @@ class PhysicsWorld:
         self._contacts.take()
         return body
 
-    def cast_down(self, starts_m: list[Point], ends_m: list[Point]) -> Any:
+    def cast_down(self, starts_m: list[Vector3], ends_m: list[Vector3]) -> Any:
         """Rays against the town alone: PyBullet's tuples (body, link, fraction, position, normal)."""
         return pybullet.rayTestBatch(
             starts_m, ends_m, collisionFilterMask=GROUP_STATIC, physicsClientId=self._client

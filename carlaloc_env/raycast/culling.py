@@ -39,7 +39,7 @@ def candidates(
     Args:
         origins_m: Starts [m], shape (N, 3).
         directions: Unit directions, shape (N, 3).
-        limit_m: How far each ray reaches [m], shape (N,).
+        limit_m: Length of each ray [m], shape (N,).
         cylinders: Upright cylinders, one per actor.
 
     Returns:
@@ -50,11 +50,11 @@ def candidates(
     lowest, highest = np.array([west, south, below]), np.array([east, north, above])
     eye, spread = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
     away = cylinders.centre_m - eye
-    reach = cylinders.radius_m + math.hypot(spread[0], spread[1]) + 0.01
+    radius_m = cylinders.radius_m + math.hypot(spread[0], spread[1]) + 0.01
     tall = cylinders.half_height_m + spread[2] + 0.01
-    near = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) - reach < float(limit_m.max()))
-    first, listed = _seen_in_sectors(away[near], reach[near])
-    around = np.column_stack([away, reach, tall])[near].astype(np.float32)
+    near = np.flatnonzero(np.hypot(away[:, 0], away[:, 1]) - radius_m < float(limit_m.max()))
+    first, listed = _seen_in_sectors(away[near], radius_m[near])
+    around = np.column_stack([away, radius_m, tall])[near].astype(np.float32)
     room = len(along)
     while True:
         rays, actors = np.empty(room, np.intp), np.empty(room, np.intp)
@@ -64,15 +64,15 @@ def candidates(
         room = count
 
 
-def _seen_in_sectors(away_m: Array, reach_m: Array) -> tuple[Index, Index]:
+def _seen_in_sectors(away_m: Array, radius_m: Array) -> tuple[Index, Index]:
     """Where the list of each sector begins (sectors + 1,), and the cylinders of all lists, ascending."""
     flat = np.hypot(away_m[:, 0], away_m[:, 1])
-    half = np.arcsin(np.minimum(reach_m / np.maximum(flat, 1e-9), 1.0))
+    half = np.arcsin(np.minimum(radius_m / np.maximum(flat, 1e-9), 1.0))
     middle = np.arctan2(away_m[:, 1], away_m[:, 0])
     # A sector to either side covers the rounding of float32.
     low = np.floor(_on_square(middle - half) * (_SECTORS / 4)).astype(np.intp) - 1
     high = np.floor(_on_square(middle + half) * (_SECTORS / 4)).astype(np.intp) + 1
-    count = np.where(flat > reach_m, np.minimum((high - low) % _SECTORS + 1, _SECTORS), _SECTORS)
+    count = np.where(flat > radius_m, np.minimum((high - low) % _SECTORS + 1, _SECTORS), _SECTORS)
     cylinder = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(cylinder)) - np.repeat(np.cumsum(count) - count, count)
     sector = (low[cylinder] + step) % _SECTORS
@@ -81,11 +81,11 @@ def _seen_in_sectors(away_m: Array, reach_m: Array) -> tuple[Index, Index]:
 
 
 def _on_square(angle_rad: Array) -> Array:
-    """Where directions meet the outline of the square |x| + |y| = 1, 0–4 anticlockwise from east."""
+    """Position on the outline of the square |x| + |y| = 1 of directions, 0–4 anticlockwise from east."""
     x, y = np.cos(angle_rad), np.sin(angle_rad)
-    share = x / (np.abs(x) + np.abs(y))
-    place: Array = np.where(y >= 0, 1 - share, 3 + share)
-    return place
+    fraction = x / (np.abs(x) + np.abs(y))
+    quadrant: Array = np.where(y >= 0, 1 - fraction, 3 + fraction)
+    return quadrant
 
 
 @compiled
@@ -96,7 +96,7 @@ def _pairs(
 
     Args:
         directions: Unit directions, shape (N, 3).
-        limit_m: How far each ray reaches [m], shape (N,).
+        limit_m: Length of each ray [m], shape (N,).
         first: Where the list of each sector begins, shape (sectors + 1,).
         listed: Cylinders of all lists.
         around: Middle from the eye, radius, half height of each cylinder [m], shape (A, 5).
@@ -107,9 +107,9 @@ def _pairs(
     sectors = len(first) - 1
     for i in range(len(directions)):
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        share = dx / max(abs(dx) + abs(dy), np.float32(1e-9))
-        place = np.float32(1) - share if dy >= 0 else np.float32(3) + share
-        sector = min(int(place * np.float32(sectors * 0.25)), sectors - 1)
+        fraction = dx / max(abs(dx) + abs(dy), np.float32(1e-9))
+        quadrant = np.float32(1) - fraction if dy >= 0 else np.float32(3) + fraction
+        sector = min(int(quadrant * np.float32(sectors * 0.25)), sectors - 1)
         begin, end = first[sector], first[sector + 1]
         if begin == end:
             continue
@@ -121,8 +121,8 @@ def _pairs(
             x, y, z = around[actor, 0], around[actor, 1], around[actor, 2]
             radius, tall = around[actor, 3], around[actor, 4]
             # Where the ray passes nearest to the axis, how far from it, and at which height.
-            along, aside = x * dx + y * dy, radius * flat
-            meets = abs(x * dy - y * dx) < aside and -aside < along < far + aside
+            along, half_chord = x * dx + y * dy, radius * flat
+            meets = abs(x * dy - y * dx) < half_chord and -half_chord < along < far + half_chord
             if meets and abs(dz * along - z * square) < tall * square + steep * radius:
                 if count < len(rays):
                     rays[count], actors[count] = i, actor

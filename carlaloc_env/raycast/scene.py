@@ -28,9 +28,10 @@ from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline
 
 Floats = Array | F32
+"""Directions in double or single precision."""
 
 _STEER_KINDS = 64
-"""More than the angles of front wheels that are told apart."""
+"""Above the number of front-wheel angles that models are made for."""
 
 
 class RayScene:
@@ -127,10 +128,10 @@ class RayScene:
     ) -> None:
         times, back = np.unique(stamps_ns, return_inverse=True)
         motion = timeline.ego_motion(times)
-        turn = transforms.quat_conjugate(motion.quat_xyzw)[back]
+        to_body = transforms.quat_conjugate(motion.quat_xyzw)[back]
         found = self.cast_ego(
-            transforms.quat_rotate(turn, origins_m - motion.position_m[back]),
-            transforms.quat_rotate(turn, directions),
+            transforms.quat_rotate(to_body, origins_m - motion.position_m[back]),
+            transforms.quat_rotate(to_body, directions),
             range_max_m,
         )
         rows = np.flatnonzero(found.range_m < hits.range_m)
@@ -186,8 +187,8 @@ class RayScene:
         """Around all that each actor covers while the rays are cast."""
         kinds, back = np.unique(models, return_inverse=True)
         bounds = np.array([self._extent(int(kind)) for kind in kinds])
-        reach = np.maximum(np.abs(bounds[:, 0]), np.abs(bounds[:, 1]))
-        length = np.hypot(reach[:, 0], reach[:, 1])[back]
+        extent = np.maximum(np.abs(bounds[:, 0]), np.abs(bounds[:, 1]))
+        length = np.hypot(extent[:, 0], extent[:, 1])[back]
         middle = 0.5 * (bounds[:, 0, 2] + bounds[:, 1, 2])[back]
         half_height = 0.5 * (bounds[:, 1, 2] - bounds[:, 0, 2])[back]
         # Counted from the middle of the town, as rays are.

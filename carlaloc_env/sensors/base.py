@@ -42,7 +42,7 @@ class World(Protocol):
 
     @property
     def weather(self) -> Weather:
-        """Weather of the pictures, or a schedule of it."""
+        """Weather of the images, or a schedule of it."""
 
     @property
     def library(self) -> ModelLibrary:
@@ -87,6 +87,7 @@ _AXES = {
     "optical": transforms.R_FLU_OPTICAL,
     "paper_imu": transforms.R_FLU_PAPER_IMU,
 }
+"""Rotations that map FLU to the axes of a convention, (3, 3)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,7 +173,7 @@ class Sensor(ABC):
 
 
 class Camera(Sensor):
-    """A sensor whose pictures depend on the weather."""
+    """A sensor whose images depend on the weather."""
 
     depends_on_weather = True
 

@@ -116,7 +116,7 @@ class _Watch:
             self._crossed += crossed
             self._red_runners += [(step * STEP_NS / 1e9, int(v)) for v in red]
         else:
-            self._lines.note(states)
+            self._lines.update(states)
         self._before = frame
         changing = self._world.changing_lanes()
         self._changes += int(np.count_nonzero(changing & ~self._was_changing))
@@ -242,7 +242,7 @@ class _StopLines:
         self._half_m = 0.5 * network.width_m(lane, station)
         self._red_s = np.zeros(len(network.signals))
 
-    def note(self, states: NDArray[np.uint8]) -> None:
+    def update(self, states: NDArray[np.uint8]) -> None:
         """Count for how long every head has been red."""
         self._red_s = np.where(states == SignalState.RED, self._red_s + STEP_NS / 1e9, 0.0)
 
@@ -255,7 +255,7 @@ class _StopLines:
         states: NDArray[np.uint8],
     ) -> tuple[int, Index]:
         """How many fronts crossed a line in the last step, and which vehicles did so at red."""
-        self.note(states)
+        self.update(states)
         if not len(self._heads):
             return 0, vehicles[:0]
         half = 0.5 * catalog.size_m[vehicles, 0].astype(np.float64)

@@ -18,7 +18,7 @@ EARTH_RATE_RADPS = 7.2921151467e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Walker:
+class WalkerConstellation:
     """A Walker delta constellation t/p/f: evenly spread circular orbits."""
 
     satellites: int
@@ -58,17 +58,23 @@ class Walker:
 
 
 CONSTELLATIONS = {
-    "galileo": Walker(satellites=24, planes=3, phasing=1, inclination_deg=56.0, radius_m=29_599_800.0),
-    "beidou": Walker(satellites=24, planes=3, phasing=1, inclination_deg=55.0, radius_m=27_906_100.0),
-    "glonass": Walker(satellites=24, planes=3, phasing=1, inclination_deg=64.8, radius_m=25_508_000.0),
+    "galileo": WalkerConstellation(
+        satellites=24, planes=3, phasing=1, inclination_deg=56.0, radius_m=29_599_800.0
+    ),
+    "beidou": WalkerConstellation(
+        satellites=24, planes=3, phasing=1, inclination_deg=55.0, radius_m=27_906_100.0
+    ),
+    "glonass": WalkerConstellation(
+        satellites=24, planes=3, phasing=1, inclination_deg=64.8, radius_m=25_508_000.0
+    ),
 }
 """Nominal constellations: Galileo OS service definition, BeiDou (MEO) and GLONASS open service documents."""
 
 
 def sky_directions(names: Sequence[str], geo: GeoReference, time_s: float) -> Array:
     """Unit vectors to all satellites of some constellations, world (ENU), shape (N, 3)."""
-    place = np.concatenate([CONSTELLATIONS[name].ecef_m(time_s) for name in names])
-    enu = geo.ecef_to_enu(place)
+    position = np.concatenate([CONSTELLATIONS[name].ecef_m(time_s) for name in names])
+    enu = geo.ecef_to_enu(position)
     result: Array = enu / np.sqrt(np.sum(enu * enu, axis=-1))[:, None]
     return result
 

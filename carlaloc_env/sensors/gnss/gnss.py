@@ -1,4 +1,4 @@
-"""GNSS: the antenna's true place on the WGS84 ellipsoid, with white noise or the errors of a receiver."""
+"""GNSS: the antenna's true position on the WGS84 ellipsoid, with white noise or the errors of a receiver."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from carlaloc_env.timeline.timeline import Timeline
 MODELS = ("white", "satellites")
 """What `GnssConfig.model` may be."""
 _SIGHT_M = 800.0
-"""How far buildings and hills are looked for [m]."""
+"""Distance within which buildings and hills hide satellites [m]."""
 _SKY_RAYS = 48
-"""Rays that tell how much of the sky is hidden."""
+"""Rays that measure how much of the sky is hidden."""
 _LEAF_LOSS = 2.0
 """Factor on the noise of a satellite behind leaves."""
 
@@ -75,7 +75,7 @@ class GnssConfig(SensorConfig):
     multipath_s: float = 40.0
     """Correlation time of multipath [s]."""
     multipath_growth: float = 5.0
-    """How multipath grows with the hidden share b of the sky: factor 1 + growth·b, 5 = 3.5-fold at half."""
+    """Growth of multipath with the hidden fraction b of the sky: factor 1 + growth·b, 5 = 3.5 at half."""
     rtk: bool = False
     """Whether a base station's corrections are received."""
     phase_noise_m: float = 0.004
@@ -149,28 +149,28 @@ class GnssSensor(Sensor):
         truth = timeline.ego_motion(stamps_ns).at_mount(self._T_base_antenna).position_m
         if self.config.model == "satellites":
             return [
-                self._received(timeline, int(stamp), place)
-                for stamp, place in zip(stamps_ns, truth, strict=True)
+                self._received(timeline, int(stamp), position)
+                for stamp, position in zip(stamps_ns, truth, strict=True)
             ]
         name = f"{self.config.name}/position"
         noise = np.array([white(self._seed, name, stamp, 3) for stamp in stamps_ns])
         covariance = np.diag(self._sigma_m**2)
         return [
-            self._fix(int(stamp), place, covariance, "single", 0)
-            for stamp, place in zip(stamps_ns, truth + self._sigma_m * noise, strict=True)
+            self._fix(int(stamp), position, covariance, "single", 0)
+            for stamp, position in zip(stamps_ns, truth + self._sigma_m * noise, strict=True)
         ]
 
-    def sky(self, timeline: Timeline, stamp_ns: int, place_m: Array) -> tuple[Array, Array, float]:
-        """What an antenna sees of the sky.
+    def sky(self, timeline: Timeline, stamp_ns: int, position_m: Array) -> tuple[Array, Array, float]:
+        """Sky that an antenna sees.
 
         Args:
             timeline: Where everything is.
             stamp_ns: When [ns].
-            place_m: The antenna, world [m], shape (3,).
+            position_m: The antenna, world [m], shape (3,).
 
         Returns:
             Unit vectors to all satellites (N, 3); how each one's noise is multiplied, inf where it is
-            hidden or below the mask (N,); the hidden share of the sky above the mask, 0–1.
+            hidden or below the mask (N,); the hidden fraction of the sky above the mask, 0–1.
         """
         config = self.config
         to = sky_directions(config.constellations, self._world.geo, config.epoch_s + stamp_ns * 1e-9)
@@ -178,7 +178,7 @@ class GnssSensor(Sensor):
         directions = np.concatenate([to, _even_sky(mask)])
         up = np.flatnonzero(directions[:, 2] > mask)
         hits = self._world.rays().cast(
-            np.broadcast_to(place_m, (len(up), 3)),
+            np.broadcast_to(position_m, (len(up), 3)),
             directions[up],
             np.full(len(up), stamp_ns, dtype=np.int64),
             timeline,
@@ -191,9 +191,9 @@ class GnssSensor(Sensor):
         factor[up] = np.where(met & ~leaves, np.inf, np.where(leaves, _LEAF_LOSS, 1.0))
         return to, factor[: len(to)], float(np.mean(np.isinf(factor[len(to) :])))
 
-    def _received(self, timeline: Timeline, stamp_ns: int, place_m: Array) -> GnssFix:
+    def _received(self, timeline: Timeline, stamp_ns: int, position_m: Array) -> GnssFix:
         config = self.config
-        directions, factor, hidden = self.sky(timeline, stamp_ns, place_m)
+        directions, factor, hidden = self.sky(timeline, stamp_ns, position_m)
         used = np.flatnonzero(np.isfinite(factor))
         solution = self._solution(len(used), hidden)
         if solution == "none":
@@ -220,7 +220,7 @@ class GnssSensor(Sensor):
         if dilution(directions[used]) > config.pdop_max:
             return self._fix(stamp_ns, np.full(3, np.nan), np.zeros((3, 3)), "none", len(used))
         off, covariance = least_squares(directions[used], np.sqrt(variance), error)
-        return self._fix(stamp_ns, place_m + off, covariance, solution, len(used))
+        return self._fix(stamp_ns, position_m + off, covariance, solution, len(used))
 
     def _solution(self, count: int, hidden: float) -> str:
         """Four satellites give a position; ambiguities need more of them and an open sky."""
@@ -230,9 +230,9 @@ class GnssSensor(Sensor):
             return "single"
         return "fixed" if count >= 8 and hidden < 0.5 else "float"
 
-    def _fix(self, stamp_ns: int, place_m: Array, covariance: Array, solution: str, count: int) -> GnssFix:
+    def _fix(self, stamp_ns: int, position_m: Array, covariance: Array, solution: str, count: int) -> GnssFix:
         found = solution != "none"
-        fix = self._world.geo.enu_to_geodetic(place_m) if found else np.full(3, np.nan)
+        fix = self._world.geo.enu_to_geodetic(position_m) if found else np.full(3, np.nan)
         return GnssFix(
             sensor=self.config.name,
             frame_id=self.config.frame_id,

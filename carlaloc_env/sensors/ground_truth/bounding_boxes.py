@@ -1,4 +1,4 @@
-"""Boxes of all actors at one instant, and rays aimed at them: what radar and ground truth ask for."""
+"""Bounding boxes of all actors at one instant."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from carlaloc_env.timeline.timeline import Timeline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Boxes:
+class ActorBoxes:
     """Boxes around N actors at one instant."""
 
     id: NDArray[np.uint32]
@@ -65,15 +65,15 @@ class Boxes:
         turning = np.stack([-rate * arm[:, 1], rate * arm[:, 0], np.zeros(len(arm))], axis=-1)
         return self.velocity_mps[index] + turning
 
-    def take(self, index: NDArray[np.intp]) -> Boxes:
+    def take(self, index: NDArray[np.intp]) -> ActorBoxes:
         """Some of the boxes."""
-        return Boxes(**{name: getattr(self, name)[index] for name in self.__slots__})
+        return ActorBoxes(**{name: getattr(self, name)[index] for name in self.__slots__})
 
 
-def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
+def boxes_at(timeline: Timeline, stamp_ns: int) -> ActorBoxes:
     """Boxes of all actors at a time [ns].
 
-    Velocities are those of the positions that pictures and rays show: actors move straight between
+    Velocities are those of the positions that images and rays show: actors move straight between
     50 ms steps, so the velocity is that of the stretch which ends at or contains the stamp.
     """
     catalog = timeline.catalog
@@ -96,14 +96,14 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
         rate = np.zeros(count)
     else:
         begin = (stamp_ns - 1) // STEP_NS * STEP_NS
-        everyone, when = np.arange(count), np.array([stamp_ns, begin], dtype=np.int64)
-        poses = timeline.actor_poses(np.concatenate([everyone, everyone]), np.repeat(when, count))
-        (position, heading, pitch, roll), (before, turned, _, _) = (
+        index, stamps = np.arange(count), np.array([stamp_ns, begin], dtype=np.int64)
+        poses = timeline.actor_poses(np.concatenate([index, index]), np.repeat(stamps, count))
+        (position, heading, pitch, roll), (position_before, heading_before, _, _) = (
             tuple(values[rows] for values in poses) for rows in (slice(count), slice(count, None))
         )
-        lapse = (stamp_ns - begin) * 1e-9
-        velocity = (position - before) / lapse
-        rate = wrap_angle(heading - turned) / lapse
+        span_s = (stamp_ns - begin) * 1e-9
+        velocity = (position - position_before) / span_s
+        rate = wrap_angle(heading - heading_before) / span_s
     pitch, roll = np.where(upright, 0.0, pitch), np.where(upright, 0.0, roll)
     centre = position.copy()
     lift = 0.5 * size[:, 2]
@@ -111,7 +111,7 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> Boxes:
     centre[:, 0] += right * np.sin(heading) - back * np.cos(heading)
     centre[:, 1] -= right * np.cos(heading) + back * np.sin(heading)
     centre[:, 2] += lift * np.cos(pitch) * np.cos(roll)
-    return Boxes(
+    return ActorBoxes(
         id=catalog.id,
         tag=catalog.tag,
         centre_m=centre,

@@ -9,15 +9,15 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import quat_rotate
 from carlaloc_env.samples import ObjectList
-from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes, boxes_at
+from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes, boxes_at
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
     from carlaloc_env.raycast import RayScene
 
 
-REACH_M = 120.0
-"""Farther away visibility is not asked for [m]."""
+VISIBILITY_RANGE_M = 120.0
+"""Distance within which visibility is measured [m]."""
 _RAYS = 40
 """Rays aimed at each object."""
 
@@ -35,7 +35,7 @@ def objects_at(
         timeline: Where everything is.
         stamp_ns: When [ns].
         rays: Finds what is in the way; None: visibility is unknown (NaN).
-        eye_m: Place in `base_link` from which visibility is judged [m]: the LiDAR's in the named rigs.
+        eye_m: Position in `base_link` from which visibility is measured [m]: the LiDAR's in the named rigs.
     """
     boxes = boxes_at(timeline, stamp_ns)
     motion = timeline.ego_motion([stamp_ns])
@@ -43,7 +43,7 @@ def objects_at(
     away = boxes.centre_m - eye
     distance = np.sqrt(np.sum(away * away, axis=-1))
     visible = np.full(len(boxes), np.nan)
-    near = np.flatnonzero(distance < REACH_M)
+    near = np.flatnonzero(distance < VISIBILITY_RANGE_M)
     if rays is not None and len(near):
         visible[near] = _visible(timeline, stamp_ns, rays, eye, boxes.take(near))
     return ObjectList(
@@ -64,11 +64,11 @@ def objects_at(
     )
 
 
-def _visible(timeline: Timeline, stamp_ns: int, rays: RayScene, eye_m: Array, boxes: Boxes) -> Array:
-    """Share of each object that is not hidden behind other things, 0–1.
+def _visible(timeline: Timeline, stamp_ns: int, rays: RayScene, eye_m: Array, boxes: ActorBoxes) -> Array:
+    """Fraction of each object that is not hidden behind other things, 0–1.
 
     Rays go to points spread evenly through the box; those that meet the object count as seen, those
-    that something else stops before it as hidden, and those that pass it by say nothing.
+    that something else stops before it as hidden, and those that pass it do not count.
     """
     index = np.repeat(np.arange(len(boxes)), _RAYS)
     inside = np.tile(_spread(_RAYS) - 0.5, (len(boxes), 1)) * 0.9 * boxes.size_m[index]
@@ -79,15 +79,15 @@ def _visible(timeline: Timeline, stamp_ns: int, rays: RayScene, eye_m: Array, bo
         towards / far[:, None],
         np.full(len(far), stamp_ns, dtype=np.int64),
         timeline,
-        1.5 * REACH_M,
+        1.5 * VISIBILITY_RANGE_M,
         ego=False,
     )
     met = hits.instance == boxes.id[index]
     size = np.sqrt(np.sum(boxes.size_m * boxes.size_m, axis=-1))
     stopped = ~met & (hits.range_m < far - 0.3 * size[index])
     seen, hidden = (np.bincount(index[kind], minlength=len(boxes)) for kind in (met, stopped))
-    share: Array = seen / np.maximum(seen + hidden, 1)
-    return share
+    fraction: Array = seen / np.maximum(seen + hidden, 1)
+    return fraction
 
 
 def _spread(count: int) -> Array:
@@ -95,10 +95,10 @@ def _spread(count: int) -> Array:
     columns = []
     for base in (2, 3, 5):
         values = np.zeros(count)
-        left, share = np.arange(1, count + 1), 1.0
+        left, fraction = np.arange(1, count + 1), 1.0
         while left.any():
-            share /= base
-            values += share * (left % base)
+            fraction /= base
+            values += fraction * (left % base)
             left = left // base
         columns.append(values)
     return np.stack(columns, axis=-1)

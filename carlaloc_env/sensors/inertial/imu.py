@@ -20,7 +20,7 @@ from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, RandomWalk, WhiteSequence
-from carlaloc_env.sensors.inertial.vibration import ROAD_CLASSES, MotorShake, RoadShake
+from carlaloc_env.sensors.inertial.vibration import ROAD_CLASSES, MotorVibration, RoadVibration
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
@@ -158,6 +158,7 @@ _FIGURES = (
     "scale_error", "misalignment_rad", "accel_range_mps2", "gyro_range_radps", "motor_vibration_mps2",
     "motor_ratio", "orientation_noise_rad",
 )  # fmt: skip
+"""Fields of `ImuConfig` that must be finite and not negative."""
 
 
 class ImuSensor(Sensor):
@@ -183,11 +184,11 @@ class ImuSensor(Sensor):
         turn_on = rng.stream(seed, f"{name}/turn_on").standard_normal(6)
         self._turn_on = _six(config.accel_turn_on_bias, config.gyro_turn_on_bias) * turn_on
         self._mixing = _mixing(config, seed)
-        reach = _six(config.accel_range_mps2, config.gyro_range_radps)
-        self._reach = np.where(reach > 0, reach, np.inf)
-        self._road = RoadShake(seed, name, config.road_class) if config.road_class else None
+        limits = _six(config.accel_range_mps2, config.gyro_range_radps)
+        self._limits = np.where(limits > 0, limits, np.inf)
+        self._road = RoadVibration(seed, name, config.road_class) if config.road_class else None
         self._motor = (
-            MotorShake(
+            MotorVibration(
                 seed,
                 name,
                 rms_mps2=config.motor_vibration_mps2,
@@ -217,14 +218,14 @@ class ImuSensor(Sensor):
         motion = timeline.ego_motion(stamps_ns).at_mount(self._T_base_imu)
         truth = ideal(motion)
         if self._road is not None or self._motor is not None:
-            truth[:, :3] += self._shake(timeline, stamps_ns)
+            truth[:, :3] += self._vibration(timeline, stamps_ns)
         if self._mixing is not None:
             truth = np.concatenate(
                 [transforms.apply(transforms.from_rotation(M), truth[:, k : k + 3])
                  for M, k in zip(self._mixing, (0, 3), strict=True)], axis=-1
             )  # fmt: skip
         white = self._white_scale * self._white.rows(self._numbers(stamps_ns))
-        rows = np.clip(truth + white + self.bias(stamps_ns), -self._reach, self._reach)
+        rows = np.clip(truth + white + self.bias(stamps_ns), -self._limits, self._limits)
         attitudes = self._attitudes(motion)
         return [
             Imu(
@@ -239,7 +240,7 @@ class ImuSensor(Sensor):
             for stamp, row, attitude in zip(stamps_ns, rows, attitudes, strict=True)
         ]
 
-    def _shake(self, timeline: Timeline, stamps_ns: Sequence[int]) -> Array:
+    def _vibration(self, timeline: Timeline, stamps_ns: Sequence[int]) -> Array:
         """Acceleration by vibration in the IMU's axes [m/s²], shape (M, 3)."""
         car = timeline.car.at(stamps_ns)
         shake = np.zeros((len(stamps_ns), 3))

@@ -1,6 +1,6 @@
 """Vibration that a rigid car on a smooth road lacks: the road's roughness and the motor's orders.
 
-It shakes the IMU's housing only, not the truth: pictures, LiDAR and ground truth stay as they are.
+It moves the IMU's housing only, not the truth: images, LiDAR and ground truth stay as they are.
 """
 
 from __future__ import annotations
@@ -17,11 +17,19 @@ from carlaloc_env.timeline.vehicle_track import CarState
 ROAD_CLASSES = "ABCDE"
 """Road classes of ISO 8608, smooth to rough."""
 _WAVES = 160
+"""Sines that make up a road's profile."""
 _WAVENUMBERS = (0.02, 8.0)
 """Spatial frequencies of the roughness [cycles/m]."""
-_SPRUNG_KG, _UNSPRUNG_KG = 420.0, 42.0
-_SPRING_NPM, _DAMPER_NSPM, _TYRE_NPM = 28_000.0, 2_200.0, 210_000.0
-"""A quarter of a mid-size saloon: 1.3 Hz body bounce at a damping ratio of 0.32, 12 Hz wheel hop."""
+_SPRUNG_KG = 420.0
+"""Sprung mass of a quarter car [kg]: 1.3 Hz body bounce; the ego's own quarter in physics has 417.5 kg."""
+_UNSPRUNG_KG = 42.0
+"""Its unsprung mass [kg]: 12 Hz wheel hop; the ego's own in physics is 45 kg."""
+_SPRING_NPM = 28_000.0
+"""Its spring [N/m]."""
+_DAMPER_NSPM = 2_200.0
+"""Its damper [N s/m]: damping ratio 0.32."""
+_TYRE_NPM = 210_000.0
+"""Its tyre [N/m]; the ego's own in physics has 220 kN/m."""
 
 
 def roughness_m3(road_class: str) -> float:
@@ -39,8 +47,8 @@ def body_response(frequency_hz: Array) -> NDArray[np.complex128]:
     return result
 
 
-class RoadShake:
-    """Vertical acceleration of the body from a rough road: the same place shakes alike every time.
+class RoadVibration:
+    """Vertical acceleration of the body from a rough road: the same position gives the same every time.
 
     The profile is a sum of sines in the distance covered, with the spectrum
     G_d(n) = G_d(n₀)·(n/n₀)⁻² of ISO 8608; the quarter car answers each at its frequency n·v.
@@ -58,14 +66,14 @@ class RoadShake:
         """Upward acceleration [m/s²] at distances [m] and speeds [m/s], shape (M,)."""
         frequency = np.abs(speed_mps)[:, None] * self._n
         gain = body_response(frequency)
-        turn = 2.0 * math.pi * np.sign(speed_mps)[:, None] * self._n * distance_m[:, None] + self._phase
+        phase = 2.0 * math.pi * np.sign(speed_mps)[:, None] * self._n * distance_m[:, None] + self._phase
         omega = 2.0 * math.pi * frequency
-        waves = self._amplitude * omega * omega * np.abs(gain) * np.sin(turn + np.angle(gain))
+        waves = self._amplitude * omega * omega * np.abs(gain) * np.sin(phase + np.angle(gain))
         total: Array = -np.sum(waves, axis=-1)
         return total
 
 
-class MotorShake:
+class MotorVibration:
     """Sines at multiples (orders) of the motor's turning, stronger under load, on all three axes.
 
     Above half the IMU's rate they alias, as on a real car without an anti-alias filter.
@@ -82,9 +90,9 @@ class MotorShake:
 
     def acceleration_mps2(self, car: CarState) -> Array:
         """Acceleration [m/s²] at M instants, shape (M, 3); `rms_mps2` per axis at full throttle."""
-        turned = 0.5 * self._ratio * (car.wheel_angle_rad[:, 2] + car.wheel_angle_rad[:, 3])
+        motor_rad = 0.5 * self._ratio * (car.wheel_angle_rad[:, 2] + car.wheel_angle_rad[:, 3])
         spins = np.abs(car.wheel_spin_radps[:, 2] + car.wheel_spin_radps[:, 3]) > 0.1
         load = (0.2 + 0.8 * car.throttle) * spins
-        waves = self._amplitude * np.sin(turned[:, None, None] * self._orders + self._phase)
+        waves = self._amplitude * np.sin(motor_rad[:, None, None] * self._orders + self._phase)
         total: Array = load[:, None] * np.sum(waves, axis=-1)
         return total

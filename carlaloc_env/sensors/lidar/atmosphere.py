@@ -1,4 +1,4 @@
-"""What air, rain and wet ground do to a LiDAR's echoes: pure functions of ranges, powers and numbers.
+"""Atmosphere of LiDAR echoes: fog, rain, spray and wet ground as pure functions of range and power.
 
 Powers are in the scale of LISA: a diffuse surface of reflectance ρ met at an angle θ at the
 distance R gives ρ·cosθ/R², and the weakest echo that is seen is that of a 90 % target at the
@@ -31,12 +31,14 @@ DROP_MIN_M = 0.05e-3
 GROUND_TAGS = (Tag.ROAD, Tag.ROAD_LINE, Tag.SIDEWALK, Tag.GROUND, Tag.TERRAIN, Tag.BRIDGE)
 """What can stand under water."""
 _LIGHT_MPS = 299_792_458.0
+"""Speed of light [m/s]."""
 _STEP_M = 0.05
+"""Step of range at which fog echoes are integrated [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Air:
-    """The air at one height: extinction and what of it scatters back."""
+class Atmosphere:
+    """Atmosphere at one height: extinction and backscatter."""
 
     extinction_per_m: float
     """Extinction [1/m]: echoes fall as exp(−2αR)."""
@@ -48,13 +50,13 @@ class Air:
     """How wet the ground is, 0–1."""
 
 
-def air_at(weather: WeatherParameters, height_m: float) -> Air:
-    """Air of a weather at a height above the ground [m]; fog thins upwards as for the camera."""
+def atmosphere_at(weather: WeatherParameters, height_m: float) -> Atmosphere:
+    """Atmosphere of a weather at a height above the ground [m]; fog thins upwards as for the camera."""
     fog = weather.fog_extinction_per_m * math.exp(-max(height_m, 0.0) / weather.fog_scale_height_m)
     rain = rain_extinction_per_m(weather.rain_mmph)
     total = fog + weather.uniform_extinction_per_m
     haze = max(total - rain, 0.0)
-    return Air(
+    return Atmosphere(
         extinction_per_m=total,
         backscatter_per_m_sr=BACKSCATTER_PER_MOR * haze / -math.log(MOR_CONTRAST),
         rain_mmph=weather.rain_mmph,
@@ -74,8 +76,8 @@ class FogEcho:
     form of Hahner et al. 2021, eq. 8, in the scale of this module).
     """
 
-    def __init__(self, air: Air, *, reach_m: float = 60.0) -> None:
-        self.range_m = np.arange(0.0, reach_m + _STEP_M, _STEP_M)
+    def __init__(self, air: Atmosphere, *, range_limit_m: float = 60.0) -> None:
+        self.range_m = np.arange(0.0, range_limit_m + _STEP_M, _STEP_M)
         low, high = OVERLAP_M
         r = np.maximum(self.range_m, 1e-3)
         density = np.clip((r - low) / (high - low), 0.0, 1.0) * np.exp(-2 * air.extinction_per_m * r) / r**2
@@ -87,7 +89,7 @@ class FogEcho:
         self.peak_m = float(self.range_m[np.argmax(self.power)])
         """Where the echo is strongest [m]."""
         self._peak = np.maximum.accumulate(self.power)
-        self._share = np.cumsum(density)
+        self._cumulative = np.cumsum(density)
 
     def strongest(self, range_m: Array) -> Array:
         """Strongest echo of the fog up to each distance [m], shape (N,)."""
@@ -95,13 +97,13 @@ class FogEcho:
         result: Array = self._peak[row]
         return result
 
-    def place(self, range_m: Array, uniform: Array) -> Array:
-        """Where in the fog before each distance the echo comes from [m], shape (N,).
+    def draw(self, range_m: Array, uniform: Array) -> Array:
+        """Range of the fog echo before each distance [m], shape (N,).
 
         Drawn in proportion to what each metre sends back, since real fog drifts in wisps.
         """
-        row = np.minimum(np.maximum(range_m, 0.0) / _STEP_M, len(self._share) - 1.0).astype(np.intp)
-        drawn: Array = np.interp(uniform * self._share[row], self._share, self.range_m)
+        row = np.minimum(np.maximum(range_m, 0.0) / _STEP_M, len(self._cumulative) - 1.0).astype(np.intp)
+        drawn: Array = np.interp(uniform * self._cumulative[row], self._cumulative, self.range_m)
         return drawn
 
 
@@ -115,10 +117,16 @@ class DropEcho:
     """
 
     def __init__(
-        self, air: Air, *, divergence_rad: float, range_min_m: float, power_min: float, reach_m: float = 60.0
+        self,
+        air: Atmosphere,
+        *,
+        divergence_rad: float,
+        range_min_m: float,
+        power_min: float,
+        range_limit_m: float = 60.0,
     ) -> None:
         slope_per_m = 4100.0 * air.rain_mmph**-0.21
-        r = np.linspace(max(range_min_m, 0.5), reach_m, 1200)
+        r = np.linspace(max(range_min_m, 0.5), range_limit_m, 1200)
         radius = r * math.tan(0.5 * divergence_rad)
         volume = math.pi * radius * radius * (r[1] - r[0])
         fade = WATER_REFLECTANCE * np.exp(-2 * air.extinction_per_m * r) / r**2
@@ -128,27 +136,27 @@ class DropEcho:
         many = np.where(self.power[:, None] <= fade, many, 0.0) * volume
         self.expected = np.sum(many, axis=1)
         """Mean number of drops in a beam with a stronger echo than each of `power`."""
-        self._range_m, self._share = r, np.cumsum(many, axis=1)
+        self._range_m, self._cumulative = r, np.cumsum(many, axis=1)
 
     def draw(self, uniform: Array) -> tuple[Array, Array]:
         """Power of the strongest drop's echo and its distance [m] of N beams.
 
         Args:
-            uniform: Numbers of (0, 1], shape (N, 2).
+            uniform: Uniform draws of (0, 1], shape (N, 2).
 
         Returns:
-            Powers, 0 where no drop is worth a mention, and distances, each (N,).
+            Powers, 0 where no drop is strong enough, and distances, each (N,).
         """
-        wanted = -np.log(uniform[:, 0])
-        row = np.searchsorted(-self.expected, -wanted) - 1
+        threshold = -np.log(uniform[:, 0])
+        row = np.searchsorted(-self.expected, -threshold) - 1
         power = np.where(row >= 0, self.power[np.maximum(row, 0)], 0.0)
-        place = np.zeros(len(power))
+        at_m = np.zeros(len(power))
         some = np.flatnonzero(row >= 0)
         for k in np.unique(row[some]):
-            mine = some[row[some] == k]
-            share = self._share[k]
-            place[mine] = np.interp(uniform[mine, 1] * share[-1], share, self._range_m)
-        return power, place
+            rows = some[row[some] == k]
+            cumulative = self._cumulative[k]
+            at_m[rows] = np.interp(uniform[rows, 1] * cumulative[-1], cumulative, self._range_m)
+        return power, at_m
 
 
 def wet_reflectance(reflectance: Array, cos_incidence: Array, wetness: float) -> Array:
@@ -161,7 +169,7 @@ def wet_reflectance(reflectance: Array, cos_incidence: Array, wetness: float) ->
     Args:
         reflectance: Dry diffuse reflectance, shape (N,).
         cos_incidence: Cosine between ray and surface normal, shape (N,).
-        wetness: Share of the ground under water, 0–1.
+        wetness: Fraction of the ground under water, 0–1.
     """
     passed = 1.0 - fresnel(cos_incidence, 1.33)
     inner = passed * passed * reflectance / (1.33**2 * (1.0 - 0.47 * reflectance))

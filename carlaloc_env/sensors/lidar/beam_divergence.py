@@ -1,4 +1,4 @@
-"""A beam that is not a line: several rays per beam, and the echo that their energies make."""
+"""Beam divergence: several rays per beam, and the echo that their energies make."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 
 PULSE_LENGTH_M = 0.6
-"""Surfaces nearer to each other than this give one echo at a place between them [m]."""
+"""Surfaces nearer to each other than this give one echo between them [m]."""
 _RING = 0.35
 """Where the rays around the middle lie, in beam widths: the radius that halves the beam's energy."""
 
@@ -20,10 +20,10 @@ def sub_rays(directions: Array, divergence_rad: float) -> Iterator[Array]:
     """Unit directions of four rays around each of N, a beam of full width `divergence_rad`, each (N, 3)."""
     flat = np.stack([-directions[:, 1], directions[:, 0], np.zeros(len(directions))], axis=-1)
     size = np.sqrt(np.sum(flat * flat, axis=-1))[:, None]
-    aside = np.where(size > 1e-9, flat / np.maximum(size, 1e-9), np.array([0.0, 1.0, 0.0]))
-    above = transforms.cross(directions, aside)
+    sideways = np.where(size > 1e-9, flat / np.maximum(size, 1e-9), np.array([0.0, 1.0, 0.0]))
+    above = transforms.cross(directions, sideways)
     for right, up in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-        moved = directions + _RING * divergence_rad * (right * aside + up * above)
+        moved = directions + _RING * divergence_rad * (right * sideways + up * above)
         yield moved / np.sqrt(np.sum(moved * moved, axis=-1))[:, None]
 
 

@@ -23,7 +23,7 @@ HDL32E_ELEVATIONS_DEG: tuple[float, ...] = (
 
 
 HDL32E_FIRING_NS: tuple[int, ...] = tuple(1152 * (2 * r if r < 16 else 2 * (r - 16) + 1) for r in range(32))
-"""When each beam of the HDL-32E fires in its 46.08 µs cycle [ns]: lower and upper bank in turn."""
+"""When each beam of the HDL-32E fires in its 46.08 µs cycle [ns]: lower and upper bank alternate."""
 OUTPUTS = ("cloud", "semantic")
 """Streams that a LiDAR can give."""
 
@@ -69,7 +69,7 @@ class LidarConfig(SensorConfig):
     range_noise_m: float = 0.02
     """Standard deviation along the ray [m]."""
     attenuation_per_m: float = 0.004
-    """Loss of intensity on the way there, exp(−a·R) [1/m]; CARLA's default."""
+    """Loss of intensity over distance, exp(−a·R) [1/m]; CARLA's default."""
     drop_weak: bool = False
     """Whether surfaces too dark for their distance give no return."""
     sectors: int = 0
@@ -77,13 +77,13 @@ class LidarConfig(SensorConfig):
     divergence_mrad: float = 0.0
     """Width of the beam [mrad]; above 0 five rays per beam are weighed, which mixes near edges."""
     dropoff_general: float = 0.0
-    """Share of points lost at random, as CARLA's, 0.45 = its default."""
+    """Fraction of points lost at random, as CARLA's, 0.45 = its default."""
     dropoff_intensity_limit: float = 0.8
     """Intensity exp(−a·R) above which no point is lost for weakness, 1 = at the sensor."""
     dropoff_zero_intensity: float = 0.0
-    """Share of points of no intensity that are lost, as CARLA's, 0.4 = its default."""
+    """Fraction of points of no intensity that are lost, as CARLA's, 0.4 = its default."""
     weather: bool = False
-    """Whether fog, rain, spray and wet ground are felt; weak returns are dropped then."""
+    """Whether fog, rain, spray and wet ground have effect; weak returns are dropped then."""
     ego_returns: bool = False
     """Whether hits on the ego's own body are reported; they always throw a shadow."""
     outputs: tuple[str, ...] = OUTPUTS
@@ -108,8 +108,8 @@ class LidarConfig(SensorConfig):
             raise ConfigError(f"{what}: firing_ns must lie within one column")
         if self.columns < 1 or not 0 <= self.range_min_m < self.range_max_m or self.range_noise_m < 0:
             raise ConfigError(f"{what}: needs columns ≥ 1, 0 ≤ range_min_m < range_max_m, range_noise_m ≥ 0")
-        shares = (self.dropoff_general, self.dropoff_intensity_limit, self.dropoff_zero_intensity)
-        if not all(0.0 <= share <= 1.0 for share in shares) or self.dropoff_intensity_limit == 0.0:
+        fractions = (self.dropoff_general, self.dropoff_intensity_limit, self.dropoff_zero_intensity)
+        if not all(0.0 <= fraction <= 1.0 for fraction in fractions) or self.dropoff_intensity_limit == 0.0:
             raise ConfigError(f"{what}: drop-off figures must lie in 0…1, the intensity limit above 0")
         if self.sectors < 0 or self.divergence_mrad < 0:
             raise ConfigError(f"{what}: sectors and divergence_mrad must not be negative")

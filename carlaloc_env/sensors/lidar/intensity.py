@@ -1,4 +1,4 @@
-"""How strongly surfaces answer a LiDAR, and which answers are lost or drowned by the weather's."""
+"""Intensity of LiDAR echoes: strength of surfaces, drop-off, and echoes of the weather."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.scene import materials
-from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Air
+from carlaloc_env.sensors.lidar.atmosphere import GROUND_TAGS, Atmosphere
 from carlaloc_env.sensors.lidar.kernels import strengths
 from carlaloc_env.sensors.lidar.weather_echoes import BEAM_MRAD, SolidEchoes, strongest_echoes
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from carlaloc_env.sensors.lidar.config import LidarConfig
 
 
-class Echoes:
-    """Strength and loss of the echoes of one LiDAR."""
+class EchoModel:
+    """Model of strength and loss of the echoes of one LiDAR."""
 
     def __init__(self, config: LidarConfig) -> None:
         self._config = config
@@ -47,30 +47,34 @@ class Echoes:
 
     def is_detected(self, hits: Hits) -> NDArray[np.bool_]:
         """Whether the echo ρ·cosθ/R² exceeds that of a 90 % target at the longest range (LISA)."""
-        share = (hits.range_m / self._config.range_max_m).astype(np.float64)
-        result: NDArray[np.bool_] = self.power(hits) >= 0.9 * share * share
+        ratio = (hits.range_m / self._config.range_max_m).astype(np.float64)
+        result: NDArray[np.bool_] = self.power(hits) >= 0.9 * ratio * ratio
         return result
 
-    def stays(self, range_m: F32, lots: Array) -> NDArray[np.bool_]:
+    def survives(self, range_m: F32, uniform: Array) -> NDArray[np.bool_]:
         """Whether points survive CARLA's drop-off (RayCastLidar.cpp): some of all, more of the weak."""
         config = self._config
         intensity = np.exp(-config.attenuation_per_m * range_m.astype(np.float64))
         slope = config.dropoff_zero_intensity / config.dropoff_intensity_limit
         likely = slope * intensity + 1.0 - config.dropoff_zero_intensity
         strong = intensity > config.dropoff_intensity_limit
-        result: NDArray[np.bool_] = (lots[:, 0] >= config.dropoff_general) & (strong | (lots[:, 1] < likely))
+        result: NDArray[np.bool_] = (uniform[:, 0] >= config.dropoff_general) & (
+            strong | (uniform[:, 1] < likely)
+        )
         return result
 
-    def in_weather(self, hits: Hits, air: Air, spray_m: Array | None, lots: Array) -> tuple[Index, Hits, F32]:
-        """What is left of N hits in some air, and how strong it is: the strongest echo of each wins.
+    def in_weather(
+        self, hits: Hits, air: Atmosphere, spray_m: Array | None, uniform: Array
+    ) -> tuple[Index, Hits, F32]:
+        """Echoes of N hits in an atmosphere: the strongest of each ray, with its intensity.
 
         Echoes of fog, drops and spray have no tag and no instance.
 
         Args:
             hits: First surfaces.
-            air: The air.
+            air: Atmosphere at the sensor's height.
             spray_m: Where spray catches the rays [m], inf where it does not, shape (N,).
-            lots: Numbers of (0, 1], shape (N, 6).
+            uniform: Uniform draws of (0, 1], shape (N, 6).
 
         Returns:
             Rows of the M hits that are left, shape (M,), what they are now, and their strength.
@@ -84,19 +88,19 @@ class Echoes:
             reflectance=np.where(ground, self._reflectance[hits.material], 0.0).astype(np.float64),
             cos_incidence=hits.cos_incidence.astype(np.float64),
         )
-        place, intensity, airborne = strongest_echoes(
+        echo_m, intensity, airborne = strongest_echoes(
             air,
             echoes,
             beam_rad=1e-3 * (config.divergence_mrad or BEAM_MRAD),
             range_min_m=config.range_min_m,
             power_min=0.9 / config.range_max_m**2,
             spray_m=spray_m,
-            lots=lots,
+            uniform=uniform,
         )
-        seen = np.flatnonzero(np.isfinite(place))
+        seen = np.flatnonzero(np.isfinite(echo_m))
         found = hits.take(seen)
         soft = np.flatnonzero(airborne[seen])
         found.put(soft, Hits.none(len(soft)))
-        found.range_m[:] = place[seen]
+        found.range_m[:] = echo_m[seen]
         found.cos_incidence[soft] = 1.0
         return seen, found, intensity[seen]

@@ -1,4 +1,4 @@
-"""A LiDAR's work per ray around the casting itself, compiled: aiming, strength, points."""
+"""Compiled functions per LiDAR ray, around the casting itself: aiming, strength, points."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def aim(
     omega_radps: Array,
     out: F32,
 ) -> None:
-    """Origins [m] and directions in the world of some rays, each at its own time.
+    """Aim N rays, each at its own time: writes origins [m] and unit directions, world, to `out` (N, 6).
 
     Args:
         rays: Which rays, column by column, shape (N,).
         of_ray: Column of every ray, time between the beginning of its column and the ray [s], and
             direction in the car's frame.
-        lever_m: Place of the sensor on the car [m], shape (3,).
+        lever_m: Position of the sensor on the car [m], shape (3,).
         position_m: Position of the car at the beginning of each column, world axes [m], shape (C, 3).
         quat_xyzw: Its attitude then, shape (C, 4).
         velocity_mps: Its velocity in world axes [m/s], shape (C, 3).
@@ -75,8 +75,8 @@ def strengths(
         material: Material of each hit, shape (N,).
         cos_incidence: Cosine between ray and normal, shape (N,).
         reflectance: Diffuse reflectance by material.
-        retro: Share of retro-reflection by material.
-        attenuation_per_m: Loss on the way there [1/m].
+        retro: Fraction of retro-reflection by material.
+        attenuation_per_m: Loss of intensity over distance [1/m].
         out: Receives the strengths, shape (N,).
     """
     for i in range(len(range_m)):
@@ -98,7 +98,7 @@ def points_of(
     points_xyz_m: F32,
     out: tuple[F32, NDArray[np.uint16], NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint32], F32],
 ) -> None:
-    """Points of the kept hits, in the sensor frame at the time of each.
+    """Make points of the N kept hits, in the sensor frame at the time of each [m].
 
     Args:
         kept: Rows of the hits that become points, shape (N,).

@@ -20,15 +20,15 @@ from carlaloc_env.samples import PointCloud, Sample
 from carlaloc_env.scene.semantic_tags import tags_in
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.inertial.stochastic_processes import white
-from carlaloc_env.sensors.lidar.atmosphere import air_at
+from carlaloc_env.sensors.lidar.atmosphere import atmosphere_at
 from carlaloc_env.sensors.lidar.config import (
     OUTPUTS,
     LidarConfig,
 )
-from carlaloc_env.sensors.lidar.intensity import Echoes
+from carlaloc_env.sensors.lidar.intensity import EchoModel
 from carlaloc_env.sensors.lidar.kernels import points_of
 from carlaloc_env.sensors.lidar.road_spray import spray_ranges
-from carlaloc_env.sensors.lidar.scan_pattern import Revolution
+from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
 
@@ -47,13 +47,13 @@ class LidarSensor(Sensor):
         self.latency_ns = config.sweep_ns
         self.padded_streams = tuple(self._stream_names().values())
         self.depends_on_weather = config.weather
-        self._turn = Revolution(config, world)
-        self._echoes = Echoes(config)
+        self._pattern = ScanPattern(config, world)
+        self._echoes = EchoModel(config)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Padded rows: x, y, z [m], intensity; semantic: x, y, z [m], cos incidence, instance, tag."""
-        reach = self.config.range_max_m + 10 * self.config.range_noise_m + 1.0
-        low, high = [-reach] * 3, [reach] * 3
+        limit = self.config.range_max_m + 10 * self.config.range_noise_m + 1.0
+        low, high = [-limit] * 3, [limit] * 3
         rows = {
             "cloud": (np.array([*low, 0.0], np.float32), np.array([*high, 255.0], np.float32)),
             "semantic": (
@@ -86,13 +86,14 @@ class LidarSensor(Sensor):
             # One number for every ray that is fired, so that a car in the way of some rays does not
             # change the noise of the others.
             drawn = beside.submit(white, self._world.seed, f"{config.name}/range", stamp_ns, config.rays)
-            rays, hits = self._turn.cast(timeline, stamp_ns, self._echoes.power)
+            rays, hits = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
             noise = drawn.result()
         if not config.weather:
             clouds = self._clouds(stamp_ns, noise, rays, hits, self._echoes.strength(hits))
             return [clouds for _ in weathers]
         return [
-            self._clouds(stamp_ns, noise, *self._felt(timeline, stamp_ns, rays, hits, w)) for w in weathers
+            self._clouds(stamp_ns, noise, *self._in_weather(timeline, stamp_ns, rays, hits, w))
+            for w in weathers
         ]
 
     def _stream_names(self) -> dict[str, str]:
@@ -101,20 +102,20 @@ class LidarSensor(Sensor):
 
     def _clouds(self, stamp_ns: int, noise: Array, rays: Index, hits: Hits, intensity: F32) -> list[Sample]:
         """Samples of what rays met, those out of range and dropped ones left out."""
-        config, turn, seed = self.config, self._turn, self._world.seed
+        config, pattern, seed = self.config, self._pattern, self._world.seed
         kept = np.flatnonzero((hits.range_m >= config.range_min_m) & (hits.range_m <= config.range_max_m))
         if config.drop_weak and not config.weather:
             kept = kept[self._echoes.is_detected(hits.take(kept))]
         if config.dropoff_general or config.dropoff_zero_intensity:
-            lots = rng.stream(seed, f"{config.name}/dropoff", stamp_ns).random((config.rays, 2))
-            kept = kept[self._echoes.stays(hits.range_m[kept], lots[rays[kept]])]
+            uniform = rng.stream(seed, f"{config.name}/dropoff", stamp_ns).random((config.rays, 2))
+            kept = kept[self._echoes.survives(hits.range_m[kept], uniform[rays[kept]])]
         count = len(kept)
         points, strength, cosine = (np.empty(shape, np.float32) for shape in ((count, 3), count, count))
         ring, tag = np.empty(count, np.uint16), np.empty(count, np.uint8)
         offset_ns, instance = np.empty(count, np.uint32), np.empty(count, np.uint32)
         points_of(
             kept,
-            (rays, turn.directions, noise, turn.ring, turn.offset_ns),
+            (rays, pattern.directions, noise, pattern.ring, pattern.offset_ns),
             config.range_noise_m,
             (hits.range_m, intensity, hits.tag, hits.instance, hits.cos_incidence),
             points,
@@ -140,17 +141,17 @@ class LidarSensor(Sensor):
             )
         return clouds
 
-    def _felt(
+    def _in_weather(
         self, timeline: Timeline, stamp_ns: int, rays: Index, hits: Hits, weather: WeatherParameters
     ) -> tuple[Index, Hits, F32]:
         """Rays, what they return under a weather, and how strongly."""
         config = self.config
-        air = air_at(weather, float(config.mount.T_base_sensor[2, 3]))
-        lots = 1.0 - rng.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
-        lots = lots[rays]
+        air = atmosphere_at(weather, float(config.mount.T_base_sensor[2, 3]))
+        uniform = 1.0 - rng.stream(self._world.seed, f"{config.name}/air", stamp_ns).random((config.rays, 6))
+        uniform = uniform[rays]
         spray = None
         if air.wetness > 0 and len(timeline.catalog):
-            aimed = self._turn.aimed(timeline, stamp_ns, rays)
+            aimed = self._pattern.aimed(timeline, stamp_ns, rays)
             spray = spray_ranges(
                 aimed[:, :3] + self._world.rays().middle_m,
                 aimed[:, 3:],
@@ -158,7 +159,7 @@ class LidarSensor(Sensor):
                 stamp_ns + config.sweep_ns // 2,
                 timeline,
                 wetness=air.wetness,
-                uniform=lots[:, 5],
+                uniform=uniform[:, 5],
             )
-        seen, found, intensity = self._echoes.in_weather(hits, air, spray, lots)
+        seen, found, intensity = self._echoes.in_weather(hits, air, spray, uniform)
         return rays[seen], found, intensity

@@ -1,4 +1,4 @@
-"""Spray that wheels throw up from a wet road, as a LiDAR meets it."""
+"""Road spray: what wheels throw up from a wet road, as LiDAR rays meet it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from carlaloc_env.sensors.lidar.atmosphere import spray_density_per_m
 from carlaloc_env.timeline.timeline import Timeline
 
 _HEIGHT_M = 1.8
-_DRIFT_S = 0.5
+"""Height of a plume of spray [m]."""
+_LIFETIME_S = 0.5
 """How long spray hangs in the air [s]."""
 
 
@@ -26,15 +27,15 @@ def spray_ranges(
     wetness: float,
     uniform: Array,
 ) -> Array:
-    """Where rays are caught by the spray behind moving vehicles [m], inf where they are not, shape (N,).
+    """Range at which spray behind moving vehicles catches rays [m], inf where it does not, shape (N,).
 
-    A plume is a box behind the vehicle, half a second of its way long; within it rays are caught like
-    light in fog, after an exponentially distributed way.
+    A plume is a box behind the vehicle, as long as it drives in half a second; within it rays are
+    caught like light in fog, after an exponentially distributed distance.
 
     Args:
         origins_m: Where rays start [m], world, shape (N, 3).
         directions: Unit directions, world, shape (N, 3).
-        limit_m: How far each ray reaches [m], shape (N,).
+        limit_m: Length of each ray [m], shape (N,).
         stamp_ns: Time at which the plumes stand [ns].
         timeline: Where everything is.
         wetness: How wet the ground is, 0–1.
@@ -50,7 +51,7 @@ def spray_ranges(
     if len(wet) == 0:
         return caught
     boxes, density = boxes.take(wet), density[wet]
-    length = np.minimum(_DRIFT_S * speed[wet], 14.0)
+    length = np.minimum(_LIFETIME_S * speed[wet], 14.0)
     half = np.stack(
         [0.5 * length, 0.5 * boxes.size_m[:, 1] + 0.3, np.full(len(wet), 0.5 * _HEIGHT_M)], axis=-1
     )
@@ -79,7 +80,7 @@ def spray_ranges(
     a, b = (-half[plume] - start) / along, (half[plume] - start) / along
     enter = np.maximum(np.minimum(a, b).max(axis=-1), 0.0)
     leave = np.minimum(np.maximum(a, b).min(axis=-1), limit_m[rays])
-    way = -np.log(uniform[rays]) / density[plume]
-    hit = np.flatnonzero((leave > enter) & (way < leave - enter))
-    np.minimum.at(caught, rays[hit], enter[hit] + way[hit])
+    distance = -np.log(uniform[rays]) / density[plume]
+    hit = np.flatnonzero((leave > enter) & (distance < leave - enter))
+    np.minimum.at(caught, rays[hit], enter[hit] + distance[hit])
     return caught

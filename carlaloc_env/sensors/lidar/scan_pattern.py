@@ -1,4 +1,4 @@
-"""The rays of one revolution of a LiDAR: where they point, when they are fired, what they meet."""
+"""Scan pattern of a LiDAR: directions and times of the rays of one revolution, and their hits."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from carlaloc_env.sensors.lidar.config import LidarConfig
 
 
-class Revolution:
-    """All rays of a revolution in the order of their time; those of one column, in that of firing."""
+class ScanPattern:
+    """Rays of one scan in the order of their time; those of one column, in that of firing."""
 
     ring: NDArray[np.uint16]
     """Beam of each ray, 0 = lowest, shape (rays,)."""
@@ -54,7 +54,7 @@ class Revolution:
         self.offset_ns = (self._column_ns[:, None] + self._firing_ns).reshape(-1).astype(np.uint32)
 
     def cast(self, timeline: Timeline, stamp_ns: int, power: Callable[[Hits], Array]) -> tuple[Index, Hits]:
-        """Rays that may return something in a sweep, and what they meet first.
+        """Rays that may return something in a scan (M,), and their first hits.
 
         Args:
             timeline: Where everything is.
@@ -64,13 +64,13 @@ class Revolution:
         config = self._config
         own, free, free_ns = self._own_body
         world, aimed = self._world.rays(), self.aimed(timeline, stamp_ns, free)
-        when = stamp_ns + free_ns
-        found = world.trace(aimed, when, timeline, config.range_max_m)
+        stamps_ns = stamp_ns + free_ns
+        found = world.trace(aimed, stamps_ns, timeline, config.range_max_m)
         if config.divergence_mrad:
             beams = [found]
             for along in sub_rays(aimed[:, 3:].astype(np.float64), 1e-3 * config.divergence_mrad):
                 aimed[:, 3:] = along
-                beams.append(world.trace(aimed, when, timeline, config.range_max_m))
+                beams.append(world.trace(aimed, stamps_ns, timeline, config.range_max_m))
             found = weigh(beams, power)
         if not config.ego_returns:
             return free, found
@@ -113,10 +113,10 @@ class Revolution:
         """Unit directions of all rays in the sensor frame, shape (rays, 3)."""
         config = self._config
         elevation = np.radians(np.array(config.elevations_deg)[order] + config.elevation_offset_deg)
-        turned = (
+        revolutions = (
             np.arange(config.columns)[:, None] + 0.5
         ) / config.columns + self._firing_ns / config.sweep_ns
-        azimuth = math.pi - 2 * math.pi * turned
+        azimuth = math.pi - 2 * math.pi * revolutions
         flat = np.cos(elevation)
         up = np.broadcast_to(np.sin(elevation), azimuth.shape)
         along: Array = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up], axis=-1)

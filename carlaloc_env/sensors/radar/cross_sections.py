@@ -1,4 +1,4 @@
-"""How strongly things reflect at 77 GHz: radar cross-sections of road users, reflectivity of scenery."""
+"""Radar cross-sections at 77 GHz of road users, and reflectivity of scenery."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ RCS_DBSM: dict[Tag, tuple[float, float, float, float]] = {
 
 Levels within the ranges of published 76–81 GHz measurements: pedestrians −10…0 dBsm (Yamada 2005;
 Chen et al. 2014), cyclists −5…5 (Stolz et al. 2018), cars 0…20 with flashes at the four faces
-(Geary et al. 2012; Kamel et al. 2017), lorries and buses 10…30.
+(Geary et al. 2012; Kamel et al. 2017), trucks and buses 10…30.
 """
 
 _FLASH_RAD = np.radians(14.0)
@@ -59,14 +59,18 @@ smooth walls send most of their power away unless they are met at a right angle.
 SPECULAR_DB = 24.0
 """Gain of walls, signs and rails met at a right angle over their mean [dB]."""
 _SPECULAR_RAD = np.radians(9.0)
+"""Width (one σ) of that gain [rad]."""
 _SMOOTH = (Tag.BUILDING, Tag.WALL, Tag.TRAFFIC_SIGN, Tag.GUARD_RAIL, Tag.BRIDGE)
+"""Tags of surfaces that have it."""
 REFLECTORS = (Tag.BUILDING, Tag.WALL, Tag.GUARD_RAIL, Tag.BRIDGE)
-"""What is large and smooth enough at 4 mm wavelength to show mirror images."""
+"""Tags of surfaces large and smooth enough at 4 mm wavelength to show mirror images."""
 
 _TABLE = np.full(256, REFLECTIVITY_DB[Tag.UNLABELED])
+"""Reflectivity by tag [dB], (256,)."""
 for _tag, _level in REFLECTIVITY_DB.items():
     _TABLE[_tag] = _level
 _ASPECTS = np.tile(np.array(RCS_DBSM[Tag.CAR]), (256, 1))
+"""Cross-sections by tag, columns as in `RCS_DBSM` [dBsm], (256, 4)."""
 for _tag, _levels in RCS_DBSM.items():
     _ASPECTS[_tag] = _levels
 
@@ -95,11 +99,11 @@ def texture(points_m: Array) -> Array:
     """Strength of the patch of scenery at each point over the mean, linear, mean 1, shape (N,).
 
     A surface is a few strong scatterers among many weak ones: Weibull clutter of shape ½ (Ward, Tough
-    and Watts, "Sea Clutter", 2006, ch. 5; used for land as well). The strength hangs on the place, so
-    that the same window ledge is seen again and again while the car passes.
+    and Watts, "Sea Clutter", 2006, ch. 5; used for land as well). The strength belongs to the position,
+    so that the same window ledge is seen again and again while the car passes.
 
     Args:
-        points_m: Places in the world [m], shape (N, 3).
+        points_m: Points in the world [m], shape (N, 3).
     """
     cell = np.floor(points_m / PATCH_M).astype(np.int64).astype(np.uint64)
     key = cell[:, 0] * np.uint64(0x9E3779B97F4A7C15)

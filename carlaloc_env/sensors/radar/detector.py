@@ -14,7 +14,7 @@ from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.radar.angles import dot, out_of
 from carlaloc_env.sensors.radar.radar_equation import (
-    Echoes,
+    RadarEchoes,
     detect,
     errors,
     mean_snr,
@@ -53,9 +53,14 @@ class Detector:
         )
 
     def detections(
-        self, cells: Echoes, ghosts: Echoes, motion: Motion, stamp_ns: int, weather: WeatherParameters
+        self,
+        cells: RadarEchoes,
+        ghosts: RadarEchoes,
+        motion: Motion,
+        stamp_ns: int,
+        weather: WeatherParameters,
     ) -> RadarScan:
-        """What crosses the threshold in one frame, with its errors.
+        """Detections that cross the threshold in one frame, with their errors.
 
         Args:
             cells: Resolution cells with echoes of things.
@@ -103,7 +108,7 @@ class Detector:
         return result
 
     def _detect(
-        self, echoes: Echoes, origin: int, generator: np.random.Generator, loss_db_per_m: float
+        self, echoes: RadarEchoes, origin: int, generator: np.random.Generator, loss_db_per_m: float
     ) -> tuple[NDArray[Any], ...]:
         config = self._config
         snr = mean_snr(
@@ -135,16 +140,16 @@ class Detector:
         """False alarms, even over range and angles, at the Doppler of the world at rest."""
         config = self._config
         count = int(generator.poisson(config.clutter_mean))
-        place = generator.random((count, 4))
-        azimuth, elevation = ((2 * place[:, k + 1] - 1) * self._half[k] for k in range(2))
+        uniform = generator.random((count, 4))
+        azimuth, elevation = ((2 * uniform[:, k + 1] - 1) * self._half[k] for k in range(2))
         flat = np.cos(elevation)
         local = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
         doppler = -dot(out_of(motion, local), motion.velocity_world_mps[0])
         # Noise above the threshold exceeds it by an exponential amount (square-law detector).
-        level = -math.log(config.pfa) - np.log(1.0 - place[:, 3]) - 1.0
+        level = -math.log(config.pfa) - np.log(1.0 - uniform[:, 3]) - 1.0
         nothing = np.zeros(count, np.uint8)
         return (
-            config.range_min_m + place[:, 0] * (config.range_max_m - config.range_min_m),
+            config.range_min_m + uniform[:, 0] * (config.range_max_m - config.range_min_m),
             azimuth,
             elevation,
             doppler + generator.standard_normal(count) * config.doppler_resolution_mps,
@@ -157,9 +162,9 @@ class Detector:
     def _gain(
         self, range_m: Array, azimuth_rad: Array, elevation_rad: Array, *, loss_db_per_m: float
     ) -> Array:
-        """Mean signal-to-noise ratio that 1 m² has at each place, linear, shape (N,)."""
+        """Mean signal-to-noise ratio that 1 m² has at each position, linear, shape (N,)."""
         count = len(range_m)
-        unit = Echoes(
+        unit = RadarEchoes(
             range_m=range_m,
             azimuth_rad=azimuth_rad,
             elevation_rad=elevation_rad,

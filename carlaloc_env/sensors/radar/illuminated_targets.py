@@ -1,4 +1,4 @@
-"""What is in a radar's view: echoes of scenery and road users that rays find, and their mirror images."""
+"""Illuminated targets of a radar: echoes of scenery and road users that rays find, and mirror images."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
-from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes, boxes_at
+from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes, boxes_at
 from carlaloc_env.sensors.radar.angles import dot, into, out_of, polar
 from carlaloc_env.sensors.radar.cross_sections import actor_rcs_dbsm, scenery_db, texture
 from carlaloc_env.sensors.radar.multipath import mirror_images
-from carlaloc_env.sensors.radar.radar_equation import Echoes
+from carlaloc_env.sensors.radar.radar_equation import RadarEchoes
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from carlaloc_env.sensors.radar.config import RadarConfig
 
 
-class View:
-    """Looks out of one radar; each ray stands for a share of a radar cross-section."""
+class RadarView:
+    """View of one radar; each ray stands for a part of a radar cross-section."""
 
     def __init__(self, config: RadarConfig, world: World) -> None:
         self._config, self._world = config, world
@@ -34,7 +34,9 @@ class View:
             0.5 * math.radians(config.elevation_fov_deg),
         )
 
-    def look(self, timeline: Timeline, stamp_ns: int, motion: Motion) -> tuple[Echoes, Echoes, Echoes]:
+    def echoes(
+        self, timeline: Timeline, stamp_ns: int, motion: Motion
+    ) -> tuple[RadarEchoes, RadarEchoes, RadarEchoes]:
         """Echoes of scenery, of actors, and of their mirror images.
 
         Args:
@@ -54,8 +56,8 @@ class View:
         directions = np.concatenate([out_of(motion, grid), towards / aimed_m[:, None]])
 
         def cast(origins_m: Array, along: Array) -> Hits:
-            when = np.full(len(along), stamp_ns, dtype=np.int64)
-            return self._world.rays().cast(origins_m, along, when, timeline, config.range_max_m, ego=False)
+            stamps = np.full(len(along), stamp_ns, dtype=np.int64)
+            return self._world.rays().cast(origins_m, along, stamps, timeline, config.range_max_m, ego=False)
 
         hits = cast(np.broadcast_to(origin, directions.shape), directions)
         count = len(grid)
@@ -71,36 +73,36 @@ class View:
             )  # fmt: skip
         return scenery, self._in_view(actors), self._in_view(mirrors)
 
-    def _near(self, boxes: Boxes, motion: Motion) -> Boxes:
+    def _near(self, boxes: ActorBoxes, motion: Motion) -> ActorBoxes:
         """Boxes of which a part may be in view."""
         local = into(motion, boxes.centre_m - motion.position_m[0])
         distance, azimuth, elevation = polar(local)
-        reach = 0.5 * np.sqrt(np.sum(boxes.size_m * boxes.size_m, axis=-1))
+        radius = 0.5 * np.sqrt(np.sum(boxes.size_m * boxes.size_m, axis=-1))
         slack = np.where(
-            distance > reach, np.arcsin(np.minimum(reach / np.maximum(distance, 1e-3), 1.0)), np.pi
+            distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, 1e-3), 1.0)), np.pi
         )
-        seen = distance - reach < self._config.range_max_m
+        seen = distance - radius < self._config.range_max_m
         seen &= (np.abs(azimuth) < self._half[0] + slack) & (np.abs(elevation) < self._half[1] + slack)
         return boxes.take(np.flatnonzero(seen))
 
     def _grid(self, generator: np.random.Generator) -> Array:
         """Directions over the field of view, one in every part of an even grid, sensor frame (M, 3)."""
         columns, rows = self._config.columns, self._config.rows
-        place = generator.random((rows, columns, 2))
-        azimuth = ((np.arange(columns) + place[..., 0]) / columns * 2 - 1) * self._half[0]
-        elevation = ((np.arange(rows)[:, None] + place[..., 1]) / rows * 2 - 1) * self._half[1]
+        uniform = generator.random((rows, columns, 2))
+        azimuth = ((np.arange(columns) + uniform[..., 0]) / columns * 2 - 1) * self._half[0]
+        elevation = ((np.arange(rows)[:, None] + uniform[..., 1]) / rows * 2 - 1) * self._half[1]
         flat = np.cos(elevation)
         return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1).reshape(
             -1, 3
         )
 
-    def _scenery(self, hits: Hits, directions: Array, local: Array, motion: Motion) -> Echoes:
+    def _scenery(self, hits: Hits, directions: Array, local: Array, motion: Motion) -> RadarEchoes:
         """Each ray stands for the projected area R²·dΩ, whose cross-section is γ times as large."""
         distance, azimuth, elevation = polar(local * hits.range_m[:, None].astype(np.float64))
         solid = 4 * self._half[0] * self._half[1] / (self._config.columns * self._config.rows)
         area = distance * distance * solid * np.cos(elevation)
         strength = texture(motion.position_m[0] + distance[:, None] * directions)
-        return Echoes(
+        return RadarEchoes(
             range_m=distance,
             azimuth_rad=azimuth,
             elevation_rad=elevation,
@@ -116,16 +118,16 @@ class View:
         directions: Array,
         aimed_at: NDArray[np.intp],
         aimed_m: Array,
-        boxes: Boxes,
+        boxes: ActorBoxes,
         motion: Motion,
-    ) -> tuple[Echoes, NDArray[np.intp]]:
-        """Each ray that meets its actor carries an even share of the cross-section of what is visible.
+    ) -> tuple[RadarEchoes, NDArray[np.intp]]:
+        """Each ray that meets its actor carries an even part of the cross-section of what is visible.
 
-        Rays that pass the actor by say nothing; those that something else stops take their share away.
+        Rays that pass the actor do not count; those that another thing stops take their part away.
         """
         met = hits.instance == boxes.id[aimed_at]
         stopped = ~met & (hits.range_m < aimed_m - 1.0)
-        told = np.bincount(aimed_at[met | stopped], minlength=len(boxes))
+        counted = np.bincount(aimed_at[met | stopped], minlength=len(boxes))
         rows = np.flatnonzero(met)
         of_box = aimed_at[rows]
         distance = hits.range_m[rows].astype(np.float64)
@@ -136,18 +138,18 @@ class View:
         aspect = np.arctan2(to_radar[:, 1], to_radar[:, 0]) - boxes.heading_rad
         whole = 10.0 ** (0.1 * actor_rcs_dbsm(boxes.tag, aspect))
         closing = boxes.velocity_at(of_box, points) - motion.velocity_world_mps[0]
-        echoes = Echoes(
+        echoes = RadarEchoes(
             range_m=distance,
             azimuth_rad=azimuth,
             elevation_rad=elevation,
             doppler_mps=dot(along, closing),
-            rcs_m2=whole[of_box] / np.maximum(told[of_box], 1),
+            rcs_m2=whole[of_box] / np.maximum(counted[of_box], 1),
             tag=boxes.tag[of_box],
             instance=boxes.id[of_box],
         )
         return echoes, of_box
 
-    def _in_view(self, echoes: Echoes) -> Echoes:
+    def _in_view(self, echoes: RadarEchoes) -> RadarEchoes:
         inside = (np.abs(echoes.azimuth_rad) <= self._half[0]) & (
             np.abs(echoes.elevation_rad) <= self._half[1]
         )

@@ -10,27 +10,28 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
-from carlaloc_env.sensors.ground_truth.bounding_boxes import Boxes
+from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes
 from carlaloc_env.sensors.radar.cross_sections import REFLECTORS
-from carlaloc_env.sensors.radar.radar_equation import Echoes
+from carlaloc_env.sensors.radar.radar_equation import RadarEchoes
 from carlaloc_env.timeline.ego_spline import Motion
 
 Cast = Callable[[Array, Array], Hits]
 """First hits of rays given by origins [m] and unit directions, world, each (M, 3)."""
 
-REACH_M = 60.0
+GHOST_RANGE_M = 60.0
 """Targets and mirrors farther away give no ghosts worth keeping [m]."""
 ROAD_EXTRA_LOSS_DB = 5.0
 """What the road's reflection loses beyond a wall's, each way [dB]."""
 _PAIRS = 64
 """Pairs of scatterer and mirror tried per frame."""
 _PLANE_SLACK_M = 0.3
+"""Distance from a mirror's plane within which its ray must meet it [m]."""
 
 
 def mirror_images(
-    actors: Echoes,
+    actors: RadarEchoes,
     of_box: NDArray[np.intp],
-    boxes: Boxes,
+    boxes: ActorBoxes,
     hits: Hits,
     directions: Array,
     motion: Motion,
@@ -38,13 +39,13 @@ def mirror_images(
     *,
     loss_db: float,
     generator: np.random.Generator,
-) -> Echoes:
+) -> RadarEchoes:
     """Echoes along radar → mirror → target → mirror → radar: they seem to come from behind the mirror.
 
     A ghost lies at the target's image p' = p − 2((p − w)·n)n, with the Doppler of the image, and is
     weaker by twice the reflection's loss (Kraus et al., "Using machine learning to detect ghost
     images in automotive radar", ITSC 2020, call it type-2 second bounce). It exists only where the
-    mirror really stands on the line to the image, and the target is in view of that place.
+    mirror really stands on the line to the image, and the target is in view of that point.
 
     Args:
         actors: Echoes of road users.
@@ -59,9 +60,9 @@ def mirror_images(
     """
     origin = motion.position_m[0]
     choice = generator.random((2, _PAIRS))
-    flat = np.isin(hits.tag, REFLECTORS) & (hits.range_m < REACH_M)
+    flat = np.isin(hits.tag, REFLECTORS) & (hits.range_m < GHOST_RANGE_M)
     walls = np.flatnonzero(flat)
-    near = np.flatnonzero(actors.range_m < REACH_M)
+    near = np.flatnonzero(actors.range_m < GHOST_RANGE_M)
     if len(near) == 0:
         return actors.take(near)
     target = near[(choice[0] * len(near)).astype(np.intp)]
@@ -74,13 +75,13 @@ def mirror_images(
     along = towards / np.maximum(far, 1e-6)[:, None]
     facing = _dot(along, normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach = _dot(on_wall - origin, normal) / facing
-    possible = np.isfinite(reach) & (reach > 0.5) & (reach < far)
+        mirror_m = _dot(on_wall - origin, normal) / facing
+    possible = np.isfinite(mirror_m) & (mirror_m > 0.5) & (mirror_m < far)
     possible &= off * _dot(origin - on_wall, normal) > 0
     rows = np.flatnonzero(possible)
-    rows = rows[np.abs(cast(np.broadcast_to(origin, (len(rows), 3)), along[rows]).range_m - reach[rows])
+    rows = rows[np.abs(cast(np.broadcast_to(origin, (len(rows), 3)), along[rows]).range_m - mirror_m[rows])
                 < _PLANE_SLACK_M]  # fmt: skip
-    bounce = origin + reach[rows, None] * along[rows] - 0.05 * along[rows]
+    bounce = origin + mirror_m[rows, None] * along[rows] - 0.05 * along[rows]
     onward = points[rows] - bounce
     length = np.maximum(np.sqrt(_dot(onward, onward)), 1e-6)
     met = cast(bounce, onward / length[:, None])
@@ -115,9 +116,9 @@ def _mirrors(
         else np.zeros(count, np.intp)
     )
     along = directions[wall] if len(walls) else np.broadcast_to(up, (count, 3))
-    aside = transforms.cross(along, np.broadcast_to(up, along.shape))
-    above = transforms.cross(aside, along)
-    rays = np.concatenate([along + 0.01 * aside, along + 0.01 * above, along])
+    sideways = transforms.cross(along, np.broadcast_to(up, along.shape))
+    above = transforms.cross(sideways, along)
+    rays = np.concatenate([along + 0.01 * sideways, along + 0.01 * above, along])
     rays = rays / np.sqrt(_dot(rays, rays))[:, None]
     ranges = cast(np.broadcast_to(origin, rays.shape), rays).range_m.astype(np.float64)
     with np.errstate(invalid="ignore"):  # rays into the sky have no end, and their mirrors none either
@@ -128,22 +129,22 @@ def _mirrors(
     if not len(walls):
         normal[:] = np.nan
     normal[road] = up
-    place = ends[2]
-    place[road] = origin - below * up if np.isfinite(below) else np.nan
-    return place, normal, np.where(road, loss_db + ROAD_EXTRA_LOSS_DB, loss_db)
+    points = ends[2]
+    points[road] = origin - below * up if np.isfinite(below) else np.nan
+    return points, normal, np.where(road, loss_db + ROAD_EXTRA_LOSS_DB, loss_db)
 
 
 def _images(
-    actors: Echoes,
+    actors: RadarEchoes,
     target: NDArray[np.intp],
     of_box: NDArray[np.intp],
-    boxes: Boxes,
+    boxes: ActorBoxes,
     points: Array,
     image: Array,
     normal: Array,
     motion: Motion,
     loss_db: Array,
-) -> Echoes:
+) -> RadarEchoes:
     velocity = boxes.velocity_at(of_box[target], points)
     mirrored = velocity - 2.0 * _dot(velocity, normal)[:, None] * normal
     towards = image - motion.position_m[0]
@@ -151,7 +152,7 @@ def _images(
     along = towards / np.maximum(distance, 1e-6)[:, None]
     local = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), along)
     flat = np.sqrt(local[:, 0] * local[:, 0] + local[:, 1] * local[:, 1])
-    return Echoes(
+    return RadarEchoes(
         range_m=distance,
         azimuth_rad=np.arctan2(local[:, 1], local[:, 0]),
         elevation_rad=np.arctan2(local[:, 2], flat),
@@ -162,7 +163,7 @@ def _images(
     )
 
 
-def _directions_of(echoes: Echoes, motion: Motion) -> Array:
+def _directions_of(echoes: RadarEchoes, motion: Motion) -> Array:
     flat = np.cos(echoes.elevation_rad)
     local = np.stack(
         [

@@ -1,6 +1,6 @@
 """Imaging radar at 77 GHz: detections of resolution cells, not rays.
 
-Rays find what is in view; each stands for a share of a radar cross-section. Shares that fall into
+Rays find what is in view; each stands for a part of a radar cross-section. Parts that fall into
 one resolution cell add up, the cell's echo fluctuates, and what crosses the detector's threshold
 is reported with the errors of its signal-to-noise ratio. One frame is one instant.
 """
@@ -17,7 +17,7 @@ from carlaloc_env.samples import RadarScan, Sample
 from carlaloc_env.sensors.base import Sensor, World
 from carlaloc_env.sensors.radar.config import RadarConfig
 from carlaloc_env.sensors.radar.detector import Detector
-from carlaloc_env.sensors.radar.illuminated_targets import View
+from carlaloc_env.sensors.radar.illuminated_targets import RadarView
 from carlaloc_env.sensors.radar.radar_equation import join, merge_cells
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.parameters import WeatherParameters
@@ -37,13 +37,13 @@ class RadarSensor(Sensor):
         self.padded_streams = (config.stream,)
         self.depends_on_weather = config.weather
         self._T_base_radar = config.mount.T_base_sensor
-        self._view = View(config, world)
+        self._view = RadarView(config, world)
         self._detector = Detector(config, world)
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Padded rows: x, y, z [m], Doppler [m/s], SNR [dB], RCS [dBsm]."""
-        reach = 1.1 * self.config.range_max_m
-        low = np.array([-reach, -reach, -reach, -500.0, -100.0, -200.0], np.float32)
+        limit = 1.1 * self.config.range_max_m
+        low = np.array([-limit, -limit, -limit, -500.0, -100.0, -200.0], np.float32)
         shape = (self.config.detections_max, 1)
         return {self.config.stream: spaces.Box(np.tile(low, shape), np.tile(-low, shape))}
 
@@ -63,7 +63,7 @@ class RadarSensor(Sensor):
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[WeatherParameters]
     ) -> list[RadarScan]:
         motion = timeline.ego_motion([stamp_ns]).at_mount(self._T_base_radar)
-        scenery, actors, mirrors = self._view.look(timeline, stamp_ns, motion)
+        scenery, actors, mirrors = self._view.echoes(timeline, stamp_ns, motion)
         cells = merge_cells(join([scenery, actors]), self._detector.cell)
         ghosts = merge_cells(mirrors, self._detector.cell)
         return [self._detector.detections(cells, ghosts, motion, stamp_ns, weather) for weather in weathers]

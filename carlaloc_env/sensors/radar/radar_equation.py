@@ -1,4 +1,4 @@
-"""From echoes to detections: radar equation, fluctuation, resolution cells, measuring errors.
+"""Radar equation: from echoes to detections, with fluctuation, resolution cells and errors.
 
 All functions are pure; angles in radians, levels in dB, detections as parallel arrays.
 """
@@ -15,7 +15,7 @@ from carlaloc_env.core.array_types import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Echoes:
+class RadarEchoes:
     """Scatterers in the radar's view, N of them."""
 
     range_m: Array
@@ -36,15 +36,15 @@ class Echoes:
     def __len__(self) -> int:
         return len(self.range_m)
 
-    def take(self, rows: NDArray[np.intp]) -> Echoes:
+    def take(self, rows: NDArray[np.intp]) -> RadarEchoes:
         """Some of the echoes."""
-        return Echoes(**{name: getattr(self, name)[rows] for name in self.__slots__})
+        return RadarEchoes(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
 
-def join(parts: list[Echoes]) -> Echoes:
+def join(parts: list[RadarEchoes]) -> RadarEchoes:
     """All echoes of several groups, in their order."""
-    return Echoes(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Echoes.__slots__}
+    return RadarEchoes(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in RadarEchoes.__slots__}
     )
 
 
@@ -56,8 +56,8 @@ def snr_at(pd: float, pfa: float) -> float:
     return math.log(pfa) / math.log(pd) - 1.0
 
 
-def merge_cells(echoes: Echoes, cell: tuple[float, float, float, float]) -> Echoes:
-    """One echo per resolution cell: cross-sections add, the place is their power-weighted middle.
+def merge_cells(echoes: RadarEchoes, cell: tuple[float, float, float, float]) -> RadarEchoes:
+    """One echo per resolution cell: cross-sections add, the position is their power-weighted middle.
 
     The strongest scatterer lends its tag and instance.
 
@@ -83,7 +83,7 @@ def merge_cells(echoes: Echoes, cell: tuple[float, float, float, float]) -> Echo
 
     strongest = order[begins]
     range_m, azimuth, elevation, doppler = (mean(value) for value in values)
-    return Echoes(
+    return RadarEchoes(
         range_m=range_m,
         azimuth_rad=azimuth,
         elevation_rad=elevation,
@@ -95,7 +95,12 @@ def merge_cells(echoes: Echoes, cell: tuple[float, float, float, float]) -> Echo
 
 
 def mean_snr(
-    echoes: Echoes, *, at_reference: float, reference_m: float, pattern: Array, loss_db_per_m: float = 0.0
+    echoes: RadarEchoes,
+    *,
+    at_reference: float,
+    reference_m: float,
+    pattern: Array,
+    loss_db_per_m: float = 0.0,
 ) -> Array:
     """Mean signal-to-noise ratio of echoes, linear, shape (N,); falls with R⁻⁴ (radar equation).
 

@@ -1,4 +1,4 @@
-"""CAN bus: what the car itself tells about steering, speed, gear and pedals, in the bus' coarse steps."""
+"""CAN bus: steering, speed, gear and pedals as the car itself reports them, in the bus' coarse steps."""
 
 from __future__ import annotations
 

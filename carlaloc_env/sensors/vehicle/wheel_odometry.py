@@ -20,7 +20,7 @@ from carlaloc_env.timeline.timeline import Timeline
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelsConfig(SensorConfig):
-    """Encoders on the four wheels, as of an anti-lock brake system that tells directions."""
+    """Encoders on the four wheels, as of an anti-lock brake system that reports directions."""
 
     kind: ClassVar[str] = "wheels"
 

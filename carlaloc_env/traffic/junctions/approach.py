@@ -86,7 +86,11 @@ def collect_requests(
     red_in_s: Array,
     count: int,
 ) -> None:
-    """Collect requests to enter junctions; `fleet.stop_gap_m` says where vehicles stop that may not."""
+    """Collect requests to enter junctions, sorted by urgency.
+
+    Writes `fleet.stop_gap_m`, where vehicles must stop that may not enter [m], `at_stop_sign`, `refused`
+    and `blocker`, each (N + 1,).
+    """
     requests.used[0] = 0
     for v in range(count):
         fleet.stop_gap_m[v] = np.inf
@@ -152,6 +156,10 @@ def _request_entry(
     hop: int,
     distance_m: float,
 ) -> None:
+    """Let vehicle v ask to enter the junction at a hop of its plan, `distance_m` ahead of its front.
+
+    It keeps an admission that it holds, unless its light has changed in time or it is stuck outside.
+    """
     lane, before = fleet.plan[v, hop], fleet.plan[v, hop - 1]
     to_line = distance_m - (roads.lane.length_m[before] - roads.lane.stop_m[before])
     ready = permitted(roads, lane, signals, red_in_s, to_line, fleet.speed_mps[v])

@@ -22,7 +22,14 @@ _INSIDE_MPS = 8.0
 
 @compiled
 def travel_time(distance_m: float, speed_mps: float, acceleration_mps2: float, top_mps: float) -> float:
-    """Time to cover a distance while gaining speed up to a top speed [s], 0 for what lies behind."""
+    """Time to cover a distance from a speed at constant acceleration up to a top speed [s], 0 behind.
+
+    Args:
+        distance_m: Distance [m].
+        speed_mps: Speed at its beginning [m/s].
+        acceleration_mps2: Acceleration below the top speed [m/s²].
+        top_mps: Top speed [m/s].
+    """
     if distance_m <= 0.0:
         return 0.0
     top = max(top_mps, speed_mps, 0.1)
@@ -45,7 +52,17 @@ def zones_clear(
     hop: int,
     distance_m: float,
 ) -> bool:
-    """Whether every zone on the path of vehicle v is clear when it would be there."""
+    """Whether every zone on the path of vehicle v is clear when it would be there.
+
+    Args:
+        requests: Holders of all lanes.
+        roads: The roads.
+        drivers: Drivers, (N + 1,).
+        fleet: State, (N + 1,).
+        v: The vehicle.
+        hop: Index in its plan of the first junction lane.
+        distance_m: From its front to that lane [m].
+    """
     waited = fleet.waited_s[v]
     margin = max(_SHORTEST_GAP_S, _GAP_S - 0.05 * waited)
     ahead = distance_m
@@ -81,7 +98,19 @@ def is_conflict_free(
     h_front_m: float,
     margin_s: float,
 ) -> bool:
-    """Whether v would come to zone z well after holder h has left it, or leave it well before h comes."""
+    """Whether v would come to zone z well after holder h has left it, or leave it well before h comes.
+
+    Args:
+        roads: The roads.
+        drivers: Drivers, (N + 1,).
+        fleet: State, (N + 1,).
+        v: The vehicle that would enter.
+        ahead_m: From its front to the beginning of the lane that has the zone [m].
+        z: Row of `roads.zone`, as seen from that lane.
+        h: The holder.
+        h_front_m: Station of its front on the other lane [m].
+        margin_s: Time that must lie between the two [s].
+    """
     length, h_length = drivers.length_m[v], drivers.length_m[h]
     if h_front_m - h_length > roads.zone.other_leave_m[z]:
         return True

@@ -19,7 +19,10 @@ _BEFORE_ZONE_M = 0.6
 
 @compiled
 def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
-    """Stop before zones on the path that a vehicle admitted earlier, or one standing there, holds."""
+    """Stop before zones on the path that a vehicle admitted earlier, or one standing there, holds.
+
+    Writes `fleet.stop_gap_m`, (N + 1,), for the first `count` vehicles.
+    """
     for v in range(count):
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]
@@ -46,6 +49,7 @@ def _must_wait(
     z: int,
     to_zone_m: float,
 ) -> bool:
+    """Whether vehicle v, its front `to_zone_m` before zone z, must stop for a holder of the other lane."""
     other = roads.zone.other[z]
     for index in range(requests.holder_first[other], requests.holder_first[other + 1]):
         h, h_slot = requests.holder[index] // HELD, requests.holder[index] % HELD
@@ -72,7 +76,10 @@ def _must_wait(
 
 @compiled
 def release_passed(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
-    """Give up lanes that the tail has left, and lanes that are no longer in the plan."""
+    """Give up held lanes that the tail has left, and those no longer in the plan.
+
+    Writes `fleet.held_lane`, (N + 1, HELD), for the first `count` vehicles.
+    """
     for v in range(count):
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]

@@ -18,7 +18,7 @@ _GAP_M = 2.0
 
 @compiled
 def claim_rooms(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet) -> None:
-    """Claim the room that all vehicles need that have been admitted and are not through yet."""
+    """Claim the room [m] of all vehicles admitted and not yet through; writes `claimed`, (lanes,)."""
     requests.claimed[:] = 0.0
     for v in range(len(fleet.speed_mps) - 1):
         for k in range(HELD):
@@ -29,7 +29,7 @@ def claim_rooms(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet
 
 @compiled
 def claim_room(requests: Requests, drivers: Drivers, fleet: Fleet, v: int, lane: int) -> None:
-    """Claim room for vehicle v on the lane that follows a junction lane in its plan."""
+    """Claim room [m] for vehicle v on the lane that follows a junction lane in its plan; writes `claimed`."""
     for hop in range(PLAN - 1):
         if fleet.plan[v, hop] == lane and fleet.plan[v, hop + 1] >= 0:
             requests.claimed[fleet.plan[v, hop + 1]] += drivers.length_m[v] + 2.0

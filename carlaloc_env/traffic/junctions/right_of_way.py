@@ -39,7 +39,11 @@ _AT_LINE_M = 8.0
 
 @compiled
 def admit(requests: Requests, occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: Fleet) -> None:
-    """Grant requests in order where lights, leaders, room and zones allow; those admitted need not stop."""
+    """Grant requests in order where leaders, room and zones allow.
+
+    Those admitted hold their junction lanes (`fleet.held_lane`, `held_front_m` [m], `held_ticket`, each
+    (N + 1, HELD)) and need not stop; `fleet.refused` tells why others are not, (N + 1,).
+    """
     claim_rooms(requests, roads, drivers, fleet)
     for k in range(len(requests.queue.vehicle)):
         if k >= requests.used[0]:

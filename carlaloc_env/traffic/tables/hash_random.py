@@ -18,6 +18,7 @@ _ONE_53 = 1.0 / 9007199254740992.0
 
 @compiled
 def _mixed(x: np.uint64) -> np.uint64:
+    """SplitMix64's finaliser of 64 bits."""
     x = (x ^ (x >> np.uint64(30))) * _MIX_A
     x = (x ^ (x >> np.uint64(27))) * _MIX_B
     return x ^ (x >> np.uint64(31))

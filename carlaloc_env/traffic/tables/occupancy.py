@@ -9,7 +9,8 @@ import numpy as np
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
-from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside, width_at
+from carlaloc_env.traffic.tables.lane_geometry import station_beside, width_at
+from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.record_arrays import columns
 from carlaloc_env.traffic.tables.vehicle_state import PAST, Drivers, Fleet
 
@@ -111,7 +112,10 @@ def _add_with_zones(
 
 @compiled
 def gather_bodies(occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
-    """Gather the bodies of the first `count` vehicles on all lanes that they touch."""
+    """Gather the bodies of the first `count` vehicles on all lanes that they touch.
+
+    Writes the rows of `occupancy.body` from 0 on and their number; `sort_bodies` orders them.
+    """
     occupancy.used[0] = 0
     for v in range(count):
         lane, station = fleet.plan[v, 0], fleet.station_m[v]
@@ -152,7 +156,10 @@ def on_origin(roads: Roads, drivers: Drivers, fleet: Fleet, v: int) -> bool:
 
 @compiled
 def sort_bodies(occupancy: Occupancy) -> None:
-    """Order all bodies by lane and centre; equal ones in the order of their gathering."""
+    """Sort bodies by lane and centre; equal ones stay in the order of their gathering.
+
+    Writes `order`, (E,), and `first`, (lanes + 1,).
+    """
     first, order, count = occupancy.first, occupancy.order, occupancy.used[0]
     first[:] = 0
     for k in range(count):

@@ -157,6 +157,7 @@ def add_ego(occupancy: Occupancy, cells: LaneCells, roads: Roads, fleet: Fleet, 
 
 @compiled
 def _cell_range(cells: LaneCells, x: float, y: float) -> tuple[int, int, int, int]:
+    """Cells around a point (x, y) [m]: first and end column, first and end row."""
     i = int(np.floor((x - cells.corner_m[0]) / CELL_M))
     j = int(np.floor((y - cells.corner_m[1]) / CELL_M))
     return (
@@ -171,6 +172,7 @@ def _cell_range(cells: LaneCells, x: float, y: float) -> tuple[int, int, int, in
 def _occupy_lanes(
     occupancy: Occupancy, cells: LaneCells, roads: Roads, fleet: Fleet, me: int, ego: EgoBox
 ) -> None:
+    """Add the ego's body to each lane that its box touches; hold junction lanes that it drives along."""
     west, east, south, north = _cell_range(cells, ego.x_m, ego.y_m)
     lanes, rows, best = cells.found.lane, cells.found.row, cells.found.distance_m
     found = 0
@@ -222,6 +224,7 @@ def _occupy_lanes(
 def _reserve_ahead(
     cells: LaneCells, roads: Roads, fleet: Fleet, me: int, ego: EgoBox, x: float, y: float, ahead_m: float
 ) -> None:
+    """Hold the junction lanes that the ego heads for at a point (x, y), `ahead_m` before its centre [m]."""
     i = int(np.floor((x - cells.corner_m[0]) / CELL_M))
     j = int(np.floor((y - cells.corner_m[1]) / CELL_M))
     if i < 0 or j < 0 or i >= cells.size[0] or j >= cells.size[1]:
@@ -245,6 +248,7 @@ def _reserve_ahead(
 
 @compiled
 def _hold(fleet: Fleet, me: int, lane: int, front_m: float) -> None:
+    """Let the ego hold a junction lane with its front at a station [m]; at most HELD lanes."""
     for k in range(HELD):
         if fleet.held_lane[me, k] == lane:
             return

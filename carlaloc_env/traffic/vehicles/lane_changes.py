@@ -13,26 +13,20 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import hash_uniform
-from carlaloc_env.traffic.tables.lane_tables import Roads, allowed_at, centre_at, station_beside, width_at
+from carlaloc_env.traffic.tables.lane_geometry import centre_at, station_beside, width_at
+from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.reservations import drop_holds_ahead
 from carlaloc_env.traffic.tables.vehicle_state import PAST, REFUSED_ROOM, DriverParameters, Drivers, Fleet
-from carlaloc_env.traffic.vehicles.car_following import FREE_MPS, follow
 from carlaloc_env.traffic.vehicles.lane_plans import change_goal, find_goal_path, plan_ahead
-from carlaloc_env.traffic.vehicles.neighbours import find_beside
+from carlaloc_env.traffic.vehicles.mobil import is_safe, mobil_incentive
 
 STEP_S = STEP_NS / 1e9
 """One step [s]."""
 DECIDE_EVERY = 10
 """Steps between two decisions about a lane change: 0.5 s; ours."""
-POLITENESS = 0.2
-"""MOBIL's politeness p: weight of the followers' gain beside one's own; 0.2 to 0.5 in Kesting et al. 2007."""
 THRESHOLD_MPS2 = 0.15
 """MOBIL's threshold Δa_th: gain from which a change is worth it [m/s²]; 0.1 in Kesting et al. 2007."""
-SAFE_BRAKING_MPS2 = 3.0
-"""MOBIL's b_safe: braking that a change may ask of anybody at most [m/s²]; 4 in Kesting et al. 2007."""
-URGENT_BRAKING_MPS2 = 4.5
-"""The same for changes that the path needs soon [m/s²]; ours, half of hard braking."""
 INDICATE_S = 1.0
 """Time for which drivers indicate before they move over [s]; ours."""
 CLEAR_OF_JUNCTION_M = 18.0
@@ -58,10 +52,6 @@ _DETOUR_ROOM_M = 120.0
 """Away from the path, lanes are changed for speed only with so much room for each change back [m]; ours."""
 _HYSTERESIS_MPS2 = 0.1
 """Gain that is added for the side already indicated, so that drivers keep to it [m/s²]; ours."""
-_CRAWL_MPS = 0.5
-"""Below this speed a change needs room to pull out [m/s]; ours."""
-_PULL_OUT_ROOM_M = 4.0
-"""That room ahead [m]: what a car needs to swing its front out of the lane; ours."""
 _DRAW_LEFT = 11
 """Purpose of the draw for random changes to the left."""
 _DRAW_RIGHT = 12
@@ -112,7 +102,7 @@ def decide_lane_changes(
             fleet.desired_side[v], fleet.indicated_s[v] = side, 0.0
         elif side != 0 and fleet.indicated_s[v] >= INDICATE_S:
             target = roads.lane.left[fleet.plan[v, 0]] if side > 0 else roads.lane.right[fleet.plan[v, 0]]
-            if taken[target] != step and _is_safe(occupancy, roads, drivers, fleet, v, target, urgent):
+            if taken[target] != step and is_safe(occupancy, roads, drivers, fleet, v, target, urgent):
                 taken[target] = step
                 _begin_change(roads, drivers, fleet, density, v, side, target, parameters.seed)
 
@@ -175,6 +165,7 @@ def _side_to_take(
 
 @compiled
 def _wide_enough(roads: Roads, drivers: Drivers, fleet: Fleet, v: int, lane: int, target: int) -> bool:
+    """Whether lane `target` is wide enough for vehicle v beside its station."""
     if target < 0:
         return False
     station = station_beside(roads, lane, fleet.station_m[v], target)
@@ -221,64 +212,23 @@ def _incentive_side(
             continue
         if not parameters.auto_lane_change:
             continue
-        gain = _mobil_incentive(occupancy, roads, drivers, fleet, v, target) - THRESHOLD_MPS2
+        gain = mobil_incentive(occupancy, roads, drivers, fleet, v, target) - THRESHOLD_MPS2
         gain += drivers.keeps_right[v] * (1.0 if side < 0 else -1.0)
         if fleet.desired_side[v] == side:
             gain += _HYSTERESIS_MPS2
-        if gain > best_gain and _is_safe(occupancy, roads, drivers, fleet, v, target, False):
+        if gain > best_gain and is_safe(occupancy, roads, drivers, fleet, v, target, False):
             best, best_gain = side, gain
     return best
-
-
-@compiled
-def _mobil_incentive(
-    occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: Fleet, v: int, target: int
-) -> float:
-    """MOBIL's incentive: own gain in acceleration and, times the politeness, the followers' [m/s²]."""
-    lane, speed = fleet.plan[v, 0], fleet.speed_mps[v]
-    half = 0.5 * drivers.length_m[v]
-    station = station_beside(roads, lane, fleet.station_m[v], target)
-    desired = min(allowed_at(roads, lane, fleet.station_m[v]) * drivers.speed_factor[v], drivers.top_mps[v])
-    _, gap, front_speed, back, back_gap, back_speed = find_beside(occupancy, roads, target, station, v, half)
-    _, own_gap, own_speed, old, old_gap, old_speed = find_beside(
-        occupancy, roads, lane, fleet.station_m[v], v, half
-    )
-    mine = follow(drivers, v, speed, desired, gap, front_speed) - follow(
-        drivers, v, speed, desired, own_gap, own_speed
-    )
-    others = 0.0
-    if back >= 0:
-        others += follow(drivers, back, back_speed, FREE_MPS, back_gap, speed)
-        others -= follow(drivers, back, back_speed, FREE_MPS, back_gap + 2.0 * half + gap, front_speed)
-    if old >= 0:
-        others += follow(drivers, old, old_speed, FREE_MPS, old_gap + 2.0 * half + own_gap, own_speed)
-        others -= follow(drivers, old, old_speed, FREE_MPS, old_gap, speed)
-    return mine + POLITENESS * others
-
-
-@compiled
-def _is_safe(
-    occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: Fleet, v: int, target: int, urgent: bool
-) -> bool:
-    """Whether neither the vehicle nor its new follower would have to brake hard."""
-    lane, speed = fleet.plan[v, 0], fleet.speed_mps[v]
-    half = 0.5 * drivers.length_m[v]
-    station = station_beside(roads, lane, fleet.station_m[v], target)
-    _, gap, front_speed, back, back_gap, back_speed = find_beside(occupancy, roads, target, station, v, half)
-    limit = URGENT_BRAKING_MPS2 if urgent else SAFE_BRAKING_MPS2
-    if speed < _CRAWL_MPS and gap < _PULL_OUT_ROOM_M:
-        return False
-    if gap < 1.0 + 0.5 * max(speed - front_speed, 0.0) or back_gap < 1.0 + 0.5 * max(back_speed - speed, 0.0):
-        return False
-    if follow(drivers, v, speed, max(speed, 1.0), gap, front_speed) < -limit:
-        return False
-    return bool(back < 0 or follow(drivers, back, back_speed, max(back_speed, 1.0), back_gap, speed) > -limit)
 
 
 @compiled
 def _begin_change(
     roads: Roads, drivers: Drivers, fleet: Fleet, density: Array, v: int, side: int, target: int, seed: int
 ) -> None:
+    """Move vehicle v to lane `target` on a side; its offset keeps it where it is in the world.
+
+    Writes its plan, past, station [m], lateral offset [m] and the change's origin and spacing [m].
+    """
     lane = fleet.plan[v, 0]
     station = station_beside(roads, lane, fleet.station_m[v], target)
     apart = 0.5 * (width_at(roads, lane, fleet.station_m[v]) + width_at(roads, target, station))

@@ -101,7 +101,17 @@ def _turn_weight(turn_rad: float) -> float:
 
 @compiled
 def plan_ahead(roads: Roads, density: Array, fleet: Fleet, v: int, seed: int) -> None:
-    """Fill the plan from the present lane on, choosing goals where none is chosen yet."""
+    """Fill the plan of vehicle v from its present lane on; choose goals where none is chosen yet.
+
+    Writes `fleet.plan[v]`, (PLAN,), and `fleet.goals[v]`, (GOALS,).
+
+    Args:
+        roads: The roads.
+        density: As `measure_density` says, (lanes,).
+        fleet: State, (N + 1,).
+        v: The vehicle.
+        seed: Seed of all draws.
+    """
     plan, goals = fleet.plan, fleet.goals
     goal_index = 0
     for hop in range(1, PLAN):
@@ -134,6 +144,7 @@ def plan_ahead(roads: Roads, density: Array, fleet: Fleet, v: int, seed: int) ->
 
 @compiled
 def _any_lasting(roads: Roads, lane: int, uniform: float) -> int:
+    """One of the lanes that follow a lane and do not end, by a uniform draw; −1 without one."""
     count = 0
     for k in range(roads.lane.after_first[lane], roads.lane.after_end[lane]):
         count += roads.lane.lasting[roads.after[k]]
@@ -148,7 +159,7 @@ def _any_lasting(roads: Roads, lane: int, uniform: float) -> int:
 
 @compiled
 def advance_goals(fleet: Fleet, v: int) -> None:
-    """The vehicle has left a junction: its next goal comes first, those after it are chosen anew."""
+    """Take the next goal of vehicle v, which has left a junction; later goals are chosen anew unless held."""
     fleet.goals[v, 0] = fleet.goals[v, 1]
     keep = False
     for k in range(HELD):
@@ -160,7 +171,7 @@ def advance_goals(fleet: Fleet, v: int) -> None:
 
 @compiled
 def change_goal(roads: Roads, density: Array, fleet: Fleet, v: int, seed: int) -> bool:
-    """Give up a goal that takes lane changes for one that takes none; whether there is one."""
+    """Replace a goal of vehicle v that takes lane changes by one that takes none; False without one."""
     lane = fleet.plan[v, 0]
     uniform = hash_uniform(
         seed, _DRAW_TURN, v, 1_000_003 * (fleet.draws[v] + 1) + int(10.0 * fleet.waited_s[v])

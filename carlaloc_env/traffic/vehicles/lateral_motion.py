@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside, width_at
+from carlaloc_env.traffic.tables.lane_geometry import station_beside, width_at
+from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
 
 STEP_S = STEP_NS / 1e9

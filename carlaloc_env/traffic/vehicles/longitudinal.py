@@ -8,7 +8,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import hash_uniform
-from carlaloc_env.traffic.tables.lane_tables import Roads, allowed_at, station_beside
+from carlaloc_env.traffic.tables.lane_geometry import allowed_at, station_beside
+from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy, index_after, on_origin
 from carlaloc_env.traffic.tables.speed_profile import COMFORT_BRAKING_MPS2
 from carlaloc_env.traffic.tables.vehicle_state import HELD, PAST, PLAN, DriverParameters, Drivers, Fleet
@@ -45,7 +46,10 @@ def follow_leaders(
     count: int,
     step: int,
 ) -> None:
-    """Find the leader of each vehicle; writes `desired_mps2`, the IDM+ acceleration behind it, (N + 1,)."""
+    """Find the leader of each of the first `count` vehicles, and the IDM+ acceleration behind it.
+
+    Writes `fleet.leader` and `gap_m` [m] and `desired_mps2` [m/s²], each (N + 1,).
+    """
     for v in range(count):
         half, speed = 0.5 * drivers.length_m[v], fleet.speed_mps[v]
         leader, gap, leader_speed = find_leader(occupancy, roads, fleet, v, half)
@@ -92,7 +96,10 @@ def _allowed(roads: Roads, fleet: Fleet, v: int) -> float:
 def make_room_for_changes(
     occupancy: Occupancy, roads: Roads, drivers: Drivers, fleet: Fleet, desired_mps2: Array, count: int
 ) -> None:
-    """Adapt vehicles that must change lanes to the gap beside; the first behind that gap lets them in."""
+    """Adapt vehicles that must change lanes to the gap beside; the first behind that gap lets them in.
+
+    Lowers `desired_mps2` [m/s²], (N + 1,), to a comfortable braking at most.
+    """
     for v in range(count):
         if fleet.desired_side[v] == 0 or not fleet.urgent[v]:
             continue
@@ -117,7 +124,7 @@ def make_room_for_changes(
 
 @compiled
 def brake_for_stops(drivers: Drivers, fleet: Fleet, desired_mps2: Array, count: int) -> None:
-    """Brake for `fleet.stop_gap_m`; writes `desired_mps2`, (N + 1,)."""
+    """Brake for `fleet.stop_gap_m` [m], IDM+ behind a standing leader; lowers `desired_mps2`, (N + 1,)."""
     for v in range(count):
         if fleet.stop_gap_m[v] < np.inf:
             halt = idm_plus(
@@ -135,7 +142,11 @@ def brake_for_stops(drivers: Drivers, fleet: Fleet, desired_mps2: Array, count: 
 
 @compiled
 def integrate_motion(fleet: Fleet, desired_mps2: Array, count: int) -> None:
-    """Integrate speeds and stations over one step; acceleration changes as fast as a foot moves a pedal."""
+    """Integrate speeds and stations of the first `count` vehicles over one step.
+
+    Acceleration rises and falls as fast as a foot moves a pedal. Writes `acceleration_mps2`, `speed_mps`,
+    `station_m`, `travelled_m`, `waited_s`, `stopped_s`, each (N + 1,), and `held_front_m`.
+    """
     for v in range(count):
         speed, a = fleet.speed_mps[v], fleet.acceleration_mps2[v]
         fall = 60.0 if desired_mps2[v] < -3.0 else 8.0
@@ -161,7 +172,10 @@ def integrate_motion(fleet: Fleet, desired_mps2: Array, count: int) -> None:
 
 @compiled
 def advance_lanes(roads: Roads, density: Array, fleet: Fleet, count: int, seed: int) -> None:
-    """Move vehicles that have come to the end of their lane to the next lane of their plan."""
+    """Move vehicles that have come to the end of their lane to the next lane of their plan.
+
+    Writes `plan`, `past`, `station_m` and the goals of the first `count` vehicles.
+    """
     for v in range(count):
         while fleet.station_m[v] >= roads.lane.length_m[fleet.plan[v, 0]]:
             lane, following = fleet.plan[v, 0], fleet.plan[v, 1]

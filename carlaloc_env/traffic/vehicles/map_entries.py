@@ -9,7 +9,8 @@ from __future__ import annotations
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.hash_random import hash_uniform
-from carlaloc_env.traffic.tables.lane_tables import Roads, allowed_at
+from carlaloc_env.traffic.tables.lane_geometry import allowed_at
+from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
 from carlaloc_env.traffic.vehicles.lane_plans import plan_ahead
@@ -80,6 +81,7 @@ def _has_room(
     entrance: int,
     step: int,
 ) -> bool:
+    """Whether no vehicle has entered at an entrance in this step, and there is room for vehicle v."""
     if taken[entrance] == step:
         return False
     half = 0.5 * drivers.length_m[v]

@@ -103,6 +103,7 @@ def find_behind(
 
 @compiled
 def _last_on(occupancy: Occupancy, lane: int, v: int) -> int:
+    """Last body of a lane that is not v's own, −1 if none."""
     for index in range(occupancy.first[lane + 1] - 1, occupancy.first[lane] - 1, -1):
         if occupancy.body.owner[occupancy.order[index]] != v:
             return int(occupancy.order[index])

@@ -15,7 +15,8 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Links
-from carlaloc_env.traffic.tables.lane_tables import Roads, station_beside
+from carlaloc_env.traffic.tables.lane_geometry import station_beside
+from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
@@ -202,7 +203,10 @@ def gather_approaches(
     fleet: Fleet,
     count: int,
 ) -> None:
-    """Gather vehicles in shared pieces or coming up to them: along plans, with tails, and the ego."""
+    """Gather vehicles in shared pieces or coming up to them: along plans, with tails, and the ego.
+
+    Writes the rows of `approaches` from 0 on and their number.
+    """
     approaches.used[0] = 0
     if len(overlaps.piece.twin) == 0:
         return

@@ -8,7 +8,8 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.traffic.tables.lane_tables import Roads, bank_at, put_point, sample
+from carlaloc_env.traffic.tables.lane_geometry import bank_at, put_point, sample
+from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
 
 _QUARTER = 0.7853981633974483

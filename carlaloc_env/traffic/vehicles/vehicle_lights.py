@@ -22,7 +22,7 @@ _TURN_RAD = 0.5
 
 @compiled
 def put_lights(roads: Roads, fleet: Fleet, count: int, lights: NDArray[np.uint8]) -> None:
-    """Write the bits of all lit lights, (N,)."""
+    """Write the bits of lit lights (`LIGHT_…` of the timeline) of `count` vehicles to `lights`, (N,)."""
     for v in range(count):
         lit = LIGHT_LOW_BEAM
         if fleet.acceleration_mps2[v] < _BRAKES_MPS2 or fleet.speed_mps[v] < _STANDS_MPS:
@@ -41,6 +41,7 @@ def put_lights(roads: Roads, fleet: Fleet, count: int, lights: NDArray[np.uint8]
 
 @compiled
 def _turn_side(roads: Roads, fleet: Fleet, v: int) -> int:
+    """Side of the next turn within `INDICATE_M`: 1 left, −1 right, 0 none."""
     ahead = -fleet.station_m[v]
     for hop in range(PLAN):
         lane = fleet.plan[v, hop]

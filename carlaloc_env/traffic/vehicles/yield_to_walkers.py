@@ -33,7 +33,17 @@ def yield_to_walkers(
     count: int,
     step: int,
 ) -> None:
-    """Stop before crossings that walkers have taken, (C,) of them."""
+    """Stop before crossings that walkers have taken; lowers `fleet.stop_gap_m` [m], (N + 1,).
+
+    Args:
+        taken: 0, WANTED or TAKEN for each crossing, (C,).
+        roads: The roads.
+        drivers: Drivers, (N + 1,).
+        fleet: State, (N + 1,).
+        parameters: Parameters of all drivers.
+        count: Number of vehicles.
+        step: Number of this step.
+    """
     for v in range(count):
         if (
             parameters.ignore_walkers > 0.0

@@ -59,6 +59,7 @@ def _kerb_distance(walker_network: WalkerNetwork, walkers: WalkerState, w: int) 
 
 @compiled
 def _at_kerb(walker_network: WalkerNetwork, walkers: WalkerState, w: int) -> bool:
+    """Whether walker w stands at the kerb, or is past it."""
     return _kerb_distance(walker_network, walkers, w) < _WAIT_BEFORE_M + 0.3
 
 
@@ -129,7 +130,10 @@ def claim_crossings(
     taken: NDArray[np.uint8],
     w: int,
 ) -> None:
-    """Take the crossings that one walks over soon; without lights, also while one waits for them."""
+    """Claim the crossings that walker w passes soon; without lights, also while it waits for them.
+
+    Writes `taken`, (C,): WANTED or TAKEN.
+    """
     path = walkers.path[w]
     for k in range(
         walker_network.path.lane_crossing_first[path], walker_network.path.lane_crossing_end[path]
@@ -158,6 +162,7 @@ def claim_crossings(
 
 @compiled
 def _has_lights(walker_network: WalkerNetwork, path: int) -> bool:
+    """Whether lights stop the traffic on a lane that a crosswalk's path crosses."""
     for k in range(
         walker_network.path.lane_crossing_first[path], walker_network.path.lane_crossing_end[path]
     ):

@@ -23,9 +23,12 @@ _BACK_MPS = 1.5
 
 @compiled
 def move(
-    walker_network: WalkerNetwork, walkers: WalkerState, boxes: VehicleBoxes, w: int, wanted_mps: float
+    walker_network: WalkerNetwork, walkers: WalkerState, boxes: VehicleBoxes, w: int, desired_mps: float
 ) -> None:
-    """Move walker w towards a point ahead: pushed by others, stopped by vehicles, kept on its path."""
+    """Move walker w by one step towards a point ahead: pushed by others, stopped by vehicles, on its path.
+
+    Writes its position [m], velocity [m/s], direction, station [m], distance walked [m] and time waited [s].
+    """
     path, sense = walkers.path[w], walkers.sense[w]
     x, y = walkers.position_m[w, 0], walkers.position_m[w, 1]
     row = _row(walker_network, path, walkers.station_m[w] + sense * _AHEAD_M)
@@ -39,16 +42,16 @@ def move(
     gx, gy = gx / far, gy / far
     px, py, slow = _others(walkers, w, gx, gy)
     if vehicle_ahead(walkers, boxes, w, gx, gy):
-        wanted_mps = 0.0
-    wanted_mps *= slow
+        desired_mps = 0.0
+    desired_mps *= slow
     vx, vy = walkers.velocity_mps[w, 0], walkers.velocity_mps[w, 1]
-    vx += ((gx * wanted_mps - vx) / _RELAX_S + px * min(wanted_mps, 1.0)) * STEP_S
-    vy += ((gy * wanted_mps - vy) / _RELAX_S + py * min(wanted_mps, 1.0)) * STEP_S
+    vx += ((gx * desired_mps - vx) / _RELAX_S + px * min(desired_mps, 1.0)) * STEP_S
+    vy += ((gy * desired_mps - vy) / _RELAX_S + py * min(desired_mps, 1.0)) * STEP_S
     speed = np.sqrt(vx * vx + vy * vy)
     most = 1.3 * walkers.pace_mps[w]
     if speed > most:
         vx, vy, speed = vx * most / speed, vy * most / speed, most
-    if wanted_mps == 0.0 and speed < 0.05:
+    if desired_mps == 0.0 and speed < 0.05:
         vx, vy, speed = 0.0, 0.0, 0.0
     walkers.waited_s[w] = walkers.waited_s[w] + STEP_S if speed < 0.1 else 0.0
     walkers.velocity_mps[w, 0], walkers.velocity_mps[w, 1] = vx, vy
@@ -68,12 +71,14 @@ def move(
 
 @compiled
 def _row(walker_network: WalkerNetwork, path: int, station_m: float) -> int:
+    """Row of the sample nearest to a station [m] of a path."""
     at = int(station_m / walker_network.path.row_step_m[path] + 0.5)
     return int(walker_network.path.row_first[path] + min(max(at, 0), walker_network.path.row_count[path] - 1))
 
 
 @compiled
 def _station_of(walker_network: WalkerNetwork, path: int, row: int) -> float:
+    """Station of a row of a path [m]."""
     return float((row - walker_network.path.row_first[path]) * walker_network.path.row_step_m[path])
 
 

@@ -93,6 +93,7 @@ def _follow_path(walker_network: WalkerNetwork, walkers: WalkerState, w: int, se
 
 @compiled
 def _take_crosswalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int, seed: int) -> bool:
+    """Let walker w turn onto a crosswalk that it passes in this step, by chance `CROSSES`; whether it did."""
     path, station = walkers.path[w], walkers.station_m[w]
     distance = walkers.pace_mps[w] * STEP_S
     for k in range(walker_network.path.entry_first[path], walker_network.path.entry_end[path]):
@@ -112,6 +113,7 @@ def _take_crosswalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int,
 
 @compiled
 def _next_sidewalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int, seed: int) -> None:
+    """Let walker w go on to a sidewalk that joins its own, or turn round where none does."""
     path = walkers.path[w]
     end = 1 if walkers.sense[w] > 0 else 0
     first, last = walker_network.path.join_first[path, end], walker_network.path.join_end[path, end]

@@ -23,7 +23,7 @@ _SHORT_M, _SWING = 3.0, 0.12
 
 @compiled
 def vehicle_ahead(walkers: WalkerState, boxes: VehicleBoxes, w: int, gx: float, gy: float) -> bool:
-    """Whether the next step leads into a vehicle's box, or one comes across it at once."""
+    """Whether the next step of walker w along (gx, gy) leads into a vehicle's box, or one comes across it."""
     x, y = walkers.position_m[w, 0], walkers.position_m[w, 1]
     for v in range(len(boxes.speed_mps)):
         dx, dy = boxes.position_m[v, 0] - x, boxes.position_m[v, 1] - y

@@ -16,9 +16,9 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import (
     BACKSCATTER_PER_MOR,
     PULSE_S,
-    Air,
+    Atmosphere,
     FogEcho,
-    air_at,
+    atmosphere_at,
 )
 from carlaloc_env.sensors.lidar.weather_echoes import SolidEchoes, strongest_echoes
 from carlaloc_env.weather.parameters import WeatherParameters
@@ -66,7 +66,7 @@ def test_reach_in_fog_is_the_published_curve(alpha: float, rho: float) -> None:
         range_m=at, power=np.full(len(at), rho), intensity=np.full(len(at), 100 * rho),
         reflectance=np.zeros(len(at)), cos_incidence=np.ones(len(at)),
     )  # fmt: skip
-    air = Air(extinction_per_m=alpha, backscatter_per_m_sr=0.0, rain_mmph=0.0, wetness=0.0)
+    air = Atmosphere(extinction_per_m=alpha, backscatter_per_m_sr=0.0, rain_mmph=0.0, wetness=0.0)
     place, intensity, airborne = strongest_echoes(
         air,
         solid,
@@ -74,7 +74,7 @@ def test_reach_in_fog_is_the_published_curve(alpha: float, rho: float) -> None:
         range_min_m=1.0,
         power_min=POWER_MIN,
         spray_m=None,
-        lots=np.ones((len(at), 6)),
+        uniform=np.ones((len(at), 6)),
     )
     assert not airborne.any()
     assert at[np.isfinite(place)].max() == pytest.approx(REACH_IN_FOG[alpha, rho], abs=0.7)
@@ -84,7 +84,7 @@ def test_reach_in_fog_is_the_published_curve(alpha: float, rho: float) -> None:
 def test_fog_echo_is_rasshofers_integral() -> None:
     """Echo at several distances against numerical integration; its peak lies a few metres away."""
     alpha = 0.05
-    air = air_at(fog_of(alpha), 0.0)
+    air = atmosphere_at(fog_of(alpha), 0.0)
     assert air.extinction_per_m == pytest.approx(alpha)
     assert air.backscatter_per_m_sr == pytest.approx(BACKSCATTER_PER_MOR * alpha / math.log(20), rel=1e-6)
     echo = FogEcho(air)

@@ -14,9 +14,9 @@ from shared_fixtures.lidar_weather import HEIGHT, POWER_MIN, model, ranges, sema
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import (
     WATER_REFLECTANCE,
-    Air,
+    Atmosphere,
     DropEcho,
-    air_at,
+    atmosphere_at,
     fresnel,
     rain_extinction_per_m,
     wet_reflectance,
@@ -41,7 +41,7 @@ def test_rain_extinction_is_marshall_palmers(rain: float, published: float) -> N
 
 def test_strongest_drop_has_the_distribution_of_simulated_drops() -> None:
     """Drops of Marshall and Palmer scattered into beams one by one, as LISA does, against Λ(p)."""
-    air = Air(extinction_per_m=4.3e-3, backscatter_per_m_sr=0.0, rain_mmph=50.0, wetness=1.0)
+    air = Atmosphere(extinction_per_m=4.3e-3, backscatter_per_m_sr=0.0, rain_mmph=50.0, wetness=1.0)
     beam, near, far = 3e-3, 1.0, 8.0
     echo = DropEcho(air, divergence_rad=beam, range_min_m=near, power_min=POWER_MIN, reach_m=far)
     rng = np.random.default_rng(1)
@@ -72,7 +72,7 @@ def test_rain_makes_false_points_near_the_sensor_and_more_of_them_in_hard_rain(s
     for precipitation in (10.0, 50.0, 100.0):
         weather = WeatherParameters(precipitation=precipitation, fog_density=0.0, mie_scattering_scale=0.0)
         cloud = semantic(world, drive, config, weather)
-        air = air_at(weather, HEIGHT)
+        air = atmosphere_at(weather, HEIGHT)
         echo = DropEcho(air, divergence_rad=3e-3, range_min_m=1.0, power_min=POWER_MIN)
         mean = float(np.interp(math.log(POWER_MIN), np.log(echo.power), echo.expected))
         expected = 1 - math.exp(-mean)

@@ -13,7 +13,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.atmosphere import (
-    air_at,
+    atmosphere_at,
 )
 from carlaloc_env.weather.parameters import PRESETS
 
@@ -26,8 +26,8 @@ lidar = pytest.importorskip("carlaloc_env.sensors.lidar.lidar")
 def test_extinction_is_the_cameras(name: str) -> None:
     """One number for both at the ground; it thins upwards with the fog's own scale height."""
     weather = PRESETS[name]
-    assert air_at(weather, 0.0).extinction_per_m == pytest.approx(weather.extinction_per_m)
-    high = air_at(weather, 20.0).extinction_per_m - weather.uniform_extinction_per_m
+    assert atmosphere_at(weather, 0.0).extinction_per_m == pytest.approx(weather.extinction_per_m)
+    high = atmosphere_at(weather, 20.0).extinction_per_m - weather.uniform_extinction_per_m
     expected = weather.fog_extinction_per_m * math.exp(-20 / weather.fog_scale_height_m)
     assert high == pytest.approx(expected, abs=1e-9)
 

@@ -15,7 +15,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.radar.cross_sections import actor_rcs_dbsm, texture
 from carlaloc_env.sensors.radar.radar_equation import (
-    Echoes,
+    RadarEchoes,
     detect,
     errors,
     mean_snr,
@@ -28,14 +28,14 @@ from carlaloc_env.weather.parameters import WeatherParameters
 pytest.importorskip("open3d", reason="open3d is not installed")
 
 
-def echoes(count: int, **columns: Any) -> Echoes:
+def echoes(count: int, **columns: Any) -> RadarEchoes:
     """Echoes of 1 m² on the axis at 50 m, unless said otherwise."""
     values: dict[str, Any] = {
         "range_m": 50.0, "azimuth_rad": 0.0, "elevation_rad": 0.0, "doppler_mps": 0.0, "rcs_m2": 1.0,
         "tag": 0, "instance": 0,
     } | columns  # fmt: skip
     kinds = {"tag": np.uint8, "instance": np.uint32}
-    return Echoes(
+    return RadarEchoes(
         **{k: np.broadcast_to(np.asarray(v, kinds.get(k, np.float64)), (count,)).copy()
            for k, v in values.items()}
     )  # fmt: skip
