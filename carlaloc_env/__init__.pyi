@@ -54,10 +54,10 @@ from carlaloc_env.timeline.snapshot import Snapshot as Snapshot
 from carlaloc_env.timeline.timeline import ActorCatalog as ActorCatalog
 from carlaloc_env.timeline.timeline import ActorFrame as ActorFrame
 from carlaloc_env.timeline.timeline import Timeline as Timeline
-from carlaloc_env.town.build import TownId as TownId
-from carlaloc_env.town.build import identify_town as identify_town
-from carlaloc_env.town.build import known_towns as known_towns
 from carlaloc_env.town.build import load_town as load_town
+from carlaloc_env.town.sources import TownId as TownId
+from carlaloc_env.town.sources import identify_town as identify_town
+from carlaloc_env.town.sources import known_towns as known_towns
 from carlaloc_env.town.town import Town as Town
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town

@@ -22,6 +22,8 @@ from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_m
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.observation import Observation, Observer
 from carlaloc_env.physics.contacts import Contact
+from carlaloc_env.render.qualities import check_quality
+from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample, SampleList
@@ -116,6 +118,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.render_mode = render_mode
         self._visibility = visibility
         self.rig_config = rig if isinstance(rig, SensorRig) else rig_by_name(rig)
+        check_memory(self.rig_config, quality=check_quality(quality))
         self.weather = weather_of(weather)
         self.town = load_town(map)
         self.world = DrivingWorld(self.town, traffic_of_town(self.town, traffic, 0))

@@ -16,7 +16,9 @@ from carlaloc_env import samples
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.config_mapping import to_mapping
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
 from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 
 PAGE = Path(__file__).with_name("sensors.md")
@@ -40,9 +42,33 @@ def page() -> str:
     parts += [_sensor(kind, config) for kind, config in SENSOR_KINDS.items()]
     parts.append("## Parts of configurations\n")
     parts += [f"### {name}\n\n{_doc(cls)}\n\n{_parameters(cls)}" for name, cls in PARTS.items()]
+    parts.append(_limits())
     parts.append('## Samples\n\nWhat `Rig.measure` and `info["samples"]` give (`carlaloc_env.samples`).\n')
     parts += [_sample(cls) for cls in sample_classes()]
     return "\n".join(parts)
+
+
+def _limits() -> str:
+    """Table of all limits."""
+    rows = [("every sensor", "rate_hz", RATE)]
+    rows += [(kind, name, limit) for kind, table in LIMITS.items() for name, limit in table.items()]
+    lines = [
+        f"| {kind} | `{name}` | {limit.low:g} | {limit.high:g} {limit.unit} |" for kind, name, limit in rows
+    ]
+    return "\n".join(
+        [
+            "## Limits\n",
+            "Checked when a rig is read, before any memory is taken. Of lists the length counts; `rays` are",
+            f"beams times columns. A rig has at most {SENSORS_MAX} sensors, and a replay or environment does",
+            "not begin where its sensors would need more memory than is free: about",
+            f"{PIXEL_BYTES['medium']} bytes a pixel ({PIXEL_BYTES['high']} in quality `high`), "
+            f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} a ray.\n",
+            "| sensor | parameter | smallest | largest |",
+            "|---|---|---|---|",
+            *lines,
+            "",
+        ]
+    )
 
 
 def sample_classes() -> list[type[samples.Sample]]:

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from carlaloc_env import GnssFix, SensorStage, load_town, weather_by_name
+from carlaloc_env import GnssFix, SensorStage, weather_by_name
 from carlaloc_env.rigs.presets import state_rig
-from recorder import Alignment, Episode, EvaluationResult, Metric, Trajectory, evaluate
+from recorder import Alignment, Episode, EvaluationResult, Metric, Trajectory, evaluate, town_of
 
 
 def main(drive: Path, seed: int = 0) -> EvaluationResult:
     """Compare the fixes of a recorded drive with where the antenna really was."""
     episode = Episode.load(drive)
-    town, timeline = load_town(episode.header.map_name), episode.timeline()
+    town, timeline = town_of(episode), episode.timeline()
     stage = SensorStage(town, seed=seed, weather=weather_by_name("ClearNoon"))
     rig = state_rig().build(stage)
     fixes = [s for s in rig.measure(timeline, -1, timeline.end_ns) if isinstance(s, GnssFix)]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from barometer import BarometerConfig, Pressure
 
-from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, load_town, weather_by_name
-from recorder import Episode
+from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, weather_by_name
+from recorder import Episode, town_of
 
 RIG = """
 name: weather_station
@@ -22,7 +22,7 @@ def main(drive: Path, rig_yaml: str = RIG) -> list[Pressure]:
     SENSOR_KINDS["barometer"] = BarometerConfig
     episode = Episode.load(drive)
     timeline = episode.timeline()
-    stage = SensorStage(load_town(episode.header.map_name), seed=1, weather=weather_by_name("ClearNoon"))
+    stage = SensorStage(town_of(episode), seed=1, weather=weather_by_name("ClearNoon"))
     rig = SensorRig.from_yaml(rig_yaml).build(stage)
     readings = [s for s in rig.measure(timeline, -1, timeline.end_ns) if isinstance(s, Pressure)]
     for reading in readings[:: max(len(readings) // 5, 1)]:

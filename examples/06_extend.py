@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from laser import LaserConfig, Ranges
 
-from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, load_town, weather_by_name
+from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, weather_by_name
 from recorder import (
     ENCODERS,
     PROFILES,
@@ -19,6 +19,7 @@ from recorder import (
     Rosbag1Writer,
     TopicProfile,
     TopicRule,
+    town_of,
 )
 
 RIG = """
@@ -48,7 +49,7 @@ def main(drive: Path, out: Path = Path("laser.bag")) -> int:
     PROFILES["mine"] = TopicProfile(name="mine", rules=(rule,))
     episode, config = Episode.load(drive), SensorRig.from_yaml(RIG)
     timeline = episode.timeline()
-    stage = SensorStage(load_town(episode.header.map_name), seed=1, weather=weather_by_name("ClearNoon"))
+    stage = SensorStage(town_of(episode), seed=1, weather=weather_by_name("ClearNoon"))
     scans = config.build(stage).measure(timeline, -1, timeline.end_ns)
     with Rosbag1Writer(out, RigCalibration.from_configs(config.sensors), profile="mine") as bag:
         for scan in scans:

@@ -12,6 +12,7 @@ import logging
 import math
 import os
 import re
+import stat
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -66,7 +67,8 @@ def cached(
 ) -> T:
     """What a module makes, from the cache when the same code made it of the same content before.
 
-    A cache that cannot be read is a miss, one that cannot be written is done without; the log tells.
+    A cache that cannot be read is a miss, one that cannot be written is done without, and so is one that
+    belongs to somebody else or that everybody can write to; the log tells.
 
     Args:
         name: Beginning of the file's name, such as ``Town03``.
@@ -81,6 +83,10 @@ def cached(
     """
     key = content_hash(content.encode(), source_digest(module).encode())
     stored = (folder or default_cache_dir()) / f"{name}-{key}.{kind}"
+    for path in (stored.parent, stored):
+        if (fault := _distrust(path)) is not None:
+            _log.warning("cache is not used: %s %s; set $CARLALOC_CACHE to a folder of your own", path, fault)
+            return make()
     arrays = load(stored)
     if arrays is not None:
         try:
@@ -96,6 +102,19 @@ def cached(
     except OSError as error:
         _log.warning("%s cannot be cached in %s (%s)", name, stored.parent, error)
     return made
+
+
+def _distrust(path: Path) -> str | None:
+    """Why what lies there might come from somebody else, or None; what is missing comes from nobody."""
+    if not hasattr(os, "geteuid"):
+        return None
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    if found.st_uid != os.geteuid():
+        return "belongs to somebody else"
+    return "can be written by everybody" if found.st_mode & stat.S_IWOTH else None
 
 
 def _drop_old(kept: Path, count: int) -> None:

@@ -56,6 +56,22 @@ def check_output_folder(path: str | Path, *, files: Sequence[str] = (), overwrit
     return path
 
 
+def path_below(folder: str | Path, name: str | Path) -> Path:
+    """Path of something in a folder; what files of others name is opened through this alone.
+
+    Args:
+        folder: The folder.
+        name: Name, or path relative to it.
+
+    Raises:
+        OutputError: it lies outside, be it by ``..``, as an absolute path or through a link.
+    """
+    path = Path(folder) / name
+    if not path.resolve().is_relative_to(Path(folder).resolve()) or Path(name) == Path():
+        raise OutputError(f"{str(name)!r} leads out of {folder}; give a name without folders")
+    return path
+
+
 def _check_parents(path: Path) -> None:
     above = next((folder for folder in path.absolute().parents if folder.exists()), None)
     if above is not None and not above.is_dir():

@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
 from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m
 from carlaloc_env.render.geometry.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import Programs, create_context
+from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
-
-QUALITIES = ("low", "medium", "high")
-"""One sample per pixel; the same with a lens blur of 0.5 px; 2×2 samples resolved before shading."""
 
 SWAY_S = 0.012
 """Way of leaves per wind speed [s]: 0.18 m in a storm of 15 m/s."""
@@ -64,9 +61,7 @@ class SceneRenderer:
             RenderError: there is no OpenGL here.
             ConfigError: the quality is not one of `QUALITIES`.
         """
-        if quality not in QUALITIES:
-            raise ConfigError(unknown_name("render quality", quality, QUALITIES))
-        self.quality = quality
+        self.quality = check_quality(quality)
         self._subsamples = 2 if quality == "high" else 1
         self._context = create_context()
         with self._context:

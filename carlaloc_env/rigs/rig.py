@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.config_mapping import from_mapping, to_mapping
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.names import check_name
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
+from carlaloc_env.sensors.limits import SENSORS_MAX
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.timeline.timeline import Timeline
 
@@ -30,6 +32,11 @@ class SensorRig:
     """Configurations in the order in which samples of the same stamp are given."""
 
     def __post_init__(self) -> None:
+        check_name("name of a rig:", self.name)
+        if len(self.sensors) > SENSORS_MAX:
+            raise ConfigError(
+                f"rig '{self.name}' has {len(self.sensors)} sensors; give at most {SENSORS_MAX}"
+            )
         names = [(sensor.kind, sensor.name) for sensor in self.sensors]
         for kind, name in names:
             if names.count((kind, name)) > 1:

@@ -15,7 +15,9 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.clock import STEP_NS, Schedule
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.names import check_name
 from carlaloc_env.samples import Sample
+from carlaloc_env.sensors.limits import check_limits
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -109,6 +111,9 @@ class SensorConfig(ABC):
     """Measurements per second [Hz]; divides 200."""
 
     def __post_init__(self) -> None:
+        check_name(f"name of a {self.kind or 'sensor'}:", self.name)
+        check_name(f"frame of '{self.name}':", self.frame_id)
+        check_limits(self)
         Schedule.from_hz(self.rate_hz)
 
     @classmethod

@@ -1,14 +1,10 @@
-"""Finding, building and caching towns."""
+"""Building and caching towns."""
 
 from __future__ import annotations
 
-import importlib.resources
-import os
-from dataclasses import dataclass
 from pathlib import Path
 
-from carlaloc_env.core.array_cache import Arrays, cached, content_hash
-from carlaloc_env.core.errors import MapError, unknown_name
+from carlaloc_env.core.array_cache import Arrays, cached
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.signal_lenses import SignalLenses
@@ -20,57 +16,11 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.scenery import Scenery, build_scenery
+from carlaloc_env.town.sources import identify_town
 from carlaloc_env.town.town import Town
 
-BUILDER_VERSION = 1
-"""Raised whenever the same map gives another town, so that cached towns are built again."""
 KEPT_FILES = 4
 """Cached files kept of each town."""
-ALIASES = {"Town10HD": "Town10"}
-"""Other names of towns."""
-
-
-def find_town(name: str) -> Path:
-    """OpenDRIVE file of a town in `$CARLALOC_MAPS` or among the installed maps.
-
-    Raises:
-        MapError: There is no such town; the message names the nearest one.
-    """
-    wanted = ALIASES.get(name, name)
-    known = known_towns()
-    for town, path in known.items():
-        if town.lower() == wanted.lower():
-            return path
-    raise MapError(unknown_name("town", name, known))
-
-
-def known_towns() -> dict[str, Path]:
-    """OpenDRIVE files of all towns in `$CARLALOC_MAPS` and among the installed maps, by name."""
-    found: dict[str, Path] = {}
-    for folder in _map_folders():
-        for town in sorted(folder.iterdir()):
-            if (town / "town.xodr").is_file():
-                found.setdefault(town.name, town / "town.xodr")
-    return found
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TownId:
-    """Which town it is, known without building it."""
-
-    name: str
-    """Name of its folder in `maps`, or of its file."""
-    content_hash: str
-    """Hash of the map, its `town.toml` and the version of the builder, 32 hexadecimal digits."""
-
-
-def identify_town(name_or_path: str | Path) -> TownId:
-    """Name and hash of a town; nothing is built, only its files are read.
-
-    Raises:
-        MapError: The town is unknown.
-    """
-    return _identify(_source(name_or_path))
 
 
 def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Town:
@@ -84,12 +34,11 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         MapError: The town is unknown or its map cannot be used.
         ConfigError: Its `town.toml` is not valid.
     """
-    source = _source(name_or_path)
-    toml, town = _toml(source), _identify(source)
+    town = identify_town(name_or_path)
     name, key = town.name, town.content_hash
-    config = TownConfig.from_toml(toml) if toml is not None else TownConfig(name=name)
-    network = build_network(source)
-    if toml is None:
+    config = TownConfig(name=name) if town.toml is None else TownConfig.from_toml(town.toml)
+    network = build_network(town.source)
+    if town.toml is None:
         config = choose_traffic(network, choose_zones(network, config))
     route = _route(network, config)
     scenery = cached(
@@ -116,40 +65,6 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         lamps_m=scenery.lamps_m,
         content_hash=key,
     )
-
-
-def _source(name_or_path: str | Path) -> Path:
-    path = Path(name_or_path)
-    if path.suffix == ".xodr":
-        if not path.is_file():
-            raise MapError(
-                f"there is no file {path}; give the path of an OpenDRIVE file or the name of a town"
-            )
-        return path
-    if path.is_dir() and (path / "town.xodr").is_file():
-        return path / "town.xodr"
-    return find_town(str(name_or_path))
-
-
-def _toml(source: Path) -> Path | None:
-    """The `town.toml` beside an OpenDRIVE file."""
-    toml = source.with_name("town.toml")
-    return toml if source.name == "town.xodr" and toml.is_file() else None
-
-
-def _identify(source: Path) -> TownId:
-    toml = _toml(source)
-    key = content_hash(
-        str(BUILDER_VERSION).encode(), source.read_bytes(), toml.read_bytes() if toml is not None else b""
-    )
-    name = source.parent.name if source.name == "town.xodr" else source.stem
-    return TownId(name=name, content_hash=key)
-
-
-def _map_folders() -> list[Path]:
-    folders = [Path(entry) for entry in os.environ.get("CARLALOC_MAPS", "").split(os.pathsep) if entry]
-    folders.append(Path(str(importlib.resources.files("carlaloc_env.maps"))))
-    return [folder for folder in folders if folder.is_dir()]
 
 
 def _build(network: LaneNetwork, config: TownConfig, route: Route | None, key: str) -> Scenery:

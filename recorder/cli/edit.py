@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     actors.add_argument("--keep", type=float, metavar="FRACTION", help="fraction of the others that stays")
     traffic = actions.add_parser("traffic", parents=shared, help="the same drive among other traffic")
     traffic.add_argument("--seed", type=seed, required=True, help="seed of the new traffic")
+    traffic.add_argument("--map", help="map of the drive, where the episode names none that is known")
     for action in (cut, join, actors, traffic):
         action.add_argument("episode", type=input_path, help="episode (.mcap)")
         if action is join:
@@ -99,6 +100,11 @@ def _traffic(arguments: argparse.Namespace) -> dict[str, Any]:
             bar.update(done - bar.n)
 
         result = change_traffic(
-            arguments.episode, arguments.out, arguments.seed, overwrite=arguments.force, progress=progress
+            arguments.episode,
+            arguments.out,
+            arguments.seed,
+            map=arguments.map,
+            overwrite=arguments.force,
+            progress=progress,
         )
     return {"touching_s": result.touching_s}

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
+from io import StringIO
+from typing import Any, NoReturn, cast
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import check_outputs, shared_options
+from recorder.cli.json_output import to_json
 
 COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate", "list", "completion")
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
@@ -27,32 +31,44 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         0 when done, 1 after a named error (one line on stderr), 2 after a usage error.
     """
+    words = sys.argv[1:] if argv is None else list(argv)
+    as_json = any(len(word) > 2 and "--json".startswith(word) for word in words)
     parser = make_parser()
+    told = StringIO()
     try:
-        arguments = parser.parse_args(argv)
+        with redirect_stdout(told):
+            arguments = parser.parse_args(words)
+    except UsageError as error:
+        return _fail("", str(error), as_json=as_json, code=EXIT_USAGE)
     except SystemExit as stop:
+        print(to_json({"text": told.getvalue()}) if as_json else told.getvalue(), end="\n" if as_json else "")
         return int(stop.code or 0)
     logging.basicConfig(
         level=logging.DEBUG if arguments.verbose else logging.WARNING,
         format="%(levelname)s %(name)s: %(message)s",
     )
     command = import_module(f"recorder.cli.{arguments.command}")
+    name = str(arguments.command)
     try:
         check_outputs(parser, arguments)
-        with _stdout_kept_clean():
+        with _ended_as_by_ctrl_c(), _stdout_kept_clean():
             result = command.run(arguments)
     except UsageError as error:
-        _fail(arguments, str(error))
-        return EXIT_USAGE
+        return _fail(name, str(error), as_json=as_json, code=EXIT_USAGE)
     except CarlaLocError as error:
-        return _fail(arguments, str(error))
+        return _fail(name, str(error), as_json=as_json)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        return _fail(arguments, f"{where}{error.strerror or error}")
-    except KeyboardInterrupt:
-        return _fail(arguments, "interrupted; nothing unfinished was left under a final name")
-    if arguments.json:
-        print(json.dumps(result, indent=2, default=str))
+        return _fail(name, f"{where}{error.strerror or error}", as_json=as_json)
+    except KeyboardInterrupt as stop:
+        what = str(stop) or "nothing unfinished was left under a final name"
+        return _fail(name, f"interrupted; {what}", as_json=as_json)
+    except Exception as error:
+        if as_json:
+            print(to_json({"error": f"{type(error).__name__}: {error}"}))
+        raise
+    if as_json:
+        print(to_json(result))
     else:
         command.show(result)
     return EXIT_ERROR if result.get("failed") else EXIT_DONE
@@ -72,20 +88,51 @@ def _stdout_kept_clean() -> Iterator[None]:
         os.close(kept)
 
 
-def _fail(arguments: argparse.Namespace, message: str) -> int:
+@contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM and a closed terminal end a command as Ctrl-C does, so that it cleans up."""
+    before: dict[int, Any] = {}
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        # Under nohup a closed terminal is ignored, and stays so.
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL and _in_main_thread():
+            before[number] = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+def _fail(command: str, message: str, *, as_json: bool, code: int = EXIT_ERROR) -> int:
     line = " ".join(message.split())
-    if arguments.json:
-        print(json.dumps({"error": line}))
-    print(f"carlaloc {arguments.command}: {line}", file=sys.stderr)
-    return EXIT_ERROR
+    if as_json:
+        print(to_json({"error": line}))
+    print(f"{' '.join(['carlaloc', command]).strip()}: {line}", file=sys.stderr)
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that raises what it has to say about wrong words, so that `--json` can tell it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse the words of a command.
+
+        Raises:
+            UsageError: always.
+        """
+        self.print_usage(sys.stderr)
+        raise UsageError(f"{self.prog.removeprefix('carlaloc').strip()}: {message}".removeprefix(": "))
 
 
 def make_parser() -> argparse.ArgumentParser:
     """Parser of all commands."""
-    parser = argparse.ArgumentParser(
-        prog="carlaloc",
-        description="Drive once; replay the drive under any weather and traffic; write bags; score SLAM.",
-    )
+    description = "Drive once; replay the drive under any weather and traffic; write bags; score SLAM."
+    parser = cast(argparse.ArgumentParser, _Parser(prog="carlaloc", description=description))
     parser.add_argument("--version", action="version", version=f"carlaloc {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = shared_options()

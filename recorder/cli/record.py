@@ -22,7 +22,9 @@ from recorder.cli.arguments import OutputFile, force_option, input_path, positiv
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc record`."""
-    parser.add_argument("--map", default="Town03", help="town, or a .xodr file (default: Town03)")
+    parser.add_argument(
+        "--map", help="town, or a .xodr file (default: Town03; with --from the one that was driven on)"
+    )
     parser.add_argument(
         "--device", default="scripted", help="scripted, wheel, gamepad or keyboard (default: scripted)"
     )
@@ -60,7 +62,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.drive.record import RecordConfig, record
 
     config = RecordConfig(
-        map=arguments.map,
+        map=arguments.map or "Town03",
         out=arguments.out,
         device=arguments.device,
         duration_s=arguments.duration,
@@ -102,7 +104,13 @@ def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
             bar.total = total
             bar.update(done - bar.n)
 
-        result = resimulate(arguments.source, out=arguments.out, overwrite=arguments.force, progress=progress)
+        result = resimulate(
+            arguments.source,
+            out=arguments.out,
+            map=arguments.map,
+            overwrite=arguments.force,
+            progress=progress,
+        )
     return {**asdict(result), "failed": result.first_difference_tick is not None}
 
 

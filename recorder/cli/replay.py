@@ -55,6 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera-duration", type=positive_seconds, metavar="S", help="length of pictures [s]"
     )
     parser.add_argument("--seed", type=seed, help="seed of sensor noise; else the episode's")
+    parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")
     parser.add_argument("--no-preview", action="store_true", help="make no films")
@@ -84,6 +85,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         preview=not arguments.no_preview,
         lens_drops=arguments.lens_drops,
         leaf_wind_mps=arguments.leaf_wind,
+        map=arguments.map,
     )
     with tqdm(unit="s", desc="replaying", disable=None, leave=False) as bar:
 

@@ -27,6 +27,7 @@ from recorder.devices.panel import KeyPanel
 from recorder.devices.registry import DEVICES, HUMAN, open_device
 from recorder.drive.session import DriveSession
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.episode.file_names import check_episode_output, recording_path, repair_command
 from recorder.episode.messages import VIOLATIONS
 from recorder.window.cockpit import WindowCockpit
 
@@ -111,6 +112,7 @@ def record(
         DeviceError: the device is not connected, or no window can be opened.
         EpisodeError: the episode exists already or cannot be written.
     """
+    check_episode_output(config.out, overwrite=config.overwrite)
     town = load_town(config.map)
     traffic = traffic_of_town(town, config.traffic, config.seed)
     weather = weather_of(config.weather)
@@ -150,9 +152,17 @@ def _drive(session: DriveSession, config: RecordConfig, run: Callable[[], None])
     try:
         run()
         session.finish()
-    except BaseException:
+    except BaseException as error:
         # What has been driven stays readable under its `.recording` name.
         session.listener.writer.abandon()
+        where = (
+            f"the drive until here ({session.duration_s:.1f} s) is in {recording_path(config.out)}; "
+            f"make it whole with: {repair_command(config.out)}"
+        )
+        if isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt(where) from None
+        if isinstance(error, DeviceError):
+            raise DeviceError(f"{error}; {where}") from error
         raise
     session.listener.writer.close()
     counts = session.listener.counts
@@ -185,7 +195,7 @@ def episode_header(
     """Everything that a replay needs to rebuild the drive's world."""
     versions = {name: version(name) for name in VERSIONED}
     return EpisodeHeader(
-        map_name=config.map,
+        map_name=town.name,
         map_hash=town.content_hash,
         seed=config.seed,
         catalog=catalog,

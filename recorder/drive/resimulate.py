@@ -84,6 +84,11 @@ class _Comparison:
     def on_contact(self, tick: int, contact: Contact) -> None:
         """Contacts follow from the states that are compared."""
 
+    def abandon(self) -> None:
+        """Remove what was recorded unless it is whole."""
+        if self.writer is not None:
+            self.writer.abandon()
+
     def _differs(self, tick: int, what: str) -> None:
         if self.first is None:
             self.first = (tick, what)
@@ -93,6 +98,7 @@ def resimulate(
     source: Path,
     *,
     out: Path | None = None,
+    map: str | Path | None = None,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Resimulation:
@@ -104,6 +110,7 @@ def resimulate(
     Args:
         source: The episode.
         out: Episode to write of the second drive; None: only compare.
+        map: Map of the drive, name or file; None: the town that the episode names.
         overwrite: Whether an older `out` is replaced.
         progress: Told now and then how many ticks of how many are done.
 
@@ -117,12 +124,13 @@ def resimulate(
             f"{source} was edited ({header.history[-1]}): its controls no longer lead through it; "
             "drive the original again"
         )
-    town = town_of(episode)
-    begin = None if out is None else lambda _: EpisodeWriter(out, header, overwrite=overwrite)
+    town = town_of(episode, map)
+    begin = None if out is None else lambda _: EpisodeWriter(out, header, overwrite=overwrite, keep_cut=False)
     comparison = _Comparison(episode, begin)
     with ExitStack() as stack:
         world = DrivingWorld(town, from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"))
         stack.callback(world.close)
+        stack.callback(comparison.abandon)
         _drive(world, episode, comparison, progress)
         if comparison.writer is not None:
             for event in episode.events:

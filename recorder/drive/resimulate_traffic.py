@@ -38,6 +38,7 @@ def change_traffic(
     out: Path,
     seed: int,
     *,
+    map: str | Path | None = None,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> OtherTraffic:
@@ -47,6 +48,7 @@ def change_traffic(
         source: The episode.
         out: New episode.
         seed: Seed of the new traffic.
+        map: Map of the drive, name or file; None: the town that the episode names.
         overwrite: Whether an older `out` is replaced.
         progress: Told now and then how many steps of how many are done.
 
@@ -55,7 +57,7 @@ def change_traffic(
     """
     episode = Episode.load(source)
     header = episode.header
-    town = town_of(episode)
+    town = town_of(episode, map)
     config = replace(from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"), seed=seed)
     world = TrafficWorld(town.network, config)
     contacts = _ContactCounter(world.catalog)

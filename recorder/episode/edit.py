@@ -179,7 +179,7 @@ def _write(
 ) -> None:
     waiting = sorted(events, key=lambda event: event.tick)
     later = enumerate(zip(frames, signals, strict=True))
-    with EpisodeWriter(out, header, overwrite=overwrite) as writer:
+    with EpisodeWriter(out, header, overwrite=overwrite, keep_cut=False) as writer:
         for tick, row in enumerate(rows):
             if tick % STEP_TICKS == 0 and (found := next(later, None)) is not None:
                 writer.step(found[0], *found[1])

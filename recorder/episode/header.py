@@ -24,7 +24,7 @@ class EpisodeHeader:
     """Configuration of a drive; everything but the catalogue consists of JSON values."""
 
     map_name: str
-    """Name of the town, or path of its OpenDRIVE file."""
+    """Name of the town; never a path, which only a user may give."""
     map_hash: str = ""
     """Content hash of the town, so that a replay refuses a changed map."""
     seed: int = 0

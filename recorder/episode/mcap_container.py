@@ -98,12 +98,12 @@ class ContainerWriter:
 
     def add_message(self, channel: int, stamp_ns: int, payload: bytes) -> None:
         """Append a message to the open chunk."""
-        self._index.setdefault(channel, []).append((stamp_ns, len(self._buffer)))
         size = _MESSAGE.size - _RECORD.size + len(payload)
-        self._buffer += _MESSAGE.pack(
-            Opcode.MESSAGE, size, channel, self._counts[channel], stamp_ns, stamp_ns
-        )
-        self._buffer += payload
+        head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, self._counts[channel], stamp_ns, stamp_ns)
+        offset = len(self._buffer)
+        # In one piece: a Ctrl-C comes before it or after it.
+        self._buffer += head + payload
+        self._index.setdefault(channel, []).append((stamp_ns, offset))
         self._counts[channel] += 1
 
     def close_chunk(self) -> None:
@@ -128,24 +128,29 @@ class ContainerWriter:
         for channel, entries in self._index.items():
             offsets[channel] = self._offset + len(chunk) + len(indices)
             indices += _encoded(MessageIndex(channel_id=channel, records=entries))
-        self._chunks.append(
-            ChunkIndex(
-                chunk_start_offset=self._offset,
-                chunk_length=len(chunk),
-                message_start_time=first,
-                message_end_time=last,
-                message_index_offsets=offsets,
-                message_index_length=len(indices),
-                compression="zstd",
-                compressed_size=len(data),
-                uncompressed_size=len(self._buffer),
-            )
+        entry = ChunkIndex(
+            chunk_start_offset=self._offset,
+            chunk_length=len(chunk),
+            message_start_time=first,
+            message_end_time=last,
+            message_index_offsets=offsets,
+            message_index_length=len(indices),
+            compression="zstd",
+            compressed_size=len(data),
+            uncompressed_size=len(self._buffer),
         )
-        self._append(chunk + indices)
+        begin, buffer, index = self._offset, self._buffer, self._index
+        try:
+            self._buffer, self._index = bytearray(), {}
+            self._append(chunk + indices)
+        except BaseException:
+            # A Ctrl-C may come at any line: what is on the disk is not written again, what is not is kept.
+            if self._offset == begin:
+                self._buffer, self._index = buffer, index
+            raise
+        self._chunks.append(entry)
         if self._durable:
             os.fsync(self._file.fileno())
-        self._buffer.clear()
-        self._index.clear()
 
     def finish(self) -> None:
         """Close the chunk, write the summary and close the file."""
@@ -179,15 +184,16 @@ class ContainerWriter:
         return [*self._schemas, *self._channels, statistics, *self._chunks, *self._metadata]
 
     def _append(self, data: bytes) -> None:
-        view = memoryview(data)
+        view, end = memoryview(data), self._offset + len(data)
         try:
             while view:
                 view = view[self._file.write(view) :]
-        except OSError:
-            # A full disk may have taken half a record; without it the file stays readable.
+            self._offset = end
+        except BaseException:
+            # A full disk or a Ctrl-C may have left half a record; without it the file stays readable.
             os.ftruncate(self._file.fileno(), self._offset)
+            self._file.seek(self._offset)
             raise
-        self._offset += len(data)
 
 
 @dataclass(slots=True)

@@ -32,7 +32,13 @@ class EpisodeWriter:
     """
 
     def __init__(
-        self, path: str | Path, header: EpisodeHeader, *, overwrite: bool = False, durable: bool = True
+        self,
+        path: str | Path,
+        header: EpisodeHeader,
+        *,
+        overwrite: bool = False,
+        durable: bool = True,
+        keep_cut: bool = True,
     ) -> None:
         """Create the file.
 
@@ -42,6 +48,8 @@ class EpisodeWriter:
             overwrite: Whether an older episode of this name is replaced (when the new one is closed).
             durable: Wait for the disk at every flush, so that even a power cut loses no more than the
                 last second.
+            keep_cut: Whether what was written stays, as a `.recording`, when it is cut off. A drive must; an
+                edit of other episodes can be made again.
 
         Raises:
             OutputError: the name is taken, or a recording that was cut off waits under it.
@@ -49,7 +57,8 @@ class EpisodeWriter:
         """
         self.path = Path(path)
         self.header = header
-        self._part = recording_path(self.path)
+        self._keep_cut = keep_cut
+        self._part = recording_path(self.path) if keep_cut else self.path.with_name(f".{self.path.name}.part")
         self._next_tick = self._next_step = 0
         self._signal_count: int | None = None
         self._flushed_ns = 0
@@ -57,6 +66,8 @@ class EpisodeWriter:
         check_episode_output(self.path, overwrite=overwrite)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
+            if not keep_cut:
+                self._part.unlink(missing_ok=True)
             self._file = ContainerWriter(self._part, durable=durable)
             self._file.add_metadata(HEADER_RECORD, header.to_metadata())
         except OSError as error:
@@ -122,10 +133,9 @@ class EpisodeWriter:
         except OSError as error:
             self._open = False
             self._file.abandon()
-            raise EpisodeError(
-                f"cannot go on recording to {self._part}: {error.strerror}; "
-                f"the drive until a second ago is safe there; make it whole with: {repair_command(self.path)}"
-            ) from error
+            safe = "the drive until a second ago is safe there; make it whole with: "
+            kept = f"; {safe}{repair_command(self.path)}" if self._keep_cut else ""
+            raise EpisodeError(f"cannot go on recording to {self._part}: {error.strerror}{kept}") from error
         self._flushed_at_s = time.monotonic()
 
     @property
@@ -153,11 +163,14 @@ class EpisodeWriter:
             raise EpisodeError(f"cannot complete {self._part}: {error.strerror}") from error
 
     def abandon(self) -> None:
-        """Put everything on the disk and leave the file under its `.recording` name."""
-        if self._open:
+        """Put everything on the disk and leave the file under its `.recording` name, or remove it."""
+        if self._open and self._keep_cut:
             self.flush()
+        if self._open:
             self._open = False
             self._file.abandon()
+        if not self._keep_cut:
+            self._part.unlink(missing_ok=True)
 
     def _add(self, channel: int, stamp: int, payload: bytes) -> None:
         if not self._open:

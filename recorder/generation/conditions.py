@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.names import check_name
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.episode.traffic_level import TrafficLevel, traffic_level
 
@@ -21,6 +22,10 @@ class Condition:
     """Parameters of the weather, or a schedule."""
     traffic: TrafficLevel
     """Fraction of the traffic."""
+
+    def __post_init__(self) -> None:
+        check_name("weather", self.weather_name)
+        check_name("traffic level", self.traffic.name)
 
     @property
     def name(self) -> str:

@@ -13,7 +13,7 @@ import yaml
 from carlaloc_env.core.config_mapping import to_mapping
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.town.build import TownId
+from carlaloc_env.town.sources import TownId
 from recorder.episode.episode import Episode
 
 FILE_NAME = "dataset.yaml"

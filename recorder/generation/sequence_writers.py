@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.clock import TICK_NS
-from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.output_paths import path_below
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events, Sample
 from carlaloc_env.sensors.camera.config import CameraConfig
@@ -59,7 +59,7 @@ class _WriterContext:
 
 def _rosbag1(m: _WriterContext) -> Writer:
     """ROS 1 bag."""
-    target = m.folder / f"{m.name}.bag"
+    target = path_below(m.folder, f"{m.name}.bag")
     return Rosbag1Writer(target, m.calibration, profile=m.topics, streams=m.streams)
 
 
@@ -71,7 +71,7 @@ def _euroc(m: _WriterContext) -> Writer:
 def _dsec(m: _WriterContext) -> list[Writer]:
     """DSEC's HDF5 file of events for each event camera."""
     streams = [stream for stream in m.streams if stream.startswith("events_")]
-    return [DsecWriter(m.folder / f"{stream}.h5", stream=stream) for stream in streams]
+    return [DsecWriter(path_below(m.folder, f"{stream}.h5"), stream=stream) for stream in streams]
 
 
 FORMATS: dict[str, Callable[[_WriterContext], Writer | list[Writer]]] = {
@@ -100,17 +100,6 @@ def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> Se
         for config in rig.sensors
     )
     return replace(rig, sensors=sensors)
-
-
-def check_formats(formats: Sequence[str]) -> None:
-    """Refuse unknown formats.
-
-    Raises:
-        ConfigError: a format is unknown; the message names the nearest.
-    """
-    for name in formats:
-        if name not in FORMATS:
-            raise ConfigError(unknown_name("format", name, FORMATS))
 
 
 class WriterGroup:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
 from typing import TypeVar
 
 from carlaloc_env.core.errors import CarlaLocError
@@ -65,6 +68,11 @@ def run_jobs(
 
 
 def _child(connection: Connection, work: Work[Job, Result], k: int, job: Job) -> None:
+    # A Ctrl-C reaches all processes of a terminal: the parent decides. Without a parent nobody would.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     try:
         result = work(job, lambda done: connection.send(("progress", k, done)))
         connection.send(("result", k, result))
@@ -72,6 +80,12 @@ def _child(connection: Connection, work: Work[Job, Result], k: int, job: Job) ->
         connection.send(("error", k, error))
     finally:
         connection.close()
+
+
+def _end_with(parent: BaseProcess) -> None:
+    """End this process as soon as its parent has ended, however that came."""
+    parent.join()
+    os._exit(1)
 
 
 def _receive(

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from carlaloc_env.town.build import known_towns
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.town.sources import known_towns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

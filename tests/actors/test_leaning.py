@@ -9,9 +9,9 @@ import pytest
 
 from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
-from carlaloc_env.town.build import find_town
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 

@@ -15,7 +15,7 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.cli.list import KINDS
 from recorder.cli.main import COMMANDS, main
 from recorder.devices.registry import DEVICES
-from recorder.generation.sequence_writers import check_formats
+from recorder.generation.replay_plan import check_formats
 from recorder.writers.topics import profile_by_name
 
 NAMED_BY = {"weathers": weather_by_name, "rigs": rig_by_name, "topics": profile_by_name}

@@ -31,6 +31,7 @@ VALUES = (
     kinds.seconds,
     kinds.positive_seconds,
     kinds.positive_int,
+    kinds.seed,
     kinds.number_or_search,
 )
 

@@ -8,14 +8,15 @@ import pytest
 from shared_fixtures.episodes import write_drive
 
 from carlaloc_env.core.errors import EpisodeError, MapError
-from carlaloc_env.town.build import find_town, identify_town
+from carlaloc_env.town.sources import find_town, identify_town
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
 from recorder.episode.town import town_id_of, town_of
 
 
 @pytest.fixture
-def town(tmp_path: Path) -> Path:
-    """A copy of Town01 that may be changed."""
+def town(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of Town01 that may be changed, known by its name."""
+    monkeypatch.setenv("CARLALOC_MAPS", str(tmp_path / "maps"))
     source, folder = find_town("Town01"), tmp_path / "maps" / "Mine"
     folder.mkdir(parents=True)
     for name in ("town.xodr", "town.toml"):
@@ -24,7 +25,7 @@ def town(tmp_path: Path) -> Path:
 
 
 def drive_in(town: Path, path: Path) -> Episode:
-    header = EpisodeHeader(map_name=str(town), map_hash=identify_town(town).content_hash)
+    header = EpisodeHeader(map_name=town.name, map_hash=identify_town(town).content_hash)
     with EpisodeWriter(path, header) as writer:
         write_drive(writer, 11, 0)
     return Episode.load(path)
@@ -55,5 +56,7 @@ def test_a_changed_map_is_refused(town: Path, tmp_path: Path, changed: str) -> N
 def test_a_town_that_is_gone_is_a_named_error(town: Path, tmp_path: Path) -> None:
     episode = drive_in(town, tmp_path / "a.mcap")
     (town / "town.xodr").unlink()
-    with pytest.raises(MapError):
+    with pytest.raises(EpisodeError, match=r"no town .Mine.*--map"):
         town_id_of(episode)
+    with pytest.raises(MapError, match="no file"):
+        town_id_of(episode, town / "town.xodr")

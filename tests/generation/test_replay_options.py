@@ -11,6 +11,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera.config import CameraConfig
 from recorder.cli import replay as command
+from recorder.generation import replay_plan, sequence_writers
 from recorder.generation.replay import ReplayConfig, rig_of
 
 
@@ -45,3 +46,8 @@ def test_the_command_line_knows_them() -> None:
     arguments = parser.parse_args(["a.mcap", "--out", "out", "--lens-drops", "--leaf-wind", "6.5"])
     assert arguments.lens_drops
     assert arguments.leaf_wind == 6.5
+
+
+def test_every_named_format_has_its_writer() -> None:
+    """Names stand apart from writers, so that a wrong one is told before these are imported."""
+    assert tuple(sequence_writers.FORMATS) == replay_plan.FORMATS

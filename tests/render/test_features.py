@@ -22,7 +22,8 @@ from carlaloc_env.scene.mesh import Instances
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.snapshot import Snapshot
-from carlaloc_env.town.build import known_towns, load_town
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import PRESETS
 

@@ -16,7 +16,8 @@ from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting import night_lighting as night
 from carlaloc_env.render.lighting import tiled_lights
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, sky_light
-from carlaloc_env.render.renderer import QUALITIES, SceneRenderer
+from carlaloc_env.render.qualities import QUALITIES
+from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

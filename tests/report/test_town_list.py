@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from carlaloc_env.town.build import find_town
 from carlaloc_env.town.checks.report import check_map
+from carlaloc_env.town.sources import find_town
 from recorder.report.town_list import list_towns
 
 

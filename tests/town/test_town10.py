@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import shapely
 
-from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import plan_route
+from carlaloc_env.town.sources import find_town
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town10"
 

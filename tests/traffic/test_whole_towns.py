@@ -16,10 +16,10 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
-from carlaloc_env.town.build import find_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.signals import SignalTiming
 from carlaloc_env.traffic.traffic_tables import TrafficTables

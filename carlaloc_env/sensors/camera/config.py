@@ -12,7 +12,7 @@ from carlaloc_env.scene.semantic_tags import TAG_TABLES
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.event_camera.config import EventConfig
 from carlaloc_env.sensors.imaging.imager import ImagerConfig
-from carlaloc_env.sensors.imaging.shutter import ShutterConfig
+from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
 
 OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
 """What a camera can give; stream names are ``<output>_<name>``."""

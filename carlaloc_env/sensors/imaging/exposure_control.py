@@ -13,7 +13,8 @@ from carlaloc_env.sensors.imaging.frame import Frame, Optics
 from carlaloc_env.sensors.imaging.frame_motion import FrameGeometry, FrameMotion, motion_between
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses
-from carlaloc_env.sensors.imaging.shutter import ShutterConfig, exposed, picked
+from carlaloc_env.sensors.imaging.shutter import exposed, picked
+from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
 from carlaloc_env.sensors.imaging.state_chain import Chain
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.weather.schedule import Weather

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
@@ -105,6 +104,9 @@ class GaussMarkov:
 
     def _walk(self, block: int) -> Array:
         drive = self._gain * self._steps.block(block)
+        # Here, since scipy.signal takes a second to import, and rigs are read without it.
+        from scipy.signal import lfilter
+
         values, _ = lfilter([1.0], [1.0, -self._phi], drive, axis=0, zi=self._phi * self._ends[block][None])
         result: Array = values
         return result

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from carlaloc_env.core.output_paths import path_below
 from recorder.writers.base import write_text
 from recorder.writers.calibration.fast_lio import fast_lio_yaml
 from recorder.writers.calibration.kalibr import camchain_yaml, imu_yaml
@@ -36,7 +37,7 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
         WriterError: a file exists or cannot be written.
     """
     texts = calibration_texts(rig, profile_by_name(profile))
-    return [write_text(Path(folder) / name, text) for name, text in texts.items()]
+    return [write_text(path_below(folder, name), text) for name, text in texts.items()]
 
 
 def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from carlaloc_env.core.output_paths import path_below
 from carlaloc_env.timeline.ego_spline import Motion
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.evaluation.trajectory_files import tum_text
@@ -49,6 +50,6 @@ def write_truth(
     """
     motion = timeline.ego_motion(stamps_ns)
     return [
-        write_tum(Path(folder) / f"{name}.tum", motion.at_mount(T_base_frame), epoch_ns=epoch_ns)
+        write_tum(path_below(folder, f"{name}.tum"), motion.at_mount(T_base_frame), epoch_ns=epoch_ns)
         for name, T_base_frame in frames.items()
     ]

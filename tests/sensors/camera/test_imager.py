@@ -21,7 +21,8 @@ from carlaloc_env.sensors.imaging.frame_motion import FrameMotion
 from carlaloc_env.sensors.imaging.imager import Imager, ImagerConfig
 from carlaloc_env.sensors.imaging.motion_field import ScenePoses, motion_field
 from carlaloc_env.sensors.imaging.occluders import passing_surfaces
-from carlaloc_env.sensors.imaging.shutter import ShutterConfig, exposed, picked
+from carlaloc_env.sensors.imaging.shutter import exposed, picked
+from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
 from carlaloc_env.weather.parameters import PRESETS
 
 STEP_NS = 50_000_000

@@ -12,12 +12,13 @@ from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import LEGACY_PALETTE_RGB, Tag, tags_in
-from carlaloc_env.town.build import known_towns, load_town
+from carlaloc_env.town.build import load_town
 from carlaloc_env.town.buildings.building_lots import place_lots
 from carlaloc_env.town.ground.land_raster import CELL_M, Raster
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
 from carlaloc_env.town.ground.terrain import zone_areas
+from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
 
 WALLS = (

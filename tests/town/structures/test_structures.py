@@ -14,7 +14,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.build import known_towns, load_town
+from carlaloc_env.town.build import load_town
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid, JunctionField
@@ -27,6 +27,7 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import strip_polygon
 from carlaloc_env.town.roads.gore_hatching import gore_bars
 from carlaloc_env.town.scenery import Scenery, build_scenery
+from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.structures.overhead_lines import catenary_m
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")

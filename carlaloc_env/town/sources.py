@@ -1,0 +1,100 @@
+"""Where maps lie and which one a name means; light, so that mistakes are told before anything is built."""
+
+from __future__ import annotations
+
+import importlib.resources
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from carlaloc_env.core.array_cache import content_hash
+from carlaloc_env.core.errors import MapError, unknown_name
+from carlaloc_env.core.names import check_name
+
+BUILDER_VERSION = 1
+"""Raised whenever the same map gives another town, so that cached towns are built again."""
+ALIASES = {"Town10HD": "Town10"}
+"""Other names of towns."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TownId:
+    """A town that has not been built."""
+
+    name: str
+    """Name of the town."""
+    content_hash: str
+    """Hash of its map, its configuration and the version of the builder."""
+    source: Path
+    """Its OpenDRIVE file."""
+    toml: Path | None
+    """Its settings, if it has some."""
+
+
+def find_town(name: str) -> Path:
+    """OpenDRIVE file of a town in `$CARLALOC_MAPS` or among the installed maps.
+
+    Raises:
+        MapError: There is no such town; the message names the nearest one.
+    """
+    wanted = ALIASES.get(name, name)
+    known = known_towns()
+    for town, path in known.items():
+        if town.lower() == wanted.lower():
+            return path
+    raise MapError(unknown_name("town", name, known))
+
+
+def known_towns() -> dict[str, Path]:
+    """OpenDRIVE files of all towns in `$CARLALOC_MAPS` and among the installed maps, by name."""
+    found: dict[str, Path] = {}
+    for folder in _map_folders():
+        for town in sorted(folder.iterdir()):
+            if (town / "town.xodr").is_file():
+                found.setdefault(town.name, town / "town.xodr")
+    return found
+
+
+def identify_town(name_or_path: str | Path) -> TownId:
+    """A town by name or OpenDRIVE file.
+
+    Args:
+        name_or_path: Name of a folder in `maps`, or an .xodr file, beside which a `town.toml` may lie.
+
+    Raises:
+        MapError: The town is unknown or its file cannot be read.
+        ConfigError: Its file's or folder's name cannot be a town's.
+    """
+    source = _source(name_or_path)
+    beside = source.with_name("town.toml")
+    toml = beside if source.name == "town.xodr" and beside.is_file() else None
+    name = source.absolute().parent.name if source.name == "town.xodr" else source.stem
+    try:
+        parts = (source.read_bytes(), toml.read_bytes() if toml is not None else b"")
+    except OSError as error:
+        raise MapError(f"cannot read {error.filename}: {error.strerror}; give another map") from error
+    return TownId(
+        name=check_name("town", name),
+        content_hash=content_hash(str(BUILDER_VERSION).encode(), *parts),
+        source=source,
+        toml=toml,
+    )
+
+
+def _source(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.suffix == ".xodr":
+        if not path.is_file():
+            raise MapError(
+                f"there is no file {path}; give the path of an OpenDRIVE file or the name of a town"
+            )
+        return path
+    if path.is_dir() and (path / "town.xodr").is_file():
+        return path / "town.xodr"
+    return find_town(str(name_or_path))
+
+
+def _map_folders() -> list[Path]:
+    folders = [Path(entry) for entry in os.environ.get("CARLALOC_MAPS", "").split(os.pathsep) if entry]
+    folders.append(Path(str(importlib.resources.files("carlaloc_env.maps"))))
+    return [folder for folder in folders if folder.is_dir()]
