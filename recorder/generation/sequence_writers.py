@@ -23,10 +23,12 @@ from recorder.writers.calibration.files import write_calibration
 from recorder.writers.formats.dsec import DsecWriter
 from recorder.writers.formats.euroc import EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv
+from recorder.writers.formats.kitti import KittiWriter
 from recorder.writers.formats.preview_video import PreviewWriter
 from recorder.writers.formats.tum import write_truth
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Rosbag2Writer
 from recorder.writers.topics import profile_by_name
 
 
@@ -63,9 +65,26 @@ def _rosbag1(m: _WriterContext) -> Writer:
     return Rosbag1Writer(target, m.calibration, profile=m.topics, streams=m.streams)
 
 
+def _rosbag2(m: _WriterContext) -> Writer:
+    """ROS 2 bag, MCAP with zstd chunks."""
+    return Rosbag2Writer(m.folder / f"{m.name}_ros2", m.calibration, profile=m.topics, streams=m.streams)
+
+
+def _rosbag2_sqlite3(m: _WriterContext) -> Writer:
+    """ROS 2 bag, SQLite."""
+    return Rosbag2Writer(
+        m.folder / f"{m.name}_sqlite3", m.calibration, storage="sqlite3", profile=m.topics, streams=m.streams
+    )
+
+
 def _euroc(m: _WriterContext) -> Writer:
     """EuRoC (ASL) folder mav0: grey images, IMU, true states."""
     return EurocWriter(m.folder / "mav0", m.calibration, biases=m.imu.bias if m.imu else None)
+
+
+def _kitti(m: _WriterContext) -> Writer:
+    """KITTI odometry and SemanticKITTI, with labels of what moves."""
+    return KittiWriter(m.folder / "kitti", m.calibration)
 
 
 def _dsec(m: _WriterContext) -> list[Writer]:
@@ -76,7 +95,10 @@ def _dsec(m: _WriterContext) -> list[Writer]:
 
 FORMATS: dict[str, Callable[[_WriterContext], Writer | list[Writer]]] = {
     "rosbag1": _rosbag1,
+    "rosbag2": _rosbag2,
+    "rosbag2_sqlite3": _rosbag2_sqlite3,
     "euroc": _euroc,
+    "kitti": _kitti,
     "dsec": _dsec,
 }
 """Dataset formats by name."""

@@ -1,0 +1,178 @@
+"""KITTI's odometry layout with SemanticKITTI's labels: one sequence in one folder.
+
+``velodyne/%06d.bin`` (x, y, z, remission as float32), ``labels/%06d.label``, ``image_2`` and ``image_3``,
+``poses.txt`` (of the left camera, relative to its first), ``calib.txt``, ``times.txt``
+(Geiger et al., CVPR 2012; semantic-kitti-api's README). As there, points lie where they were seen at the
+time of the frame: each is moved from its own time to the beginning of its sweep, by the exact motion.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from pathlib import Path
+from typing import TextIO
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import transforms
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+from recorder.writers.formats.kitti_labels import MOVING_FROM_MPS, semantic_kitti_labels
+from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
+
+T_LIDAR_CAMERA_AXES: Array = np.array(
+    [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+"""A camera's axes (right, down, forward) at the LiDAR, for rigs without a camera."""
+_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+
+
+class KittiWriter(Writer):
+    """Clouds, their labels, the images of the same instants, and truth; a frame is a LiDAR sweep."""
+
+    def __init__(
+        self, target: str | Path, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS
+    ) -> None:
+        """Prepare a folder.
+
+        Args:
+            target: The folder of the sequence.
+            calibration: The rig; it must have a LiDAR.
+            epoch_ns: Unix time of the drive's beginning [ns].
+
+        Raises:
+            WriterError: the rig has no LiDAR.
+        """
+        super().__init__(target, epoch_ns=epoch_ns)
+        if calibration.lidar is None:
+            raise WriterError("the KITTI format needs a LiDAR; add one to the rig")
+        self._calibration = calibration
+        self._lidar = calibration.lidar
+        self._images = {camera.stream: f"image_{2 + k}" for k, camera in enumerate(calibration.cameras[:2])}
+        self._poses: deque[Odometry] = deque()
+        self._waiting: deque[tuple[PointCloud, NDArray[np.uint32]]] = deque()
+        self._moving = np.zeros(0, np.uint32)
+        self._frames: dict[int, int] = {}
+        self._T_first: Array | None = None
+        self._tables: dict[str, TextIO] = {}
+
+    @property
+    def _T_base_camera(self) -> Array:
+        """Mount of the left camera; without one, a camera's axes at the LiDAR."""
+        if self._calibration.cameras:
+            return self._calibration.cameras[0].T_base_camera
+        return self._lidar.T_base_lidar @ T_LIDAR_CAMERA_AXES
+
+    def _begin(self, part: Path) -> None:
+        for folder in ("velodyne", "labels", *self._images.values()):
+            (part / folder).mkdir(parents=True)
+        (part / "calib.txt").write_text(self._calib(), encoding="utf-8")
+        for name in ("times.txt", "poses.txt"):
+            self._tables[name] = (part / name).open("x", encoding="utf-8")
+
+    def _put(self, sample: Sample) -> None:
+        if isinstance(sample, ObjectList):
+            speed = np.linalg.norm(sample.velocity_mps, axis=1)
+            self._moving = sample.id[speed > MOVING_FROM_MPS]
+        elif isinstance(sample, Odometry) and sample.frame_id == BASE_FRAME:
+            self._poses.append(sample)
+            self._flush(sample.stamp_ns)
+        elif isinstance(sample, PointCloud) and sample.frame_id == self._lidar.name:
+            if sample.tag is None:
+                # The plain cloud; the same points come with labels.
+                return
+            self._frames[sample.stamp_ns] = len(self._frames)
+            self._waiting.append((sample, self._moving))
+        elif isinstance(sample, Image) and sample.sensor in self._images:
+            self._put_image(sample)
+
+    def _put_image(self, sample: Image) -> None:
+        if sample.stamp_ns not in self._frames:
+            # Of an instant at which no sweep begins; KITTI has no place for it.
+            return
+        name = f"{self._frames[sample.stamp_ns]:06d}.png"
+        done, png = cv2.imencode(".png", cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), _PNG)
+        if not done:
+            raise WriterError(f"OpenCV cannot write {name} as PNG; install opencv-python-headless again")
+        (self._part / self._images[sample.sensor] / name).write_bytes(png.tobytes())
+
+    def _flush(self, known_ns: int) -> None:
+        """Write the clouds whose whole sweep lies before a time [ns]."""
+        while self._waiting and self._waiting[0][0].stamp_ns + self._waiting[0][0].sweep_ns <= known_ns:
+            cloud, moving = self._waiting.popleft()
+            while len(self._poses) > 1 and self._poses[1].stamp_ns <= cloud.stamp_ns:
+                self._poses.popleft()
+            self._put_cloud(cloud, moving)
+
+    def _put_cloud(self, cloud: PointCloud, moving: NDArray[np.uint32]) -> None:
+        frame = self._frames[cloud.stamp_ns]
+        position, quat = self._base_at(cloud.stamp_ns + cloud.offset_ns.astype(np.int64))
+        start_position, start_quat = (row[0] for row in self._base_at(np.array([cloud.stamp_ns])))
+        T_world_base = np.eye(4)
+        T_world_base[:3, :3], T_world_base[:3, 3] = transforms.quat_to_matrix(start_quat), start_position
+        T_base_lidar = self._lidar.T_base_lidar
+        in_base = transforms.apply(T_base_lidar, cloud.points_xyz_m.astype(np.float64))
+        in_world = transforms.quat_rotate(quat, in_base) + position
+        in_lidar = transforms.apply(np.linalg.inv(T_world_base @ T_base_lidar), in_world)
+        rows = np.empty((len(in_lidar), 4), "<f4")
+        rows[:, :3], rows[:, 3] = in_lidar, cloud.intensity / np.float32(255.0)
+        (self._part / "velodyne" / f"{frame:06d}.bin").write_bytes(rows.tobytes())
+        assert cloud.tag is not None
+        assert cloud.instance is not None
+        labels = semantic_kitti_labels(cloud.tag, cloud.instance, moving)
+        (self._part / "labels" / f"{frame:06d}.label").write_bytes(labels.astype("<u4").tobytes())
+        T_world_camera = T_world_base @ self._T_base_camera
+        if self._T_first is None:
+            self._T_first = T_world_camera
+        T_first_camera = np.linalg.inv(self._T_first) @ T_world_camera
+        self._tables["poses.txt"].write(_numbers(T_first_camera[:3]) + "\n")
+        self._tables["times.txt"].write(f"{cloud.stamp_ns / 1e9:.6e}\n")
+
+    def _base_at(self, stamp_ns: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Position [m] and attitude of `base_link` at times [ns], shapes (N, 3) and (N, 4)."""
+        times = np.array([pose.stamp_ns for pose in self._poses])
+        positions = np.stack([pose.position_m for pose in self._poses])
+        quats = np.stack([pose.quat_xyzw for pose in self._poses])
+        after = np.clip(np.searchsorted(times, stamp_ns, side="right"), 1, len(times) - 1)
+        fraction = (stamp_ns - times[after - 1]) / (times[after] - times[after - 1])
+        position = positions[after - 1] + fraction[:, None] * (positions[after] - positions[after - 1])
+        return position, transforms.quat_slerp(quats[after - 1], quats[after], fraction)
+
+    def _calib(self) -> str:
+        """Projections of the cameras, relative to the left one, and the LiDAR's place in it."""
+        T_camera_base = np.linalg.inv(self._T_base_camera)
+        lines = []
+        for k in range(4):
+            cameras = self._calibration.cameras
+            camera = cameras[k - 2] if 2 <= k < 2 + len(cameras) else (cameras[0] if cameras else None)
+            P = np.eye(3, 4)
+            if camera is not None:
+                p = camera.pinhole
+                K = np.array([[p.fx_px, 0.0, p.cx_px], [0.0, p.fy_px, p.cy_px], [0.0, 0.0, 1.0]])
+                T_camera_left = np.linalg.inv(camera.T_base_camera) @ self._T_base_camera
+                P = K @ T_camera_left[:3]
+            lines.append(f"P{k}: {_numbers(P)}")
+        lines.append(f"Tr: {_numbers((T_camera_base @ self._lidar.T_base_lidar)[:3])}")
+        return "\n".join(lines) + "\n"
+
+    def _finish(self) -> None:
+        # The last sweep may end after the last pose; a frame without truth is none.
+        for cloud, _ in self._waiting:
+            name = f"{self._frames[cloud.stamp_ns]:06d}.png"
+            for folder in self._images.values():
+                (self._part / folder / name).unlink(missing_ok=True)
+        self._waiting.clear()
+        for table in self._tables.values():
+            table.close()
+
+    def _drop(self) -> None:
+        for table in self._tables.values():
+            table.close()
+
+
+def _numbers(values: Array) -> str:
+    return " ".join(f"{value:.12e}" for value in np.asarray(values).reshape(-1).tolist())

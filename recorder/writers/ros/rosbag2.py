@@ -1,0 +1,127 @@
+"""ROS 2 bags, written without ROS: MCAP with zstd chunks, or SQLite."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Literal
+
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as BagFile
+from rosbags.typesys import Stores
+
+from carlaloc_env.core.errors import WriterError, unknown_name
+from carlaloc_env.samples import Events
+from recorder.writers.base import DEFAULT_EPOCH_NS
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.ros.bag_writer import BagWriter
+from recorder.writers.ros.event_messages import cdr_with_events
+from recorder.writers.ros.message_parts import Message
+
+STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
+"""Ways to store a bag."""
+_VERSION: Literal[9] = 9
+"""Version of ``metadata.yaml``: ROS 2 Jazzy's, which Humble and Iron read too."""
+_FOREVER = QosTime(9223372036, 854775807)
+
+
+def _qos(*, latched: bool) -> Qos:
+    """Quality of service: reliable; what is latched goes to late subscribers too."""
+    return Qos(
+        history=QosHistory.KEEP_LAST,
+        depth=1 if latched else 10,
+        reliability=QosReliability.RELIABLE,
+        durability=QosDurability.TRANSIENT_LOCAL if latched else QosDurability.VOLATILE,
+        deadline=_FOREVER,
+        lifespan=_FOREVER,
+        liveliness=QosLiveliness.AUTOMATIC,
+        liveliness_lease_duration=_FOREVER,
+        avoid_ros_namespace_conventions=False,
+    )
+
+
+class Rosbag2Writer(BagWriter):
+    """One folder with ``metadata.yaml`` and the messages, with all definitions inside."""
+
+    def __init__(
+        self,
+        target: str | Path,
+        calibration: RigCalibration,
+        *,
+        storage: str = "mcap",
+        profile: str = "standard",
+        streams: Collection[str] | None = None,
+        about: Mapping[str, str] | None = None,
+        epoch_ns: int = DEFAULT_EPOCH_NS,
+    ) -> None:
+        """Prepare a bag.
+
+        Args:
+            target: Folder of the bag.
+            calibration: Where the sensors sit, and the cameras' intrinsics.
+            storage: One of `STORAGES`.
+            profile: Name of a topic profile.
+            streams: All streams that will come, see `BagWriter`.
+            about: Texts by name that go into the bag's metadata, e.g. conditions and calibration.
+            epoch_ns: Unix time of the drive's beginning [ns].
+
+        Raises:
+            WriterError: a name is unknown or the epoch is not positive.
+        """
+        super().__init__(
+            target, calibration, store=Stores.ROS2_HUMBLE, profile=profile, streams=streams, epoch_ns=epoch_ns
+        )
+        if storage not in STORAGES:
+            raise WriterError(unknown_name("storage of a bag", storage, STORAGES))
+        self._storage = STORAGES[storage]
+        self._about = dict(about or {})
+        self._connections: dict[str, Connection] = {}
+
+    def _begin(self, part: Path) -> None:
+        part.mkdir(parents=True)
+        # The library names files after the folder, which has another name until it is whole.
+        self._bag = BagFile(part / self.target.name, version=_VERSION, storage_plugin=self._storage)
+        if self._storage == StoragePlugin.MCAP:
+            self._bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        for name, text in self._about.items():
+            self._bag.set_custom_data(name, text)
+        self._bag.open()
+
+    def _add(
+        self,
+        topic: str,
+        type_name: str,
+        stamp_ns: int,
+        message: Message,
+        *,
+        latched: bool = False,
+        events: Events | None = None,
+    ) -> None:
+        if topic not in self._connections:
+            self._connections[topic] = self._bag.add_connection(
+                topic, type_name, typestore=self._typestore, offered_qos_profiles=[_qos(latched=latched)]
+            )
+        data = bytes(self._typestore.serialize_cdr(message, type_name))
+        if events is not None:
+            data = cdr_with_events(data, events, self.epoch_ns)
+        self._bag.write(self._connections[topic], self.unix_ns(stamp_ns), data)
+
+    def _finish(self) -> None:
+        self._bag.close()
+        inner = self._part / self.target.name
+        for path in inner.iterdir():
+            path.rename(self._part / path.name)
+        inner.rmdir()
+
+    def _drop(self) -> None:
+        if self._bag.storage is not None:
+            self._bag.storage.abort()
