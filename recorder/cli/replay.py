@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=names,
         default=("rosbag1", "euroc"),
         metavar="A,B",
-        help="rosbag1, euroc, dsec (default: rosbag1,euroc)",
+        help="rosbag1, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec (default: rosbag1,euroc)",
     )
     parser.add_argument(
         "--topics", default="standard", help="topic profile of bags: standard, slam, paper or full"

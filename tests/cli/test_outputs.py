@@ -33,6 +33,7 @@ VALUES = (
     kinds.positive_int,
     kinds.seed,
     kinds.number_or_search,
+    kinds.seed,
 )
 
 Capture = pytest.CaptureFixture[str]

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores
 
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
@@ -17,6 +18,9 @@ from recorder.generation.sequence_writers import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.formats.dsec import DsecWriter
 from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.ros.event_messages import cdr_with_events
+from recorder.writers.ros.message_parts import make_typestore
+from recorder.writers.ros.messages import MessageMaker
 from recorder.writers.ros.rosbag1 import Rosbag1Writer
 
 PERIOD_NS = 50_000_000
@@ -101,6 +105,22 @@ def test_bag_holds_dvs_msgs_event_arrays(tmp_path: Path) -> None:
         for event, row in list(zip(read.events, one.events, strict=True))[::97]:
             unix_ns = event.ts.sec * 10**9 + event.ts.nanosec
             assert (unix_ns - DEFAULT_EPOCH_NS, event.x, event.y, event.polarity) == tuple(row)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+def test_packed_cdr_is_what_a_serialiser_writes(count: int) -> None:
+    typestore = make_typestore(Stores.ROS2_HUMBLE)
+    maker = MessageMaker(typestore, epoch_ns=DEFAULT_EPOCH_NS, pinholes={})
+    sample = batch(3, count)
+    empty = maker.make("event_array", sample, "/camera/left/events")
+    rows = [
+        maker.new("dvs_msgs/Event", x=int(x), y=int(y), ts=maker.time(int(t)), polarity=bool(p))
+        for t, x, y, p in sample.events
+    ]
+    full = maker.new("dvs_msgs/EventArray", header=empty.header, height=720, width=1280, events=rows)
+    kind = "dvs_msgs/msg/EventArray"
+    packed = cdr_with_events(bytes(typestore.serialize_cdr(empty, kind)), sample, DEFAULT_EPOCH_NS)
+    assert packed == bytes(typestore.serialize_cdr(full, kind))
 
 
 @pytest.mark.parametrize(
