@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import ConfigError
 
 WGS84_A_M = 6378137.0
 """Semi-major axis [m] (NIMA TR8350.2)."""
@@ -28,6 +30,14 @@ class GeoReference:
     """Longitude of the origin [deg]."""
     height_m: float = 0.0
     """Height of the origin above the WGS84 ellipsoid [m]."""
+
+    def __post_init__(self) -> None:
+        if not abs(self.latitude_deg) <= 90.0:
+            raise ConfigError(f"latitude_deg is {self.latitude_deg:g}; give -90 to 90 [deg]")
+        if not abs(self.longitude_deg) <= 360.0:
+            raise ConfigError(f"longitude_deg is {self.longitude_deg:g}; give -360 to 360 [deg]")
+        if not math.isfinite(self.height_m):
+            raise ConfigError(f"height_m is {self.height_m:g}; give a finite number [m]")
 
     def enu_to_geodetic(self, position_m: ArrayLike) -> Array:
         """Latitude [deg], longitude [deg], height [m] (..., 3) of world points [m] (..., 3)."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from carlaloc_env.core import config_mapping
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference
 
@@ -15,6 +18,8 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+T = TypeVar("T")
 
 ZONE_KINDS = (
     "downtown",
@@ -29,26 +34,29 @@ ZONE_KINDS = (
     "water",
 )
 """Kinds of scenery that a zone can ask for."""
-FEATURE_KINDS = (
-    "filling_station",
-    "monument",
-    "viaduct",
-    "building",
-    "car_park",
-    "bus_stop",
-    "fountain",
-    "farm",
-    "barn",
-    "silo",
-    "billboard",
-    "gantry",
-    "construction_site",
-    "pier",
-    "gatehouse",
-)
-"""Single things that can be asked for at a place."""
+FEATURE_SIZES = {
+    "filling_station": "",
+    "monument": "",
+    "viaduct": "length [m]",
+    "building": "width [m], depth [m], storeys",
+    "car_park": "width [m], depth [m]",
+    "bus_stop": "",
+    "fountain": "",
+    "farm": "width [m], depth [m]",
+    "barn": "width [m], depth [m]",
+    "silo": "diameter [m], height [m]",
+    "billboard": "width [m], height [m]",
+    "gantry": "length [m]",
+    "construction_site": "width [m], depth [m]",
+    "pier": "length [m]",
+    "gatehouse": "width [m], depth [m], storeys",
+}
+"""Single things that can be asked for at a position, and the numbers that `size` of each may hold."""
+FEATURE_KINDS = tuple(FEATURE_SIZES)
+"""Kinds of single things."""
 
 Point = tuple[float, float]
+"""World x and y [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,29 +72,53 @@ class RouteConfig:
     start: Point | None = None
     """Where the ego starts [m], world x and y; None for the route's first point."""
 
+    def __post_init__(self) -> None:
+        if len(self.points) == 1:
+            raise ConfigError("points holds one point; give at least two, or none")
+        for point in self.points:
+            _check_finite("points", point, "m")
+        _check_finite("start", self.start or (), "m")
+        if self.length_m is not None:
+            _check_positive("length_m", self.length_m, "m")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrafficConfig:
+class TrafficCounts:
     """How many others there are when the traffic is dynamic."""
 
     vehicles: int = 50
     """Number of vehicles besides the ego."""
     walkers: int = 10
-    """Number of people on foot."""
+    """Number of walkers."""
+
+    def __post_init__(self) -> None:
+        for name, count in (("vehicles", self.vehicles), ("walkers", self.walkers)):
+            if count < 0:
+                raise ConfigError(f"{name} is {count}; give 0 or more")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SignalConfig:
-    """Phase times of the traffic lights."""
+class SignalTiming:
+    """Phase times of the traffic lights, which all junctions of a town share."""
 
     green_s: float = 18.0
-    """Green of one group [s]."""
+    """Green of each phase [s]."""
+    left_green_s: float = 7.0
+    """Green of phases that hold protected left turns alone, at most `green_s` [s]."""
     yellow_s: float = 3.0
     """Yellow after green [s]."""
     all_red_s: float = 2.0
-    """Red for everybody between two groups [s]."""
+    """Red for everybody between two phases [s]."""
     offset_s: float = 0.0
     """How much later the cycles of all junctions begin [s]."""
+
+    def __post_init__(self) -> None:
+        _check_positive("green_s", self.green_s, "s")
+        _check_positive("left_green_s", self.left_green_s, "s")
+        for name, value in (("yellow_s", self.yellow_s), ("all_red_s", self.all_red_s)):
+            if not 0.0 <= value < math.inf:
+                raise ConfigError(f"{name} is {value:g}; give 0 or more [s]")
+        _check_finite("offset_s", (self.offset_s,), "s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,11 +135,13 @@ class Zone:
             raise ConfigError(unknown_name("zone kind", self.kind, ZONE_KINDS))
         if len(self.polygon) < 3:
             raise ConfigError(f"zone '{self.kind}' needs at least three corners in polygon")
+        for corner in self.polygon:
+            _check_finite("polygon", corner, "m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feature:
-    """A single thing at a place."""
+    """A single thing at a position."""
 
     kind: str
     """One of `FEATURE_KINDS`."""
@@ -123,6 +157,13 @@ class Feature:
     def __post_init__(self) -> None:
         if self.kind not in FEATURE_KINDS:
             raise ConfigError(unknown_name("feature kind", self.kind, FEATURE_KINDS))
+        _check_finite("position", self.position, "m")
+        _check_finite("heading_deg", (self.heading_deg,), "deg")
+        known = FEATURE_SIZES[self.kind]
+        if len(self.size) > len(known.split(", ") if known else ()):
+            raise ConfigError(f"size of a {self.kind} holds {known or 'nothing'}; found {list(self.size)}")
+        for number in self.size:
+            _check_positive("size", number, "m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,9 +182,9 @@ class TownConfig:
     """Geodetic position of the world origin; None: the map's own."""
     route: RouteConfig = field(default_factory=RouteConfig)
     """The ego's route."""
-    traffic: TrafficConfig = field(default_factory=TrafficConfig)
+    traffic: TrafficCounts = field(default_factory=TrafficCounts)
     """Numbers of others."""
-    signals: SignalConfig = field(default_factory=SignalConfig)
+    signals: SignalTiming = field(default_factory=SignalTiming)
     """Phase times."""
     zones: tuple[Zone, ...] = ()
     """Areas of scenery; where two overlap the later one holds."""
@@ -159,51 +200,65 @@ class TownConfig:
         """Configuration in a file.
 
         Raises:
-            ConfigError: The file is no TOML, or a key is unknown; the message names the nearest valid key.
+            ConfigError: The file is no TOML, a key is unknown or missing, or a value has a wrong type or lies
+                out of its range; the message names file and key, and the nearest valid name.
         """
         try:
             content = tomllib.loads(source.read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ConfigError(f"{source}: {error}; correct this line") from error
-        try:
-            return TownConfig.from_mapping(content)
-        except ConfigError as error:
-            raise ConfigError(f"{source}: {error}") from error
+        return TownConfig.from_mapping(content, str(source))
 
     @staticmethod
-    def from_mapping(content: Mapping[str, Any]) -> TownConfig:
-        """Configuration in nested mappings, with the sections of `town.toml`."""
-        sections = ("town", "geo", "route", "traffic", "signals", "zone", "feature")
+    def from_mapping(content: Mapping[str, Any], where: str = "town.toml") -> TownConfig:
+        """Configuration in nested mappings, with the sections of `town.toml`.
+
+        Args:
+            content: Sections by name; those left out keep their defaults.
+            where: What messages begin with, such as the file's name.
+
+        Raises:
+            ConfigError: A key is unknown or missing, or a value has a wrong type or lies out of its range.
+        """
         for key in content:
-            if key not in sections:
-                raise ConfigError(unknown_name("section", key, sections))
-        town = _checked(
-            "town", content.get("town", {}), ("name", "description", "default_zone", "scenery_seed")
+            if key not in _SECTIONS:
+                raise ConfigError(f"{where}: {unknown_name('section', key, _SECTIONS)}")
+        town = content.get("town", {})
+        for key in town if isinstance(town, Mapping) else ():
+            if key not in TOWN_KEYS:
+                raise ConfigError(f"{where}: town: {unknown_name('key', key, TOWN_KEYS)}")
+
+        def section(kind: type[T], name: str) -> T:
+            return config_mapping.from_mapping(kind, content.get(name, {}), f"{where}: {name}")
+
+        def tables(kind: type[T], name: str) -> tuple[T, ...]:
+            entries = content.get(name, [])
+            if not isinstance(entries, list):
+                raise ConfigError(f"{where}: {name}: write [[{name}]] above each one, in double brackets")
+            names = (f"{where}: {name}[{n}]" for n in range(len(entries)))
+            return tuple(config_mapping.from_mapping(kind, e, w) for e, w in zip(entries, names, strict=True))
+
+        return dataclasses.replace(
+            section(TownConfig, "town"),
+            geo=section(GeoReference, "geo") if "geo" in content else None,
+            route=section(RouteConfig, "route"),
+            traffic=section(TrafficCounts, "traffic"),
+            signals=section(SignalTiming, "signals"),
+            zones=tables(Zone, "zone"),
+            features=tables(Feature, "feature"),
         )
-        return TownConfig(
-            **town,
-            geo=_section(GeoReference, "geo", content["geo"]) if "geo" in content else None,
-            route=_section(RouteConfig, "route", content.get("route", {})),
-            traffic=_section(TrafficConfig, "traffic", content.get("traffic", {})),
-            signals=_section(SignalConfig, "signals", content.get("signals", {})),
-            zones=tuple(_section(Zone, "zone", entry) for entry in content.get("zone", [])),
-            features=tuple(_section(Feature, "feature", entry) for entry in content.get("feature", [])),
-        )
 
 
-def _section(kind: type[Any], name: str, values: Mapping[str, Any]) -> Any:
-    try:
-        return kind(**_checked(name, values, [item.name for item in fields(kind)]))
-    except TypeError as error:
-        raise ConfigError(f"[{name}] is not complete: {error}") from error
+TOWN_KEYS = ("name", "description", "default_zone", "scenery_seed")
+"""Keys of the section `[town]`."""
+_SECTIONS = ("town", "geo", "route", "traffic", "signals", "zone", "feature")
 
 
-def _checked(name: str, values: Mapping[str, Any], known: tuple[str, ...] | list[str]) -> dict[str, Any]:
-    for key in values:
-        if key not in known:
-            raise ConfigError(unknown_name(f"key of [{name}]", key, known))
-    return {key: _frozen(value) for key, value in values.items()}
+def _check_finite(name: str, values: tuple[float, ...], unit: str) -> None:
+    if not all(math.isfinite(value) for value in values):
+        raise ConfigError(f"{name} holds {list(values)}; give finite numbers [{unit}]")
 
 
-def _frozen(value: Any) -> Any:
-    return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
+def _check_positive(name: str, value: float, unit: str) -> None:
+    if not 0.0 < value < math.inf:
+        raise ConfigError(f"{name} is {value:g}; give more than 0 [{unit}]")

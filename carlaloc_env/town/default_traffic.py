@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from carlaloc_env.town.config import TownConfig, TrafficConfig
+from carlaloc_env.town.config import TownConfig, TrafficCounts
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 VEHICLES_PER_KM = 8.0
@@ -32,7 +32,7 @@ def choose_traffic(network: LaneNetwork, config: TownConfig) -> TownConfig:
         elif lane.type == "sidewalk":
             fits = lane.length_m > _SHORTEST_PAVEMENT_M and width_m > _NARROWEST_PAVEMENT_M
             pavements_m += lane.length_m if fits else 0.0
-    counts = TrafficConfig(
+    counts = TrafficCounts(
         vehicles=min(config.traffic.vehicles, round(VEHICLES_PER_KM * lanes_m / 1000.0)),
         walkers=min(config.traffic.walkers, int(WALKERS_PER_KM * pavements_m / 1000.0)),
     )

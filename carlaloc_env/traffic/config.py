@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.traffic.signals import SignalTiming
+from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.traffic.tables.vehicle_state import DriverParameters
 
 if TYPE_CHECKING:
@@ -106,12 +106,7 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
         "vehicles": round(fraction * counts.vehicles),
         "walkers": round(fraction * counts.walkers),
         "seed": seed,
-        "timing": SignalTiming(
-            green_s=town.config.signals.green_s,
-            yellow_s=town.config.signals.yellow_s,
-            all_red_s=town.config.signals.all_red_s,
-            offset_s=town.config.signals.offset_s,
-        ),
+        "timing": town.config.signals,
     }
     return TrafficConfig(**(settings | options))
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections import defaultdict
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.lane_tables import Roads
 
@@ -25,26 +24,6 @@ class SignalState(IntEnum):
     RED = 1
     YELLOW = 2
     GREEN = 3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignalTiming:
-    """Durations that all junctions of a town share; by default those of CARLA's traffic lights."""
-
-    green_s: float = 10.0
-    """Green of each phase [s]."""
-    left_green_s: float = 7.0
-    """Green of phases that hold protected left turns alone, at most `green_s` [s]."""
-    yellow_s: float = 3.0
-    """Yellow [s]."""
-    all_red_s: float = 2.0
-    """Red for all between two phases [s]."""
-    offset_s: float = 0.0
-    """How much later all cycles begin [s]."""
-
-    def __post_init__(self) -> None:
-        if self.green_s <= 0 or self.left_green_s <= 0 or self.yellow_s < 0 or self.all_red_s < 0:
-            raise ConfigError("signal timing: greens must be positive, yellow_s and all_red_s not negative")
 
 
 class SignalPlan:

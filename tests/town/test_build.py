@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.array_cache import arrays_hash, load, save
-from carlaloc_env.core.errors import ConfigError, MapError
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import find_town, identify_town
 from carlaloc_env.town.town import Town
 
@@ -160,33 +159,6 @@ def test_towns_are_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) 
         find_town("Twon03")
     with pytest.raises(MapError, match="there is no file"):
         load_town("missing.xodr")
-
-
-def test_a_toml_with_an_unknown_key_names_the_nearest(folder: Path, tmp_path: Path) -> None:
-    for wrong, message in (
-        ("[traffic]\nvehicle = 3\n", "did you mean 'vehicles'"),
-        ("[trafic]\nvehicles = 3\n", "did you mean 'traffic'"),
-        ('[[zone]]\nkind = "downtwon"\npolygon = [[0, 0], [1, 0], [1, 1]]\n', "did you mean 'downtown'"),
-        ("[town\n", "town.toml"),
-        ("[[zone]]\nkind = 'park'\n", "not complete"),
-    ):
-        (folder / "town.toml").write_text(wrong)
-        with pytest.raises(ConfigError, match=message):
-            load_town(folder, cache_dir=tmp_path / "cache")
-
-
-def test_configuration_keeps_what_the_file_says() -> None:
-    config = TownConfig.from_mapping(
-        {
-            "geo": {"latitude_deg": 49.0, "longitude_deg": 8.4},
-            "route": {"points": [[0, 1], [2, 3]], "loop": True},
-            "zone": [{"kind": "park", "polygon": [[0, 0], [1, 0], [1, 1]]}],
-        }
-    )
-    assert config.route.points == ((0, 1), (2, 3))
-    assert config.geo.latitude_deg == 49.0
-    assert config.zones[0].kind == "park"
-    assert config.traffic.vehicles == 50
 
 
 def test_any_map_without_a_toml_becomes_a_town(tmp_path: Path) -> None:

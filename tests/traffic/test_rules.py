@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
+from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.signals import SignalPlan, SignalState, SignalTiming
+from carlaloc_env.traffic.signals import SignalPlan, SignalState
 from carlaloc_env.traffic.tables.speed_profile import (
     COMFORT_BRAKING_MPS2,
     LATERAL_ACCELERATION_MPS2,

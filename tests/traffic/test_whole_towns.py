@@ -16,12 +16,11 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIGHT, ActorFrame
-from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.config import SignalTiming, TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
-from carlaloc_env.traffic.signals import SignalTiming
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
@@ -39,10 +38,7 @@ REAL_MAPS = Path(__file__).parents[3] / "shared" / "data" / "carla_xodr"
 
 def town_timing(town: str) -> SignalTiming:
     """Signal durations in a town's town.toml."""
-    times = TownConfig.from_toml(find_town(town).with_name("town.toml")).signals
-    return SignalTiming(
-        green_s=times.green_s, yellow_s=times.yellow_s, all_red_s=times.all_red_s, offset_s=times.offset_s
-    )
+    return TownConfig.from_toml(find_town(town).with_name("town.toml")).signals
 
 
 @pytest.fixture(scope="module")

@@ -21,11 +21,12 @@ from carlaloc_env.sensors.registry import SENSOR_KINDS
 from carlaloc_env.town.checks.report import check_map
 from carlaloc_env.town.config import (
     FEATURE_KINDS,
+    TOWN_KEYS,
     ZONE_KINDS,
     Feature,
     RouteConfig,
-    SignalConfig,
-    TrafficConfig,
+    SignalTiming,
+    TrafficCounts,
     Zone,
 )
 from carlaloc_env.weather.parameters import WeatherParameters
@@ -42,8 +43,8 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
 SECTIONS = {
     "[geo]": GeoReference,
     "[route]": RouteConfig,
-    "[traffic]": TrafficConfig,
-    "[signals]": SignalConfig,
+    "[traffic]": TrafficCounts,
+    "[signals]": SignalTiming,
     "[[zone]]": Zone,
     "[[feature]]": Feature,
 }
@@ -149,9 +150,7 @@ def test_maps_page_lists_the_schema() -> None:
     page = text_of("maps.md")
     rows = set(re.findall(r"^\| `(\[+\w+\]+)` \| `(\w+)` \|", page, re.MULTILINE))
     expected = {(section, f.name) for section, cls in SECTIONS.items() for f in dataclasses.fields(cls)}
-    assert rows == expected | {
-        ("[town]", key) for key in ("name", "description", "default_zone", "scenery_seed")
-    }
+    assert rows == expected | {("[town]", key) for key in TOWN_KEYS}
     for label, kinds in (("Zones", ZONE_KINDS), ("Features", FEATURE_KINDS)):
         line = re.findall(rf"^{label}: (.*)\.$", page, re.MULTILINE)[0]
         assert tuple(re.findall(r"`(\w+)`", line)) == tuple(kinds)
@@ -192,7 +191,7 @@ UNITLESS = {
 MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")
 """A unit in brackets, a shape, or a value and what it stands for."""
 DOCUMENTED: list[type[Any]] = [
-    Mount, Pinhole, WeatherParameters, TrafficLevel, RecordConfig, ReplayConfig, RouteConfig, SignalConfig,
+    Mount, Pinhole, WeatherParameters, TrafficLevel, RecordConfig, ReplayConfig, RouteConfig, SignalTiming,
     *SENSOR_KINDS.values(), *generator("make_sensors").sample_classes(),
 ]  # fmt: skip
 

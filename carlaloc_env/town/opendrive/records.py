@@ -5,11 +5,11 @@ Lengths are metres, angles radians, speeds m/s. ``line`` is the line of the elem
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass
 from typing import Literal
 
+from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
 
 GeometryKind = Literal["line", "arc", "spiral", "poly3", "paramPoly3"]
@@ -373,9 +373,6 @@ class OpenDrive:
             return None
         found = dict(re.findall(r"\+(lat_0|lon_0)=([-+0-9.eE]+)", self.geo_reference))
         try:
-            lat, lon = float(found["lat_0"]), float(found["lon_0"])
-        except (KeyError, ValueError):
+            return GeoReference(latitude_deg=float(found["lat_0"]), longitude_deg=float(found["lon_0"]))
+        except (KeyError, ValueError, ConfigError):
             return None
-        if not (math.isfinite(lat) and math.isfinite(lon) and abs(lat) <= 90.0 and abs(lon) <= 360.0):
-            return None
-        return GeoReference(latitude_deg=lat, longitude_deg=lon)
