@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carlaloc_env.assets.modelling.primitives import Colour
+from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.scene.semantic_tags import Tag
 
 Tints = tuple[tuple[Colour, float], ...]

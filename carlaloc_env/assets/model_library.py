@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from carlaloc_env.assets.catalog import VEHICLES
-from carlaloc_env.assets.modelling.primitives import Colour, Look, disc
+from carlaloc_env.assets.modelling.primitives import Look, disc
 from carlaloc_env.assets.number_plates import PLATE_SIZE_M, PLATES
 from carlaloc_env.assets.vehicles.all_vehicles import vehicle
 from carlaloc_env.assets.vehicles.ego import ego_body
@@ -16,7 +16,6 @@ from carlaloc_env.assets.vehicles.lit_lamps import lit_lamps
 from carlaloc_env.assets.vehicles.parts import PlatePlace, plate
 from carlaloc_env.assets.walkers.all_walkers import walker_models
 from carlaloc_env.core.array_cache import Arrays, cached
-from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
@@ -26,7 +25,6 @@ LENS_RADIUS_M = 0.15
 """Radius of a traffic light's lens [m]."""
 LENS_LIFT_M = 0.012
 """How far a lit lens stands before the dark one [m]."""
-DETAILS = ("low", "high")
 KEPT_FILES = 3
 """Cached files of models kept, of this version and earlier ones."""
 _LENSES = {
@@ -95,45 +93,6 @@ def make_models() -> dict[str, Mesh]:
     for name, material in _LENSES.items():
         models[name] = disc(Look(material, Tag.TRAFFIC_LIGHT), LENS_RADIUS_M, 16, LENS_LIFT_M)
     return models
-
-
-def vehicle_mesh(model: str, *, detail: str = "low", tint: Colour | None = None) -> Mesh:
-    """A parked vehicle as one static mesh: lamps off, paint in its own colour, plate 0.
-
-    Args:
-        model: A key of `VEHICLES`; cycles carry their riders.
-        detail: ``low`` (500–1000 triangles) or ``high``.
-        tint: Linear colour 0–255 of its paint; the model's most common one when left out.
-
-    Returns:
-        Mesh centred on its box, resting on z = 0, nose along +x.
-
-    Raises:
-        ConfigError: no vehicle has this name, or the detail is not one of `DETAILS`.
-    """
-    if detail not in DETAILS:
-        raise ConfigError(unknown_name("detail", detail, DETAILS))
-    parts = vehicle(model)
-    mesh = parts.low if detail == "low" else parts.whole
-    paint = np.asarray(VEHICLES[model].tints[0][0] if tint is None else tint, dtype=np.uint8)
-    tinted = np.isin(mesh.material, (Material.CAR_PAINT, Material.CLOTH)) & np.all(
-        mesh.colour == 255, axis=-1
-    )
-    colour = np.where(tinted[:, None], paint, mesh.colour)
-    white, tail = mesh.material == Material.LAMP_WHITE, mesh.material == Material.LAMP_TAIL
-    colour = np.where(white[:, None], np.array((120, 122, 124)), colour)
-    colour = np.where(tail[:, None], np.array((70, 3, 3)), colour)
-    material = np.where(white | tail, Material.PLASTIC, mesh.material)
-    return Mesh(
-        vertices_m=mesh.vertices_m,
-        triangles=mesh.triangles,
-        normals=mesh.normals,
-        uv_m=mesh.uv_m,
-        colour=colour.astype(np.uint8),
-        material=material.astype(np.uint8),
-        tag=mesh.tag,
-        instance=mesh.instance,
-    )
 
 
 def _plates() -> dict[str, Mesh]:

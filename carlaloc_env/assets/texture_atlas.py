@@ -29,7 +29,7 @@ GRID: dict[Material, tuple[int, int]] = {
 }
 """Columns and rows of cells of each atlas layer."""
 
-_MARGIN = 1.0 / 64.0
+MARGIN = 1.0 / 64.0
 """Share of a cell left out at each edge, so that coarse mip levels do not bleed."""
 
 
@@ -211,7 +211,7 @@ def atlas_uv(material: Material, cell: int) -> Rect:
     tile = MATERIALS[material].tile_m
     width, height = tile / columns, tile / rows
     row, column = divmod(cell, columns)
-    edge = _MARGIN * min(width, height)
+    edge = MARGIN * min(width, height)
     return column * width + edge, row * height + edge, (column + 1) * width - edge, (row + 1) * height - edge
 
 

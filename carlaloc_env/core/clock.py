@@ -47,10 +47,6 @@ class Schedule:
             )
         return cls(int(period), phase_ticks)
 
-    def is_due(self, tick: int) -> bool:
-        """Whether a measurement falls on this tick."""
-        return tick >= self.phase_ticks and (tick - self.phase_ticks) % self.period_ticks == 0
-
     def ticks_in(self, first_tick: int, end_tick: int) -> range:
         """Ticks of all measurements in ``[first_tick, end_tick)``."""
         begin = max(first_tick, self.phase_ticks)

@@ -20,11 +20,6 @@ class Contact:
     position_m: tuple[float, float, float]
     """Where the strongest impulse acted [m], world."""
 
-    @property
-    def is_static(self) -> bool:
-        """Whether the static town was touched."""
-        return self.actor_id is None
-
 
 class ContactLog:
     """Adds up PyBullet's contact points per thing touched until they are read."""

@@ -105,10 +105,6 @@ class PhysicsWorld:
         ego, _ = pybullet.getBasePositionAndOrientation(self._ego_body, physicsClientId=self._client)
         self._actors.update(frame, catalog, np.array(ego), following)
 
-    def clear_actors(self) -> None:
-        """Take all actors away."""
-        self._actors.clear()
-
     def contacts(self) -> list[Contact]:
         """What the ego's body touched since the last call, hardest first."""
         return self._contacts.take()

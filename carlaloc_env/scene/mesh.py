@@ -13,6 +13,10 @@ from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 
+Colour = tuple[int, int, int]
+"""Linear red, green and blue, 0 to 255 each."""
+WHITE: Colour = (255, 255, 255)
+"""Tint that leaves the texture as it is; on CAR_PAINT and CLOTH it stands for the instance's tint."""
 EGO_INSTANCE = 1 << 23
 """Instance id of the ego's own body; static things lie below, other actors above."""
 VERTEX_FIELDS = ("vertices_m", "normals", "uv_m", "colour", "material", "tag", "instance")

@@ -19,9 +19,10 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork, lay_groundwork
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.collision_mesh import weld
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.tiles import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.roads.surfaces import Surfaces, add_surfaces
-from carlaloc_env.town.street.scene_dressing import Dressing, dress
+from carlaloc_env.town.street.scene_dressing import dress
 from carlaloc_env.town.street.site_plan import place_plots
 
 
@@ -49,11 +50,13 @@ def build_scenery(
     tunnel_lamps = add_surfaces(out, network, work, seed)
     plots = place_plots(work, config, seed)
     out.solid.quads(lot_boxes(plots.lots, plots.bases_m), material=Material.PLAIN, tag=Tag.BUILDING)
-    dressing = dress(out, network, work, plots, route_m, seed)
+    ids = InstanceIds()
+    buildings = plots.buildings(seed, ids)
+    dressing = dress(out, network, work, plots, route_m, seed, ids)
     firm = out.raised.build()
     vertices, triangles = weld([out.solid.build(), firm])
-    near = [out.lanes.build(), firm, dressing.cover, out.paint.build(), *plots.buildings(seed)]
-    far = _far_town(work, dressing, seed)
+    near = [out.lanes.build(), firm, dressing.cover, out.paint.build(), *buildings]
+    far = _far_town(work, seed, ids)
     return Scenery(
         chunks=split_chunks(merge([*near, *dressing.meshes])) + split_chunks(merge(far), FAR_CHUNK_M),
         collision_vertices_m=vertices,
@@ -63,6 +66,6 @@ def build_scenery(
     )
 
 
-def _far_town(work: Groundwork, dressing: Dressing, seed: int) -> list[Mesh]:
+def _far_town(work: Groundwork, seed: int, ids: InstanceIds) -> list[Mesh]:
     seas = shapely.union_all([sea for sea, _ in work.seas])
-    return add_skyline(work.bounds, work.zones, work.ground, seed, dressing.next_instance, seas)
+    return add_skyline(work.bounds, work.zones, work.ground, seed, ids, seas)

@@ -17,11 +17,12 @@ from matplotlib.collections import PolyCollection
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.records import SIGN_CODES
 from carlaloc_env.town.opendrive.records import OpenDrive
+from maps.authoring.build import MAPS
 
-MAPS = Path(__file__).resolve().parents[1]
 _FLAT = {"sidewalk": "#d9cfc0", "median": "#a9c59b"}
-_SIGNS = {"206": "r8", "205": "y^", "274": "b."}
+_SIGNS = {SIGN_CODES["stop"]: "r8", SIGN_CODES["yield"]: "y^", SIGN_CODES["speed"]: "b."}
 
 
 def draw(source: Path, out: Path, window: Sequence[float], dpi: int = 110) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shared_fixtures.meshes import signed_volume_m3
 
 from carlaloc_env.actors.instances import (
     ground_poses,
@@ -16,8 +17,7 @@ from carlaloc_env.actors.instances import (
     place_signals,
 )
 from carlaloc_env.assets.catalog import GAIT_PHASES, LOW_GAIT_PHASES, VEHICLES, WALKERS
-from carlaloc_env.assets.model_library import build_library, vehicle_mesh
-from carlaloc_env.assets.modelling.normals import signed_volume_m3
+from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, mirrored, tube
 from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_text, plate_uv
 from carlaloc_env.assets.street.all_props import PROPS, prop
@@ -35,7 +35,7 @@ from carlaloc_env.assets.walkers.gait import posture, standing
 from carlaloc_env.assets.walkers.skeleton import shoe_sole
 from carlaloc_env.core.ego_car import EGO_SIZE_M
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.scene.materials import MATERIALS, Material
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, ModelLibrary
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
@@ -394,16 +394,6 @@ def test_drawn_feet_do_not_slide(library: ModelLibrary, name: str) -> None:
         phase = int(library.names[m].split("/")[1]) / GAIT_PHASES
         ankle.append(T[0, 3] + posture(phase, person.stature_m, person.stride_m)["ankle_l"][0])
     assert np.ptp(ankle) < 0.005
-
-
-@pytest.mark.parametrize("name", VEHICLES)
-def test_parked_vehicles_have_their_lamps_off(name: str) -> None:
-    mesh = vehicle_mesh(name, tint=(1, 2, 3))
-    emitting = [m for m in Material if MATERIALS[m].emission_cd_m2 > 0 and m is not Material.LAMP_AMBER]
-    assert not np.isin(mesh.material, emitting).any()
-    paint = mesh.colour[mesh.material == Material.CAR_PAINT]
-    assert len(paint) > 0
-    assert np.all(paint == (1, 2, 3))
 
 
 def test_placing_an_empty_world_gives_nothing(library: ModelLibrary) -> None:

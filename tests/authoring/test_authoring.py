@@ -16,6 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from carlaloc_env.town.opendrive.reference_line import clothoid
+
 ROOT = pathlib.Path(__file__).parents[2]
 TOWNS = sorted(p.parent.name for p in (ROOT / "maps").glob("*/town.xodr"))
 
@@ -77,6 +79,28 @@ def test_a_shift_ends_beside_its_start(ahead: float, aside: float) -> None:
     path = curves.curve_between(curves.Pose(0.0, 0.0, 0.0), curves.Pose(ahead, aside, 0.0))
     assert_continuous(path)
     assert walked(path) == pytest.approx((ahead, aside, 0.0), abs=1e-8)
+
+
+@settings(max_examples=40, deadline=None)
+@given(k0=st.floats(-0.2, 0.2), k1=st.floats(-0.2, 0.2), length=st.floats(1.0, 90.0))
+def test_clothoids_are_written_as_they_are_read(k0: float, k1: float, length: float) -> None:
+    """The writer's curve and the reader's end at the same point; their sums run in another order."""
+    curves = tool("geometry.plan_view_curves")
+    tip = curves.Piece(length, k0, k1).end(curves.Pose(0.0, 0.0, 0.0))
+    rate = np.array([(k1 - k0) / length])
+    u, v, turn = clothoid(np.array([k0]), rate, np.array([length]))
+    assert (tip.x, tip.y, tip.h) == pytest.approx((u[0], v[0], turn[0]), abs=1e-12 * length)
+
+
+def test_names_are_escaped_as_xml_asks() -> None:
+    """A name of odd characters comes back from the file."""
+    town = odd_town()
+    town.name, town.projection = 'Bäcker & "Söhne" <1>', "+proj=tmerc & <x>"
+    root = ElementTree.fromstring(tool("builder").Builder(town).build())
+    header = root.find("header")
+    assert header is not None
+    assert header.attrib["name"] == town.name
+    assert header.findtext("geoReference") == town.projection
 
 
 def test_a_bend_that_no_clothoid_fits_becomes_a_cubic_of_true_length() -> None:

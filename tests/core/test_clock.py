@@ -32,11 +32,6 @@ def test_spans_partition_time(rate_hz: float) -> None:
     assert parts == schedule.stamps_ns_in(0, borders[-1])
 
 
-def test_is_due_agrees_with_ticks_in() -> None:
-    schedule = Schedule(10, 3)
-    assert [t for t in range(100) if schedule.is_due(t)] == list(schedule.ticks_in(0, 100))
-
-
 @pytest.mark.parametrize("rate_hz", [0, -5, 30, 400, 60, 199])
 def test_rate_that_does_not_divide_is_refused(rate_hz: float) -> None:
     with pytest.raises(ConfigError, match="does not divide"):

@@ -161,6 +161,14 @@ def test_towns_are_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) 
         load_town("missing.xodr")
 
 
+def test_instance_ids_have_no_gaps(folder: Path, tmp_path: Path) -> None:
+    """Every single thing has one, from 1 up; the ground and its like have 0."""
+    town = load_town(folder, cache_dir=tmp_path / "cache")
+    found = np.unique(np.concatenate([chunk.instance for chunk in town.chunks]))
+    assert (found == np.arange(len(found))).all()
+    assert len(found) > 50
+
+
 def test_any_map_without_a_toml_becomes_a_town(tmp_path: Path) -> None:
     if not SHARED_MAPS.is_dir():
         pytest.skip("CARLA's own maps are not on this machine")

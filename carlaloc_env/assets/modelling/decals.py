@@ -73,10 +73,6 @@ class Decals:
         """Where the nose (facing +1) or tail (−1) lies at a place seen from ahead or behind [m]."""
         return float(self._depth((y_m, z_m), 0, facing))
 
-    def surface_y(self, x_m: float, z_m: float) -> float:
-        """Where the left side lies at a place seen from the left [m]."""
-        return float(self._depth((x_m, z_m), 1, 1.0))
-
     def surface_z(self, x_m: float, y_m: float) -> float:
         """How high the body reaches at a place seen from above [m]."""
         return float(self._depth((x_m, y_m), 2, 1.0))

@@ -44,12 +44,6 @@ def crease(mesh: Mesh, crease_deg: float) -> Mesh:
     )
 
 
-def signed_volume_m3(mesh: Mesh) -> float:
-    """Volume inside a closed mesh [m³], negative when it is inside out."""
-    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
-    return float(np.sum(a * cross(b, c)) / 6.0)
-
-
 def project(mesh: Mesh, points_m: ArrayLike, direction: Sequence[float], lift_m: float) -> Array:
     """Where rays from points (N, 3) along a direction first meet the mesh, lifted back by `lift_m`.
 

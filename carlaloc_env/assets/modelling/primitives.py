@@ -13,13 +13,8 @@ from carlaloc_env.assets.modelling.normals import crease
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply, cross
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, make_mesh
+from carlaloc_env.scene.mesh import WHITE, Colour, Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
-
-Colour = tuple[int, int, int]
-
-WHITE: Colour = (255, 255, 255)
-"""Tint that leaves the texture as it is; on CAR_PAINT and CLOTH it stands for the instance's tint."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,17 +192,6 @@ def ellipsoid(
     )
     shaped = grid * np.asarray(radii_m, dtype=np.float64) + np.asarray(centre_m, dtype=np.float64)
     return rings(look, shaped, caps=False, crease_deg=80.0)
-
-
-def capsule(look: Look, a_m: ArrayLike, b_m: ArrayLike, ra_m: float, rb_m: float, sides: int = 6) -> Mesh:
-    """Limb from a to b with rounded ends that reach one radius beyond each."""
-    a, b = np.asarray(a_m, dtype=np.float64), np.asarray(b_m, dtype=np.float64)
-    axis = (b - a) / max(float(np.sqrt(np.sum((b - a) ** 2))), 1e-6)
-    points = np.stack(
-        [a - 0.8 * ra_m * axis, a - 0.3 * ra_m * axis, a, b, b + 0.3 * rb_m * axis, b + 0.8 * rb_m * axis]
-    )
-    radii = np.array([0.35 * ra_m, 0.85 * ra_m, ra_m, rb_m, 0.85 * rb_m, 0.35 * rb_m])
-    return tube(look, points[[0, 2, 3, 5]], radii[[0, 2, 3, 5]], sides, crease_deg=100.0)
 
 
 def extrude(look: Look, outline_m: ArrayLike, height_m: float, crease_deg: float = 20.0) -> Mesh:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, extrude, lathe, rings, tube
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
+
+POST = Look(Material.METAL_GALVANISED, Tag.POLE)
+"""Zinc-coated posts of signs and lights."""
 
 
 def utility_pole(height_m: float = 10.5) -> Mesh:
@@ -42,15 +45,6 @@ def utility_pole(height_m: float = 10.5) -> Mesh:
 def utility_wires_m(height_m: float = 10.5) -> NDArray[np.float64]:
     """Where wires leave a utility pole [m], shape (4, 3)."""
     return np.array([(0.12, y, height_m - 0.38) for y in (-1.0, -0.4, 0.4, 1.0)])
-
-
-def wire(a_m: ArrayLike, b_m: ArrayLike, *, sag: float = 0.015, radius_m: float = 0.008) -> Mesh:
-    """Wire between two points that hangs through by a share of its length (parabola)."""
-    t = np.linspace(0.0, 1.0, 9)[:, None]
-    a, b = np.asarray(a_m, dtype=np.float64), np.asarray(b_m, dtype=np.float64)
-    points = a + t * (b - a)
-    points[:, 2] -= (4 * t * (1 - t))[:, 0] * sag * float(np.sqrt(np.sum((b - a) ** 2)))
-    return tube(Look(Material.RUBBER, Tag.POLE, (120, 120, 120)), points, radius_m, 3, caps=False)
 
 
 def fence(length_m: float = 3.0, height_m: float = 1.1, *, kind: str = "bars") -> Mesh:

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import (
-    Colour,
     Look,
     box,
     ellipsoid,
@@ -20,7 +19,7 @@ from carlaloc_env.assets.modelling.primitives import (
 )
 from carlaloc_env.assets.texture_atlas import PosterCell, atlas_uv, cell_corners
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 _STATIC = Tag.STATIC

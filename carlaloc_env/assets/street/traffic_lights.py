@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, disc, lathe, placed, pose, rings, tube
+from carlaloc_env.assets.street.fences_and_poles import POST
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-_POST = Look(Material.METAL_GALVANISED, Tag.POLE)
 _CASE = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (10, 11, 10))
 _YELLOW = Look(Material.METAL_PAINTED, Tag.TRAFFIC_LIGHT, (190, 120, 10))
 _DARK_LENSES = tuple(
@@ -49,7 +49,7 @@ def traffic_light(
         bottom = 2.5 if head_bottom_m is None else head_bottom_m
         spots = [(0.22, 0.30 * (k - 0.5 * (head_count - 1)) * 1.8) for k in range(head_count)]
         bottoms = [bottom] * head_count
-        parts = [tube(_POST, [(0, 0, 0), (0, 0, bottom + HEAD_M[2] + 0.1)], [0.075, 0.06], 10), _foot(0.16)]
+        parts = [tube(POST, [(0, 0, 0), (0, 0, bottom + HEAD_M[2] + 0.1)], [0.075, 0.06], 10), _foot(0.16)]
     poses = []
     for (x, y), bottom in zip(spots, bottoms, strict=True):
         parts.append(placed(_head(), (x, y, bottom)))
@@ -61,7 +61,7 @@ def traffic_light(
 
 def pedestrian_head() -> Mesh:
     """Pedestrian signal of 0.4 m on a post of its own, facing along +x."""
-    post = tube(_POST, [(0, 0, 0), (0, 0, 2.75)], 0.055, 8)
+    post = tube(POST, [(0, 0, 0), (0, 0, 2.75)], 0.055, 8)
     case = box(_CASE, (0.18, 0.40, 0.44), (0.15, 0.0, 2.45))
     button = box(_YELLOW, (0.09, 0.10, 0.16), (0.08, 0.0, 1.05))
     face = box(Look(Material.PLASTIC, Tag.TRAFFIC_LIGHT, (90, 30, 6)), (0.01, 0.2, 0.24), (0.246, 0.0, 2.45))
@@ -109,8 +109,8 @@ def _visor() -> Mesh:
 def _mast(post_m: float, arm_z_m: float, arm_m: float) -> list[Mesh]:
     arm = [(0, 0, arm_z_m - 0.25), (0, -0.35 * arm_m, arm_z_m + 0.05), (0, -arm_m, arm_z_m + 0.12)]
     return [
-        tube(_POST, [(0, 0, 0), (0, 0, post_m)], [0.15, 0.10], 12),
-        tube(_POST, arm, [0.10, 0.075, 0.05], 10),
+        tube(POST, [(0, 0, 0), (0, 0, post_m)], [0.15, 0.10], 12),
+        tube(POST, arm, [0.10, 0.075, 0.05], 10),
         _foot(0.28),
         box(_CASE, (0.5, 0.4, 1.1), (-0.45, 0.25, 0.55))
         if arm_m > 7
@@ -120,5 +120,5 @@ def _mast(post_m: float, arm_z_m: float, arm_m: float) -> list[Mesh]:
 
 def _foot(radius_m: float) -> Mesh:
     return lathe(
-        _POST, [(radius_m, 0.0), (radius_m, 0.05), (0.7 * radius_m, 0.22), (0.5 * radius_m, 0.24)], 12
+        POST, [(radius_m, 0.0), (radius_m, 0.05), (0.7 * radius_m, 0.22), (0.5 * radius_m, 0.24)], 12
     )

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, surface, tube
+from carlaloc_env.assets.street.fences_and_poles import POST
 from carlaloc_env.assets.texture_atlas import STREET_NAMES, SignCell, atlas_uv, cell_corners, street_name_uv
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-_POST = Look(Material.METAL_GALVANISED, Tag.POLE)
 _FACE = Look(Material.SIGN, Tag.TRAFFIC_SIGN)
 _BACK = Look(Material.METAL_GALVANISED, Tag.TRAFFIC_SIGN, (200, 200, 200))
 
@@ -55,7 +55,7 @@ def sign(kind: str, text: str | None = None) -> Mesh:
         raise ConfigError(unknown_name("sign", kind, (*SIGNS, "speed", "street_name")))
     cell, outline, width, height = SIGNS[kind]
     bottom = 2.1
-    post = tube(_POST, [(0, 0, 0), (0, 0, bottom + height)], 0.03, 8)
+    post = tube(POST, [(0, 0, 0), (0, 0, bottom + height)], 0.03, 8)
     face = board(outline, width, height, cell_corners(atlas_uv(Material.SIGN, cell)))
     return merge([post, placed(face, (0.045, 0.0, bottom + 0.5 * height))])
 
@@ -104,7 +104,7 @@ def _outline(name: str) -> NDArray[np.float64]:
 def _street_name(text: str) -> Mesh:
     """Two name plates at right angles on a post."""
     first = STREET_NAMES.index(text) if text in STREET_NAMES else hashlib.blake2b(text.encode()).digest()[0]
-    parts = [tube(_POST, [(0, 0, 0), (0, 0, 3.0)], 0.035, 8), box(_BACK, (0.05, 0.05, 0.04), (0, 0, 3.02))]
+    parts = [tube(POST, [(0, 0, 0), (0, 0, 3.0)], 0.035, 8), box(_BACK, (0.05, 0.05, 0.04), (0, 0, 3.02))]
     for step, turn in ((0, 0.0), (3, 0.5 * np.pi)):
         corners = cell_corners(street_name_uv(first + step))
         for flip in (0.0, np.pi):

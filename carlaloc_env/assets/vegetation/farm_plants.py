@@ -9,18 +9,16 @@ from carlaloc_env.assets.vegetation.foliage import GREEN
 from carlaloc_env.assets.vegetation.shrubs import tufts
 from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
+from carlaloc_env.scene.mesh import Colour, Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-Tint = tuple[int, int, int]
 
-
-def stalks(seed: int, height_m: float, tint: Tint) -> Mesh:
+def stalks(seed: int, height_m: float, tint: Colour) -> Mesh:
     """A handful of cereal stalks."""
     return tufts(seed, 14, 0.42, height_m, tint, blade_m=0.06, spread=0.16)
 
 
-def maize(seed: int, tint: Tint) -> Mesh:
+def maize(seed: int, tint: Colour) -> Mesh:
     """A maize plant, 2.2 m high: a stem and arching leaves of two triangles each."""
     rng = stream(seed, "maize")
     leaves = 8

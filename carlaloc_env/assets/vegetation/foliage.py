@@ -10,8 +10,8 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 
-Tint = tuple[int, int, int]
-"""Tint relative to a green leaf; parts of yellow and red leaves may exceed 255."""
+LeafTint = tuple[int, int, int]
+"""LeafTint relative to a green leaf; parts of yellow and red leaves may exceed 255."""
 GREEN = np.array([0.65, 0.82, 0.84])
 """What a green leaf keeps of the texture's colour, which leaves room for leaves that are not green."""
 
@@ -44,7 +44,12 @@ def directions(rng: np.random.Generator, count: int) -> Array:
 
 
 def leaf_triangles(
-    rng: np.random.Generator, points: Array, out: Array, size: Array, tint: Tint, shade: Array | float = 1.0
+    rng: np.random.Generator,
+    points: Array,
+    out: Array,
+    size: Array,
+    tint: LeafTint,
+    shade: Array | float = 1.0,
 ) -> Mesh:
     """One leaf triangle at each point, facing roughly outwards, with normals bent outwards.
 
@@ -87,7 +92,7 @@ def clumps(
     centres: Array,
     radii: Array,
     middle: Array,
-    tint: Tint,
+    tint: LeafTint,
     *,
     squash: float = 0.8,
     ragged: float = 0.28,

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import Colour, Look, ellipsoid, rings, surface
+from carlaloc_env.assets.modelling.primitives import Look, ellipsoid, rings, surface
 from carlaloc_env.assets.walkers.gait import standing
 from carlaloc_env.assets.walkers.skeleton import BONES, Joints, Skin, shoe_sole
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 Hang = tuple[str, str, float]

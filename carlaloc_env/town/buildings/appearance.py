@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.palettes import Tint
 from carlaloc_env.town.buildings.styles import Style
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
@@ -20,15 +20,15 @@ class Look:
     """The style."""
     material: Material
     """Material of the walls."""
-    tint: Tint
+    tint: Colour
     """Linear tint of the walls."""
-    trim: Tint
+    trim: Colour
     """Linear tint of sills, cornices and frames."""
-    sign: Tint
+    sign: Colour
     """Linear tint of shop signs and awnings."""
-    accent: Tint = (60, 64, 66)
+    accent: Colour = (60, 64, 66)
     """Linear tint of shutters, rails, doors' canopies and timber."""
-    roof: tuple[Material, Tint] = (Material.ROOF_TILE, (255, 235, 220))
+    roof: tuple[Material, Colour] = (Material.ROOF_TILE, (255, 235, 220))
     """Material of a pitched roof with its linear tint."""
 
 

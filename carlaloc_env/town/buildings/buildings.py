@@ -9,11 +9,10 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.mesh import Colour, Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.appearance import Look
 from carlaloc_env.town.buildings.facades import facade
-from carlaloc_env.town.buildings.palettes import Tint
 from carlaloc_env.town.buildings.roofs import add_roof
 from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR
 from carlaloc_env.town.buildings.styles import STYLES, ZONE_STYLES, Style
@@ -23,7 +22,7 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
 FOUNDATION_M = 1.2
 """How far walls reach below their ground level, so that no gap opens on sloping ground [m]."""
-_SIGNS: tuple[Tint, ...] = (
+_SIGNS: tuple[Colour, ...] = (
     (150, 20, 18), (16, 40, 95), (14, 80, 45), (200, 150, 20), (30, 30, 32), (110, 20, 60), (220, 220, 210),
     (20, 90, 110), (190, 80, 15),
 )  # fmt: skip

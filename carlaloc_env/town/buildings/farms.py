@@ -8,10 +8,9 @@ from carlaloc_env.assets.modelling.primitives import Look as Stuff
 from carlaloc_env.assets.modelling.primitives import lathe
 from carlaloc_env.assets.vegetation.farm_plants import bale
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.buildings import BuildingPlan, building_mesh, draw_look
-from carlaloc_env.town.buildings.palettes import Tint
 from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import Wall, around
@@ -21,16 +20,16 @@ from carlaloc_env.town.meshing.prop_copies import copies, poses
 
 EAVES_M = 4.4
 """Height of a barn's walls [m]."""
-_PAINTS: tuple[tuple[Material, Tint], ...] = (
+_PAINTS: tuple[tuple[Material, Colour], ...] = (
     (Material.SIDING, (150, 34, 26)), (Material.WOOD, (190, 175, 160)), (Material.SIDING, (225, 222, 212)),
     (Material.WOOD, (150, 110, 80)), (Material.SHEET_METAL, (200, 205, 200)),
     (Material.BRICK_RED, (255, 240, 225)),
 )  # fmt: skip
-_ROOFS: tuple[tuple[Material, Tint], ...] = (
+_ROOFS: tuple[tuple[Material, Colour], ...] = (
     (Material.SHEET_METAL, (185, 185, 190)), (Material.ROOF_TILE, (235, 190, 165)),
     (Material.SHEET_METAL, (150, 90, 70)), (Material.ROOF_SLATE, (255, 255, 255)),
 )  # fmt: skip
-_TRIM: Tint = (236, 234, 226)
+_TRIM: Colour = (236, 234, 226)
 
 
 def barn(width_m: float, depth_m: float, draw: np.random.Generator) -> Mesh:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from carlaloc_env.scene.materials import Material
 
-Tint = tuple[int, int, int]
-Choice = tuple[Material, Tint]
-
 BRICKS = tuple(
     (material, tint)
     for material in (Material.BRICK_RED, Material.BRICK_BROWN)

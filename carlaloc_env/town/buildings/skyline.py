@@ -16,6 +16,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import around
 from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
@@ -42,10 +43,10 @@ def add_skyline(
     zones: Sequence[tuple[str, Area]],
     ground: Ground,
     seed: int,
-    first_instance: int,
+    ids: InstanceIds,
     sea: Area | None = None,
 ) -> list[Mesh]:
-    """Far buildings and trees round the border, not in the sea; ids count up from `first_instance`."""
+    """Far buildings and trees round the border, not in the sea, with an instance id each."""
     draw = rng.stream(seed, "skyline")
     places, distance = _places(bounds, draw)
     if sea is not None:
@@ -57,12 +58,10 @@ def add_skyline(
     kinds = [_nearest(zones, point) for point in on_border]
     out = MeshBuilder()
     trees: dict[str, list[Array]] = {kind: [] for kind in _TREES}
-    number = first_instance
     for place, far, base, kind in zip(places, distance, z, kinds, strict=True):
         heights = HEIGHTS_M.get(kind)
         if heights is not None and draw.random() < 0.75 - 0.5 * far / FARTHEST_M:
-            out.add(_block(place, float(base), heights, draw).with_instance(number))
-            number += 1
+            out.add(_block(place, float(base), heights, draw).with_instance(ids.take()))
             continue
         for _ in range(int(draw.integers(0, 3))):
             foot = np.array([*(place + draw.uniform(-18.0, 18.0, 2)), base])
@@ -72,8 +71,7 @@ def add_skyline(
         if trees[kind]:
             feet = np.array(trees[kind])
             T = poses(feet, draw.uniform(0.0, 2 * np.pi, len(feet)), draw.uniform(0.8, 1.2, len(feet)))
-            meshes.append(copies(tree(kind, 1, "low"), T, number))
-            number += len(feet)
+            meshes.append(copies(tree(kind, 1, "low"), T, ids.take(len(feet))))
     return meshes
 
 

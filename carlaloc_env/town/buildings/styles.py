@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.town.buildings.palettes import (  # fmt: skip
     ACCENTS,
     BOARDS,
@@ -19,7 +20,6 @@ from carlaloc_env.town.buildings.palettes import (  # fmt: skip
     STONES,
     TILES,
     TOWERS,
-    Tint,
 )
 
 
@@ -29,9 +29,9 @@ class Style:
 
     name: str
     """Name of the style."""
-    walls: tuple[tuple[Material, Tint], ...]
+    walls: tuple[tuple[Material, Colour], ...]
     """Wall materials with their linear tints, one of which a building takes."""
-    trims: tuple[Tint, ...]
+    trims: tuple[Colour, ...]
     """Linear tints of sills, cornices and frames."""
     storeys: tuple[int, int]
     """Fewest and most storeys, the ground floor included."""
@@ -63,9 +63,9 @@ class Style:
     """Share of windows of the upper storeys that have a balcony."""
     roof: str = "flat"
     """Roof: flat, gable, front_gable, hip, mansard or sawtooth."""
-    roofs: tuple[tuple[Material, Tint], ...] = TILES
+    roofs: tuple[tuple[Material, Colour], ...] = TILES
     """Materials of a pitched roof with their linear tints, one of which a building takes."""
-    accents: tuple[Tint, ...] = ACCENTS
+    accents: tuple[Colour, ...] = ACCENTS
     """Linear tints of shutters, rails and timber."""
     wide: bool = False
     """Whether its windows are wider than high."""

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from typing import Literal
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.town.checks.problem import Row, Severity
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES
 from carlaloc_env.town.opendrive.records import OpenDrive, Road
-
-Row = tuple[Literal["error", "warning"], str, str, int, str]
 
 LINK_BOUNDS = (
     ("gap", "m", 1e-3, 0.1),
@@ -60,7 +58,7 @@ def link_problems(network: LaneNetwork) -> list[Row]:
         ]
         to = network.lanes[b[k]]
         message = f"does not meet lane {to.lane_id} of road {to.road_id}: step in {', '.join(parts)}"
-        severity: Literal["error", "warning"] = "error" if bad[:, k].any() else "warning"
+        severity: Severity = "error" if bad[:, k].any() else "warning"
         rows.append((severity, "lane", _label(network, a[k]), _line(network, a[k]), message))
     return rows
 

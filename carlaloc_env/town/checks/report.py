@@ -6,13 +6,13 @@ import csv
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.output_paths import check_output_file
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
+from carlaloc_env.town.checks.problem import Problem, Row
 from carlaloc_env.town.checks.roads import clearance_problems, plan_view_problems, road_problems
 from carlaloc_env.town.checks.signals import signal_problems
 from carlaloc_env.town.lanes.build_network import build_network
@@ -20,28 +20,8 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.records import OpenDrive
 
-Severity = Literal["error", "warning"]
 CSV_SUFFIXES = (".csv",)
 """What tables may be called."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Problem:
-    """One fault of a map."""
-
-    severity: Severity
-    """error: vehicles or readers will meet it; warning: worth a look."""
-    element: str
-    """XML element, e.g. ``lane``."""
-    id: str
-    """Its id, with the road it belongs to."""
-    line: int
-    """Line in the file."""
-    message: str
-
-    def __str__(self) -> str:
-        """One line: where, what."""
-        return f"{self.severity}: line {self.line}: <{self.element}> {self.id}: {self.message}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +110,7 @@ def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
     )
 
 
-def _problems(rows: Sequence[tuple[Severity, str, str, int, str]]) -> list[Problem]:
+def _problems(rows: Sequence[Row]) -> list[Problem]:
     return [Problem(severity=s, element=e, id=i, line=n, message=m) for s, e, i, n, m in rows]
 
 

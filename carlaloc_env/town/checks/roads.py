@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.checks.problem import Row, Severity
+from carlaloc_env.town.lanes.lane_network import CLEARANCE_M, LaneNetwork
 from carlaloc_env.town.opendrive.records import OpenDrive, Road
-
-Row = tuple[Literal["error", "warning"], str, str, int, str]
 
 GAP_M = 1e-6
 GAP_ERROR_M = 0.01
@@ -22,7 +19,6 @@ LENGTH_M = 1e-6
 POLYNOMIAL_LENGTH_M = 1e-3
 MIN_RADIUS_M = 6.0
 GRADE = 0.12
-CLEARANCE_M = 4.5
 
 
 def road_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
@@ -32,9 +28,7 @@ def road_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
     for road in xodr.roads:
         total = sum(g.length_m for g in road.geometry)
         if abs(total - road.length_m) > LENGTH_M:
-            severity: Literal["error", "warning"] = (
-                "error" if abs(total - road.length_m) > GAP_ERROR_M else "warning"
-            )
+            severity: Severity = "error" if abs(total - road.length_m) > GAP_ERROR_M else "warning"
             message = f"length is {road.length_m:g} m, its geometry adds up to {total:.9g} m"
             rows.append((severity, "road", road.id, road.line, message))
         if road.id in junctions:

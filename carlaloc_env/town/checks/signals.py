@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Literal
 
+from carlaloc_env.town.checks.problem import Row
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.records import OpenDrive
-
-Row = tuple[Literal["error", "warning"], str, str, int, str]
 
 
 def signal_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:

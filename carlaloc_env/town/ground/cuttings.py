@@ -8,9 +8,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_graph import RoadGraph, grown, runs
 from carlaloc_env.town.ground.grade_levels import State, States, Stretch
 from carlaloc_env.town.ground.height_fields import GroundGrid
+from carlaloc_env.town.lanes.lane_network import CLEARANCE_M
 
-CLEARANCE_M = 4.5
-"""Free height under a roof [m]."""
 ROOF_M = 0.4
 """Thickness of the roof of an underpass [m]."""
 COVER_REACH_M = 30.0

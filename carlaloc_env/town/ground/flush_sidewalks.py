@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.ground.lane_strips import SAMPLE_M, Strip
 from carlaloc_env.town.meshing.polygons import Area, strip_polygon
 
 BELOW_M = 0.01
@@ -23,7 +23,6 @@ _INSIDE_M = 0.3
 """Lanes are free at this distance from their edges already where pavements merely touch them."""
 _LEAST_M2 = 0.05
 _LEVEL_M = 1.0
-_SAMPLE_M = 0.25
 
 
 def lower_walks(strips: Sequence[Strip]) -> list[Strip]:
@@ -79,15 +78,15 @@ def _level_with(a: Strip, b: Strip, part: Area) -> bool:
 
 def _lowered(strip: Strip, walk: int, crossing: Area) -> Strip:
     """The strip with one lane lowered wherever it lies under lanes, with slopes at both ends."""
-    dense = np.linspace(strip.s_m[0], strip.s_m[-1], int(np.ceil(np.ptp(strip.s_m) / _SAMPLE_M)) + 1)
+    dense = np.linspace(strip.s_m[0], strip.s_m[-1], int(np.ceil(np.ptp(strip.s_m) / SAMPLE_M)) + 1)
     left, right = (_at(dense, strip.s_m, edge) for edge in strip.lane_edges(walk))
     across = shapely.linestrings(np.stack([left[:, :2], right[:, :2]], axis=1))
-    under = shapely.intersects(across, shapely.buffer(crossing, _INSIDE_M + _SAMPLE_M))
+    under = shapely.intersects(across, shapely.buffer(crossing, _INSIDE_M + SAMPLE_M))
     if not under.any():
         return strip
     gap = np.min(np.abs(dense[:, None] - dense[under][None]), axis=1)
     share = np.clip(gap / FLARE_M, 0.0, 1.0)
-    kept = (gap < FLARE_M + 2 * _SAMPLE_M) | (np.arange(len(dense)) % round(2.0 / _SAMPLE_M) == 0)
+    kept = (gap < FLARE_M + 2 * SAMPLE_M) | (np.arange(len(dense)) % round(2.0 / SAMPLE_M) == 0)
     s = np.unique(np.concatenate([strip.s_m, dense[kept]]))
     raised = _at(s, strip.s_m, np.moveaxis(strip.raised_m, -1, 0).reshape(len(strip.s_m), -1))
     raised = np.moveaxis(raised.reshape(len(s), *strip.raised_m.shape[:2]), 0, -1).copy()

@@ -41,7 +41,7 @@ OVERLAP_M2 = 2.0
 """Roads of a junction that overlap by less than this lie side by side [m²]."""
 PARTING_RAD = 0.6
 """Roads that turn by more than this have corners to be filled [rad]."""
-_SAMPLE_M = 0.25
+SAMPLE_M = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,7 +152,7 @@ def _strip(road: Road, number: int, section: int, surface: RoadSurface) -> Strip
     # The very end belongs to the next section's records: stay a hair inside.
     inside = end - min(1e-6, (end - start) * 1e-3)
     ids = np.array([surface.edges.index[number, section, lane.id] for lane in lanes], dtype=np.int64)
-    dense = np.linspace(start, inside, max(9, int((end - start) / _SAMPLE_M) + 1))
+    dense = np.linspace(start, inside, max(9, int((end - start) / SAMPLE_M) + 1))
     s = _stations(dense, _edges(number, lanes, ids, dense, surface)[1])
     t, edges = _edges(number, lanes, ids, s, surface)
     return Strip(

@@ -11,10 +11,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_levels import Levels, States
 from carlaloc_env.town.ground.height_fields import densify
 from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.lanes.lane_network import DEFAULT_LIMIT_MPS
 from carlaloc_env.town.opendrive.records import Road
-
-USUAL_LIMIT_MPS = 50.0 / 3.6
-"""Stands for the limit of roads that do not state one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,7 +75,7 @@ def road_limit_mps(road: Road) -> float:
     """Highest speed limit that a road states [m/s]."""
     stated = [record.limit_mps for record in road.speeds]
     stated += [r.limit_mps for section in road.sections for lane in section.lanes for r in lane.speeds]
-    return min(max(stated), 60.0) if stated else USUAL_LIMIT_MPS
+    return min(max(stated), 60.0) if stated else DEFAULT_LIMIT_MPS
 
 
 def right_of(line: Array) -> Array:

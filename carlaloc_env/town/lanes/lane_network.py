@@ -19,6 +19,8 @@ from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES, BrokenLink, LaneLin
 from carlaloc_env.town.opendrive.records import OpenDrive, Road
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
+CLEARANCE_M = 4.5
+"""Free height that vehicles need under roofs and roads [m]."""
 DEFAULT_LIMIT_MPS = 50.0 / 3.6
 """Where neither the lane, its road nor any lane leading to it states a limit."""
 NO_LIMIT_MPS = 130.0 / 3.6

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 SignKind = Literal["stop", "yield", "speed", "other"]
-SIGN_KINDS: dict[str, SignKind] = {"206": "stop", "205": "yield", "274": "speed"}
+SIGN_CODES: dict[SignKind, str] = {"stop": "206", "yield": "205", "speed": "274"}
 """CARLA's and RoadRunner's sign codes (after the German catalogue)."""
+SIGN_KINDS = {code: kind for kind, code in SIGN_CODES.items()}
+"""What each code means."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import from_rotation
-from carlaloc_env.town.lanes.records import SIGN_KINDS, SignalHead, StaticSign
+from carlaloc_env.town.lanes.records import SIGN_CODES, SIGN_KINDS, SignalHead, StaticSign
 from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
 from carlaloc_env.town.opendrive.records import Road, RoadObject, Signal, Validity
 
@@ -100,7 +100,7 @@ def _speed_objects(network: LaneNetwork, road: Road) -> Iterable[StaticSign]:
             yield StaticSign(
                 id=item.id,
                 kind="speed",
-                type="274",
+                type=SIGN_CODES["speed"],
                 T_world_sign=object_pose(network, road, item),
                 lanes=(),
                 stop_station_m=(),

@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.texture_atlas import GRID
+from carlaloc_env.assets.texture_atlas import GRID, MARGIN
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import MATERIALS, Material
-
-MARGIN = 1.0 / 64.0
-"""Share of a picture left out at each edge, so that coarse mip levels do not bleed."""
 
 
 def cell_uv(material: Material, cell: NDArray[np.integer], aspect: float = 1.0) -> Array:

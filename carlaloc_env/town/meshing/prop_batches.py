@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 
 
@@ -51,21 +52,15 @@ class PropField:
             )
         )
 
-    @property
-    def count(self) -> int:
-        """Number of copies."""
-        return sum(len(place[0]) for places in self._places.values() for place in places)
-
     def feet_m(self, wanted: Callable[[Hashable], bool]) -> Array:
         """Feet of all props whose key is wanted [m], shape (K, 3)."""
         found = [place[0] for key, places in self._places.items() if wanted(key) for place in places]
         return np.concatenate(found) if found else np.zeros((0, 3))
 
-    def meshes(self, first_instance: int) -> list[Mesh]:
-        """All copies; instance ids count up from `first_instance`, in the order of their first being put."""
-        found, number = [], first_instance
+    def meshes(self, ids: InstanceIds) -> list[Mesh]:
+        """All copies, with an instance id each, in the order of their first being put."""
+        found = []
         for key, places in self._places.items():
             feet, yaw, scale, tint = (np.concatenate(part) for part in zip(*places, strict=True))
-            found.append(copies(self._makers[key](), poses(feet, yaw, scale), number, tint))
-            number += len(feet)
+            found.append(copies(self._makers[key](), poses(feet, yaw, scale), ids.take(len(feet)), tint))
         return found

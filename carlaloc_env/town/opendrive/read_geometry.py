@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from carlaloc_env.town.opendrive.records import Cubic, Geometry, ShapeRecord
+from carlaloc_env.town.opendrive.records import GEOMETRY_KINDS, Cubic, Geometry, ShapeRecord
 from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 COEFFICIENT_LIMIT = 1.0e12
@@ -13,7 +13,6 @@ COEFFICIENT_LIMIT = 1.0e12
 CURVATURE_LIMIT_RADPM = 1.0e4
 SPIRAL_TURN_LIMIT_RAD = 30.0
 """A spiral that may turn further is refused: it would cost unbounded time to integrate."""
-SHAPES = ("line", "arc", "spiral", "poly3", "paramPoly3")
 
 
 def read_plan_view(document: Document, road: Element) -> tuple[Geometry, ...]:
@@ -50,7 +49,7 @@ def read_shapes(document: Document, road: Element) -> tuple[ShapeRecord, ...]:
 
 
 def _geometry(document: Document, element: Element) -> Geometry:
-    shape = next((child for child in element if child.tag in SHAPES), None)
+    shape = next((child for child in element if child.tag in GEOMETRY_KINDS), None)
     if shape is None:
         document.fail(element, "holds no line, arc, spiral, poly3 or paramPoly3", "add one")
     place = Geometry(

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geodesy import GeoReference
 
 GeometryKind = Literal["line", "arc", "spiral", "poly3", "paramPoly3"]
+"""Shapes of a piece of a reference line, OpenDRIVE's element names."""
+GEOMETRY_KINDS: tuple[GeometryKind, ...] = get_args(GeometryKind)
+"""All of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.opendrive.cubic_tables import last_at_or_before
-from carlaloc_env.town.opendrive.records import Geometry, Road
+from carlaloc_env.town.opendrive.records import GEOMETRY_KINDS, Geometry, Road
 
-KINDS = ("line", "arc", "spiral", "poly3", "paramPoly3")
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 _FEW_NODES, _FEW_WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -56,7 +55,7 @@ class PlanView:
             dtype=np.float64,
         ).reshape(-1, 7)
         self._s, self._x, self._y, self._h, self._l, self._k0, self._k1 = np.ascontiguousarray(rows.T)
-        self._kind: NDArray[np.int8] = np.array([KINDS.index(g.kind) for g in pieces], dtype=np.int8)
+        self._kind: NDArray[np.int8] = np.array([GEOMETRY_KINDS.index(g.kind) for g in pieces], dtype=np.int8)
         self._curves = PolynomialCurves(pieces)
 
     def evaluate(self, road: Index, s_m: Array) -> LinePose:
@@ -166,11 +165,6 @@ class PolynomialCurves:
         # paramPoly3 fills its stated length whatever its true one; poly3 runs by true arc length.
         scaled = np.array([g.kind == "paramPoly3" for g in curves], dtype=bool)
         self._scale = np.where(scaled & (length > 0.0), whole / np.where(length > 0.0, length, 1.0), 1.0)
-
-    def true_length(self, piece: int) -> float:
-        """Integrated arc length [m] of a paramPoly3 piece of the map."""
-        slot = self._slot[piece]
-        return float(self._arc_m[self._first[slot] + self._count[slot] - 1])
 
     def rate(self, piece: Index) -> Array:
         """Metres of arc per metre of s on any pieces of the map, (M,)."""

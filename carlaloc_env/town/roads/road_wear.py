@@ -28,7 +28,7 @@ from carlaloc_env.town.roads.road_markings import beside
 
 Spans = list[tuple[float, float]]
 Rectangle = tuple[float, float, float, float]
-"""From and to along the road [m], from and to across a lane from its right edge [m]."""
+"""From and to along the road [m], from and to across a lane or sidewalk from its right edge [m]."""
 
 PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 10.0, 28.0, 22.0
 """Mean distances of repairs and covers on one lane, and of drains along a kerb [m]."""

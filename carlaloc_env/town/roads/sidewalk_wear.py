@@ -12,10 +12,8 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road
+from carlaloc_env.town.roads.road_wear import Rectangle
 from carlaloc_env.town.roads.sidewalks import FLARE_M, KERB_STONE_M, raised_runs, run_edges
-
-Rectangle = tuple[float, float, float, float]
-"""From and to along the road [m], from and to across the pavement from its right edge [m]."""
 
 MENDED_M2, LID_M2 = 11.0, 14.0
 """Area of pavement for each mended place and for each lid [m²]."""

@@ -20,6 +20,7 @@ from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.road_edges import RoadEdge
 from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
@@ -79,18 +80,17 @@ class ParkedCars:
             found.append(rectangle(foot[:2], yaw, size[0], size[1]))
         return found
 
-    def meshes(self, first_instance: int) -> list[Mesh]:
-        """All cars; instance ids count up from `first_instance`."""
-        found, number = [], first_instance
+    def meshes(self, ids: InstanceIds) -> list[Mesh]:
+        """All cars, with an instance id each."""
+        found = []
         names = np.array(self.names)
         for name in CARS:
             rows = np.flatnonzero(names == name)
             if len(rows):
                 T = poses(np.array(self.feet_m)[rows], np.array(self.yaws_rad)[rows])
                 paint = np.array(self.tints, dtype=np.float64)[rows] / 255.0
-                own = copies(vehicle(name).low, T, number, paint, tinted=Material.CAR_PAINT)
+                own = copies(vehicle(name).low, T, ids.take(len(rows)), paint, tinted=Material.CAR_PAINT)
                 found.append(_with_plates(own))
-                number += len(rows)
         return found
 
     def add_boxes(self, solid: MeshBuilder) -> None:

@@ -19,6 +19,7 @@ from carlaloc_env.town.ground.road_edges import RoadEdge
 from carlaloc_env.town.ground.terrain import Ground
 from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.town.meshing.collision_mesh import posts
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
@@ -69,32 +70,24 @@ class Roadside:
     """Lights of the masts [m], shape (K, 3)."""
     taken: Area
     """Ground on which nothing else may grow or stand."""
-    instances: int
-    """Number of instance ids used."""
 
 
-def line_roads(solid: MeshBuilder, site: RoadsideSite, first_instance: int) -> Roadside:
+def line_roads(solid: MeshBuilder, site: RoadsideSite, ids: InstanceIds) -> Roadside:
     """Line all roads; solid things also go to `solid`."""
     fittings, cars = MeshBuilder(), ParkedCars()
     paved = site.areas.paved
     rails = add_guard_rails(fittings, solid, site.edges, paved, site.ground)
     medians = add_medians(fittings, solid, site.strips, site.roads)
-    for number, park in enumerate(site.car_parks):
-        add_car_park(fittings, cars, park, site.ground, site.seed, first_instance + number)
-    number = first_instance + len(site.car_parks)
-    masts, lights, feet = mast_meshes(
-        site.edges, medians, site.zones, paved, site.ground, site.overhead, number
-    )
-    number += len(feet)
+    for park in site.car_parks:
+        add_car_park(fittings, cars, park, site.ground, site.seed, ids.take())
+    masts, lights, feet = mast_meshes(site.edges, medians, site.zones, paved, site.ground, site.overhead, ids)
     markers, yaws = delineator_feet(site.edges, site.zones, shapely.union(paved, site.blocked), site.ground)
     if len(markers):
-        masts.append(copies(delineator(), poses(markers, yaws), number))
-        number += len(markers)
+        masts.append(copies(delineator(), poses(markers, yaws), ids.take(len(markers))))
     blocked = shapely.union_all([site.blocked, paved, rails, *_discs(feet)])
     blocked = shapely.union_all([blocked, *_discs(markers)])
     rows = place_lines(site.edges, site.zones, blocked, site.overhead, site.ground, site.seed)
-    poles, pole_feet = add_lines(fittings, rows, number)
-    number += len(pole_feet)
+    poles, pole_feet = add_lines(fittings, rows, ids)
     blocked = shapely.union_all([blocked, *_discs(pole_feet)])
     walks = shapely.union_all([shapely.Polygon(walk.polygon_m[:, :2]) for walk in site.crosswalks])
     park_in_lanes(cars, site.strips, site.zones, walks, site.seed)
@@ -119,10 +112,9 @@ def line_roads(solid: MeshBuilder, site: RoadsideSite, first_instance: int) -> R
         *(park.area() for park in site.car_parks),
     ]
     return Roadside(
-        meshes=[fittings.build(), *masts, *poles, *cars.meshes(number)],
+        meshes=[fittings.build(), *masts, *poles, *cars.meshes(ids)],
         lamps_m=lights,
         taken=shapely.union_all([*taken, *_discs(feet), *_discs(markers)]),
-        instances=number + len(cars.names) - first_instance,
     )
 
 

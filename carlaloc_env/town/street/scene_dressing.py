@@ -19,6 +19,7 @@ from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.land_raster import Land, Raster
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.collision_mesh import posts
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, polygons_of
 from carlaloc_env.town.roads.surfaces import Surfaces
@@ -51,33 +52,30 @@ class Dressing:
     """Lenses of the traffic lights."""
     lamps_m: Array
     """Light sources of lamps [m], shape (K, 3)."""
-    next_instance: int
-    """First instance id that nothing has."""
 
 
 def dress(
-    out: Surfaces, network: LaneNetwork, work: Groundwork, plots: Plots, route_m: Array | None, seed: int
+    out: Surfaces,
+    network: LaneNetwork,
+    work: Groundwork,
+    plots: Plots,
+    route_m: Array | None,
+    seed: int,
+    ids: InstanceIds,
 ) -> Dressing:
-    """Place everything; solid things also go to `out`. Instance ids count up from those of the buildings."""
-    number = len(plots.lots) + 1
-    lights, lenses, light_feet = add_signals(network, work.floor_height, number)
-    number += len(lights)
-    signs, sign_feet = add_signs(network, work.floor_height, number)
-    number += len(signs)
-    roadside = line_roads(out.solid, _roadside_site(network, work, plots, seed), number)
-    number += roadside.instances
+    """Place everything; solid things also go to `out`."""
+    lights, lenses, light_feet = add_signals(network, work.floor_height, ids)
+    signs, sign_feet = add_signs(network, work.floor_height, ids)
+    roadside = line_roads(out.solid, _roadside_site(network, work, plots, seed), ids)
     clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
     furnisher = _furnish(work, plots, roadside, np.concatenate(clear), route_m, seed)
     cover = MeshBuilder()
     green = dress_land(out.raised, cover, out.solid, _land(work, plots, roadside, route_m, seed), plots.lots)
     paved, floor = work.areas.paved, work.floor_height
-    features = [feature_mesh(site, paved, floor, seed, number + k) for k, site in enumerate(plots.features)]
+    features = [feature_mesh(site, paved, floor, seed, ids.take()) for site in plots.features]
     for feature in features:
         out.solid.add(feature)
-    number += len(features)
-    props = furnisher.meshes(number)
-    number += furnisher.count
-    props += green.meshes(number)
+    props = [*furnisher.meshes(ids), *green.meshes(ids)]
     _add_posts(out.solid, furnisher.placed, light_feet, green.feet_m(is_tree))
     lamps = [furnisher.lamps_m(), roadside.lamps_m, feature_lamps(plots.features, paved, floor)]
     return Dressing(
@@ -85,7 +83,6 @@ def dress(
         cover=cover.build(),
         lenses=lenses,
         lamps_m=np.concatenate(lamps),
-        next_instance=number + green.count,
     )
 
 

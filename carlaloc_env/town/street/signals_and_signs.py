@@ -13,17 +13,17 @@ from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.records import SignalHead, StaticSign
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.prop_copies import copies, poses
+from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
 
 SHORTEST_ARM_M, LONGEST_ARM_M = 3.5, 11.0
 """Mast arms that are built; nearer lanes are served from the post [m]."""
 _POST_ROOM_M, _FARTHEST_POST_M = 0.5, 16.0
-MPH_MPS = 0.44704
-"""One mile per hour [m/s]."""
 
 
 def add_signals(
-    network: LaneNetwork, floor: HeightOf, first_instance: int
+    network: LaneNetwork, floor: HeightOf, ids: InstanceIds
 ) -> tuple[list[Mesh], SignalLenses, Array]:
     """Meshes of all traffic lights, their lenses, and the feet of their posts [m] (S, 3)."""
     meshes: list[Mesh] = []
@@ -36,13 +36,14 @@ def add_signals(
         T = poses(feet[number], yaw)
         arm, heads = _arm(network, head, T[0])
         mesh, lenses = traffic_light(heads, arm)
-        meshes.append(copies(mesh, T, first_instance + number))
+        own = ids.take()
+        meshes.append(copies(mesh, T, own))
         for k in range(lenses.shape[0]):
             for lens in range(lenses.shape[1]):
                 lens_poses.append(_product(T[0], lenses[k, lens]))
                 signal.append(number)
                 state.append(lens + 1)
-                instance.append(first_instance + number)
+                instance.append(own)
     found = SignalLenses(
         signal=np.array(signal, dtype=np.int32),
         state=np.array(state, dtype=np.uint8),
@@ -52,7 +53,7 @@ def add_signals(
     return meshes, found, feet
 
 
-def add_signs(network: LaneNetwork, floor: HeightOf, first_instance: int) -> tuple[list[Mesh], Array]:
+def add_signs(network: LaneNetwork, floor: HeightOf, ids: InstanceIds) -> tuple[list[Mesh], Array]:
     """Meshes of all signs, and the feet of their posts [m] (K, 3)."""
     meshes: list[Mesh] = []
     feet = []
@@ -63,7 +64,7 @@ def add_signs(network: LaneNetwork, floor: HeightOf, first_instance: int) -> tup
         position = item.T_world_sign[:3, 3]
         foot = np.array([*position[:2], floor(position[None, :2])[0]])
         yaw = np.arctan2(item.T_world_sign[1, 0], item.T_world_sign[0, 0])
-        meshes.append(copies(sign(*kind), poses(foot, yaw), first_instance + len(meshes)))
+        meshes.append(copies(sign(*kind), poses(foot, yaw), ids.take()))
         feet.append(foot)
     return meshes, np.array(feet).reshape(-1, 3)
 
@@ -103,7 +104,7 @@ def _kind(item: StaticSign) -> tuple[str, str | None] | None:
     if item.kind in ("stop", "yield"):
         return item.kind, None
     if item.kind == "speed" and item.speed_mps is not None:
-        mph = item.speed_mps / MPH_MPS
+        mph = item.speed_mps / MPS_PER_UNIT["mph"]
         whole = abs(mph - 5 * round(mph / 5)) < 0.01
         return "speed", str(round(mph if whole else item.speed_mps * 3.6))
     return None

@@ -17,6 +17,7 @@ from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.road_edges import RoadEdge, road_edges
 from carlaloc_env.town.ground.terrain import BANK_SLOPE, Ground
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.street.car_parks import CarPark, place_car_parks
 from carlaloc_env.town.street.landmarks import Site, feature_car_parks, sites
@@ -46,15 +47,15 @@ class Plots:
         """Ground under each building."""
         return [lot.footprint() for lot in self.lots]
 
-    def buildings(self, seed: int) -> list[Mesh]:
-        """Meshes of all buildings, numbered from 1."""
+    def buildings(self, seed: int, ids: InstanceIds) -> list[Mesh]:
+        """Meshes of all buildings, with an instance id each."""
         meshes = []
-        for number, (lot, base) in enumerate(zip(self.lots, self.bases_m, strict=True)):
+        for lot, base in zip(self.lots, self.bases_m, strict=True):
             T = np.eye(4)
             c, s = np.cos(lot.heading_rad), np.sin(lot.heading_rad)
             T[:2, :2] = [[c, -s], [s, c]]
             T[:3, 3] = (*lot.corner_m, base)
-            mesh = building_mesh(lot.plan, rng.stream(seed, lot.name, index=1), instance=number + 1)
+            mesh = building_mesh(lot.plan, rng.stream(seed, lot.name, index=1), instance=ids.take())
             meshes.append(mesh.transformed(T))
         return meshes
 

@@ -12,10 +12,12 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.roads.sidewalks import raised_runs, run_edges
 from carlaloc_env.town.street.street_props import LAMP_ARM_M, LAMP_HEIGHT_M, Placement, prop_mesh
+from carlaloc_env.town.vegetation.planting import DETAIL_M
 
 LAMP_STEP_M = 30.0
 """Distance of lamps on one side of a street [m]."""
@@ -33,8 +35,6 @@ NAMED_ZONES = ("downtown", "skyscraper", "small_town", "residential", "industria
 """Zones in which streets have such posts."""
 PROTOTYPES = 5
 """Different trees of each kind."""
-DETAIL_M = 22.0
-"""Trees this near to the ego's route are detailed [m]."""
 TREE_KINDS: dict[str, tuple[str, ...]] = {
     "downtown": ("plane", "lime"),
     "skyscraper": ("lime", "plane"),
@@ -92,9 +92,9 @@ class Furnisher:
             elif last < len(strip.lanes) - 1 and strip.kind(last + 1) == "roadway":
                 self._side(strip, f"{first}/right", right, left)
 
-    def meshes(self, first_instance: int) -> list[Mesh]:
-        """All props as meshes; instance ids count up from `first_instance`."""
-        found, number = [], first_instance
+    def meshes(self, ids: InstanceIds) -> list[Mesh]:
+        """All props as meshes, with an instance id each."""
+        found = []
         for key in sorted(self.placed.feet):
             name, variant, detail = key
             feet = np.array(self.placed.feet[key])
@@ -105,14 +105,8 @@ class Furnisher:
                 scale = draw.uniform(0.85, 1.15, len(feet))
                 tint = draw.uniform(0.75, 1.1, (len(feet), 1)) * draw.uniform(0.93, 1.07, (len(feet), 3))
             mesh = prop_mesh(name, variant, detail)
-            found.append(copies(mesh, poses(feet, yaws, scale), number, tint))
-            number += len(feet)
+            found.append(copies(mesh, poses(feet, yaws, scale), ids.take(len(feet)), tint))
         return found
-
-    @property
-    def count(self) -> int:
-        """Number of props placed."""
-        return sum(len(feet) for feet in self.placed.feet.values())
 
     def lamps_m(self) -> Array:
         """Light sources of the lamps [m], shape (K, 3)."""

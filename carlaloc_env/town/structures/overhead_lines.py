@@ -18,6 +18,7 @@ from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import RoadEdge
 from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
@@ -82,9 +83,9 @@ def corridor(rows: Sequence[tuple[Array, Array]]) -> Area:
 
 
 def add_lines(
-    out: MeshBuilder, rows: Sequence[tuple[Array, Array]], first_instance: int
+    out: MeshBuilder, rows: Sequence[tuple[Array, Array]], ids: InstanceIds
 ) -> tuple[list[Mesh], Array]:
-    """Poles with an instance id each, counted up; and their feet [m], (K, 3). The wires go to `out`."""
+    """Poles with an instance id each, and their feet [m], (K, 3). The wires go to `out`."""
     if not rows:
         return [], np.zeros((0, 3))
     feet = np.concatenate([row[0] for row in rows])
@@ -95,7 +96,7 @@ def add_lines(
         ends = np.einsum("nij,kj->nki", T[:, :3, :3], start) + foot[:, None]
         for a, b in pairwise(ends):
             _wires(out, a, b)
-    return [copies(utility_pole(POLE_M), poses(feet, yaw), first_instance)], feet
+    return [copies(utility_pole(POLE_M), poses(feet, yaw), ids.take(len(feet)))], feet
 
 
 def catenary_m(length_m: float, rise_m: float, pull_m: float, share: Array) -> Array:

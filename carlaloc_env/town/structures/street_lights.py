@@ -14,6 +14,7 @@ from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
 from carlaloc_env.town.ground.road_edges import RoadEdge, right_of
 from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.structures.guard_rails import FAST_MPS
@@ -39,7 +40,7 @@ def mast_meshes(
     paved: Area,
     ground: Ground,
     overhead: Area,
-    first_instance: int,
+    ids: InstanceIds,
 ) -> tuple[list[Mesh], Array, Array]:
     """Masts, their lights [m] (K, 3) and their feet [m] (N, 3).
 
@@ -50,7 +51,7 @@ def mast_meshes(
         paved: Everything paved, on which no mast stands.
         ground: Heights of the ground.
         overhead: Raised roads, along whose rims the parapets stand.
-        first_instance: Instance id of the first mast.
+        ids: Gives each mast an instance id.
     """
     shapely.prepare(paved)
     double, yaw_double = _on_medians(medians)
@@ -62,12 +63,11 @@ def mast_meshes(
         (one, single, yaw_single, MAST_M, (ARM_M,)),
         (furniture.lamp(DECK_LAMP_M, DECK_ARM_M), deck, yaw_deck, DECK_LAMP_M, (DECK_ARM_M,)),
     )
-    meshes, lights, number = [], [np.zeros((0, 3))], first_instance
+    meshes, lights = [], [np.zeros((0, 3))]
     for mesh, feet, yaw, height, arms in kinds:
         if not len(feet):
             continue
-        meshes.append(copies(mesh, poses(feet, yaw), number))
-        number += len(feet)
+        meshes.append(copies(mesh, poses(feet, yaw), ids.take(len(feet))))
         for arm in arms:
             offset = np.stack([np.cos(yaw) * arm, np.sin(yaw) * arm, np.full(len(yaw), height)], axis=-1)
             lights.append(feet + offset)

@@ -15,14 +15,13 @@ from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.land_raster import Land
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, rings, triangulate
 from carlaloc_env.town.meshing.prop_batches import PropField
 from carlaloc_env.town.vegetation.planting import PROTOTYPES, put_bushes, tree_detail
-
-Tint = tuple[int, int, int]
 
 VERGE_M = 5.5
 """Grass between a field and anything paved [m]."""
@@ -44,9 +43,9 @@ class Crop:
     """Height of the stand [m]; 0.1 for bare earth."""
     material: Material
     """Surface of the stand."""
-    tint: Tint
+    tint: Colour
     """Linear tint of the stand."""
-    blades: Tint = (255, 255, 255)
+    blades: Colour = (255, 255, 255)
     """Linear tint of single plants at its border."""
 
 

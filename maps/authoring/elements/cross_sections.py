@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from maps.authoring.geometry.newton import PlanError
 
@@ -11,6 +12,8 @@ Cubic = tuple[float, float, float, float]
 Records = tuple[tuple[float, Cubic], ...]
 """(ds, a b c d) of a quantity along a section; each holds up to the next."""
 NONE: Records = ((0.0, (0.0, 0.0, 0.0, 0.0)),)
+BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
+"""Widths of a `CrossSection` that ends at its carriageway."""
 SIDEWALK_HEIGHT_M = 0.15
 SOLID_BEFORE_JUNCTION_M = 25.0
 

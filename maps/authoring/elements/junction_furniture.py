@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from carlaloc_env.town.lanes.records import SIGN_CODES
 from maps.authoring.elements.ids import CONTROLLER, OBJECT, SIGNAL, Numbers
 from maps.authoring.elements.junctions import Movement, turn_angle
 from maps.authoring.elements.map_parts import (
@@ -18,7 +19,8 @@ from maps.authoring.elements.map_parts import (
     SignalPart,
 )
 
-LIGHT, STOP, YIELD, SPEED = "1000001", "206", "205", "274"
+LIGHT, STOP, YIELD, SPEED = "1000001", SIGN_CODES["stop"], SIGN_CODES["yield"], SIGN_CODES["speed"]
+"""OpenDRIVE's type of traffic lights, and of the signs that are written."""
 CROSSWALK_INSET_M = 1.5
 CROSSWALK_M = 3.5
 STOP_LINE_M = 0.4

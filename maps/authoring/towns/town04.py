@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from maps.authoring.elements.cross_sections import CrossSection
+from maps.authoring.elements.cross_sections import BARE, CrossSection
 from maps.authoring.elements.ramps import Exit, Gore, Merge, OnRay
 from maps.authoring.geometry.elevation import Climb, Profile
 from maps.authoring.geometry.newton import solve
@@ -29,7 +29,6 @@ from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 
-BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
 MOTORWAY = CrossSection(lanes=4, back=0, inner_shoulder_m=0.8, shoulder_m=2.5, **BARE)
 RAMP = CrossSection(lanes=1, back=0, lane_m=4.0, inner_shoulder_m=0.5, shoulder_m=1.5, **BARE)
 RURAL = CrossSection(lanes=2, lane_m=3.5, gutter_m=0.5, sidewalk_m=0.0)

@@ -16,14 +16,13 @@ from __future__ import annotations
 from typing import Any
 
 from maps.authoring.elements.auxiliary_lanes import ExtraLane
-from maps.authoring.elements.cross_sections import CrossSection
+from maps.authoring.elements.cross_sections import BARE, CrossSection
 from maps.authoring.elements.ramps import Exit, Merge, OnRay
 from maps.authoring.geometry.elevation import Profile
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=49.05 +lon_0=8.3 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
 
-BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
 PARKWAY = CrossSection(lanes=3, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
 PARKWAY_END = CrossSection(lanes=2, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
 HIGHWAY = CrossSection(lanes=3, back=2, lane_m=3.6, median_m=6.0, shoulder_m=2.5, pocket_m=3.3, **BARE)
