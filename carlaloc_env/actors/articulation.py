@@ -43,7 +43,7 @@ class Families:
     """0 for vehicles."""
     phases: Index
     """Number of postures of pedalling, which follow `whole`, `body` and `low`; 1 for all but cycles."""
-    crank_way_m: Array
+    crank_travel_m: Array
     """Distance on which cranks turn once [m]."""
     coarse: NDArray[np.bool_]
     """Whether the library holds the family in few triangles."""
@@ -91,7 +91,7 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
         low_stand=low_stand,
         stride_m=np.array([WALKERS[name].stride_m if name in WALKERS else 0.0 for name in names]),
         phases=np.array([part.phases if part else 1 for part in parts], dtype=np.intp),
-        crank_way_m=np.array([part.crank_way_m if part else 1.0 for part in parts]),
+        crank_travel_m=np.array([part.crank_travel_m if part else 1.0 for part in parts]),
         coarse=low != whole,
         parted=np.array([part is not None for part in parts], dtype=bool),
         wheel_begin=_begin([f for f, _ in wheels], len(names)),
@@ -160,7 +160,7 @@ def walker_models(
 
 def pedalling(tables: Families, family: Index, travelled_m: NDArray[np.floating]) -> Index:
     """Which phase of pedalling each of N actors is in, by the way it has covered; 0 for all but cycles."""
-    turns = np.asarray(travelled_m, dtype=np.float64) / tables.crank_way_m[family]
+    turns = np.asarray(travelled_m, dtype=np.float64) / tables.crank_travel_m[family]
     count = tables.phases[family]
     return np.floor(turns * count + 0.5).astype(np.intp) % count
 

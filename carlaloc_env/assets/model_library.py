@@ -13,7 +13,7 @@ from carlaloc_env.assets.number_plates import PLATE_SIZE_M, PLATES
 from carlaloc_env.assets.vehicles.all_vehicles import vehicle
 from carlaloc_env.assets.vehicles.ego import ego_body
 from carlaloc_env.assets.vehicles.lit_lamps import lit_lamps
-from carlaloc_env.assets.vehicles.parts import PlatePlace, plate
+from carlaloc_env.assets.vehicles.parts import PlateMount, plate
 from carlaloc_env.assets.walkers.all_walkers import walker_models
 from carlaloc_env.core.array_cache import Arrays, cached
 from carlaloc_env.scene import mesh_arrays
@@ -82,7 +82,7 @@ def make_models() -> dict[str, Mesh]:
         for kind, first, own in (("body", parts.body, 0), ("low", parts.low, 1)):
             models[f"{name}/{kind}"] = first
             models |= {f"{name}/{kind}/{k + 1:02d}": pair[own] for k, pair in enumerate(parts.pedalled)}
-        for k, mesh in enumerate(dict.fromkeys(place.mesh for place in parts.wheels)):
+        for k, mesh in enumerate(dict.fromkeys(mount.mesh for mount in parts.wheels)):
             models[f"{name}/wheel{k}"] = mesh
         models.update(lit_lamps(name, parts.body))
     models.update(_plates())
@@ -96,6 +96,6 @@ def make_models() -> dict[str, Mesh]:
 
 
 def _plates() -> dict[str, Mesh]:
-    place = PlatePlace(position_m=(0.0, 0.0, 0.0), facing=1.0, width_m=PLATE_SIZE_M[0])
+    mount = PlateMount(position_m=(0.0, 0.0, 0.0), facing=1.0, width_m=PLATE_SIZE_M[0])
     tags = sorted({model.tag for model in VEHICLES.values()})
-    return {f"plate/{tag.name}/{k:02d}": plate(place, k, tag) for tag in tags for k in range(PLATES)}
+    return {f"plate/{tag.name}/{k:02d}": plate(mount, k, tag) for tag in tags for k in range(PLATES)}

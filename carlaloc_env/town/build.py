@@ -15,7 +15,7 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.routing.route import Route, plan_route
-from carlaloc_env.town.scenery import Scenery, build_scenery
+from carlaloc_env.town.scenery import TownScenery, build_scenery
 from carlaloc_env.town.sources import identify_town
 from carlaloc_env.town.town import Town
 
@@ -67,13 +67,13 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     )
 
 
-def _build(network: LaneNetwork, config: TownConfig, route: Route | None, key: str) -> Scenery:
+def _build(network: LaneNetwork, config: TownConfig, route: Route | None, key: str) -> TownScenery:
     route_m = None if route is None else route.position_m[:, :2]
     seed = int(key[:12], 16) if config.scenery_seed is None else config.scenery_seed
     return build_scenery(network, config, seed, route_m)
 
 
-def _to_arrays(scenery: Scenery) -> Arrays:
+def _to_arrays(scenery: TownScenery) -> Arrays:
     arrays: Arrays = {
         "collision_vertices_m": scenery.collision_vertices_m,
         "collision_triangles": scenery.collision_triangles,
@@ -87,8 +87,8 @@ def _to_arrays(scenery: Scenery) -> Arrays:
     return arrays | mesh_arrays.to_arrays(scenery.chunks)
 
 
-def _from_arrays(arrays: Arrays) -> Scenery:
-    return Scenery(
+def _from_arrays(arrays: Arrays) -> TownScenery:
+    return TownScenery(
         chunks=mesh_arrays.from_arrays(arrays),
         collision_vertices_m=arrays["collision_vertices_m"],
         collision_triangles=arrays["collision_triangles"],

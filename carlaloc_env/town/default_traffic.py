@@ -12,28 +12,28 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 VEHICLES_PER_KM = 8.0
 """Vehicles for each kilometre of driving lane outside junctions: light traffic that no map jams under."""
 WALKERS_PER_KM = 40.0
-"""Walkers for each kilometre of pavement, at most."""
-_SHORTEST_LANE_M, _SHORTEST_PAVEMENT_M = 14.0, 12.0
-_NARROWEST_LANE_M, _NARROWEST_PAVEMENT_M = 2.5, 0.9
+"""Walkers for each kilometre of sidewalk, at most."""
+_SHORTEST_LANE_M, _SHORTEST_SIDEWALK_M = 14.0, 12.0
+_NARROWEST_LANE_M, _NARROWEST_SIDEWALK_M = 2.5, 0.9
 
 
 def choose_traffic(network: LaneNetwork, config: TownConfig) -> TownConfig:
     """The configuration with as much traffic as there is room for, at most what it says.
 
-    Maps without pavements get no walkers; small maps get fewer vehicles.
+    Maps without sidewalks get no walkers; small maps get fewer vehicles.
     """
     tables = network.tables
     least_m = np.minimum.reduceat(tables.width_m, tables.first) if network.lanes else tables.width_m
-    lanes_m = pavements_m = 0.0
+    lanes_m = sidewalks_m = 0.0
     for lane, width_m in zip(network.lanes, least_m, strict=True):
         if lane.type == "driving":
             fits = lane.length_m > _SHORTEST_LANE_M and width_m > _NARROWEST_LANE_M
             lanes_m += lane.length_m if fits and lane.junction_id is None else 0.0
         elif lane.type == "sidewalk":
-            fits = lane.length_m > _SHORTEST_PAVEMENT_M and width_m > _NARROWEST_PAVEMENT_M
-            pavements_m += lane.length_m if fits else 0.0
+            fits = lane.length_m > _SHORTEST_SIDEWALK_M and width_m > _NARROWEST_SIDEWALK_M
+            sidewalks_m += lane.length_m if fits else 0.0
     counts = TrafficCounts(
         vehicles=min(config.traffic.vehicles, round(VEHICLES_PER_KM * lanes_m / 1000.0)),
-        walkers=min(config.traffic.walkers, int(WALKERS_PER_KM * pavements_m / 1000.0)),
+        walkers=min(config.traffic.walkers, int(WALKERS_PER_KM * sidewalks_m / 1000.0)),
     )
     return dataclasses.replace(config, traffic=counts)

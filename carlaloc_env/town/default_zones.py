@@ -18,7 +18,7 @@ from carlaloc_env.town.opendrive.records import Road
 
 CELL_M = 40.0
 """Side of the squares that zones are made of [m]."""
-REACH_M = 130.0
+RANGE_M = 130.0
 """How far zones reach beyond the roads [m]."""
 HIGHWAY_MPS, RURAL_MPS, QUIET_MPS = 80.0 / 3.6 - 0.1, 54.0 / 3.6, 30.0 / 3.6 + 0.1
 """Limits from which roads are highways, from which two-lane roads lead through the country, and up to
@@ -29,7 +29,7 @@ _STEP_M = 10.0
 
 
 def road_kind(road: Road) -> str:
-    """Kind of zone that suits a road: by its type, limit, lanes and pavements."""
+    """Kind of zone that suits a road: by its type, limit, lanes and sidewalks."""
     limit = max((record.limit_mps for record in road.speeds), default=0.0)
     lanes = [lane for section in road.sections for lane in section.lanes]
     widest = max(sum(lane.type == "driving" for lane in section.lanes) for section in road.sections)
@@ -62,8 +62,8 @@ def choose_zones(network: LaneNetwork, config: TownConfig) -> TownConfig:
     if "small_town" in names:
         index, names = _suburbs(points, index, names)
     common = Counter(index.tolist()).most_common(1)[0][0]
-    low = np.floor((points.min(axis=0) - REACH_M) / CELL_M) * CELL_M
-    shape = np.ceil((points.max(axis=0) + REACH_M - low) / CELL_M).astype(int)
+    low = np.floor((points.min(axis=0) - RANGE_M) / CELL_M) * CELL_M
+    shape = np.ceil((points.max(axis=0) + RANGE_M - low) / CELL_M).astype(int)
     i, j = (axis.ravel() for axis in np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"))
     corner = low + np.stack([i, j], axis=-1) * CELL_M
     _, nearest = cKDTree(points).query(corner + CELL_M / 2)

@@ -27,7 +27,7 @@ from carlaloc_env.town.street.site_plan import place_plots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scenery:
+class TownScenery:
     """The standing part of a town."""
 
     chunks: tuple[Mesh, ...]
@@ -44,7 +44,7 @@ class Scenery:
 
 def build_scenery(
     network: LaneNetwork, config: TownConfig, seed: int, route_m: Array | None = None
-) -> Scenery:
+) -> TownScenery:
     """Scenery of a map; the same map, configuration and seed give the same bytes."""
     work, out = lay_groundwork(network, config), Surfaces()
     tunnel_lamps = add_surfaces(out, network, work, seed)
@@ -57,7 +57,7 @@ def build_scenery(
     vertices, triangles = weld([out.solid.build(), firm])
     near = [out.lanes.build(), firm, dressing.cover, out.paint.build(), *buildings]
     far = _far_town(work, seed, ids)
-    return Scenery(
+    return TownScenery(
         chunks=split_chunks(merge([*near, *dressing.meshes])) + split_chunks(merge(far), FAR_CHUNK_M),
         collision_vertices_m=vertices,
         collision_triangles=triangles,

@@ -29,7 +29,7 @@ from maps.authoring.geometry.path_operations import meeting
 from maps.authoring.geometry.plan_view_curves import Path, Pose, curve_between, fillet
 
 if TYPE_CHECKING:
-    from maps.authoring.plan import Road, TownPlan
+    from maps.authoring.plan import RoadPlan, TownPlan
 
 WALKERS_SETBACK_M = 1.5
 """Half the length of the junction that stands for a crosswalk with lights between junctions [m]."""
@@ -41,7 +41,7 @@ VERTICAL_ACCELERATION_MPS2 = 0.27
 class Laid:
     """One road's line and heights between the junctions at its ends."""
 
-    road: Road
+    road: RoadPlan
     axis: Path
     """From node to node."""
     path: Path
@@ -92,9 +92,9 @@ def lay_out(plan: TownPlan) -> list[Laid]:
     return [laid[road.name] for road in plan.roads]
 
 
-def _in_order(plan: TownPlan, gores: dict[str, tuple[Road, Gore]]) -> list[Road]:
+def _in_order(plan: TownPlan, gores: dict[str, tuple[RoadPlan, Gore]]) -> list[RoadPlan]:
     """Roads, each after those that it leaves or joins."""
-    done: list[Road] = []
+    done: list[RoadPlan] = []
     rest = list(plan.roads)
     while rest:
         names = {road.name for road in done}
@@ -109,7 +109,7 @@ def _in_order(plan: TownPlan, gores: dict[str, tuple[Road, Gore]]) -> list[Road]
     return done
 
 
-def _axis(plan: TownPlan, road: Road, ends: dict[str, RampEnd]) -> Path:
+def _axis(plan: TownPlan, road: RoadPlan, ends: dict[str, RampEnd]) -> Path:
     if road.path is not None:
         return road.path
     for name in (road.a, road.b):
@@ -128,13 +128,15 @@ def _axis(plan: TownPlan, road: Road, ends: dict[str, RampEnd]) -> Path:
     return fillet(points, [(radius, spiral) for _, _, radius, spiral in inner])
 
 
-def _fixed(road: Road, bend: tuple[float, float, float, float] | OnRay) -> tuple[float, float, float, float]:
+def _fixed(
+    road: RoadPlan, bend: tuple[float, float, float, float] | OnRay
+) -> tuple[float, float, float, float]:
     if isinstance(bend, OnRay):
         raise PlanError(f"road '{road.name}' has a bend on a ray at an end that is no gore")
     return bend
 
 
-def _ramp_axis(plan: TownPlan, road: Road, ends: dict[str, RampEnd]) -> Path:
+def _ramp_axis(plan: TownPlan, road: RoadPlan, ends: dict[str, RampEnd]) -> Path:
     """Lead out of a gore, straights with bends, lead into a gore."""
     leaving, joining = ends.get(road.a), ends.get(road.b)
     start = leaving.straight(merges=False) if leaving else None
@@ -153,7 +155,7 @@ def _ramp_axis(plan: TownPlan, road: Road, ends: dict[str, RampEnd]) -> Path:
 
 
 def _corners(
-    plan: TownPlan, road: Road, start: Pose | None, end: Pose | None
+    plan: TownPlan, road: RoadPlan, start: Pose | None, end: Pose | None
 ) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
     first = (start.x, start.y) if start else (plan.nodes[road.a].x, plan.nodes[road.a].y)
     last = (end.x, end.y) if end else (plan.nodes[road.b].x, plan.nodes[road.b].y)
@@ -170,7 +172,7 @@ def _corners(
     return [*points, last], corners
 
 
-def _on_ray(road: Road, bend: OnRay, start: Pose | None, end: Pose | None) -> tuple[float, float]:
+def _on_ray(road: RoadPlan, bend: OnRay, start: Pose | None, end: Pose | None) -> tuple[float, float]:
     if start is not None and end is not None and bend.distance_m is None:
         at = start.ahead(meeting(start, end)[0])
     elif bend.distance_m is None or (start is None and end is None):
@@ -210,7 +212,7 @@ def _trims(plan: TownPlan, axes: dict[str, Path]) -> dict[str, list[float]]:
 
 
 def _level(
-    name: str, laid: dict[str, Laid], gores: dict[str, tuple[Road, Gore]]
+    name: str, laid: dict[str, Laid], gores: dict[str, tuple[RoadPlan, Gore]]
 ) -> tuple[float, float] | None:
     """Height [m] and grade in travel direction that a gore gives to its ramp."""
     if name not in gores:

@@ -54,7 +54,7 @@ class Node:
 
 
 @dataclass(slots=True, kw_only=True)
-class Road:
+class RoadPlan:
     """A road between two nodes or gores, or a loop of its own."""
 
     name: str
@@ -99,7 +99,7 @@ class TownPlan:
     name: str
     projection: str
     nodes: dict[str, Node] = field(default_factory=dict)
-    roads: list[Road] = field(default_factory=list)
+    roads: list[RoadPlan] = field(default_factory=list)
 
     def node(self, name: str, x: float, y: float, z: float = 0.0, **options: object) -> None:
         """Add a node; the options are those of `Node`."""
@@ -108,11 +108,11 @@ class TownPlan:
     def road(
         self, name: str, a: str, b: str, cross: CrossSection, speed_kmh: float, **options: object
     ) -> None:
-        """Add a road; the options are those of `Road`."""
-        self.roads.append(Road(name=name, a=a, b=b, cross=cross, speed_kmh=speed_kmh, **options))  # type: ignore[arg-type]
+        """Add a road; the options are those of `RoadPlan`."""
+        self.roads.append(RoadPlan(name=name, a=a, b=b, cross=cross, speed_kmh=speed_kmh, **options))  # type: ignore[arg-type]
 
     def loop(self, name: str, path: Path, cross: CrossSection, speed_kmh: float, **options: object) -> None:
         """Add a closed road along a path that ends where it begins; it needs at least one gore."""
         self.roads.append(
-            Road(name=name, a="", b="", cross=cross, speed_kmh=speed_kmh, path=path, **options)  # type: ignore[arg-type]
+            RoadPlan(name=name, a="", b="", cross=cross, speed_kmh=speed_kmh, path=path, **options)  # type: ignore[arg-type]
         )

@@ -10,7 +10,7 @@ import pytest
 from carlaloc_env.actors.instances import place_actors, place_ego, place_lights
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
 from carlaloc_env.assets.model_library import build_library
-from carlaloc_env.assets.vehicles.cycles import CRANK_WAY_M, PEDAL_PHASES
+from carlaloc_env.assets.vehicles.cycles import CRANK_TRAVEL_M, PEDAL_PHASES
 from carlaloc_env.assets.walkers.gait import SHANK, THIGH
 from carlaloc_env.assets.walkers.pedalling import FOOT_M, pedal_at, push_pedals
 from carlaloc_env.assets.walkers.skeleton import Joints
@@ -90,8 +90,8 @@ def test_cyclists_pedal_as_far_as_they_ride(library: ModelLibrary) -> None:
     """One turn of the cranks per 5 m; feet stay on the pedals, legs keep their length, hands their grips."""
     catalog, frame = actors("bicycle")
     names = []
-    for way in np.arange(0.0, CRANK_WAY_M, CRANK_WAY_M / PEDAL_PHASES):
-        moved = replace(frame, travelled_m=np.array([way + 10 * CRANK_WAY_M], np.float32))
+    for way in np.arange(0.0, CRANK_TRAVEL_M, CRANK_TRAVEL_M / PEDAL_PHASES):
+        moved = replace(frame, travelled_m=np.array([way + 10 * CRANK_TRAVEL_M], np.float32))
         placed = place_actors(catalog, moved, library, eye_m=np.zeros(3))
         names.append(library.names[placed.model[0]])
     assert names == ["bicycle/body", *(f"bicycle/body/{k:02d}" for k in range(1, PEDAL_PHASES))]

@@ -13,7 +13,7 @@ from carlaloc_env.town.default_zones import choose_zones, road_kind
 from carlaloc_env.town.ground.terrain import zone_areas
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.records import Lane, LaneSection, SpeedRecord
+from carlaloc_env.town.opendrive.records import LaneRecord, LaneSection, SpeedRecord
 
 ROAD = """<road name="r" length="400" id="{id}" junction="-1"><link/>
 <type s="0" type="{type}"><speed max="{limit}" unit="km/h"/></type>
@@ -31,7 +31,7 @@ EXPECTED = (
     ("town", 30, 2, True, "residential"),
     ("town", 50, 4, False, "industrial"),
 )
-"""Type, limit [km/h], driving lanes, pavement, and the zone that such a road asks for."""
+"""Type, limit [km/h], driving lanes, sidewalk, and the zone that such a road asks for."""
 
 
 def _map(folder: Path, rows: tuple[tuple[str, int, int, bool, str], ...]) -> LaneNetwork:
@@ -82,5 +82,5 @@ def test_unknown_limits_count_as_a_street(tmp_path: Path) -> None:
     assert road_kind(bare) == "small_town"
     fast = replace(road, speeds=(SpeedRecord(s_m=0.0, limit_mps=10.0), SpeedRecord(s_m=9.0, limit_mps=30.0)))
     assert road_kind(fast) == "highway"
-    empty = LaneSection(s_m=0.0, end_m=road.length_m, lanes=(Lane(id=-1, type="sidewalk"),))
+    empty = LaneSection(s_m=0.0, end_m=road.length_m, lanes=(LaneRecord(id=-1, type="sidewalk"),))
     assert road_kind(replace(bare, sections=(empty,))) == "small_town"

@@ -38,7 +38,7 @@ WHEELBASE_M, TRACK_M = VehicleParams().wheelbase_m, VehicleParams().track_m
 
 
 def crossing(bridge_m: float) -> LaneNetwork:
-    """Two roads with pavements that cross without a junction, one of them so much higher."""
+    """Two roads with sidewalks that cross without a junction, one of them so much higher."""
     east = ROAD.format(id=1, length=80, plan=LINE.format(0, -40, 0, 0, 80), lanes=WALKED, z=0)
     north = ROAD.format(
         id=2, length=80, plan=LINE.format(0, 0, -40, math.pi / 2, 80), lanes=WALKED, z=bridge_m
@@ -49,7 +49,7 @@ def crossing(bridge_m: float) -> LaneNetwork:
 def corner(radius_m: float, width_m: float, *, walks: bool = False) -> LaneNetwork:
     """A lane that turns right by 90° with this radius of its middle, 40 m of straight road at both ends.
 
-    With pavements on both sides on request.
+    With sidewalks on both sides on request.
     """
     bend = radius_m + 0.5 * width_m
     turn = f'length="{bend * math.pi / 2}"><arc curvature="{-1 / bend}"/>'
@@ -81,7 +81,7 @@ def swept_off_m2(network: LaneNetwork, route: Route) -> float:
 
 
 def on_kerbs_m2(network: LaneNetwork, route: Route) -> float:
-    """Area of raised pavements that the tyres run over when the rear axle follows a route [m²]."""
+    """Area of raised sidewalks that the tyres run over when the rear axle follows a route [m²]."""
     outer, inner = 0.5 * TRACK_M + 0.1, 0.5 * TRACK_M - 0.1
     c, s = np.cos(route.heading_rad)[:, None], np.sin(route.heading_rad)[:, None]
     prints = []
@@ -115,8 +115,8 @@ def sharpest_radpm(route: Route, window_m: float = 4.0) -> float:
     return float(np.abs(heading[n:] - heading[:-n]).max() / (n * route.step_m))
 
 
-def test_pavements_lie_low_under_lanes() -> None:
-    """Both pavements are flush where the other road's lane crosses them, and whole 3 m beside it."""
+def test_sidewalks_lie_low_under_lanes() -> None:
+    """Both sidewalks are flush where the other road's lane crosses them, and whole 3 m beside it."""
     network = crossing(0.0)
     east, north = lower_walks(road_strips(network.xodr.roads, network.surface))
     assert np.interp(40.0 + 1.75, east.s_m, east.raised_m[1, 0]) == pytest.approx(-BELOW_M)
@@ -125,7 +125,7 @@ def test_pavements_lie_low_under_lanes() -> None:
         assert np.interp(40.0 + away, east.s_m, east.raised_m[1, 0]) == pytest.approx(KERB_M)
 
 
-def test_bridges_leave_pavements_alone() -> None:
+def test_bridges_leave_sidewalks_alone() -> None:
     """What passes 6 m overhead lowers nothing."""
     network = crossing(6.0)
     strips = road_strips(network.xodr.roads, network.surface)
@@ -149,7 +149,7 @@ def test_a_car_fits_round_a_tight_corner() -> None:
 
 @pytest.mark.parametrize(("radius_m", "width_m"), [(2.0, 4.0), (3.4, 3.2), (4.6, 3.2), (5.6, 2.8)])
 def test_tyres_keep_off_kerbs_in_tight_corners(radius_m: float, width_m: float) -> None:
-    """Between raised pavements, on which tyres climb where the rear axle follows the lane's middle."""
+    """Between raised sidewalks, on which tyres climb where the rear axle follows the lane's middle."""
     network = corner(radius_m, width_m, walks=True)
     ends = [(-35.0, -0.5 * width_m), (radius_m, -40.0)]
     middle, fitted = (plan_route(network, ends, for_car=car) for car in (False, True))
@@ -160,7 +160,7 @@ def test_tyres_keep_off_kerbs_in_tight_corners(radius_m: float, width_m: float) 
 
 
 def test_raised_ground_is_what_the_town_raises() -> None:
-    """Pavements count where they stand up, not where another road's lane crosses them."""
+    """Sidewalks count where they stand up, not where another road's lane crosses them."""
     network = crossing(0.0)
     line = plan_route(network, [(-35.0, -1.75), (35.0, -1.75)])
     own = RouteLine(line.position_m, line.heading_rad, line.slope, line.lane, line.lane_station_m)
@@ -181,7 +181,7 @@ def test_wide_turns_stay_in_the_middle() -> None:
 
 
 def test_traffic_suits_the_map() -> None:
-    """No walkers where there is no pavement, and few vehicles on 83 m of lane."""
+    """No walkers where there is no sidewalk, and few vehicles on 83 m of lane."""
     counts = choose_traffic(corner(6.0, 3.5), TownConfig()).traffic
     assert counts.walkers == 0
     assert counts.vehicles <= 1

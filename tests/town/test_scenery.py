@@ -74,8 +74,8 @@ def test_chunks_are_small_squares(town: Town) -> None:
     assert len(town.chunks) < 300
 
 
-def test_no_building_reaches_over_a_road_or_pavement(mesh: Mesh, areas: TownAreas) -> None:
-    """Nothing reaches over a road; over pavements only doorsteps, awnings and balconies do."""
+def test_no_building_reaches_over_a_road_or_sidewalk(mesh: Mesh, areas: TownAreas) -> None:
+    """Nothing reaches over a road; over sidewalks only doorsteps, awnings and balconies do."""
     triangles = _of_tag(mesh, Tag.BUILDING)
     centre = mesh.vertices_m[triangles].astype(np.float64).mean(axis=1)
     paved = shapely.buffer(shapely.union(areas.roadway, areas.raised), -0.3)

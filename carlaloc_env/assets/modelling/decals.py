@@ -12,7 +12,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 
-_REACH_M = 1.0
+_RANGE_M = 1.0
 """How far behind the foremost point of nose or tail a patch may lie [m]."""
 _FACING = 0.04
 """Least component of a triangle's normal along the view for it to carry a patch."""
@@ -136,7 +136,7 @@ class Decals:
             (high[:, across] >= edge.min(axis=0)) & (low[:, across] <= edge.max(axis=0)), axis=1
         )
         depth = facing * (high if facing > 0 else low)[:, axis]
-        near = depth > depth.max() - _REACH_M if axis == 0 else depth > 0.3 * depth.max()
+        near = depth > depth.max() - _RANGE_M if axis == 0 else depth > 0.3 * depth.max()
         return np.flatnonzero(touching & near & (facing * self._face[:, axis] > _FACING))
 
 

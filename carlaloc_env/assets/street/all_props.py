@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from carlaloc_env.assets.street import fences_and_poles, furniture
-from carlaloc_env.assets.street.traffic_lights import pedestrian_head, traffic_light
+from carlaloc_env.assets.street.traffic_lights import traffic_light, walker_signal_head
 from carlaloc_env.assets.street.traffic_signs import sign
 from carlaloc_env.assets.vegetation.shrubs import hedge, shrub
 from carlaloc_env.assets.vegetation.trees import tree
@@ -31,7 +31,7 @@ PROPS: dict[str, Callable[[], Mesh]] = {
     "guard_rail": fences_and_poles.guard_rail,
     "barrier": fences_and_poles.barrier,
     "delineator": fences_and_poles.delineator,
-    "pedestrian_head": pedestrian_head,
+    "pedestrian_head": walker_signal_head,
     "shrub": shrub,
     "hedge": hedge,
 }

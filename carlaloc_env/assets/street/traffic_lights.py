@@ -59,7 +59,7 @@ def traffic_light(
     return merge(parts), np.array(poses)
 
 
-def pedestrian_head() -> Mesh:
+def walker_signal_head() -> Mesh:
     """Pedestrian signal of 0.4 m on a post of its own, facing along +x."""
     post = tube(POST, [(0, 0, 0), (0, 0, 2.75)], 0.055, 8)
     case = box(_CASE, (0.18, 0.40, 0.44), (0.15, 0.0, 2.45))

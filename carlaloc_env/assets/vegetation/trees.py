@@ -26,9 +26,9 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-_CORE_SHARE = {"high": 0.78, "low": 0.90, "far": 0.95}
+_CORE_FRACTION = {"high": 0.78, "low": 0.90, "far": 0.95}
 """Part of the leaf area that clumps have."""
-_CLUMP_SHARE = {"high": 1.0, "low": 0.34, "far": 0.15}
+_CLUMP_FRACTION = {"high": 1.0, "low": 0.34, "far": 0.15}
 """Part of the clumps that is kept; they grow to keep their area."""
 _LEAF_SCALE = {"high": 1.0, "low": 2.2, "far": 3.5}
 """How many times larger leaves are."""
@@ -161,7 +161,7 @@ def _crown(
 ) -> list[Mesh]:
     """Clumps at the points, and leaves that stand out of them."""
     high = detail == "high"
-    share = _CLUMP_SHARE[detail] * (0.7 if form.shape == "cone" and not high else 1.0)
+    share = _CLUMP_FRACTION[detail] * (0.7 if form.shape == "cone" and not high else 1.0)
     chosen = points[: max(round(share * len(points)), 6)]
     weight = rng.uniform(0.75, 1.25, len(points))[: len(chosen)]
     if form.shape == "cone":
@@ -171,7 +171,7 @@ def _crown(
     ragged = 0.28 if high and form.shape != "cone" else 0.36
     # Surface of a spheroid over that of a sphere, after K. Thomsen's approximation.
     flat = ((1.0 + 2.0 * squash**1.6075) / 3.0) ** (1.0 / 1.6075)
-    core_m2 = _CORE_SHARE[detail] * area_m2 / flat
+    core_m2 = _CORE_FRACTION[detail] * area_m2 / flat
     radii = weight * np.sqrt(core_m2 / (CLUMP_AREA * float(np.sum(weight**2))))
     body = clumps(rng, chosen, radii, middle, form.tint, squash=squash, ragged=ragged)
     size = form.leaf_m * _LEAF_SCALE[detail]

@@ -11,11 +11,11 @@ from carlaloc_env.assets.vehicles.car_models import CARS
 from carlaloc_env.assets.vehicles.cars import car
 from carlaloc_env.assets.vehicles.cycles import bicycle, motorcycle
 from carlaloc_env.assets.vehicles.parts import VehicleParts
-from carlaloc_env.assets.vehicles.truck import lorry
+from carlaloc_env.assets.vehicles.truck import truck
 from carlaloc_env.core.errors import ConfigError, unknown_name
 
 _OTHERS: dict[str, Callable[[], VehicleParts]] = {
-    "lorry": lorry,
+    "lorry": truck,
     "bus": bus,
     "motorcycle": motorcycle,
     "bicycle": bicycle,

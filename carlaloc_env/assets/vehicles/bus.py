@@ -10,7 +10,7 @@ from carlaloc_env.assets.texture_atlas import PosterCell
 from carlaloc_env.assets.vehicles.body import DARK, BodyShape, loft_body
 from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band
 from carlaloc_env.assets.vehicles.liveries import advert
-from carlaloc_env.assets.vehicles.parts import LampPlace, PlatePlace, VehicleParts, assemble
+from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
 from carlaloc_env.assets.vehicles.wheels import arch_liner, car_wheels, plain_wheel, wheel
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -58,10 +58,10 @@ def bus() -> VehicleParts:
         parts += [mirror, arm] if side > 0 else [mirrored(mirror), mirrored(arm)]
     tyre = wheel(0.96, 0.30, tag, spokes=0, rim=0.60)
     wheels = car_wheels(tyre, (3.30, -2.60), 1.10, 0.48)
-    lamps = tuple(LampPlace(position_m=(5.95, 0.98 * side, 0.66)) for side in (1.0, -1.0))
+    lamps = tuple(LampMount(position_m=(5.95, 0.98 * side, 0.66)) for side in (1.0, -1.0))
     plates = (
-        PlatePlace(position_m=(-6.03, 0.0, 0.52), facing=-1.0),
-        PlatePlace(position_m=(6.012, 0.0, 0.48), facing=1.0),
+        PlateMount(position_m=(-6.03, 0.0, 0.52), facing=-1.0),
+        PlateMount(position_m=(6.012, 0.0, 0.48), facing=1.0),
     )
     return assemble(body=merge(parts), low=_low_bus(tag), wheels=wheels, plates=plates, lamps=lamps)
 

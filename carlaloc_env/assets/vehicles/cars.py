@@ -10,7 +10,7 @@ from carlaloc_env.assets.number_plates import PLATE_SIZE_M
 from carlaloc_env.assets.vehicles.body import DARK, loft_body
 from carlaloc_env.assets.vehicles.car_ends import front, rear
 from carlaloc_env.assets.vehicles.car_spec import CarSpec
-from carlaloc_env.assets.vehicles.parts import LampPlace, PlatePlace, VehicleParts, assemble
+from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
 from carlaloc_env.assets.vehicles.wheels import arch_liner, car_wheels, plain_wheel, wheel
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -45,22 +45,22 @@ def car(spec: CarSpec) -> VehicleParts:
     )
 
 
-def _plates(decals: Decals, spec: CarSpec) -> tuple[PlatePlace, ...]:
+def _plates(decals: Decals, spec: CarSpec) -> tuple[PlateMount, ...]:
     front_z, rear_z = spec.plate_z
     places = []
     for z, facing in ((front_z, 1.0), (rear_z, -1.0)):
         high = 0.5 * PLATE_SIZE_M[1]
         at = [decals.surface_x(0.0, z + h, facing) for h in (-high, high)]
         x = max(facing * a for a in at) * facing + 0.022 * facing
-        places.append(PlatePlace(position_m=(x, 0.0, z), facing=facing))
+        places.append(PlateMount(position_m=(x, 0.0, z), facing=facing))
     return tuple(places)
 
 
-def _lamps(decals: Decals, spec: CarSpec) -> tuple[LampPlace, ...]:
+def _lamps(decals: Decals, spec: CarSpec) -> tuple[LampMount, ...]:
     middle = np.mean(np.array(spec.head), axis=0) * (0.5 * spec.shape.width_m, 1.0)
     y, z = float(middle[0]), float(middle[1])
     x = decals.surface_x(y, z, 1.0)
-    return tuple(LampPlace(position_m=(x, side * y, z)) for side in (1.0, -1.0))
+    return tuple(LampMount(position_m=(x, side * y, z)) for side in (1.0, -1.0))
 
 
 def _flanks(decals: Decals, spec: CarSpec) -> None:

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.assets.modelling.primitives import Look, box, ellipsoid, mirrored, rings, tube
 from carlaloc_env.assets.vehicles.body import DARK
 from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT
-from carlaloc_env.assets.vehicles.parts import LampPlace, PlatePlace, VehicleParts, assemble
-from carlaloc_env.assets.vehicles.wheels import WheelPlace, plain_wheel, wheel
+from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
+from carlaloc_env.assets.vehicles.wheels import WheelMount, plain_wheel, wheel
 from carlaloc_env.assets.walkers.clothing import Build
 from carlaloc_env.assets.walkers.figure import figure
 from carlaloc_env.assets.walkers.pedalling import cranks, push_pedals
@@ -20,7 +20,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 
 PEDAL_PHASES = 24
 """Postures in which a turn of the cranks is stored."""
-CRANK_WAY_M = 5.0
+CRANK_TRAVEL_M = 5.0
 """Way of a town bicycle per turn of its cranks [m]: 44 teeth on 19, wheels of 2.14 m."""
 
 
@@ -84,8 +84,8 @@ def motorcycle() -> VehicleParts:
             ]
         ),
         wheels=places,
-        plates=(PlatePlace(position_m=(-1.07, 0.0, 0.64), facing=-1.0, width_m=0.21),),
-        lamps=(LampPlace(position_m=(0.68, 0.0, 0.92)),),
+        plates=(PlateMount(position_m=(-1.07, 0.0, 0.64), facing=-1.0, width_m=0.21),),
+        lamps=(LampMount(position_m=(0.68, 0.0, 0.92)),),
     )
 
 
@@ -127,9 +127,9 @@ def bicycle() -> VehicleParts:
         low=postures[0][1],
         wheels=_wheels(tyre, front[0], rear[0], 0.34),
         plates=(),
-        lamps=(LampPlace(position_m=(0.43, 0.0, 0.88)),),
+        lamps=(LampMount(position_m=(0.43, 0.0, 0.88)),),
         pedalled=tuple(postures[1:]),
-        crank_way_m=CRANK_WAY_M,
+        crank_travel_m=CRANK_TRAVEL_M,
     )
 
 
@@ -177,9 +177,9 @@ def _two_sided(mesh: Mesh) -> Mesh:
     return merge([mesh, mirrored(mesh)])
 
 
-def _wheels(mesh: Mesh, front_x_m: float, rear_x_m: float, radius_m: float) -> tuple[WheelPlace, ...]:
+def _wheels(mesh: Mesh, front_x_m: float, rear_x_m: float, radius_m: float) -> tuple[WheelMount, ...]:
     return tuple(
-        WheelPlace(mesh=mesh, centre_m=(x, 0.0, radius_m), radius_m=radius_m, steered=x > 0, right=False)
+        WheelMount(mesh=mesh, centre_m=(x, 0.0, radius_m), radius_m=radius_m, steered=x > 0, right=False)
         for x in (front_x_m, rear_x_m)
     )
 

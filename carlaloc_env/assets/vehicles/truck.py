@@ -1,4 +1,4 @@
-"""Lorry."""
+"""Truck."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from carlaloc_env.assets.texture_atlas import PosterCell
 from carlaloc_env.assets.vehicles.body import DARK, BodyShape, loft_body
 from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band
 from carlaloc_env.assets.vehicles.liveries import advert
-from carlaloc_env.assets.vehicles.parts import LampPlace, PlatePlace, VehicleParts, assemble
-from carlaloc_env.assets.vehicles.wheels import WheelPlace, arch_liner, plain_wheel, wheel
+from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
+from carlaloc_env.assets.vehicles.wheels import WheelMount, arch_liner, plain_wheel, wheel
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -26,11 +26,11 @@ _CAB = BodyShape(
 )  # fmt: skip
 
 _CAB_X_M = 2.95
-"""Middle of the lorry's cab [m]."""
+"""Middle of the truck's cab [m]."""
 
 
-def lorry() -> VehicleParts:
-    """Rigid lorry of 8 m with a box body."""
+def truck() -> VehicleParts:
+    """Rigid truck of 8 m with a box body."""
     tag = Tag.TRUCK
     cab = loft_body(_CAB, tag)
     decals = Decals(cab)
@@ -40,10 +40,10 @@ def lorry() -> VehicleParts:
     parts += [*_box_body(tag), *_chassis(tag)]
     single, twin = (wheel(0.95, width, tag, spokes=0, rim=0.60) for width in (0.28, 0.50))
     wheels = (*_axle(single, 2.65, 1.05, 0.475, True), *_axle(twin, -1.85, 0.96, 0.475, False))
-    lamps = tuple(LampPlace(position_m=(4.0, 0.96 * side, 0.64)) for side in (1.0, -1.0))
+    lamps = tuple(LampMount(position_m=(4.0, 0.96 * side, 0.64)) for side in (1.0, -1.0))
     plates = (
-        PlatePlace(position_m=(-3.998, 0.0, 0.80), facing=-1.0),
-        PlatePlace(position_m=(4.012, 0.0, 0.62), facing=1.0),
+        PlateMount(position_m=(-3.998, 0.0, 0.80), facing=-1.0),
+        PlateMount(position_m=(4.012, 0.0, 0.62), facing=1.0),
     )
     return assemble(body=merge(parts), low=_low_lorry(tag), wheels=wheels, plates=plates, lamps=lamps)
 
@@ -150,9 +150,9 @@ def _low_lorry(tag: Tag) -> Mesh:
 
 def _axle(
     mesh: Mesh, x_m: float, track_half_m: float, radius_m: float, steered: bool
-) -> tuple[WheelPlace, ...]:
+) -> tuple[WheelMount, ...]:
     return tuple(
-        WheelPlace(
+        WheelMount(
             mesh=mesh,
             centre_m=(x_m, -track_half_m if right else track_half_m, radius_m),
             radius_m=radius_m,

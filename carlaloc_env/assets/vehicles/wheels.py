@@ -18,7 +18,7 @@ HUB_DARK = (10, 10, 11)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WheelPlace:
+class WheelMount:
     """Where one wheel hangs on a vehicle."""
 
     mesh: Mesh
@@ -114,10 +114,10 @@ def plain_wheel(diameter_m: float, width_m: float, tag: Tag) -> Mesh:
 
 def car_wheels(
     mesh: Mesh, axles_x_m: tuple[float, ...], track_half_m: float, radius_m: float
-) -> tuple[WheelPlace, ...]:
+) -> tuple[WheelMount, ...]:
     """A left and a right wheel on each axle; the foremost axle is steered."""
     return tuple(
-        WheelPlace(
+        WheelMount(
             mesh=mesh,
             centre_m=(x, -track_half_m if right else track_half_m, radius_m),
             radius_m=radius_m,
@@ -186,11 +186,11 @@ def _hole(look: Look, ring_m: float, radius_m: float, y_m: float, turn: float) -
 
 
 def _spoke(
-    look: Look, reach_m: tuple[float, float], half_m: float, y_m: tuple[float, float], turn: float
+    look: Look, radii_m: tuple[float, float], half_m: float, y_m: tuple[float, float], turn: float
 ) -> Mesh:
     """Blade from hub to rim with a flat face and two flanks."""
     c, s = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
-    (inner, outer), (low, high) = reach_m, y_m
+    (inner, outer), (low, high) = radii_m, y_m
     flat = [(inner, -half_m), (outer, -0.55 * half_m), (outer, 0.55 * half_m), (inner, half_m)]
     face = [(r * s + w * c, high, r * c - w * s) for r, w in flat]
     foot = [(r * s + 1.3 * w * c, low - 0.1 * (high - low), r * c - 1.3 * w * s) for r, w in flat]

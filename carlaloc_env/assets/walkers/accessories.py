@@ -5,24 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, rings, tube
-from carlaloc_env.assets.walkers.clothing import Tailor, by, up
+from carlaloc_env.assets.walkers.clothing import SkinBuilder, by, up
 from carlaloc_env.assets.walkers.skeleton import BONES
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 
 
-def skirt(person: Tailor) -> None:
+def skirt(builder: SkinBuilder) -> None:
     """Skirt or the skirts of a coat: the hem swings with both thighs."""
-    b, s, j = person.build, person.size, person.rest
+    b, s, j = builder.build, builder.size, builder.rest
     hips = j["pelvis"]
     knee = 0.5 * (j["knee_l"] + j["knee_r"])
-    sides = 8 if person.low else 14
+    sides = 8 if builder.low else 14
     angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=-1)
-    look = person.look(b.upper if b.coat else b.lower)
+    look = builder.look(b.upper if b.coat else b.lower)
     top, bottom = hips + up(0.02), hips + (0.80 if b.coat else 0.84) * (knee - hips)
-    shares = np.linspace(0.0, 1.0, 2 if person.low else 4)[::-1]
+    shares = np.linspace(0.0, 1.0, 2 if builder.low else 4)[::-1]
     grid = np.stack(
         [
             top + t * (bottom - top) + ring * ((0.130 + 0.050 * t) * s, (0.182 * b.hips + 0.030 * t) * s, 0.0)
@@ -34,19 +34,19 @@ def skirt(person: Tailor) -> None:
     t = np.clip((top[2] - at[:, 2]) / (top[2] - bottom[2]), 0.0, 1.0)
     thigh = np.where(at[:, 1] > 0, BONES.index("thigh_l"), BONES.index("thigh_r"))
     bones = np.stack([thigh, np.full(len(at), BONES.index("pelvis"))], axis=1)
-    person.parts.append((mesh, bones, 0.9 * t**0.7 * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0)))
+    builder.parts.append((mesh, bones, 0.9 * t**0.7 * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0)))
 
 
-def things(person: Tailor) -> None:
+def things(builder: SkinBuilder) -> None:
     """Bags and stick."""
-    b, s, j = person.build, person.size, person.rest
+    b, s, j = builder.build, builder.size, builder.rest
     if b.backpack is not None:
-        _backpack(person, person.look(b.backpack))
+        _backpack(builder, builder.look(b.backpack))
     if b.handbag is not None:
-        look = person.look(b.handbag, Material.PLASTIC)
+        look = builder.look(b.handbag, Material.PLASTIC)
         at = j["pelvis"] + by(0.02, 0.235 * s, -0.02)
-        person.hung(_block(look, at, (0.28 * s, 0.10 * s, 0.20 * s)), "pelvis")
-        if not person.low:
+        builder.hung(_block(look, at, (0.28 * s, 0.10 * s, 0.20 * s)), "pelvis")
+        if not builder.low:
             strap = _strip(
                 look,
                 [
@@ -55,38 +55,38 @@ def things(person: Tailor) -> None:
                     j["shoulder_l"] + by(0, -0.04, 0.055 * s),
                 ],
             )
-            person.hung(strap, "chest")
+            builder.hung(strap, "chest")
     if b.carrier is not None:
         hand = j["hand_r"] + up(0.03)
-        look = person.look(b.carrier, Material.PLASTIC)
+        look = builder.look(b.carrier, Material.PLASTIC)
         bag = _block(look, hand - up(0.24 * s), (0.30 * s, 0.12 * s, 0.32 * s))
         # It hangs down rather than out, as the hand swings.
         bones = np.array([[BONES.index("fore_r"), BONES.index("pelvis")]] * len(bag.vertices_m))
-        person.parts.append((bag, bones, np.full(len(bones), 0.6)))
+        builder.parts.append((bag, bones, np.full(len(bones), 0.6)))
     if b.stick:
         hand = j["hand_r"] + up(0.05)
-        wood = person.look((50, 26, 12), Material.PLASTIC)
+        wood = builder.look((50, 26, 12), Material.PLASTIC)
         foot = np.array([hand[0] + 0.05, hand[1], 0.04])
         stick = _strip(wood, [foot, hand, hand + by(-0.06, 0, 0.02)], 0.011)
         bones = np.array([[BONES.index("fore_r"), BONES.index("pelvis")]] * len(stick.vertices_m))
         # Held by its grip, it swings less than the arm.
-        person.parts.append((stick, bones, np.where(stick.vertices_m[:, 2] > 0.4, 0.9, 0.25)))
+        builder.parts.append((stick, bones, np.where(stick.vertices_m[:, 2] > 0.4, 0.9, 0.25)))
 
 
-def _backpack(person: Tailor, look: Look) -> None:
-    s, j = person.size, person.rest
+def _backpack(builder: SkinBuilder, look: Look) -> None:
+    s, j = builder.size, builder.rest
     chest, neck = j["chest"], j["neck"]
     centre = 0.60 * chest + 0.40 * neck + by(-0.175 * s, 0, -0.02)
-    person.hung(_block(look, centre, (0.17 * s, 0.29 * s, 0.42 * s)), "chest")
-    if person.low:
+    builder.hung(_block(look, centre, (0.17 * s, 0.29 * s, 0.42 * s)), "chest")
+    if builder.low:
         return
-    person.hung(_block(look, centre + by(-0.10 * s, 0, -0.06 * s), (0.07 * s, 0.22 * s, 0.20 * s)), "chest")
+    builder.hung(_block(look, centre + by(-0.10 * s, 0, -0.06 * s), (0.07 * s, 0.22 * s, 0.20 * s)), "chest")
     for side in (1.0, -1.0):
         strap = [
             centre + by(0.06 * s, 0.10 * s * side, 0.16 * s), neck + by(-0.01, 0.11 * s * side, -0.02 * s),
             chest + by(0.125 * s, 0.105 * s * side, 0.06), chest + by(0.09 * s, 0.155 * s * side, -0.06),
         ]  # fmt: skip
-        person.hung(_strip(look, strap, 0.016), "chest")
+        builder.hung(_strip(look, strap, 0.016), "chest")
 
 
 def _block(look: Look, centre: Array, size_m: tuple[float, float, float]) -> Mesh:

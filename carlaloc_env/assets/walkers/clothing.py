@@ -57,7 +57,7 @@ class Build:
 
 
 @dataclass(slots=True)
-class Tailor:
+class SkinBuilder:
     """Collects the parts of one figure in the posture of rest."""
 
     build: Build
@@ -74,7 +74,7 @@ class Tailor:
         return Skin(
             mesh=merge([part[0] for part in self.parts]),
             bones=np.concatenate([part[1] for part in self.parts]),
-            share=np.concatenate([part[2] for part in self.parts]),
+            weight=np.concatenate([part[2] for part in self.parts]),
             rest=self.rest,
         )
 
@@ -102,9 +102,9 @@ class Tailor:
         mesh = rings(look, grid, caps=caps, crease_deg=80.0)
         heights = np.array([np.asarray(c)[2] for c, *_ in levels])
         row = np.argmin(np.abs(mesh.vertices_m[:, 2:] - heights[None]), axis=1)
-        first, second, share = zip(*(level[3] for level in levels), strict=True)
+        first, second, weight = zip(*(level[3] for level in levels), strict=True)
         bones = np.array([[BONES.index(a), BONES.index(b)] for a, b in zip(first, second, strict=True)])
-        self.parts.append((mesh, bones[row], np.array(share)[row]))
+        self.parts.append((mesh, bones[row], np.array(weight)[row]))
 
     def torso(self) -> None:
         """Hips in the lower clothes, waist to neck in the upper ones."""

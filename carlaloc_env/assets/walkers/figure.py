@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from carlaloc_env.assets.walkers.accessories import skirt, things
-from carlaloc_env.assets.walkers.clothing import Build, Tailor
+from carlaloc_env.assets.walkers.clothing import Build, SkinBuilder
 from carlaloc_env.assets.walkers.heads import face, head
 from carlaloc_env.assets.walkers.skeleton import Joints, Skin
 from carlaloc_env.scene.mesh import Mesh
@@ -20,15 +20,15 @@ def figure(joints: Joints, build: Build, tag: Tag, *, low: bool = False) -> Mesh
 @lru_cache(maxsize=64)
 def skin_of(build: Build, tag: Tag, low: bool = False) -> Skin:
     """Skin of a person: 900 to 1700 triangles, or about 300 for one far away."""
-    tailor = Tailor(build, tag, low)
-    tailor.torso()
-    head(tailor)
+    builder = SkinBuilder(build, tag, low)
+    builder.torso()
+    head(builder)
     for side in ("_l", "_r"):
-        tailor.leg(side)
-        tailor.arm(side)
+        builder.leg(side)
+        builder.arm(side)
     if build.skirt or build.coat:
-        skirt(tailor)
+        skirt(builder)
     if not low:
-        face(tailor)
-    things(tailor)
-    return tailor.finish()
+        face(builder)
+    things(builder)
+    return builder.finish()

@@ -13,7 +13,7 @@ import numpy as np
 
 from carlaloc_env.assets.walkers.skeleton import Joints, shoe_sole
 
-_SHARE = np.arange(0.0, 1.0, 0.1)
+_CYCLE = np.arange(0.0, 1.0, 0.1)
 _HIP_DEG = np.array([25, 22, 14, 4, -5, -10, -2, 14, 26, 28], dtype=np.float64)
 _KNEE_DEG = np.array([4, 15, 16, 9, 4, 8, 38, 62, 52, 20], dtype=np.float64)
 _ANKLE_DEG = np.array([0, -4, 3, 7, 10, 6, -20, -8, 1, 1], dtype=np.float64)
@@ -63,7 +63,7 @@ def _amplitude(stature_m: float, stride_m: float) -> float:
 def _angles(phase: float, scale: float) -> tuple[float, float, float]:
     p = phase % 1.0
     hip, knee, ankle = (
-        float(np.interp(p, np.append(_SHARE, 1.0), np.append(table, table[0])))
+        float(np.interp(p, np.append(_CYCLE, 1.0), np.append(table, table[0])))
         for table in (_HIP_DEG, _KNEE_DEG, _ANKLE_DEG)
     )
     knee = 4.0 + (knee - 4.0) * min(scale, 1.1)

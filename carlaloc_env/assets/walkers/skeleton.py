@@ -38,7 +38,7 @@ class Skin:
     mesh: Mesh
     bones: NDArray[np.intp]
     """Indices in `BONES`, shape (V, 2)."""
-    share: Array
+    weight: Array
     """Weight of the first bone, shape (V,)."""
     rest: Joints
 
@@ -55,7 +55,7 @@ class Skin:
         moves = [_motion(self.rest, stacked, bone) for bone in BONES]
         linear, shift = (np.stack([move[k] for move in moves], axis=1) for k in (0, 1))
         first, second = self.bones.T
-        w = self.share[:, None]
+        w = self.weight[:, None]
         A = w[..., None] * linear[:, first] + (1 - w[..., None]) * linear[:, second]
         b = w * shift[:, first] + (1 - w) * shift[:, second]
         # Written out without BLAS, so that a model has the same bits on every machine.

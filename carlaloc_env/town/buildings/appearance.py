@@ -13,7 +13,7 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Look:
+class Appearance:
     """What one building chose from its style."""
 
     style: Style
@@ -32,11 +32,11 @@ class Look:
     """Material of a pitched roof with its linear tint."""
 
 
-def wall_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
+def wall_faces(out: MeshBuilder, appearance: Appearance, quads: Array) -> None:
     """Add faces in the building's wall material."""
-    out.quads(quads, material=look.material, tag=Tag.BUILDING, colour=look.tint)
+    out.quads(quads, material=appearance.material, tag=Tag.BUILDING, colour=appearance.tint)
 
 
-def trim_faces(out: MeshBuilder, look: Look, quads: Array) -> None:
+def trim_faces(out: MeshBuilder, appearance: Appearance, quads: Array) -> None:
     """Add faces in the colour of its sills and cornices."""
-    out.quads(quads, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
+    out.quads(quads, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)

@@ -1,4 +1,4 @@
-"""Where buildings stand: rectangles along the outer edges of pavements that touch nothing else."""
+"""Where buildings stand: rectangles along the outer edges of sidewalks that touch nothing else."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from carlaloc_env.town.meshing.polygons import Area
 CLEARANCE_M = 0.1
 """Least distance between a building and anything paved [m]."""
 VERGE_M = 7.0
-"""Distance of buildings from roads without pavements [m]."""
+"""Distance of buildings from roads without sidewalks [m]."""
 FARM_APART_M = 150.0
 """Least distance between two farmsteads in the country [m]."""
-FARM_REACH_M = 42.0
+FARM_RADIUS_M = 42.0
 """Buildings of a farmstead stand this near to its first one [m]."""
 FARM_BUILDINGS = 3
 """Most buildings of a farmstead."""
@@ -73,7 +73,7 @@ class Farmsteads:
 
     def _near(self, xy_m: Array) -> int | None:
         for number, first in enumerate(self._first_m):
-            if float(np.hypot(*(first - xy_m))) < FARM_REACH_M:
+            if float(np.hypot(*(first - xy_m))) < FARM_RADIUS_M:
                 return number
         return None
 
@@ -106,7 +106,7 @@ class _Footprints:
 def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
     """Lines along which buildings may stand, with the free side on their right.
 
-    Each has a name, points (N, 3) [m], and the extra distance [m] that roads without pavement ask for.
+    Each has a name, points (N, 3) [m], and the extra distance [m] that roads without sidewalk ask for.
     """
     lines = []
     for strip in strips:
@@ -118,7 +118,7 @@ def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
         both = ((left[::-1], span[0], "left"), (right, span[1] - 1, "right"))
         for line, lane, side in both:
             walk = strip.kind(lane) == "walkway"
-            # Connecting roads overlap; only their pavements bound a block.
+            # Connecting roads overlap; only their sidewalks bound a block.
             if strip.junction_id is not None and not walk:
                 continue
             extra = 0.0 if walk else VERGE_M
@@ -171,7 +171,7 @@ def _along(
         if zone == "rural" and not farmsteads.room(start, draw):
             at += 4 * _STEP_M
             continue
-        plan = draw_plan(zone, draw, [lot.plan.look for lot in placed[-3:]], length[-1] - at)
+        plan = draw_plan(zone, draw, [lot.plan.appearance for lot in placed[-3:]], length[-1] - at)
         if plan is None:
             at += 4 * _STEP_M
             continue
@@ -184,7 +184,7 @@ def _along(
         if zone == "rural":
             farmsteads.add(start)
         spread = 2.5 if zone == "industrial" else 1.0
-        at += plan.width_m + plan.look.style.gap_m * float(draw.uniform(0.6, 1.4)) * spread + 0.02
+        at += plan.width_m + plan.appearance.style.gap_m * float(draw.uniform(0.6, 1.4)) * spread + 0.02
 
 
 def _fit(
@@ -204,7 +204,7 @@ def _fit(
     heading = float(np.arctan2(chord[1], chord[0]))
     right = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
     for shift in (0.0, 0.6, 1.5):
-        distance = CLEARANCE_M + 0.05 + plan.look.style.front_m + extra_m + shift
+        distance = CLEARANCE_M + 0.05 + plan.appearance.style.front_m + extra_m + shift
         # The building's own front runs the other way round: its left end lies at the line's end.
         corner = start + right * distance + chord / np.hypot(*chord) * plan.width_m
         lot = Lot(plan=plan, corner_m=corner, heading_rad=heading + np.pi, name=name)

@@ -11,7 +11,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Look
+from carlaloc_env.town.buildings.appearance import Appearance
 from carlaloc_env.town.buildings.facades import facade
 from carlaloc_env.town.buildings.roofs import add_roof
 from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR
@@ -32,7 +32,7 @@ _SIGNS: tuple[Colour, ...] = (
 class BuildingPlan:
     """Measures of one building."""
 
-    look: Look
+    appearance: Appearance
     """Style, material and tints."""
     width_m: float
     """Length of the front [m]."""
@@ -44,41 +44,41 @@ class BuildingPlan:
     @property
     def height_m(self) -> float:
         """Height of the walls above the ground [m]."""
-        style = self.look.style
+        style = self.appearance.style
         return style.ground_m + (self.storeys - 1) * style.storey_m
 
     def levels_m(self) -> Array:
         """Heights of the storeys' lower edges and of the top [m], shape (storeys + 1,)."""
-        style = self.look.style
+        style = self.appearance.style
         return np.concatenate([[0.0], style.ground_m + style.storey_m * np.arange(self.storeys)])
 
 
 def draw_plan(
-    zone: str, rng: np.random.Generator, before: Sequence[Look], widest_m: float = 60.0
+    zone: str, rng: np.random.Generator, before: Sequence[Appearance], widest_m: float = 60.0
 ) -> BuildingPlan | None:
     """Choose a building for a zone that resembles none of those `before`; None where the zone has none.
 
     Args:
         zone: Kind of scenery.
         rng: Randomness of this lot.
-        before: Looks of the neighbours.
+        before: Appearances of the neighbours.
         widest_m: Longest front that fits [m].
     """
     entries = [(name, w) for name, w in ZONE_STYLES[zone] if STYLES[name].width_m[0] <= widest_m]
     if not entries:
         return None
     weights = np.array([weight for _, weight in entries])
-    look = None
+    appearance = None
     for _ in range(12):
         style = STYLES[entries[int(rng.choice(len(entries), p=weights / weights.sum()))][0]]
-        look = draw_look(style, rng)
-        if all((look.material, look.tint) != (other.material, other.tint) for other in before):
+        appearance = draw_appearance(style, rng)
+        if all((appearance.material, appearance.tint) != (other.material, other.tint) for other in before):
             break
-    assert look is not None
-    style = look.style
+    assert appearance is not None
+    style = appearance.style
     width = float(rng.uniform(style.width_m[0], min(style.width_m[1], widest_m)))
     return BuildingPlan(
-        look=look,
+        appearance=appearance,
         width_m=round(width, 2),
         depth_m=round(float(rng.uniform(*style.depth_m)), 2),
         storeys=int(rng.integers(style.storeys[0], style.storeys[1] + 1)),
@@ -88,7 +88,7 @@ def draw_plan(
 def building_mesh(plan: BuildingPlan, rng: np.random.Generator, instance: int) -> Mesh:
     """A building on z = 0 whose front foot runs from (0, 0) to (width, 0) and looks towards −y."""
     out = MeshBuilder()
-    look, levels = plan.look, plan.levels_m()
+    appearance, levels = plan.appearance, plan.levels_m()
     parts = _masses(plan)
     for index, (x, y, width, depth, first, last) in enumerate(parts):
         base = float(levels[first])
@@ -97,19 +97,21 @@ def building_mesh(plan: BuildingPlan, rng: np.random.Generator, instance: int) -
                 origin_m=wall.origin_m + np.array([x, y, base]), along=wall.along, width_m=wall.width_m
             )
             heights = levels[first : last + 1] - base
-            _one_wall(out, shifted, look, heights, rng, street=side == 0 and index == 0, upper=index > 0)
-        add_roof(out, look, (x, y, width, depth), float(levels[last]), rng, last == plan.storeys)
-    if look.style.ground == "hall":
+            _one_wall(
+                out, shifted, appearance, heights, rng, street=side == 0 and index == 0, upper=index > 0
+            )
+        add_roof(out, appearance, (x, y, width, depth), float(levels[last]), rng, last == plan.storeys)
+    if appearance.style.ground == "hall":
         _hall_doors(out, plan, rng)
     _foundation(out, plan)
     return out.build().with_instance(instance)
 
 
-def draw_look(style: Style, rng: np.random.Generator) -> Look:
+def draw_appearance(style: Style, rng: np.random.Generator) -> Appearance:
     """Choose material and tints of a building."""
     material, tint = style.walls[int(rng.integers(len(style.walls)))]
     shade = float(rng.uniform(0.86, 1.0))
-    return Look(
+    return Appearance(
         style=style,
         material=material,
         tint=(int(tint[0] * shade), int(tint[1] * shade), int(tint[2] * shade)),
@@ -122,7 +124,7 @@ def draw_look(style: Style, rng: np.random.Generator) -> Look:
 
 def _masses(plan: BuildingPlan) -> list[tuple[float, float, float, float, int, int]]:
     """Parts of a building: x, y, width, depth [m], first and last storey; towers stand back in steps."""
-    step = plan.look.style.setback_storeys
+    step = plan.appearance.style.setback_storeys
     cuts = list(range(0, plan.storeys, step)) if step else [0]
     if len(cuts) > 1 and plan.storeys - cuts[-1] < step // 2:
         cuts.pop()
@@ -137,31 +139,31 @@ def _masses(plan: BuildingPlan) -> list[tuple[float, float, float, float, int, i
 def _one_wall(
     out: MeshBuilder,
     wall: Wall,
-    look: Look,
+    appearance: Appearance,
     levels: Array,
     rng: np.random.Generator,
     *,
     street: bool,
     upper: bool,
 ) -> None:
-    if look.material == Material.CURTAIN_WALL and not street:
-        _curtain(out, wall, look, levels)
-    elif look.material == Material.CURTAIN_WALL:
-        facade(out, wall, look, levels[:2], rng, front=True)
+    if appearance.material == Material.CURTAIN_WALL and not street:
+        _curtain(out, wall, appearance, levels)
+    elif appearance.material == Material.CURTAIN_WALL:
+        facade(out, wall, appearance, levels[:2], rng, front=True)
         raised = Wall(
             origin_m=wall.origin_m + np.array([0.0, 0.0, levels[1]]), along=wall.along, width_m=wall.width_m
         )
-        _curtain(out, raised, look, levels[1:] - levels[1])
+        _curtain(out, raised, appearance, levels[1:] - levels[1])
     else:
-        facade(out, wall, look, levels, rng, front=street and not upper)
+        facade(out, wall, appearance, levels, rng, front=street and not upper)
 
 
-def _curtain(out: MeshBuilder, wall: Wall, look: Look, levels: Array) -> None:
+def _curtain(out: MeshBuilder, wall: Wall, appearance: Appearance, levels: Array) -> None:
     """Glass from floor to floor with mullions."""
     top = float(levels[-1])
     glass = wall.front(0.0, wall.width_m, levels[:-1], levels[1:])
-    out.quads(glass, material=Material.CURTAIN_WALL, tag=Tag.BUILDING, colour=look.tint)
-    bays = max(2, round(wall.width_m / look.style.bay_m))
+    out.quads(glass, material=Material.CURTAIN_WALL, tag=Tag.BUILDING, colour=appearance.tint)
+    bays = max(2, round(wall.width_m / appearance.style.bay_m))
     a = np.linspace(0.05, wall.width_m - 0.05, bays + 1)
     mullions = np.concatenate(
         [
@@ -170,9 +172,9 @@ def _curtain(out: MeshBuilder, wall: Wall, look: Look, levels: Array) -> None:
             wall.right_side(a + 0.05, 0.0, 0.14, 0.0, top),
         ]
     )
-    out.quads(mullions, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.trim)
+    out.quads(mullions, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.trim)
     spandrel = wall.front(0.0, wall.width_m, levels[:-1] - 0.2, levels[:-1] + 0.45, 0.04)
-    out.quads(spandrel, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.trim)
+    out.quads(spandrel, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.trim)
 
 
 def _hall_doors(out: MeshBuilder, plan: BuildingPlan, rng: np.random.Generator) -> None:
@@ -189,7 +191,7 @@ def _hall_doors(out: MeshBuilder, plan: BuildingPlan, rng: np.random.Generator) 
         tag=Tag.BUILDING,
         uv_m=cell_uv(Material.DOOR, np.full(count, GARAGE_DOOR)),
     )
-    out.quads(frames, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=plan.look.trim)
+    out.quads(frames, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=plan.appearance.trim)
     side = wall.front(a[0] + 2.6, a[0] + 3.5, 0.0, 2.1, 0.02)
     pick = rng.integers(0, GARAGE_DOOR, 1)
     out.quads(side, material=Material.DOOR, tag=Tag.BUILDING, uv_m=cell_uv(Material.DOOR, pick))
@@ -197,4 +199,6 @@ def _hall_doors(out: MeshBuilder, plan: BuildingPlan, rng: np.random.Generator) 
 
 def _foundation(out: MeshBuilder, plan: BuildingPlan) -> None:
     faces = [w.front(0.0, w.width_m, -FOUNDATION_M, 0.0, 0.02) for w in around(plan.width_m, plan.depth_m)]
-    out.quads(np.concatenate(faces), material=Material.CONCRETE, tag=Tag.BUILDING, colour=plan.look.trim)
+    out.quads(
+        np.concatenate(faces), material=Material.CONCRETE, tag=Tag.BUILDING, colour=plan.appearance.trim
+    )

@@ -8,12 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import Look as Stuff
-from carlaloc_env.assets.modelling.primitives import lathe
+from carlaloc_env.assets.modelling.primitives import Look, lathe
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Look, trim_faces, wall_faces
+from carlaloc_env.town.buildings.appearance import Appearance, trim_faces, wall_faces
 from carlaloc_env.town.buildings.walls import Wall
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
@@ -29,25 +28,27 @@ class Openings:
     z1: Array
 
 
-def window_ornaments(out: MeshBuilder, wall: Wall, look: Look, w: Openings, pick: NDArray[np.int64]) -> None:
+def window_ornaments(
+    out: MeshBuilder, wall: Wall, appearance: Appearance, w: Openings, pick: NDArray[np.int64]
+) -> None:
     """What belongs to single windows: shutters, coolers, spandrel panels.
 
     Args:
         out: Where the faces go.
         wall: The wall.
-        look: Materials and tints.
+        appearance: Materials and tints.
         w: Its windows.
         pick: A random whole number of each window, shape (N,).
     """
-    names = look.style.ornaments
-    if "shutters" in names and look.accent[0] % 4 != 0:
+    names = appearance.style.ornaments
+    if "shutters" in names and appearance.accent[0] % 4 != 0:
         half = np.minimum(0.5 * (w.a1 - w.a0), 0.55)
         for inner, outer in ((w.a0 - 0.03, w.a0 - half), (w.a1 + half, w.a1 + 0.03)):
             leaf = wall.box(outer, inner, w.z0, w.z1, 0.05)
-            out.quads(leaf, material=Material.SIDING, tag=Tag.BUILDING, colour=look.accent)
+            out.quads(leaf, material=Material.SIDING, tag=Tag.BUILDING, colour=appearance.accent)
     if "spandrels" in names:
-        panel = wall.front(w.a0, w.a1, w.z0 - look.style.sill_m + 0.12, w.z0 - 0.08, 0.015)
-        out.quads(panel, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.accent)
+        panel = wall.front(w.a0, w.a1, w.z0 - appearance.style.sill_m + 0.12, w.z0 - 0.08, 0.015)
+        out.quads(panel, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.accent)
     if "coolers" in names:
         chosen = (pick % 7 == 0) & (w.z0 > 2.5)
         middle = 0.5 * (w.a0 + w.a1)[chosen]
@@ -59,56 +60,64 @@ def window_ornaments(out: MeshBuilder, wall: Wall, look: Look, w: Openings, pick
 
 
 def wall_ornaments(
-    out: MeshBuilder, wall: Wall, look: Look, levels: Array, centre: Array, width: float, front: bool
+    out: MeshBuilder,
+    wall: Wall,
+    appearance: Appearance,
+    levels: Array,
+    centre: Array,
+    width: float,
+    front: bool,
 ) -> None:
     """What belongs to a whole wall.
 
     Args:
         out: Where the faces go.
         wall: The wall.
-        look: Materials and tints.
+        appearance: Materials and tints.
         levels: Heights of the storeys' lower edges and of the top [m], (S + 1,).
         centre: Middles of the bays [m].
         width: Width of the windows [m].
         front: Whether it is the street side.
     """
-    names, top = look.style.ornaments, float(levels[-1])
+    names, top = appearance.style.ornaments, float(levels[-1])
     if "plinth" in names:
-        stone = Material.RUBBLE if look.accent[1] % 2 else Material.CONCRETE
+        stone = Material.RUBBLE if appearance.accent[1] % 2 else Material.CONCRETE
         foot = wall.box(0.0, wall.width_m, 0.0, 0.55, 0.05)
-        out.quads(foot, material=stone, tag=Tag.BUILDING, colour=look.trim)
+        out.quads(foot, material=stone, tag=Tag.BUILDING, colour=appearance.trim)
     if "quoins" in names:
         z = np.arange(0.1, top - 0.6, 0.7)
         for a0, a1 in ((0.0, 0.45), (wall.width_m - 0.45, wall.width_m)):
-            trim_faces(out, look, wall.box(a0, a1, z, z + 0.42, 0.05))
+            trim_faces(out, appearance, wall.box(a0, a1, z, z + 0.42, 0.05))
     if "bands" in names and len(levels) > 1:
         for low in (top - 1.3, top - 0.75):
             if low > levels[0] + 2.0:
-                trim_faces(out, look, wall.box(0.0, wall.width_m, low, low + 0.14, 0.06))
+                trim_faces(out, appearance, wall.box(0.0, wall.width_m, low, low + 0.14, 0.06))
     if "timber" in names:
-        _timber(out, wall, look, levels, centre, width)
+        _timber(out, wall, appearance, levels, centre, width)
     if not front:
         return
     if "oriels" in names:
-        _oriels(out, wall, look, levels, centre[::2], width)
-    if "fire_stairs" in names and len(levels) > 3 and look.tint[0] % 2 == 0:
+        _oriels(out, wall, appearance, levels, centre[::2], width)
+    if "fire_stairs" in names and len(levels) > 3 and appearance.tint[0] % 2 == 0:
         _fire_stairs(out, wall, levels, float(centre[len(centre) // 2]), width)
     if "columns" in names and wall.width_m > 12.0:
-        _columns(out, wall, look, float(levels[1]))
+        _columns(out, wall, appearance, float(levels[1]))
     if "porch" in names:
-        _porch(out, wall, look, float(centre[len(centre) // 2]), float(min(levels[1], 2.6)))
+        _porch(out, wall, appearance, float(centre[len(centre) // 2]), float(min(levels[1], 2.6)))
     if "docks" in names:
-        _docks(out, wall, look, top)
+        _docks(out, wall, appearance, top)
 
 
-def _timber(out: MeshBuilder, wall: Wall, look: Look, levels: Array, centre: Array, width: float) -> None:
+def _timber(
+    out: MeshBuilder, wall: Wall, appearance: Appearance, levels: Array, centre: Array, width: float
+) -> None:
     """Beams along the floors, posts beside the windows, and braces in the outer bays."""
     first = 1 if len(levels) > 2 else 0
     faces = [wall.box(0.0, wall.width_m, levels[first:] - 0.14, levels[first:] + 0.10, 0.05)]
     a = np.unique(np.round(np.concatenate([[0.0], centre - width / 2 - 0.16, centre + width / 2 + 0.02,
                                            [wall.width_m - 0.16]]), 3))  # fmt: skip
     faces.append(wall.box(a, a + 0.14, float(levels[first]), float(levels[-1]), 0.04))
-    out.quads(np.concatenate(faces), material=Material.WOOD, tag=Tag.BUILDING, colour=look.accent)
+    out.quads(np.concatenate(faces), material=Material.WOOD, tag=Tag.BUILDING, colour=appearance.accent)
     low, high = levels[first:-1] + 0.10, levels[first + 1 :] - 0.14
     braces = []
     for a0, a1 in (
@@ -122,14 +131,16 @@ def _timber(out: MeshBuilder, wall: Wall, look: Look, levels: Array, centre: Arr
         quad = np.stack([wall.points(np.full(len(low), x), 0.03, z) for x, z in corners], axis=1)
         braces.append(quad if shift > 0 else quad[:, ::-1])
     if braces:
-        out.quads(np.concatenate(braces), material=Material.WOOD, tag=Tag.BUILDING, colour=look.accent)
+        out.quads(np.concatenate(braces), material=Material.WOOD, tag=Tag.BUILDING, colour=appearance.accent)
 
 
-def _oriels(out: MeshBuilder, wall: Wall, look: Look, levels: Array, centre: Array, width: float) -> None:
+def _oriels(
+    out: MeshBuilder, wall: Wall, appearance: Appearance, levels: Array, centre: Array, width: float
+) -> None:
     """Bay windows through all storeys, with a small roof."""
     half, reach, top = width / 2 + 0.45, 0.8, float(levels[-1]) - 0.25
     a0, a1 = centre - half, centre + half
-    wall_faces(out, look, wall.box(a0, a1, 0.0, top, reach))
+    wall_faces(out, appearance, wall.box(a0, a1, 0.0, top, reach))
     storeys = len(levels) - 1
     base = np.repeat(levels[:-1] + 0.75, len(centre))
     high = np.repeat(np.minimum(levels[1:] - 0.45, levels[:-1] + 2.4), len(centre))
@@ -142,13 +153,13 @@ def _oriels(out: MeshBuilder, wall: Wall, look: Look, levels: Array, centre: Arr
         wall.right_side(right + 0.02, 0.12, reach - 0.1, base, high),
     ]
     glass = np.concatenate(panes)
-    pick = (np.arange(len(glass)) * 7 + look.tint[1]) % 16
+    pick = (np.arange(len(glass)) * 7 + appearance.tint[1]) % 16
     uv = cell_uv(Material.WINDOW, pick)
     out.quads(glass, material=Material.WINDOW, tag=Tag.BUILDING, uv_m=uv)
-    trim_faces(out, look, wall.box(left - 0.05, right + 0.05, base - 0.12, base, reach + 0.08))
-    trim_faces(out, look, wall.box(left - 0.05, right + 0.05, high, high + 0.16, reach + 0.06))
+    trim_faces(out, appearance, wall.box(left - 0.05, right + 0.05, base - 0.12, base, reach + 0.08))
+    trim_faces(out, appearance, wall.box(left - 0.05, right + 0.05, high, high + 0.16, reach + 0.06))
     lid = wall.box(a0 - 0.1, a1 + 0.1, top, top + 0.12, reach + 0.1)
-    out.quads(lid, material=look.roof[0], tag=Tag.BUILDING, colour=look.roof[1])
+    out.quads(lid, material=appearance.roof[0], tag=Tag.BUILDING, colour=appearance.roof[1])
 
 
 def _fire_stairs(out: MeshBuilder, wall: Wall, levels: Array, centre: float, width: float) -> None:
@@ -173,11 +184,11 @@ def _fire_stairs(out: MeshBuilder, wall: Wall, levels: Array, centre: float, wid
         out.quads(faces_, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=steel)
 
 
-def _columns(out: MeshBuilder, wall: Wall, look: Look, high: float) -> None:
+def _columns(out: MeshBuilder, wall: Wall, appearance: Appearance, high: float) -> None:
     """A portico before the middle third: round columns, architrave and pediment."""
     span = max(9.0, wall.width_m / 3)
     a0, a1, reach = (wall.width_m - span) / 2, (wall.width_m + span) / 2, 1.7
-    stone = Stuff(Material.ASHLAR, Tag.BUILDING, look.tint)
+    stone = Look(Material.ASHLAR, Tag.BUILDING, appearance.tint)
     profile = [
         (0.52, 0.0),
         (0.52, 0.2),
@@ -189,22 +200,22 @@ def _columns(out: MeshBuilder, wall: Wall, look: Look, high: float) -> None:
     for a in np.linspace(a0 + 0.6, a1 - 0.6, 5 if span < 12.0 else 6):
         x, y, z = wall.points(float(a), reach - 0.55, 0.0)
         out.add(lathe(stone, profile, 12, (float(x), float(y), float(z))))
-    trim_faces(out, look, wall.box(a0, a1, high - 0.4, high + 0.5, reach))
+    trim_faces(out, appearance, wall.box(a0, a1, high - 0.4, high + 0.5, reach))
     middle, peak = (a0 + a1) / 2, high + 0.5 + span * 0.16
     corners = [(a0 - 0.2, high + 0.5), (a1 + 0.2, high + 0.5), (middle, peak), (middle, peak)]
     front = np.stack([wall.points(a, reach, z) for a, z in corners])
-    wall_faces(out, look, front[None])
+    wall_faces(out, appearance, front[None])
     for (p, z0), (q, z1) in ((corners[1], corners[2]), (corners[2], corners[0])):
         slope = [wall.points(p, reach + 0.15, z0), wall.points(p, 0.0, z0), wall.points(q, 0.0, z1),
                  wall.points(q, reach + 0.15, z1)]  # fmt: skip
         out.quads(np.array([slope]), material=Material.ROOF_SLATE, tag=Tag.BUILDING)
-    trim_faces(out, look, wall.box(a0 - 0.4, a1 + 0.4, -0.4, 0.16, reach + 0.2))
+    trim_faces(out, appearance, wall.box(a0 - 0.4, a1 + 0.4, -0.4, 0.16, reach + 0.2))
 
 
-def _porch(out: MeshBuilder, wall: Wall, look: Look, centre: float, high: float) -> None:
+def _porch(out: MeshBuilder, wall: Wall, appearance: Appearance, centre: float, high: float) -> None:
     """A roofed porch on posts before the door."""
     a0, a1, reach = max(centre - 1.7, 0.1), min(centre + 1.7, wall.width_m - 0.1), 1.8
-    trim_faces(out, look, wall.box(a0, a1, -0.4, 0.14, reach))
+    trim_faces(out, appearance, wall.box(a0, a1, -0.4, 0.14, reach))
     for a in (a0 + 0.05, a1 - 0.17):
         post = wall.box(a, a + 0.12, 0.14, high, reach - 0.05, reach - 0.17)
         out.quads(post, material=Material.SIDING, tag=Tag.BUILDING, colour=(250, 250, 245))
@@ -216,21 +227,21 @@ def _porch(out: MeshBuilder, wall: Wall, look: Look, centre: float, high: float)
     corners = [(a0 - 0.2, reach + 0.2, high), (a1 + 0.2, reach + 0.2, high), (a1 + 0.2, 0.0, high + 0.6),
                (a0 - 0.2, 0.0, high + 0.6)]  # fmt: skip
     roof = np.stack([wall.points(a, b, z) for a, b, z in corners])
-    out.quads(roof[None], material=look.roof[0], tag=Tag.BUILDING, colour=look.roof[1])
+    out.quads(roof[None], material=appearance.roof[0], tag=Tag.BUILDING, colour=appearance.roof[1])
     out.quads(roof[None, ::-1] - np.array([0, 0, 0.1]), material=Material.WOOD, tag=Tag.BUILDING)
     edge = wall.front(a0 - 0.2, a1 + 0.2, high - 0.1, high, reach + 0.2)
     out.quads(edge, material=Material.SIDING, tag=Tag.BUILDING, colour=(250, 250, 245))
 
 
-def _docks(out: MeshBuilder, wall: Wall, look: Look, top: float) -> None:
+def _docks(out: MeshBuilder, wall: Wall, appearance: Appearance, top: float) -> None:
     """The firm's name over the gates, bumpers, and pipes down the wall."""
     middle = wall.width_m / 2
     length = min(9.0, 0.45 * wall.width_m)
     z = top - 1.75
     board = wall.box(middle - length / 2 - 0.1, middle + length / 2 + 0.1, z - 0.1, z + length / 8 + 0.1, 0.1)
-    out.quads(board, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.sign)
+    out.quads(board, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.sign)
     face = wall.front(middle - length / 2, middle + length / 2, z, z + length / 8, 0.12)
-    uv = cell_uv(Material.SHOP_SIGN, np.array([look.tint[0] + 3 * look.sign[1]]))
+    uv = cell_uv(Material.SHOP_SIGN, np.array([appearance.tint[0] + 3 * appearance.sign[1]]))
     out.quads(face, material=Material.SHOP_SIGN, tag=Tag.BUILDING, uv_m=uv)
     pipes = np.arange(1.0, wall.width_m, 9.0)
     down = wall.box(pipes, pipes + 0.12, 0.0, top, 0.14, 0.02)

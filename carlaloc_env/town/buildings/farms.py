@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.modelling.primitives import Look as Stuff
-from carlaloc_env.assets.modelling.primitives import lathe
+from carlaloc_env.assets.modelling.primitives import Look, lathe
 from carlaloc_env.assets.vegetation.farm_plants import bale
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.buildings import BuildingPlan, building_mesh, draw_look
+from carlaloc_env.town.buildings.buildings import BuildingPlan, building_mesh, draw_appearance
 from carlaloc_env.town.buildings.shopfronts import GARAGE_DOOR
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import Wall, around
@@ -79,8 +78,8 @@ def barn(width_m: float, depth_m: float, draw: np.random.Generator) -> Mesh:
 def silo(diameter_m: float = 5.0, height_m: float = 15.0) -> Mesh:
     """A round silo with hoops, a domed roof, a ladder and a filling pipe, on the origin."""
     r, h = diameter_m / 2, height_m
-    steel = Stuff(Material.SHEET_METAL, Tag.BUILDING, (225, 228, 230))
-    hoop = Stuff(Material.METAL_GALVANISED, Tag.BUILDING, (170, 172, 174))
+    steel = Look(Material.SHEET_METAL, Tag.BUILDING, (225, 228, 230))
+    hoop = Look(Material.METAL_GALVANISED, Tag.BUILDING, (170, 172, 174))
     body = lathe(steel, [(r, -0.5), (r, h)], 22)
     dome = [(r * np.cos(a), h + 0.75 * r * np.sin(a)) for a in np.linspace(0.0, 0.5 * np.pi - 0.05, 6)]
     parts = [body, lathe(hoop, [(r + 0.12, h - 0.05), *dome], 22)]
@@ -113,7 +112,7 @@ def farm(width_m: float, depth_m: float, draw: np.random.Generator) -> Mesh:
     """
     w, d = width_m / 2, depth_m / 2
     house_style = STYLES["farmhouse"]
-    plan = BuildingPlan(look=draw_look(house_style, draw), width_m=13.0, depth_m=9.0, storeys=2)
+    plan = BuildingPlan(appearance=draw_appearance(house_style, draw), width_m=13.0, depth_m=9.0, storeys=2)
     # The house's own front looks along −y; here it looks along +y into the yard from the south side.
     house = copies(building_mesh(plan, draw, 0), poses([(d - 6.0, -w + 10.5, 0.0)], np.pi), 0)
     large = barn(13.0, min(24.0, 1.1 * depth_m), draw)

@@ -12,8 +12,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Look
-from carlaloc_env.town.buildings.buildings import FOUNDATION_M, draw_look
+from carlaloc_env.town.buildings.appearance import Appearance
+from carlaloc_env.town.buildings.buildings import FOUNDATION_M, draw_appearance
 from carlaloc_env.town.buildings.facades import facade
 from carlaloc_env.town.buildings.roofs import add_roof
 from carlaloc_env.town.buildings.styles import STYLES
@@ -32,7 +32,7 @@ SLAB_M, BEAM_M = 0.35, 0.4
 """Thickness of that floor, and height of the beams below it [m]."""
 BEAM_STEP_M, BEAM_WIDTH_M = 4.0, 0.5
 """Distance of the beams and their width [m]."""
-ASIDE_M = 0.25
+CLEARANCE_M = 0.25
 """Distance of the wings from everything paved [m]."""
 LEAST_WING_M = 6.0
 """Narrowest wing [m]."""
@@ -57,16 +57,16 @@ def gatehouse(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     """The building in the world; the street runs along its heading."""
     draw = rng.stream(0, f"gatehouse/{feature.position}")
     style = replace(STYLES["civic"], ground_m=PASSAGE_M, ground="shop", storey_m=3.6, ornaments=("quoins",))
-    look = draw_look(style, draw)
+    appearance = draw_appearance(style, draw)
     m = _measures(feature, paved, floor)
     levels = np.concatenate([[0.0], PASSAGE_M + style.storey_m * np.arange(m.storeys)])
     out = MeshBuilder()
     for first, last, inner in ((0.0, m.open_m[0], 1), (m.open_m[1], m.width_m, 3)):
-        _wing(out, look, (first, last, m.depth_m), levels[:2], inner, draw)
+        _wing(out, appearance, (first, last, m.depth_m), levels[:2], inner, draw)
+    upstairs = replace(appearance, style=replace(style, ground="hall"))
     for side, wall in enumerate(around(m.width_m, m.depth_m, float(levels[1]))):
-        facade(out, wall, replace(look, style=replace(style, ground="hall")), levels[1:] - levels[1], draw,
-               front=side in (0, 2))  # fmt: skip
-    add_roof(out, look, (0.0, 0.0, m.width_m, m.depth_m), float(levels[-1]), draw, top=True)
+        facade(out, wall, upstairs, levels[1:] - levels[1], draw, front=side in (0, 2))
+    add_roof(out, appearance, (0.0, 0.0, m.width_m, m.depth_m), float(levels[-1]), draw, top=True)
     _ceiling(out, m)
     return copies(out.build(), _pose(feature, m), 0)
 
@@ -93,7 +93,7 @@ def _measures(feature: Feature, paved: Area, floor: HeightOf) -> _Measures:
     for sign in (-1.0, 1.0):
         way = np.arange(2.0, 0.5 * width - LEAST_WING_M, 0.25)
         points = along[:, None] + sign * way[:, None] * across
-        taken = shapely.dwithin(paved, shapely.points(points), ASIDE_M).any(axis=0)
+        taken = shapely.dwithin(paved, shapely.points(points), CLEARANCE_M).any(axis=0)
         reach.append(float(way[np.flatnonzero(taken)[-1]]) + 0.25 if taken.any() else 2.0)
     return _Measures(
         width_m=width,
@@ -116,7 +116,7 @@ def _pose(feature: Feature, m: _Measures) -> Array:
 
 def _wing(
     out: MeshBuilder,
-    look: Look,
+    appearance: Appearance,
     place: tuple[float, float, float],
     levels: Array,
     inner: int,
@@ -128,9 +128,9 @@ def _wing(
         shifted = Wall(
             origin_m=wall.origin_m + np.array([first, 0.0, 0.0]), along=wall.along, width_m=wall.width_m
         )
-        facade(out, shifted, look, levels, draw, front=side in (0, 2, inner))
+        facade(out, shifted, appearance, levels, draw, front=side in (0, 2, inner))
         foot = shifted.front(0.0, wall.width_m, -FOUNDATION_M, 0.0, 0.02)
-        out.quads(foot, material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
+        out.quads(foot, material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
 
 
 def _ceiling(out: MeshBuilder, m: _Measures) -> None:

@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from carlaloc_env.assets.modelling.primitives import Look as Stuff
-from carlaloc_env.assets.modelling.primitives import lathe
+from carlaloc_env.assets.modelling.primitives import Look, lathe
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -43,8 +42,8 @@ def monument() -> Mesh:
 
 def fountain() -> Mesh:
     """Two bowls over a round basin, 4.2 m high."""
-    stone = Stuff(Material.CONCRETE, Tag.STATIC, (250, 244, 228))
-    water = Stuff(Material.WATER, Tag.WATER)
+    stone = Look(Material.CONCRETE, Tag.STATIC, (250, 244, 228))
+    water = Look(Material.WATER, Tag.WATER)
     basin = [(4.2, -0.4), (4.2, 0.55), (4.05, 0.62), (3.85, 0.62), (3.75, 0.5), (3.75, 0.15), (0.1, 0.15)]
     stem = [
         (0.9, 0.1),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Look
+from carlaloc_env.town.buildings.appearance import Appearance
 from carlaloc_env.town.buildings.walls import Wall
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
@@ -21,31 +21,33 @@ PARAPET_M = 0.9
 
 def add_roof(
     out: MeshBuilder,
-    look: Look,
+    appearance: Appearance,
     part: tuple[float, float, float, float],
     z: float,
     rng: np.random.Generator,
     top: bool,
 ) -> None:
     """The roof of one part (x, y, width, depth) [m] of a building at height z; `top` on its last part."""
-    shape = look.style.roof if top else "flat"
+    shape = appearance.style.roof if top else "flat"
     if shape == "gable":
-        _gable(out, look, part, z, turned=False)
+        _gable(out, appearance, part, z, turned=False)
     elif shape == "front_gable":
-        _gable(out, look, part, z, turned=True)
+        _gable(out, appearance, part, z, turned=True)
     elif shape == "hip":
-        _hip(out, look, part, z)
+        _hip(out, appearance, part, z)
     elif shape == "mansard":
-        _mansard(out, look, part, z, rng)
+        _mansard(out, appearance, part, z, rng)
     elif shape == "sawtooth":
-        _sawtooth(out, look, part, z)
+        _sawtooth(out, appearance, part, z)
     else:
-        _flat(out, look, part, z)
+        _flat(out, appearance, part, z)
         if top:
             _plant(out, part, z, rng)
 
 
-def _flat(out: MeshBuilder, look: Look, part: tuple[float, float, float, float], z: float) -> None:
+def _flat(
+    out: MeshBuilder, appearance: Appearance, part: tuple[float, float, float, float], z: float
+) -> None:
     """A deck behind a parapet."""
     x, y, width, depth = part
     low, high = np.array([x, y, z]), np.array([x + width, y + depth, z])
@@ -61,8 +63,10 @@ def _flat(out: MeshBuilder, look: Look, part: tuple[float, float, float, float],
             (x + width, y + depth - t, z + p),
         ],
     )
-    material = Material.CONCRETE_PANEL if look.material == Material.CURTAIN_WALL else look.material
-    out.quads(rims, material=material, tag=Tag.BUILDING, colour=look.tint)
+    material = (
+        Material.CONCRETE_PANEL if appearance.material == Material.CURTAIN_WALL else appearance.material
+    )
+    out.quads(rims, material=material, tag=Tag.BUILDING, colour=appearance.tint)
 
 
 def _plant(
@@ -82,7 +86,12 @@ def _plant(
 
 
 def _gable(
-    out: MeshBuilder, look: Look, part: tuple[float, float, float, float], z: float, *, turned: bool
+    out: MeshBuilder,
+    appearance: Appearance,
+    part: tuple[float, float, float, float],
+    z: float,
+    *,
+    turned: bool,
 ) -> None:
     """A ridge along the front, or `turned` from front to back, with boarded eaves and a chimney."""
     x, y, width, depth = part
@@ -108,17 +117,17 @@ def _gable(
         [(x + width, y, z), (x + width, y + depth, z), (x + width, ym, ridge), (x + width, ym, ridge)],
     ]
     chimney = box_quads([x + width * 0.7, ym + 0.6, z], [x + width * 0.7 + 0.8, ym + 1.3, ridge + 0.8])
-    material, tint = look.roof
+    material, tint = appearance.roof
     for faces, stuff, colour in (
         (tiles, material, tint),
-        (lowered[:, ::-1], Material.WOOD, look.trim),
-        (np.array(edges), Material.WOOD, look.trim),
-        (np.array(ends), look.material, look.tint),
-        (chimney[: 5 if look.style.ground != "hall" else 0], Material.BRICK_RED, (235, 225, 215)),
+        (lowered[:, ::-1], Material.WOOD, appearance.trim),
+        (np.array(edges), Material.WOOD, appearance.trim),
+        (np.array(ends), appearance.material, appearance.tint),
+        (chimney[: 5 if appearance.style.ground != "hall" else 0], Material.BRICK_RED, (235, 225, 215)),
     ):
         out.quads(_quarter(faces) if turned else faces, material=stuff, tag=Tag.BUILDING, colour=colour)
     if turned:
-        _loft_window(out, look, part, z, rise)
+        _loft_window(out, appearance, part, z, rise)
 
 
 def _quarter(faces: Array) -> Array:
@@ -127,20 +136,20 @@ def _quarter(faces: Array) -> Array:
 
 
 def _loft_window(
-    out: MeshBuilder, look: Look, part: tuple[float, float, float, float], z: float, rise: float
+    out: MeshBuilder, appearance: Appearance, part: tuple[float, float, float, float], z: float, rise: float
 ) -> None:
     """A window in the gable that looks to the street."""
     x, y, width, _ = part
     wall = Wall(origin_m=np.array([x, y, z]), along=np.array([1.0, 0.0, 0.0]), width_m=width)
     a, high = width / 2, min(0.5 * rise, 1.5)
     pane = wall.front(a - 0.5, a + 0.5, 0.45, 0.45 + high, 0.03)
-    uv = cell_uv(Material.WINDOW, np.array([look.tint[1]]))
+    uv = cell_uv(Material.WINDOW, np.array([appearance.tint[1]]))
     out.quads(pane, material=Material.WINDOW, tag=Tag.BUILDING, uv_m=uv)
     frame = [wall.box(a - 0.6, a + 0.6, low, low + 0.1, 0.07) for low in (0.35, 0.45 + high)]
-    out.quads(np.concatenate(frame), material=Material.CONCRETE, tag=Tag.BUILDING, colour=look.trim)
+    out.quads(np.concatenate(frame), material=Material.CONCRETE, tag=Tag.BUILDING, colour=appearance.trim)
 
 
-def _hip(out: MeshBuilder, look: Look, part: tuple[float, float, float, float], z: float) -> None:
+def _hip(out: MeshBuilder, appearance: Appearance, part: tuple[float, float, float, float], z: float) -> None:
     """Four slopes that meet in a ridge along the longer side."""
     x, y, width, depth = part
     over, slope = 0.55, 0.55
@@ -160,19 +169,21 @@ def _hip(out: MeshBuilder, look: Look, part: tuple[float, float, float, float], 
             [(x1, y0, low), (x1, y1, low), b, a], [(x0, y1, low), (x0, y0, low), a, b],
         ]  # fmt: skip
     faces = np.array(slopes)
-    out.quads(faces, material=look.roof[0], tag=Tag.BUILDING, colour=look.roof[1])
+    out.quads(faces, material=appearance.roof[0], tag=Tag.BUILDING, colour=appearance.roof[1])
     corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
     foot = np.column_stack([corners, np.full(4, low - 0.16)])
     head = np.column_stack([corners, np.full(4, low)])
     eaves = np.stack([foot, np.roll(foot, -1, 0), np.roll(head, -1, 0), head], axis=1)
     out.quads(np.concatenate([eaves, foot[None, ::-1]]), material=Material.SIDING, tag=Tag.BUILDING,
-              colour=look.trim)  # fmt: skip
+              colour=appearance.trim)  # fmt: skip
     corner = np.array([x + width * 0.62, y + depth * 0.55])
     chimney = box_quads([*corner, z], [*(corner + 0.75), ridge + 0.7])
     out.quads(chimney, material=Material.BRICK_BROWN, tag=Tag.BUILDING)
 
 
-def _sawtooth(out: MeshBuilder, look: Look, part: tuple[float, float, float, float], z: float) -> None:
+def _sawtooth(
+    out: MeshBuilder, appearance: Appearance, part: tuple[float, float, float, float], z: float
+) -> None:
     """North lights: upright panes and slopes behind them, across the hall."""
     x, y, width, depth = part
     teeth = max(2, round(width / 6.5))
@@ -188,16 +199,22 @@ def _sawtooth(out: MeshBuilder, look: Look, part: tuple[float, float, float, flo
     out.quads(panes, material=Material.CURTAIN_WALL, tag=Tag.BUILDING, colour=(225, 235, 240))
     for low, top in ((z, z + 0.4), (high - 0.15, high)):
         band = quad([(a, y1, low), (a, y0, low), (a, y0, top), (a, y1, top)])
-        out.quads(band, material=look.roof[0], tag=Tag.BUILDING, colour=look.roof[1])
+        out.quads(band, material=appearance.roof[0], tag=Tag.BUILDING, colour=appearance.roof[1])
     slope = quad([(a, y0, high), (a + step, y0, z), (a + step, y1, z), (a, y1, high)])
-    out.quads(slope, material=look.roof[0], tag=Tag.BUILDING, colour=look.roof[1])
+    out.quads(slope, material=appearance.roof[0], tag=Tag.BUILDING, colour=appearance.roof[1])
     front = quad([(a, y0, z), (a + step, y0, z), (a, y0, high), (a, y0, high)])
     back = quad([(a + step, y1, z), (a, y1, z), (a, y1, high), (a, y1, high)])
-    out.quads(np.concatenate([front, back]), material=look.material, tag=Tag.BUILDING, colour=look.tint)
+    out.quads(
+        np.concatenate([front, back]), material=appearance.material, tag=Tag.BUILDING, colour=appearance.tint
+    )
 
 
 def _mansard(
-    out: MeshBuilder, look: Look, part: tuple[float, float, float, float], z: float, rng: np.random.Generator
+    out: MeshBuilder,
+    appearance: Appearance,
+    part: tuple[float, float, float, float],
+    z: float,
+    rng: np.random.Generator,
 ) -> None:
     x, y, width, depth = part
     inset, rise = 1.3, 2.5
@@ -206,9 +223,9 @@ def _mansard(
     low = np.column_stack([foot, np.full(4, z)])
     high = np.column_stack([head, np.full(4, z + rise)])
     sides = np.stack([low, np.roll(low, -1, 0), np.roll(high, -1, 0), high], axis=1)
-    out.quads(sides, material=look.roof[0], tag=Tag.BUILDING, colour=look.roof[1])
+    out.quads(sides, material=appearance.roof[0], tag=Tag.BUILDING, colour=appearance.roof[1])
     out.quads(high[None], material=Material.ROOF_FLAT, tag=Tag.BUILDING, colour=(170, 170, 170))
-    bays = max(1, round((width - 2.0) / look.style.bay_m))
+    bays = max(1, round((width - 2.0) / appearance.style.bay_m))
     a = x + 1.0 + (width - 2.0) / bays * (np.arange(bays) + 0.5)
     dormer = box_quads(
         np.column_stack([a - 0.75, np.full(bays, y + 0.25), np.full(bays, z)]),

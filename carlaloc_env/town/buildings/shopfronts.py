@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.appearance import Look, trim_faces, wall_faces
+from carlaloc_env.town.buildings.appearance import Appearance, trim_faces, wall_faces
 from carlaloc_env.town.buildings.walls import Wall
 from carlaloc_env.town.meshing.atlas_uv import cell_uv
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
@@ -20,7 +20,7 @@ GARAGE_DOOR = 3
 def street_storey(
     out: MeshBuilder,
     wall: Wall,
-    look: Look,
+    appearance: Appearance,
     centre: Array,
     pitch: float,
     z0: float,
@@ -28,7 +28,7 @@ def street_storey(
     rng: np.random.Generator,
 ) -> None:
     """Ground floor of glass between piers: shops with sign bands and awnings, or a lobby."""
-    shop = look.style.ground == "shop"
+    shop = appearance.style.ground == "shop"
     group = max(1, round((4.2 if shop else 3.2) / pitch))
     edges = np.append(np.arange(0, len(centre), group), len(centre)) * pitch + 0.4
     pier = 0.28
@@ -38,13 +38,13 @@ def street_storey(
     door = int(rng.integers(0, len(a0)))
     low = np.full(len(a0), riser)
     low[door] = z0
-    wall_faces(out, look, wall.front(0.0, wall.width_m, head, z1))
+    wall_faces(out, appearance, wall.front(0.0, wall.width_m, head, z1))
     ends0, ends1 = np.append(0.0, a1), np.append(a0, wall.width_m)
-    wall_faces(out, look, wall.front(ends0, ends1, z0, head))
+    wall_faces(out, appearance, wall.front(ends0, ends1, z0, head))
     others = np.arange(len(a0)) != door
-    trim_faces(out, look, wall.front(a0[others], a1[others], z0, riser))
-    wall_faces(out, look, wall.front(0.0, wall.width_m, z0, z1, -recess - 0.05))
-    trim_faces(out, look, wall.reveal(a0, a1, low, head, recess))
+    trim_faces(out, appearance, wall.front(a0[others], a1[others], z0, riser))
+    wall_faces(out, appearance, wall.front(0.0, wall.width_m, z0, z1, -recess - 0.05))
+    trim_faces(out, appearance, wall.reveal(a0, a1, low, head, recess))
     pane = wall.front(a0[others], a1[others], riser, head, -recess)
     pick = rng.integers(0, 1 << 16, int(others.sum()))
     if shop:
@@ -53,15 +53,15 @@ def street_storey(
             out.quads(pane[own], material=material, tag=Tag.BUILDING, uv_m=uv)
     else:
         out.quads(pane, material=Material.CURTAIN_WALL, tag=Tag.BUILDING)
-    _door_bay(out, wall, look, float(a0[door]), float(a1[door]), z0, head, recess, rng)
+    _door_bay(out, wall, appearance, float(a0[door]), float(a1[door]), z0, head, recess, rng)
     if shop:
-        _shop_signs(out, wall, look, a0, a1, head, rng)
+        _shop_signs(out, wall, appearance, a0, a1, head, rng)
 
 
 def _door_bay(
     out: MeshBuilder,
     wall: Wall,
-    look: Look,
+    appearance: Appearance,
     a0: float,
     a1: float,
     z0: float,
@@ -93,21 +93,27 @@ def _door_bay(
     )
     trim_faces(
         out,
-        look,
+        appearance,
         wall.box(middle - half - 0.08, middle + half + 0.08, top, top + 0.1, -recess + 0.1, -recess),
     )
 
 
 def _shop_signs(
-    out: MeshBuilder, wall: Wall, look: Look, a0: Array, a1: Array, head: float, rng: np.random.Generator
+    out: MeshBuilder,
+    wall: Wall,
+    appearance: Appearance,
+    a0: Array,
+    a1: Array,
+    head: float,
+    rng: np.random.Generator,
 ) -> None:
     band = wall.box(a0, a1, head + 0.08, head + 0.78, 0.12)
-    out.quads(band, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=look.sign)
+    out.quads(band, material=Material.METAL_PAINTED, tag=Tag.BUILDING, colour=appearance.sign)
     plate = wall.front(a0 + 0.08, a1 - 0.08, head + 0.14, head + 0.72, 0.13)
     pick = rng.integers(0, 1 << 16, len(a0))
     uv = cell_uv(Material.SHOP_SIGN, pick)
     out.quads(plate, material=Material.SHOP_SIGN, tag=Tag.BUILDING, uv_m=uv)
-    _blades(out, wall, look, a1[pick % 3 == 0] - 0.1, head, pick[pick % 3 == 0])
+    _blades(out, wall, appearance, a1[pick % 3 == 0] - 0.1, head, pick[pick % 3 == 0])
     awned = rng.random(len(a0)) < 0.45
     if awned.any():
         left, right = a0[awned], a1[awned]
@@ -124,12 +130,17 @@ def _shop_signs(
         valance = wall.front(left, right, low - 0.2, low, depth)
         both = np.concatenate([slope, slope[:, ::-1], valance, valance[:, ::-1]])
         out.quads(
-            both, material=Material.CLOTH, tag=Tag.BUILDING, colour=tuple(max(1, c - 20) for c in look.sign)
+            both,
+            material=Material.CLOTH,
+            tag=Tag.BUILDING,
+            colour=tuple(max(1, c - 20) for c in appearance.sign),
         )
 
 
-def _blades(out: MeshBuilder, wall: Wall, look: Look, a: Array, head: float, pick: NDArray[np.int64]) -> None:
-    """Small signs that stand out of the wall, readable along the pavement from both sides."""
+def _blades(
+    out: MeshBuilder, wall: Wall, appearance: Appearance, a: Array, head: float, pick: NDArray[np.int64]
+) -> None:
+    """Small signs that stand out of the wall, readable along the sidewalk from both sides."""
     if not len(a):
         return
     low, high = head + 0.95, head + 1.65

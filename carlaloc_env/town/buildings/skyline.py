@@ -15,7 +15,7 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.buildings.styles import STYLES
 from carlaloc_env.town.buildings.walls import around
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
@@ -41,7 +41,7 @@ _TREES = ("park", "plane", "conifer")
 def add_skyline(
     bounds: Area,
     zones: Sequence[tuple[str, Area]],
-    ground: Ground,
+    ground: Terrain,
     seed: int,
     ids: InstanceIds,
     sea: Area | None = None,

@@ -77,7 +77,7 @@ class Style:
     gap_m: float = 0.0
     """Distance to the next building [m]."""
     front_m: float = 0.0
-    """Distance of the front from the pavement [m]."""
+    """Distance of the front from the sidewalk [m]."""
 
 
 STYLES: dict[str, Style] = {

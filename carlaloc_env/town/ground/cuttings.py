@@ -12,7 +12,7 @@ from carlaloc_env.town.lanes.lane_network import CLEARANCE_M
 
 ROOF_M = 0.4
 """Thickness of the roof of an underpass [m]."""
-COVER_REACH_M = 30.0
+COVER_RANGE_M = 30.0
 """Farthest that an underpass stays roofed from the road that crosses it [m]."""
 _EASE_M = 12.0
 
@@ -50,7 +50,7 @@ def _stretch(graph: RoadGraph, state: States, rows: slice, grid: GroundGrid, cro
         tops.append(top)
     depth = np.minimum(tops[0][:, 2] - left[:, 2], tops[1][:, 2] - right[:, 2])
     middle = graph.middle_m[rows][:, None, :2]
-    near = np.hypot(*np.moveaxis(middle - crossings[None], -1, 0)).min(axis=1) < COVER_REACH_M
+    near = np.hypot(*np.moveaxis(middle - crossings[None], -1, 0)).min(axis=1) < COVER_RANGE_M
     return Stretch(
         left_m=left,
         right_m=right,

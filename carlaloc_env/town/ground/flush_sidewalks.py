@@ -1,4 +1,4 @@
-"""Pavements and medians that the lanes of another road run across lie flush with them there.
+"""Sidewalks and medians that the lanes of another road run across lie flush with them there.
 
 Maps that nobody drew by hand let roads run into each other, and kerbs must not stand in their lanes.
 """
@@ -16,17 +16,17 @@ from carlaloc_env.town.ground.lane_strips import SAMPLE_M, Strip
 from carlaloc_env.town.meshing.polygons import Area, strip_polygon
 
 BELOW_M = 0.01
-"""How far such a pavement lies below the lanes [m]."""
+"""How far such a sidewalk lies below the lanes [m]."""
 FLARE_M = 0.6
-"""Length of the slope up to the pavement on both sides [m]."""
+"""Length of the slope up to the sidewalk on both sides [m]."""
 _INSIDE_M = 0.3
-"""Lanes are free at this distance from their edges already where pavements merely touch them."""
+"""Lanes are free at this distance from their edges already where sidewalks merely touch them."""
 _LEAST_M2 = 0.05
 _LEVEL_M = 1.0
 
 
 def lower_walks(strips: Sequence[Strip]) -> list[Strip]:
-    """The same strips with pavements lowered wherever driving lanes of other roads cross them."""
+    """The same strips with sidewalks lowered wherever driving lanes of other roads cross them."""
     lanes = [(n, area) for n, strip in enumerate(strips) for area in _driven(strip)]
     if not lanes:
         return list(strips)
@@ -56,7 +56,7 @@ def _driven(strip: Strip) -> list[Area]:
 
 
 def _crossing(strips: Sequence[Strip], strip: Strip, walk: int, near: Sequence[tuple[int, Area]]) -> Area:
-    """What driving lanes at the same level take of a pavement; None for nothing."""
+    """What driving lanes at the same level take of a sidewalk; None for nothing."""
     own = strip_polygon(*strip.lane_edges(walk))
     taken = []
     for other, lane in near:

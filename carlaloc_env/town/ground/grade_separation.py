@@ -19,7 +19,7 @@ from carlaloc_env.town.ground.terrain import BANK_SLOPE
 from carlaloc_env.town.ground.water import Water, water_areas, water_level_m
 from carlaloc_env.town.meshing.polygons import Area, areas_only
 
-REACH_M = 400.0
+RANGE_M = 400.0
 """Roads farther than this from a crossing do not leave the ground for its sake [m]."""
 FOLLOW_M = 200.0
 """Longest way on which a road comes back to the ground [m]."""
@@ -105,7 +105,7 @@ def _regions(graph: RoadGraph, crossings: Sequence[Crossing]) -> tuple[Mask, Mas
         up = graph.component(z > half, crossing.high)
         down = graph.component(z < half, crossing.low)
         lifted = (not graph.leads_out(up), up.sum()) <= (not graph.leads_out(down), down.sum())
-        near = np.hypot(*(graph.middle_m[:, :2] - crossing.point_m).T) < REACH_M
+        near = np.hypot(*(graph.middle_m[:, :2] - crossing.point_m).T) < RANGE_M
         if lifted:
             raised |= _followed(graph, up & near, z)
         else:

@@ -17,7 +17,7 @@ from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.town.ground.lane_strips import KERB_M, Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import TownAreas, corner_edges, town_areas
 from carlaloc_env.town.ground.raised_parts import RaisedParts, raised_parts
-from carlaloc_env.town.ground.terrain import MARGIN_M, Ground, zone_areas
+from carlaloc_env.town.ground.terrain import MARGIN_M, Terrain, zone_areas
 from carlaloc_env.town.ground.water import Shore, bank_tops, shores
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.polygons import Area
@@ -53,7 +53,7 @@ class Groundwork:
     """Areas of what stands above the ground."""
     shore: Sequence[Shore]
     """Edges of the waters."""
-    ground: Ground
+    ground: Terrain
     """Heights of the ground."""
     seas: list[tuple[Area, float]]
     """Waters as wide as `town.toml` draws them, with their levels [m]."""
@@ -64,7 +64,7 @@ class Groundwork:
         return shapely.Polygon() if self.raised is None else self.raised.whole
 
     def floor_height(self, xy_m: Array) -> Array:
-        """Height [m] of what one would stand on, at points (M, 2): pavements, or the ground."""
+        """Height [m] of what one would stand on, at points (M, 2): sidewalks, or the ground."""
         on = shapely.intersects_xy(self.areas.raised, xy_m[:, 0], xy_m[:, 1])
         return np.where(on, self.kerb.nearest(xy_m)[0] + KERB_M, self.ground.height(xy_m))
 
@@ -131,7 +131,7 @@ def _road_edges(strip: Strip) -> list[Array]:
 
 def _ground(
     areas: TownAreas, kerb_field: EdgeField, levels: Levels, shore: Sequence[Array], box: tuple[Array, Array]
-) -> Ground:
+) -> Terrain:
     """Heights of the ground: along everything paved that lies on it, along cuts and shores, and between."""
     count = len(levels.graph.prints)
     lines = [line for strip in range(count) for line in levels.ground_lines(strip)]
@@ -143,7 +143,7 @@ def _ground(
             lines += corner_edges(junction, kerb_field)
     outer = EdgeField([*lines, *shore], 0.5)
     bank = EdgeField(banks, 0.5) if banks else None
-    return Ground(edge=outer, grid=GroundGrid(outer.points_m, *box), bank=bank)
+    return Terrain(edge=outer, grid=GroundGrid(outer.points_m, *box), bank=bank)
 
 
 def _seas(config: TownConfig, levels: Levels) -> list[tuple[Area, float]]:

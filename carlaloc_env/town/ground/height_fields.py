@@ -43,7 +43,7 @@ class EdgeField:
 class JunctionField:
     """Height of the common surface of a junction's overlapping connecting roads."""
 
-    REACH_M = 1.0
+    FADE_M = 1.0
     """Distance over which a road's say fades outside it [m]."""
     CENTRE_M = 0.25
     """Distance from a lane's middle over which its say fades inside [m]: where crossing roads disagree, each
@@ -80,7 +80,7 @@ class JunctionField:
             at = s[row] + along / stretch
             over = np.maximum(0.0, np.maximum(s[0] - at, at - s[-1]))
             aside = np.maximum(0.0, np.maximum(t - t_left[row], t_right[row] - t))
-            w = np.exp(-((over**2 + aside**2) / self.REACH_M**2))
+            w = np.exp(-((over**2 + aside**2) / self.FADE_M**2))
             off = np.min([np.abs(t - middle[row]) for middle in middles], axis=0) if middles else aside + 1.5
             w = w / (self.CENTRE_M**2 + off**2) ** 2 + 1e-12
             inside = np.clip(at, s[0], s[-1])

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.lane_strips import Strip
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.polygons import Area, polygons_of
 
 CELL_M = 0.5
@@ -62,7 +62,7 @@ class Land:
     """The near ground."""
     zones: Sequence[tuple[str, Area]]
     """Kinds of scenery with their areas."""
-    ground: Ground
+    ground: Terrain
     """Heights."""
     strips: Sequence[Strip]
     """All road strips."""
@@ -89,8 +89,8 @@ class Land:
             return np.zeros((0, 3))
         return np.column_stack([xy_m, self.ground.height(xy_m) + rise_m])
 
-    def near_route(self, xy_m: Array, reach_m: float) -> NDArray[np.bool_]:
+    def near_route(self, xy_m: Array, distance_m: float) -> NDArray[np.bool_]:
         """Whether points (N, 2) lie within a distance of the ego's route; all do where there is none."""
         if self.route is None:
             return np.ones(len(xy_m), dtype=bool)
-        return np.asarray(self.route.query(xy_m, distance_upper_bound=reach_m)[0] < reach_m)
+        return np.asarray(self.route.query(xy_m, distance_upper_bound=distance_m)[0] < distance_m)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.meshing.polygons import strip_polygon, union
-from carlaloc_env.town.opendrive.records import Lane, Road
+from carlaloc_env.town.opendrive.records import LaneRecord, Road
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
 ROADWAY = frozenset(
@@ -32,7 +32,7 @@ UNPAVED = {
 }  # fmt: skip
 """What surfaces named in the map's lane materials are, where no asphalt lies."""
 KERB_M = 0.15
-"""Height of pavements and medians above the road where the map does not say [m]."""
+"""Height of sidewalks and medians above the road where the map does not say [m]."""
 CHORD_M = 0.003
 """Largest distance between the surface and the straight edges of its triangles [m]."""
 LONGEST_STEP_M = 5.0
@@ -56,7 +56,7 @@ class Strip:
     """Id of the road."""
     junction_id: str | None
     """Junction that the road belongs to."""
-    lanes: tuple[Lane, ...]
+    lanes: tuple[LaneRecord, ...]
     """Lanes from left to right, without the centre lane, B − 1 of them."""
     s_m: Array
     """Stations along the road's reference line [m], shape (N,)."""
@@ -116,7 +116,7 @@ def road_strips(
 
 
 def _partings(strips: Sequence[Strip]) -> frozenset[str]:
-    """Junctions of several roads that nowhere overlap, and where no pavement needs to turn a corner."""
+    """Junctions of several roads that nowhere overlap, and where no sidewalk needs to turn a corner."""
     groups: dict[str, list[Strip]] = {}
     for strip in strips:
         if strip.junction_id is not None:
@@ -169,7 +169,7 @@ def _strip(road: Road, number: int, section: int, surface: RoadSurface) -> Strip
 
 
 def _edges(
-    road: int, lanes: tuple[Lane, ...], ids: NDArray[np.int64], s: Array, surface: RoadSurface
+    road: int, lanes: tuple[LaneRecord, ...], ids: NDArray[np.int64], s: Array, surface: RoadSurface
 ) -> tuple[Array, Array]:
     """Lane edges t (B, N) and world points (B, N, 3) at stations."""
     count = len(s)
@@ -202,7 +202,7 @@ def _stations(dense: Array, edges: Array) -> Array:
     return result
 
 
-def _raised(lanes: tuple[Lane, ...], ids: NDArray[np.int64], s: Array, surface: RoadSurface) -> Array:
+def _raised(lanes: tuple[LaneRecord, ...], ids: NDArray[np.int64], s: Array, surface: RoadSurface) -> Array:
     raised = np.zeros((len(lanes), 2, len(s)))
     for k, lane in enumerate(lanes):
         if lane.heights:

@@ -1,4 +1,4 @@
-"""Plan-view areas of a town: carriageways, pavements, junctions."""
+"""Plan-view areas of a town: carriageways, sidewalks, junctions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class JunctionArea:
     """Its connecting roads."""
     roadway: Area
     """Asphalt, the union of all connecting lanes."""
-    pavement: Area
+    sidewalk: Area
     """Raised corners between the roads that meet here."""
     kerb_m: float
     """Height of the corners above the road [m]."""
@@ -53,7 +53,7 @@ class TownAreas:
     roadway: Area
     """Everything at road level."""
     raised: Area
-    """Pavements, medians and corners."""
+    """Sidewalks, medians and corners."""
     junctions: tuple[JunctionArea, ...]
     """Junctions in the order of their first road in the file."""
     islands: Area
@@ -156,17 +156,17 @@ def _level(
     junctions: list[JunctionArea] = []
     for name, group in groups.items():
         width, kerb = widths.get(name, (0.0, KERB_M))
-        others = [junction.pavement for junction in junctions]
+        others = [junction.sidewalk for junction in junctions]
         junctions.append(
             JunctionArea(
                 id=name,
                 strips=tuple(group),
                 roadway=asphalt[name],
-                pavement=_corners(group, asphalt[name], taken, others, plain_raised, width),
+                sidewalk=_corners(group, asphalt[name], taken, others, plain_raised, width),
                 kerb_m=kerb,
             )
         )
-    raised = union([plain_raised, *(junction.pavement for junction in junctions)])
+    raised = union([plain_raised, *(junction.sidewalk for junction in junctions)])
     islands = _islands(roadway, raised)
     raised = shapely.union(raised, islands)
     return TownAreas(
@@ -200,7 +200,7 @@ def _islands(roadway: Area, raised: Area) -> Area:
 
 
 def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, tuple[float, float]]:
-    """Width of the widest pavement that arrives at each junction, and its height [m]."""
+    """Width of the widest sidewalk that arrives at each junction, and its height [m]."""
     widths: dict[str, tuple[float, float]] = {}
     for strip in plain:
         road = roads[strip.road]
@@ -225,7 +225,7 @@ def _corners(
     plain_raised: Area,
     width_m: float,
 ) -> Area:
-    """Pavements of a junction, without what is `taken` or belongs to `others`."""
+    """Sidewalks of a junction, without what is `taken` or belongs to `others`."""
     own = union(area for strip in group for area in lane_area(strip, ("walkway", "median")))
     parts = [own]
     if width_m > 0.3:
@@ -244,8 +244,8 @@ def _corners(
 
 
 def corner_edges(junction: JunctionArea, edge: EdgeField) -> list[Array]:
-    """Boundary lines (N, 3) of a junction's pavements at their top."""
+    """Boundary lines (N, 3) of a junction's sidewalks at their top."""
     lines = []
-    for ring in rings(junction.pavement, 0.5):
+    for ring in rings(junction.sidewalk, 0.5):
         lines.append(np.column_stack([ring, edge.nearest(ring)[0] + junction.kerb_m]))
     return lines

@@ -14,7 +14,7 @@ from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import Levels, State
 from carlaloc_env.town.ground.height_fields import EdgeField
 from carlaloc_env.town.ground.paved_areas import JunctionArea
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.polygons import Area, areas_only
 
 DECK_M = 0.9
@@ -38,7 +38,7 @@ class RaisedParts:
     road: EdgeField
     """Heights of the roads' edges."""
     top: EdgeField
-    """Heights of the outer edges at their top, pavements included."""
+    """Heights of the outer edges at their top, sidewalks included."""
     below: Area
     """Everything paved on the ground."""
 
@@ -65,7 +65,7 @@ def raised_parts(
         return None
     parts = {state: [levels.area(state)] for state in (State.OPEN, State.FILLED)}
     for junction, state in junctions:
-        parts[state] += [junction.roadway, junction.pavement]
+        parts[state] += [junction.roadway, junction.sidewalk]
     opened, filled = (
         areas_only(shapely.union_all(parts[state], grid_size=1e-3)) for state in (State.OPEN, State.FILLED)
     )
@@ -84,7 +84,7 @@ def raised_parts(
 class Floor:
     """What walls and piers stand on: the ground, or the bed of a water."""
 
-    def __init__(self, levels: Levels, ground: Ground) -> None:
+    def __init__(self, levels: Levels, ground: Terrain) -> None:
         self._waters = levels.waters
         self._ground = ground
         for water in self._waters:

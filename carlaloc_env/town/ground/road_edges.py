@@ -32,7 +32,7 @@ class RoadEdge:
     lift_m: Array
     """Height of the road above the ground [m], shape (N,)."""
     walkway: bool
-    """Whether the outermost lane is a pavement."""
+    """Whether the outermost lane is a sidewalk."""
     limit_mps: float
     """Highest speed limit of the road [m/s]."""
     road_type: str

@@ -23,7 +23,7 @@ BLEND_M = 8.0
 CELL_M = 6.0
 """Side of the ground's triangles [m]."""
 LAP_M = 0.06
-"""How far the ground reaches below pavements, and how far it lies below their edge [m]."""
+"""How far the ground reaches below sidewalks, and how far it lies below their edge [m]."""
 CRACK_M = 0.01
 """Half the width of cracks in what is paved through which no ground shows [m]."""
 BANK_SLOPE, BANK_SHOULDER_M = 1.8, 0.8
@@ -55,7 +55,7 @@ last houses."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ground:
+class Terrain:
     """Height of the ground at any point of the town."""
 
     edge: EdgeField
@@ -93,7 +93,7 @@ def add_terrain(
     bounds: Area,
     paved: Area,
     zones: list[tuple[str, Area]],
-    ground: Ground,
+    ground: Terrain,
     seas: Sequence[tuple[Area, float]] = (),
 ) -> None:
     """Ground inside the bounds wherever nothing is paved, and the far land and waters outside.
@@ -128,7 +128,7 @@ def add_terrain(
             out.triangles(points, triangles, material=Material.WATER, tag=Tag.WATER)
 
 
-def _cover(out: MeshBuilder, area: Area, kind: str, ground: Ground) -> None:
+def _cover(out: MeshBuilder, area: Area, kind: str, ground: Terrain) -> None:
     """Ground of a zone's kind."""
     material, tag, colour = GROUNDS[kind]
     xy, triangles = triangulate(area, CELL_M)
@@ -147,7 +147,7 @@ def _mottle(xy: Array) -> Array:
     return wave
 
 
-def _far_land(out: MeshBuilder, bounds: Area, ground: Ground, seas: Sequence[tuple[Area, float]]) -> None:
+def _far_land(out: MeshBuilder, bounds: Area, ground: Terrain, seas: Sequence[tuple[Area, float]]) -> None:
     """A skirt of ever larger quads from the border of the near ground to the horizon."""
     x0, y0, x1, y1 = shapely.bounds(bounds)
     count = 24

@@ -12,7 +12,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import grown, runs
-from carlaloc_env.town.ground.terrain import LAP_M, Ground
+from carlaloc_env.town.ground.terrain import LAP_M, Terrain
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.meshing.polygons import Area, areas_only, polygons_of, rings, triangulate
 
@@ -104,7 +104,7 @@ def add_water(
     out: MeshBuilder,
     waters: Sequence[Water],
     found: Sequence[Shore],
-    ground: Ground,
+    ground: Terrain,
     bridged: Area,
     lined: Area,
 ) -> None:
@@ -136,7 +136,7 @@ def add_water(
         _banks(out, water, [shore for shore in found if shore.water is water and not shore.quay], ground)
 
 
-def _quay(out: MeshBuilder, line: Array, level_m: float, ground: Ground, lined: Area) -> None:
+def _quay(out: MeshBuilder, line: Array, level_m: float, ground: Terrain, lined: Area) -> None:
     outward = _right(line)
     top = np.column_stack([line, ground.height(line) + COPING_M[1]])
     low = top.copy()
@@ -185,7 +185,7 @@ def _railing(out: MeshBuilder, top: Array, outward: Array) -> None:
         )
 
 
-def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Ground) -> None:
+def _banks(out: MeshBuilder, water: Water, natural: Sequence[Shore], ground: Terrain) -> None:
     lines = [shapely.LineString(shore.line_m) for shore in natural if len(shore.line_m) > 1]
     if not lines:
         return

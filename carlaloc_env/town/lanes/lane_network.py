@@ -161,10 +161,10 @@ class LaneNetwork:
         points = np.atleast_2d(np.asarray(points_m, dtype=np.float64))
         return self._search(types, points.shape[1]).nearest(points)
 
-    def within(self, point_m: ArrayLike, reach_m: float, types: Sequence[str] = ("driving",)) -> NearestLane:
+    def within(self, point_m: ArrayLike, radius_m: float, types: Sequence[str] = ("driving",)) -> NearestLane:
         """Every lane that comes within a reach [m] of one point (2|3,), the nearest first."""
         point = np.asarray(point_m, dtype=np.float64)
-        return self._search(types, len(point)).within(point, reach_m)
+        return self._search(types, len(point)).within(point, radius_m)
 
     def _search(self, types: Sequence[str], dimensions: int) -> LaneSearch:
         key = (tuple(sorted(types)), dimensions)

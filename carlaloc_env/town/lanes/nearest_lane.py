@@ -48,15 +48,15 @@ class LaneSearch:
         best = np.lexsort(keys, axis=-1)[:, 0] + np.arange(len(points)) * number
         return NearestLane(lane[best], station[best], offset[best], distance[best])
 
-    def within(self, point_m: NDArray[np.float64], reach_m: float) -> NearestLane:
+    def within(self, point_m: NDArray[np.float64], radius_m: float) -> NearestLane:
         """All lanes that come within a reach [m] of one point, the nearest first."""
-        near = np.array(self._tree.query_ball_point(point_m, reach_m + TABLE_STEP_M), dtype=np.int64)
+        near = np.array(self._tree.query_ball_point(point_m, radius_m + TABLE_STEP_M), dtype=np.int64)
         points = np.repeat(point_m[None], len(near), axis=0)
         lane, station, offset, distance = self._project(points, near)
         order = np.lexsort((station, distance, lane))
         _, first = np.unique(lane[order], return_index=True)
         best = order[first]
-        best = best[distance[best] <= reach_m]
+        best = best[distance[best] <= radius_m]
         best = best[np.argsort(distance[best], kind="stable")]
         return NearestLane(lane[best], station[best], offset[best], distance[best])
 

@@ -21,7 +21,7 @@ HASTE_COST = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class LanePosition:
     """A point on a lane."""
 
     lane: int
@@ -33,9 +33,9 @@ class Span:
     """A stretch of one lane, or of neighbouring lanes that are changed in turn."""
 
     lanes: tuple[int, ...]
-    from_share: float
+    from_fraction: float
     """Where it starts, as a share of the first lane's length."""
-    to_share: float
+    to_fraction: float
     """Where it ends, as a share of the last lane's length."""
 
 
@@ -43,14 +43,14 @@ class Span:
 class _Visit:
     cost_m: float
     lane: int
-    share: float
+    fraction: float
     changes: tuple[int, ...]
     """Lanes of this stretch before the present one."""
     before: _Visit | None
 
 
 def cheapest_path(
-    network: LaneNetwork, start: Place, goals: Sequence[Place]
+    network: LaneNetwork, start: LanePosition, goals: Sequence[LanePosition]
 ) -> Mapping[int, tuple[float, list[Span]]]:
     """Costs [m] and spans from a place to each goal that can be reached (by its number); Dijkstra."""
     wanted: dict[int, list[int]] = {}
@@ -59,13 +59,13 @@ def cheapest_path(
     found: dict[int, tuple[float, list[Span]]] = {}
     order = 0
     length = network.lanes[start.lane].length_m
-    share = min(start.station_m / length, 1.0) if length > 0.0 else 0.0
-    heap: list[tuple[float, int, _Visit]] = [(0.0, order, _Visit(0.0, start.lane, share, (), None))]
+    fraction = min(start.station_m / length, 1.0) if length > 0.0 else 0.0
+    heap: list[tuple[float, int, _Visit]] = [(0.0, order, _Visit(0.0, start.lane, fraction, (), None))]
     settled: set[tuple[int, bool]] = set()
     best_possible = float("inf")
     while heap and (len(found) < len(goals) or heap[0][0] <= best_possible):
         _, _, visit = heapq.heappop(heap)
-        key = (visit.lane, visit.share > 0.0)
+        key = (visit.lane, visit.fraction > 0.0)
         if key in settled:
             continue
         settled.add(key)
@@ -81,24 +81,24 @@ def cheapest_path(
 def _reach_goals(
     network: LaneNetwork,
     visit: _Visit,
-    goals: Sequence[Place],
+    goals: Sequence[LanePosition],
     numbers: Sequence[int],
     found: dict[int, tuple[float, list[Span]]],
 ) -> None:
     length = network.lanes[visit.lane].length_m
     for number in numbers:
-        share = goals[number].station_m / length if length > 0.0 else 0.0
-        room = (share - visit.share) * length
-        if share < visit.share - 1e-9 or room < LANE_CHANGE_ROOM_M * len(visit.changes):
+        fraction = goals[number].station_m / length if length > 0.0 else 0.0
+        room = (fraction - visit.fraction) * length
+        if fraction < visit.fraction - 1e-9 or room < LANE_CHANGE_ROOM_M * len(visit.changes):
             continue
         cost = visit.cost_m + room
         if number not in found or cost < found[number][0]:
-            found[number] = (cost, _spans(visit, min(share, 1.0)))
+            found[number] = (cost, _spans(visit, min(fraction, 1.0)))
 
 
 def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
     lane = network.lanes[visit.lane]
-    rest = (1.0 - visit.share) * lane.length_m
+    rest = (1.0 - visit.fraction) * lane.length_m
     ways = [
         _Visit(visit.cost_m + rest, n, 0.0, (), visit)
         for n in lane.successors
@@ -110,7 +110,7 @@ def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
             _Visit(
                 visit.cost_m + LANE_CHANGE_COST_M + haste,
                 n,
-                visit.share,
+                visit.fraction,
                 (*visit.changes, visit.lane),
                 visit.before,
             )
@@ -120,16 +120,16 @@ def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
     return ways
 
 
-def _spans(visit: _Visit, to_share: float) -> list[Span]:
+def _spans(visit: _Visit, to_fraction: float) -> list[Span]:
     spans = []
     last: _Visit | None = visit
     while last is not None:
-        spans.append(Span((*last.changes, last.lane), last.share, to_share))
-        last, to_share = last.before, 1.0
+        spans.append(Span((*last.changes, last.lane), last.fraction, to_fraction))
+        last, to_fraction = last.before, 1.0
     return spans[::-1]
 
 
-def path_through(network: LaneNetwork, stops: Sequence[Sequence[Place]]) -> list[Span]:
+def path_through(network: LaneNetwork, stops: Sequence[Sequence[LanePosition]]) -> list[Span]:
     """Spans of the cheapest path that visits one place of each stop, in order.
 
     Raises:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.town.lanes.records import SIGN_CODES, SIGN_KINDS, SignalHead, StaticSign
 from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
-from carlaloc_env.town.opendrive.records import Road, RoadObject, Signal, Validity
+from carlaloc_env.town.opendrive.records import Road, RoadObject, SignalRecord, Validity
 
 if TYPE_CHECKING:
     from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -71,7 +71,7 @@ def find_signals(network: LaneNetwork) -> tuple[tuple[SignalHead, ...], tuple[St
 
 def _sign(
     road: Road,
-    signal: Signal,
+    signal: SignalRecord,
     pose: NDArray[np.float64],
     lanes: tuple[int, ...],
     stations: tuple[float, ...],
@@ -122,7 +122,7 @@ def _references(network: LaneNetwork) -> defaultdict[str, list[_Effect]]:
     return found
 
 
-def _effects_of(network: LaneNetwork, road: Road, signal: Signal) -> list[_Effect]:
+def _effects_of(network: LaneNetwork, road: Road, signal: SignalRecord) -> list[_Effect]:
     here = (0, *(lane_id for lane_id, _ in network.lanes_at(road.id, signal.s_m)))
     if not signal.validity or any(v.holds(lane_id) for v in signal.validity for lane_id in here):
         return _effects(network, road, signal.s_m, signal.orientation, signal.validity)
@@ -130,7 +130,7 @@ def _effects_of(network: LaneNetwork, road: Road, signal: Signal) -> list[_Effec
     return _below(network, road, signal)
 
 
-def _below(network: LaneNetwork, road: Road, signal: Signal) -> list[_Effect]:
+def _below(network: LaneNetwork, road: Road, signal: SignalRecord) -> list[_Effect]:
     """The lane of a signal's orientation over which it hangs, if there is one."""
     s = np.array([signal.s_m])
     for _, number in network.lanes_at(road.id, signal.s_m):
@@ -197,7 +197,9 @@ def _next_junction_lanes(network: LaneNetwork, lane: int) -> list[int]:
     return []
 
 
-def _pose(network: LaneNetwork, road: Road, signal: Signal, stops: Sequence[_Effect]) -> NDArray[np.float64]:
+def _pose(
+    network: LaneNetwork, road: Road, signal: SignalRecord, stops: Sequence[_Effect]
+) -> NDArray[np.float64]:
     """Pose of a signal.
 
     RoadRunner's hOffset is the direction the face looks to, the standard's the direction of the

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.opendrive.cubic_tables import CubicTable
-from carlaloc_env.town.opendrive.records import Cubic, Lane, LaneSection, Road
+from carlaloc_env.town.opendrive.records import Cubic, LaneRecord, LaneSection, Road
 
 
 class Edge(NamedTuple):
@@ -28,7 +28,7 @@ class LaneEdges:
 
     def __init__(self, roads: Sequence[Road]) -> None:
         """Numbers the lanes and gathers their width and border records."""
-        self.lanes: list[Lane] = []
+        self.lanes: list[LaneRecord] = []
         self.sections: list[LaneSection] = []
         self.index: dict[tuple[int, int, int], int] = {}
         """(road number, section number, lane id) → lane number."""

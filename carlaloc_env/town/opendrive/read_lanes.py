@@ -6,9 +6,9 @@ import math
 
 from carlaloc_env.town.opendrive.read_geometry import read_cubics
 from carlaloc_env.town.opendrive.records import (
-    Lane,
     LaneHeight,
     LaneMaterial,
+    LaneRecord,
     LaneSection,
     MarkLine,
     RoadMark,
@@ -62,7 +62,7 @@ def _section(document: Document, element: Element, s: float, end: float) -> Lane
     return LaneSection(s_m=s, end_m=end, lanes=tuple(lanes), line=document.line(element))
 
 
-def _lane(document: Document, element: Element, start_m: float) -> Lane:
+def _lane(document: Document, element: Element, start_m: float) -> LaneRecord:
     speeds = [
         SpeedRecord(document.number(e, "sOffset", 0.0) + start_m, read_speed(document, e))
         for e in element.findall("speed")
@@ -81,7 +81,7 @@ def _lane(document: Document, element: Element, start_m: float) -> Lane:
         )
         for e in element.findall("material")
     ]
-    return Lane(
+    return LaneRecord(
         id=document.integer(element, "id", limit=10_000),
         type=element.get("type", "none") or "none",
         level=element.get("level") in ("true", "1"),

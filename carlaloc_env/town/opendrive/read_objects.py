@@ -8,14 +8,14 @@ from carlaloc_env.town.opendrive.records import (
     Outline,
     Repeat,
     RoadObject,
-    Signal,
+    SignalRecord,
     SignalReference,
     Validity,
 )
 from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 
-def read_signals(document: Document, road: Element) -> tuple[Signal, ...]:
+def read_signals(document: Document, road: Element) -> tuple[SignalRecord, ...]:
     """All ``<signal>`` of a road in file order."""
     return tuple(_signal(document, e) for e in road.findall("signals/signal"))
 
@@ -50,8 +50,8 @@ def _validity(document: Document, element: Element) -> tuple[Validity, ...]:
     )
 
 
-def _signal(document: Document, element: Element) -> Signal:
-    return Signal(
+def _signal(document: Document, element: Element) -> SignalRecord:
+    return SignalRecord(
         id=document.text(element, "id"),
         name=element.get("name", ""),
         s_m=document.number(element, "s"),

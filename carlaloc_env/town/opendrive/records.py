@@ -125,7 +125,7 @@ class LaneMaterial:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lane:
+class LaneRecord:
     """One lane of a lane section; positive ids lie left of the lane-offset line."""
 
     id: int
@@ -148,10 +148,10 @@ class LaneSection:
 
     s_m: float
     end_m: float
-    lanes: tuple[Lane, ...]
+    lanes: tuple[LaneRecord, ...]
     line: int = 0
 
-    def lane(self, lane_id: int) -> Lane | None:
+    def lane(self, lane_id: int) -> LaneRecord | None:
         """The lane of that id, or None."""
         return next((lane for lane in self.lanes if lane.id == lane_id), None)
 
@@ -180,7 +180,7 @@ class Validity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Signal:
+class SignalRecord:
     """A traffic light or sign on its pole."""
 
     id: str
@@ -305,7 +305,7 @@ class Road:
     lane_offset: tuple[Cubic, ...]
     sections: tuple[LaneSection, ...]
     objects: tuple[RoadObject, ...] = ()
-    signals: tuple[Signal, ...] = ()
+    signals: tuple[SignalRecord, ...] = ()
     signal_references: tuple[SignalReference, ...] = ()
     line: int = 0
 

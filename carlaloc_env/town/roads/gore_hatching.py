@@ -20,7 +20,7 @@ RIM_M = 0.2
 LEAST_M = 0.9
 """Wedges narrower than this carry no bars [m]."""
 _TOUCH_M = 0.1
-_REACH_M = 8.0
+_HALF_LENGTH_M = 8.0
 
 
 def gore_bars(strips: Sequence[Strip], roads: Sequence[Road]) -> list[tuple[tuple[Strip, Strip], Area]]:
@@ -53,7 +53,7 @@ def _bars(one: Strip, other: Strip) -> Area:
     ahead = np.stack([np.interp(at + 0.5, along, middle[:, k]) for k in range(2)], axis=-1) - points
     ahead /= np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)[:, None]
     slant = np.sqrt(0.5) * np.stack([ahead[:, 0] - ahead[:, 1], ahead[:, 0] + ahead[:, 1]], axis=-1)
-    lines = np.stack([points - _REACH_M * slant, points + _REACH_M * slant], axis=1)
+    lines = np.stack([points - _HALF_LENGTH_M * slant, points + _HALF_LENGTH_M * slant], axis=1)
     bars = shapely.buffer(shapely.linestrings(lines), 0.5 * BAR_M, cap_style="flat")
     return areas_only(shapely.intersection(shapely.union_all(bars), inner), 0.05)
 

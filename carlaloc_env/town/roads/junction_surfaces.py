@@ -1,4 +1,4 @@
-"""Junctions: one surface for all connecting roads, and the pavements round their corners."""
+"""Junctions: one surface for all connecting roads, and the sidewalks round their corners."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from carlaloc_env.town.roads.sidewalks import BELOW_M, KERB_STONE_M
 SURFACE_CELL_M = 1.5
 """Side of the triangles of a junction's surface [m]."""
 CORNER_CELL_M = 3.0
-"""Side of the triangles of its pavements [m]."""
+"""Side of the triangles of its sidewalks [m]."""
 GRASS_ISLAND_M2 = 25.0
 """Islands larger than this carry grass [m²]."""
 
@@ -61,9 +61,9 @@ def unpaved_junction(junction: JunctionArea) -> str:
 
 
 def add_corners(out: MeshBuilder, junction: JunctionArea, areas: TownAreas, edge: EdgeField) -> None:
-    """Raised pavements of one junction with their kerbs and outer edges."""
-    if not junction.pavement.is_empty:
-        _raise(out, junction.pavement, areas.roadway, edge, junction.kerb_m, Material.PAVEMENT)
+    """Raised sidewalks of one junction with their kerbs and outer edges."""
+    if not junction.sidewalk.is_empty:
+        _raise(out, junction.sidewalk, areas.roadway, edge, junction.kerb_m, Material.PAVEMENT)
 
 
 def add_islands(out: MeshBuilder, areas: TownAreas, edge: EdgeField) -> None:

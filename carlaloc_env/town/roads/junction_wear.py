@@ -25,7 +25,7 @@ from carlaloc_env.town.roads.patches_and_covers import (
     SEAL_WIDTH_M,
     cover_rings,
     lay_cover,
-    repair_look,
+    repair_surface,
 )
 from carlaloc_env.town.roads.road_wear import CRACK_M
 
@@ -61,7 +61,7 @@ def add_junction_details(
             else:
                 sheets.keep(collar)
     for point in _points(inner, draw.poisson(number), draw):
-        patch, (material, grey, sealed) = _patch(point, draw), repair_look(draw, SURFACE if fast else None)
+        patch, (material, grey, sealed) = _patch(point, draw), repair_surface(draw, SURFACE if fast else None)
         rim = shapely.buffer(patch, SEAL_WIDTH_M, join_style="mitre")
         if sheets.free(rim):
             sheets.lay(patch, PATCH_M, material, grey)
@@ -129,9 +129,9 @@ def _gutters(out: MeshBuilder, junction: JunctionArea, field: JunctionField) -> 
         for lane in range(len(strip.lanes))
         if is_gutter(strip, lane)
     ]
-    if not widths or junction.pavement.is_empty:
+    if not widths or junction.sidewalk.is_empty:
         return
-    beside = shapely.buffer(junction.pavement, float(np.median(widths)))
+    beside = shapely.buffer(junction.sidewalk, float(np.median(widths)))
     xy, triangles = triangulate(areas_only(shapely.intersection(junction.roadway, beside), 0.05), _CELL_M)
     if len(xy):
         points = np.column_stack([xy, field.height(xy) + GUTTER_LIFT_M])

@@ -25,7 +25,7 @@ REPAIRS: tuple[tuple[Material, tuple[float, float], float, float], ...] = (
 """What repairs are made of, its brightness, its share of all repairs, how many of them have sealed edges."""
 
 
-def repair_look(draw: np.random.Generator, only: Material | None = None) -> tuple[Material, float, bool]:
+def repair_surface(draw: np.random.Generator, only: Material | None = None) -> tuple[Material, float, bool]:
     """Material of a repair (`only` where given), its brightness 0–255, and whether its edges are sealed."""
     kind = int(draw.choice(len(REPAIRS), p=[share for _, _, share, _ in REPAIRS]))
     material, (low, high), _, sealed = REPAIRS[kind]

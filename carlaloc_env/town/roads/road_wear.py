@@ -22,7 +22,7 @@ from carlaloc_env.town.roads.patches_and_covers import (
     SEAL_WIDTH_M,
     cover_rings,
     lay_cover,
-    repair_look,
+    repair_surface,
 )
 from carlaloc_env.town.roads.road_markings import beside
 
@@ -105,7 +105,7 @@ def _patches(
         length, width = float(draw.uniform(0.8, 6.0)), float(draw.uniform(0.7, 2.2))
         room = _width_at(strip, lane, start, start + length) - width - 0.5
         side = 0.25 + float(draw.random()) * max(room, 0.0)
-        material, grey, sealed = repair_look(draw, SURFACE if fast else None)
+        material, grey, sealed = repair_surface(draw, SURFACE if fast else None)
         if room <= 0.0 or start + length > strip.s_m[-1] - 0.5 or _meets(painted, start, start + length):
             continue
         span, across = (start, start + length), (side, side + width)

@@ -1,4 +1,4 @@
-"""Lids and mended places in pavements: what makes one stretch of slabs unlike the next."""
+"""Lids and mended places in sidewalks: what makes one stretch of slabs unlike the next."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from carlaloc_env.town.roads.road_wear import Rectangle
 from carlaloc_env.town.roads.sidewalks import FLARE_M, KERB_STONE_M, raised_runs, run_edges
 
 MENDED_M2, LID_M2 = 11.0, 14.0
-"""Area of pavement for each mended place and for each lid [m²]."""
+"""Area of sidewalk for each mended place and for each lid [m²]."""
 SLAB_M = (0.6, 0.4)
-"""Slabs across and along the pavement [m]; every second row lies half a slab aside."""
+"""Slabs across and along the sidewalk [m]; every second row lies half a slab aside."""
 LIFT_M = 0.0014
 """Height of all of it above the slabs [m]."""
 FRAME_M = 0.045
 """Width of a lid's frame [m]."""
 NARROWEST_M = 1.3
-"""Narrower pavements stay bare [m]."""
+"""Narrower sidewalks stay bare [m]."""
 SHORTEST_M = 4.0
 """Shorter ones stay bare [m]."""
 _FRAME, _IRON = (150.0, 148.0, 140.0), (13.0, 12.5, 12.0)
 
 
-def add_pavement_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
-    """Details of all pavements outside junctions; none where kerbs are dropped."""
+def add_sidewalk_wear(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
+    """Details of all sidewalks outside junctions; none where kerbs are dropped."""
     for strip in strips:
         if strip.junction_id is not None:
             continue
@@ -47,7 +47,7 @@ def add_pavement_details(out: MeshBuilder, strips: Sequence[Strip], roads: Seque
 
 
 class _Run:
-    """Neighbouring lanes of pavement between two lines."""
+    """Neighbouring lanes of sidewalk between two lines."""
 
     def __init__(self, strip: Strip, first: int, last: int, dropped: Sequence[tuple[float, float]]) -> None:
         left, right = run_edges(strip, first, last)

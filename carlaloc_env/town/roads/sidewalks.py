@@ -1,4 +1,4 @@
-"""Pavements and medians beside plain roads: kerb faces, kerb stones, slabs, grass, ends and outer edges."""
+"""Sidewalks and medians beside plain roads: kerb faces, kerb stones, slabs, grass, ends and outer edges."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ GRASS_MEDIAN_M = 1.8
 """Medians of at least this width carry grass [m]."""
 
 
-def add_pavements(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
+def add_sidewalks(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
     """Everything raised beside the roads outside junctions, with kerbs dropped at crosswalks."""
     for strip in strips:
         if strip.junction_id is not None:
@@ -163,7 +163,7 @@ def _top(
 
 
 def _ends(out: MeshBuilder, left: Array, right: Array) -> None:
-    """Upright faces at the first and last station; hidden where the pavement goes on."""
+    """Upright faces at the first and last station; hidden where the sidewalk goes on."""
     down = np.array([0.0, 0.0, 0.25])
     for a, b in ((left[0], right[0]), (right[-1], left[-1])):
         if np.hypot(*(a - b)[:2]) > 0.02:

@@ -1,4 +1,4 @@
-"""All that wheels roll over and feet walk on: roads, pavements, junctions, terrain, bridges, paint."""
+"""All that wheels roll over and feet walk on: roads, sidewalks, junctions, terrain, bridges, paint."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from carlaloc_env.town.roads.motorways import is_fast_junction
 from carlaloc_env.town.roads.painted_areas import RoadPainter
 from carlaloc_env.town.roads.road_markings import add_markings
 from carlaloc_env.town.roads.road_wear import add_road_details
-from carlaloc_env.town.roads.sidewalk_wear import add_pavement_details
-from carlaloc_env.town.roads.sidewalks import add_pavements
+from carlaloc_env.town.roads.sidewalk_wear import add_sidewalk_wear
+from carlaloc_env.town.roads.sidewalks import add_sidewalks
 from carlaloc_env.town.structures.bridges import add_bridges
 from carlaloc_env.town.structures.underpasses import add_underpasses
 
@@ -49,8 +49,8 @@ def add_surfaces(out: Surfaces, network: LaneNetwork, work: Groundwork, seed: in
     add_roads(out.lanes, work.strips, work.roads, seed)
     add_plain_lanes(out.solid, work.strips)
     add_road_details(out.lanes, work.strips, work.roads, seed)
-    add_pavements(out.raised, work.strips, work.roads, seed)
-    add_pavement_details(out.lanes, work.strips, work.roads, seed)
+    add_sidewalks(out.raised, work.strips, work.roads, seed)
+    add_sidewalk_wear(out.lanes, work.strips, work.roads, seed)
     _add_junctions(out, work, seed)
     add_islands(out.raised, work.areas, work.kerb)
     add_terrain(out.raised, work.bounds, _ground_paving(work), work.zones, work.ground, work.seas)

@@ -14,11 +14,11 @@ from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.shortest_paths import Place, path_through
+from carlaloc_env.town.lanes.shortest_paths import LanePosition, path_through
 from carlaloc_env.town.routing.smoothing import RouteLine, trace
 from carlaloc_env.town.routing.tight_turns import fit_turns
 
-POINT_REACH_M = 15.0
+FARTHEST_POINT_M = 15.0
 """Route points farther from every lane are refused."""
 _AMBIGUITY_M = 1.0
 _BEHIND_M, _AHEAD_M = 20.0, 40.0
@@ -186,7 +186,7 @@ def plan_route(
     """
     if len(points_m) < 2:
         raise MapError("a route needs at least two points; add one")
-    stops = [_places(network, number, point) for number, point in enumerate(points_m)]
+    stops = [_positions(network, number, point) for number, point in enumerate(points_m)]
     if loop:
         # A loop must end where it began, so the first point keeps one lane.
         stops = [stops[0][:1], *stops[1:], stops[0][:1]]
@@ -204,19 +204,19 @@ def plan_route(
     return cut_start(route, length_m)
 
 
-def _places(network: LaneNetwork, number: int, point: tuple[float, float]) -> list[Place]:
+def _positions(network: LaneNetwork, number: int, point: tuple[float, float]) -> list[LanePosition]:
     """Lanes that a route point may mean, the nearest first."""
     x, y = (float(v) for v in point)
     if not (np.isfinite(x) and np.isfinite(y)):
         raise MapError(f"route point {number + 1} is not finite; write two numbers")
     nearest = network.nearest([(x, y)])
     least = float(nearest.distance_m[0])
-    if least > POINT_REACH_M:
+    if least > FARTHEST_POINT_M:
         raise MapError(
             f"route point {number + 1} ({x:.1f}, {y:.1f}) is {least:.0f} m off every lane; move it"
         )
     near = network.within((x, y), least + _AMBIGUITY_M)
-    return [Place(int(n), float(s)) for n, s in zip(near.lane, near.station_m, strict=True)]
+    return [LanePosition(int(n), float(s)) for n, s in zip(near.lane, near.station_m, strict=True)]
 
 
 def _sampled(network: LaneNetwork, line: RouteLine, fitted: NDArray[np.bool_], loop: bool) -> Route:

@@ -86,7 +86,7 @@ def _with_room(network: LaneNetwork, spans: Sequence[Span]) -> list[Span | _Swer
             parts.append(span)
             continue
         old, new = span.lanes
-        begin, end = _s_at(network, old, span.from_share), _s_at(network, new, span.to_share)
+        begin, end = _s_at(network, old, span.from_fraction), _s_at(network, new, span.to_fraction)
         swerve = _Swerve([_Piece(old, new, begin, end)])
         while todo and swerve.room_m() < BLEND_M and (longer := _after(network, swerve, todo[0])):
             swerve.pieces.append(longer)
@@ -107,7 +107,7 @@ def _after(network: LaneNetwork, swerve: _Swerve, span: Span) -> _Piece | None:
     beside = [n for n in network.lanes[last.old].successors if _alike(network, n, new)]
     if len(span.lanes) != 1 or not beside or new not in network.lanes[last.new].successors:
         return None
-    begin, end = _s_at(network, new, span.from_share), _s_at(network, new, span.to_share)
+    begin, end = _s_at(network, new, span.from_fraction), _s_at(network, new, span.to_fraction)
     reach = min(BLEND_M - swerve.room_m(), abs(end - begin))
     return (
         _Piece(beside[0], new, begin, begin + (reach if record.forward else -reach)) if reach > 0.0 else None
@@ -122,7 +122,7 @@ def _before(network: LaneNetwork, swerve: _Swerve, span: Span | _Swerve) -> _Pie
     beside = [n for n in network.lanes[first.new].predecessors if _alike(network, n, old)]
     if not beside or old not in network.lanes[first.old].predecessors:
         return None
-    begin, end = _s_at(network, old, span.from_share), _s_at(network, old, span.to_share)
+    begin, end = _s_at(network, old, span.from_fraction), _s_at(network, old, span.to_fraction)
     reach = min(BLEND_M - swerve.room_m(), abs(end - begin))
     forward = network.lanes[old].forward
     return _Piece(old, beside[0], end - (reach if forward else -reach), end) if reach > 0.0 else None
@@ -138,13 +138,13 @@ def _rest(network: LaneNetwork, span: Span, piece: _Piece, *, after: bool) -> li
     """What a swerve leaves of the span that it grew into."""
     lane = span.lanes[0]
     cut = network.station_at(lane, piece.to_s_m if after else piece.from_s_m)
-    share = cut / max(network.lanes[lane].length_m, 1e-9)
-    low, high = (share, span.to_share) if after else (span.from_share, share)
+    fraction = cut / max(network.lanes[lane].length_m, 1e-9)
+    low, high = (fraction, span.to_fraction) if after else (span.from_fraction, fraction)
     return [Span(span.lanes, low, high)] if high - low > 1e-9 else []
 
 
-def _s_at(network: LaneNetwork, lane: int, share: float) -> float:
-    return float(network.s_m([lane], [share * network.lanes[lane].length_m])[0])
+def _s_at(network: LaneNetwork, lane: int, fraction: float) -> float:
+    return float(network.s_m([lane], [fraction * network.lanes[lane].length_m])[0])
 
 
 def _spaced(position_m: NDArray[np.float64]) -> Index:
@@ -163,8 +163,8 @@ def _spaced(position_m: NDArray[np.float64]) -> Index:
 
 def _trace_span(network: LaneNetwork, span: Span) -> RouteLine:
     first, last = span.lanes[0], span.lanes[-1]
-    begin = span.from_share * network.lanes[first].length_m
-    end = span.to_share * network.lanes[last].length_m
+    begin = span.from_fraction * network.lanes[first].length_m
+    end = span.to_fraction * network.lanes[last].length_m
     if len(span.lanes) == 1:
         count = max(2, int(np.ceil((end - begin) / SAMPLE_M)) + 1)
         lane = np.full(count, first)
@@ -212,19 +212,22 @@ def _lane_points(network: LaneNetwork, lane: Index, s: Array, station: Array) ->
 def _blend(network: LaneNetwork, old: Index, new: Index, s: Array, tau: Array, length_m: float) -> RouteLine:
     """From one lane to its neighbour by 10τ³ − 15τ⁴ + 6τ⁵, which starts and ends without a jerk."""
     a, b = network.surface.lane_centre(old, s), network.surface.lane_centre(new, s)
-    share = tau * tau * tau * (10.0 - tau * (15.0 - 6.0 * tau))
+    fraction = tau * tau * tau * (10.0 - tau * (15.0 - 6.0 * tau))
     rate = 30.0 * tau * tau * (1.0 - tau) * (1.0 - tau) / length_m
     sign = np.where(network.forward[old], 1.0, -1.0)
     gap = b.position_m - a.position_m
-    position = a.position_m + share[:, None] * gap
+    position = a.position_m + fraction[:, None] * gap
     velocity = [
-        sign * ((1.0 - share) * a.stretch * turn(a.heading_rad) + share * b.stretch * turn(b.heading_rad))
+        sign
+        * ((1.0 - fraction) * a.stretch * turn(a.heading_rad) + fraction * b.stretch * turn(b.heading_rad))
         + rate * gap[:, k]
         for k, turn in enumerate((np.cos, np.sin))
     ]
     speed = np.maximum(np.hypot(*velocity), 1e-9)
-    climb = sign * ((1.0 - share) * a.stretch * a.slope + share * b.stretch * b.slope) + rate * gap[:, 2]
-    lane = np.where(share < 0.5, old, new)
+    climb = (
+        sign * ((1.0 - fraction) * a.stretch * a.slope + fraction * b.stretch * b.slope) + rate * gap[:, 2]
+    )
+    lane = np.where(fraction < 0.5, old, new)
     return RouteLine(
         position, np.arctan2(velocity[1], velocity[0]), climb / speed, lane, network.station_m(lane, s)
     )

@@ -30,7 +30,7 @@ EASY_M = 4.75
 WHEEL_ROOM_M, BODY_ROOM_M = 0.30, 0.05
 """How far wheels and body keep from kerbs [m]."""
 _CELL_M = 0.1
-_REACH_M = 8.0
+_MARGIN_M = 8.0
 _NEAR_M = 60.0
 """As far as the roads reach round an island [m]."""
 _LEVEL_M = 2.0
@@ -56,7 +56,7 @@ BODY_M = _both_sides(EGO_REAR_M + np.linspace(0.0, EGO_SIZE_M[0], 6), 0.5 * EGO_
 """The body's sides [m], (B, 2)."""
 
 
-class Room(NamedTuple):
+class FreeSpace(NamedTuple):
     """Distances on a grid of points."""
 
     low_m: Array
@@ -75,15 +75,15 @@ class Room(NamedTuple):
         return result
 
 
-def swept(xy_m: Array, heading_rad: Array, places_m: Array) -> Array:
+def swept(xy_m: Array, heading_rad: Array, points_m: Array) -> Array:
     """Where points (K, 2) of a car come whose rear axle follows a line of N points, (N·K, 2)."""
     c, n = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
-    x = xy_m[:, :1] + c * places_m[:, 0] - n * places_m[:, 1]
-    y = xy_m[:, 1:2] + n * places_m[:, 0] + c * places_m[:, 1]
+    x = xy_m[:, :1] + c * points_m[:, 0] - n * points_m[:, 1]
+    y = xy_m[:, 1:2] + n * points_m[:, 0] + c * points_m[:, 1]
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
-def kerb_room(xy_m: Array, heading_rad: Array, room: Room) -> tuple[Array, Array]:
+def kerb_room(xy_m: Array, heading_rad: Array, room: FreeSpace) -> tuple[Array, Array]:
     """Least distance of the wheels and of the body to kerbs at each point of a line [m], (N,) each."""
     wheels, body = (
         room.at(room.kerb_m, swept(xy_m, heading_rad, places)).reshape(len(xy_m), -1).min(axis=1)
@@ -92,7 +92,7 @@ def kerb_room(xy_m: Array, heading_rad: Array, room: Room) -> tuple[Array, Array
     return wheels, body
 
 
-def cost_of(xy_m: Array, heading_rad: Array, room: Room) -> float:
+def cost_of(xy_m: Array, heading_rad: Array, room: FreeSpace) -> float:
     """How ill a line suits the car: kerbs, ground beside the road, others' lanes, and bends too tight [m]."""
     step = np.diff(xy_m, axis=0)
     s = np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
@@ -120,10 +120,10 @@ def cost_of(xy_m: Array, heading_rad: Array, room: Room) -> float:
     )
 
 
-def room_about(network: LaneNetwork, own: RouteLine) -> Room:
+def room_about(network: LaneNetwork, own: RouteLine) -> FreeSpace:
     """Room about a piece of a route."""
-    low = own.position_m[:, :2].min(axis=0) - _REACH_M
-    high = own.position_m[:, :2].max(axis=0) + _REACH_M
+    low = own.position_m[:, :2].min(axis=0) - _MARGIN_M
+    high = own.position_m[:, :2].max(axis=0) + _MARGIN_M
     count = np.ceil((high - low) / _CELL_M).astype(int) + 1
     x, y = (low[k] + (np.arange(count[k]) + 0.5) * _CELL_M for k in range(2))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -135,7 +135,7 @@ def room_about(network: LaneNetwork, own: RouteLine) -> Room:
 
     raised, asphalt = (inside(area) for area in raised_near(network, own))
     lanes = inside(shapely.union_all(_lanes_near(network, own, low, high), grid_size=1e-4))
-    return Room(low, _away(raised) - _away(~raised), _away(asphalt | lanes), _away(lanes))
+    return FreeSpace(low, _away(raised) - _away(~raised), _away(asphalt | lanes), _away(lanes))
 
 
 def _away(here: NDArray[np.bool_]) -> Array:
@@ -145,7 +145,7 @@ def _away(here: NDArray[np.bool_]) -> Array:
 
 
 def raised_near(network: LaneNetwork, own: RouteLine) -> tuple[Area, Area]:
-    """What stands raised near a piece of a route, as the town is built: pavements, islands; and asphalt."""
+    """What stands raised near a piece of a route, as the town is built: sidewalks, islands; and asphalt."""
     tables = network.tables
     low, high = own.position_m[:, :2].min(axis=0) - _NEAR_M, own.position_m[:, :2].max(axis=0) + _NEAR_M
     inside = np.all((tables.position_m[:, :2] > low) & (tables.position_m[:, :2] < high), axis=1)
@@ -157,13 +157,13 @@ def raised_near(network: LaneNetwork, own: RouteLine) -> tuple[Area, Area]:
     ids = {lane.road_id for lane in near} | {road.id for road in roads if road.junction_id in junctions}
     strips = lower_walks(road_strips(roads, network.surface, ids))
     areas = town_areas(strips, roads)
-    corners = [junction.pavement for junction in areas.junctions]
+    corners = [junction.sidewalk for junction in areas.junctions]
     walks = [area for strip in strips if strip.junction_id is None for area in _high_walks(strip)]
     return shapely.union_all([areas.islands, *corners, *walks], grid_size=1e-4), areas.roadway
 
 
 def _high_walks(strip: Strip) -> list[Area]:
-    """Pavements and medians of a strip where they are not lowered."""
+    """Sidewalks and medians of a strip where they are not lowered."""
     found = []
     for lane in range(len(strip.lanes)):
         if strip.kind(lane) not in ("walkway", "median"):

@@ -34,7 +34,7 @@ LEAST_ROOM_M = 0.12
 LEAD_M = 12.0
 """How far before and behind a turn the line may leave the lane's middle [m]."""
 _BEGINS_M = (-1.0, 1.0, 3.0, 5.0)
-_ASIDE_M = (-0.3, 0.0, 0.4, 1.0)
+_LATERALS_M = (-0.3, 0.0, 0.4, 1.0)
 _HANDLES = (0.36, 0.46)
 _MERGE_M = 4.0
 """Turns closer together than this are driven as one [m]."""
@@ -140,7 +140,7 @@ def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None
         found = path(shape)
         return 1e3 if found is None else cost_of(*found, room) + 0.02 * (abs(shape[2]) + abs(shape[3]))
 
-    grid = itertools.product(_BEGINS_M, _BEGINS_M, _ASIDE_M, _HANDLES)
+    grid = itertools.product(_BEGINS_M, _BEGINS_M, _LATERALS_M, _HANDLES)
     shapes: list[_Shape] = [(before, behind, x, x, handle, handle) for before, behind, x, handle in grid]
     shapes = sorted(shapes, key=cost)[:_REFINED]
     best = min((_refined(cost, shape) for shape in shapes), key=cost)
@@ -168,15 +168,15 @@ def _candidate(
     xy: Array,
     heading: Array,
     span: tuple[float, float],
-    aside_m: tuple[float, float],
+    lateral_m: tuple[float, float],
     handles: tuple[float, float],
 ) -> tuple[Array, Array]:
     """Points (N, 2) and headings of one line: aside of the middle up to the turn, a cubic, and back."""
     a, b = span
     count = max(2, round(a / SAMPLE_M))
-    lead, into = _beside(s, xy, heading, np.linspace(0.0, a, count + 1), aside_m[0], rising=True)
+    lead, into = _beside(s, xy, heading, np.linspace(0.0, a, count + 1), lateral_m[0], rising=True)
     count = max(2, round((s[-1] - b) / SAMPLE_M))
-    tail, out = _beside(s, xy, heading, np.linspace(b, s[-1], count + 1), aside_m[1], rising=False)
+    tail, out = _beside(s, xy, heading, np.linspace(b, s[-1], count + 1), lateral_m[1], rising=False)
     reach = float(np.hypot(*(tail[0] - lead[-1])))
     p1 = lead[-1] + handles[0] * reach * np.array([np.cos(into), np.sin(into)])
     p2 = tail[0] - handles[1] * reach * np.array([np.cos(out), np.sin(out)])
@@ -192,12 +192,12 @@ def _candidate(
 
 
 def _beside(
-    s: Array, xy: Array, heading: Array, at: Array, aside_m: float, *, rising: bool
+    s: Array, xy: Array, heading: Array, at: Array, lateral_m: float, *, rising: bool
 ) -> tuple[Array, float]:
-    """Points beside the middle, to the left by up to `aside_m`, and the middle's heading where it is all."""
+    """Points up to `lateral_m` to the left of the middle, and the middle's heading where it is all."""
     share = (at - at[0]) / (at[-1] - at[0])
     share = share if rising else 1.0 - share
-    off = aside_m * share**3 * (10.0 - share * (15.0 - 6.0 * share))
+    off = lateral_m * share**3 * (10.0 - share * (15.0 - 6.0 * share))
     h = np.interp(at, s, heading)
     points = np.stack([np.interp(at, s, xy[:, k]) for k in range(2)], axis=-1)
     points += off[:, None] * np.stack([-np.sin(h), np.cos(h)], axis=-1)

@@ -17,7 +17,7 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
@@ -33,7 +33,7 @@ BAYS = (8, 14)
 """Least and most bays in a row."""
 STEEPEST_M = 0.7
 """Ground that differs by more inside a car park is too steep [m]."""
-SHARE = {"downtown": 0.12, "small_town": 0.22, "industrial": 0.4, "residential": 0.06, "waterfront": 0.2}
+FRACTIONS = {"downtown": 0.12, "small_town": 0.22, "industrial": 0.4, "residential": 0.06, "waterfront": 0.2}
 """Share of the long streets of a zone that have one on a side."""
 OCCUPIED = 0.62
 """Share of the bays that are taken."""
@@ -73,9 +73,9 @@ class CarPark:
 
 
 def place_car_parks(
-    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], blocked: Area, ground: Ground, seed: int
+    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], blocked: Area, ground: Terrain, seed: int
 ) -> list[CarPark]:
-    """Car parks along streets with pavements, where nothing else is in the way."""
+    """Car parks along streets with sidewalks, where nothing else is in the way."""
     shapely.prepare(blocked)
     found: list[CarPark] = []
     for edge in edges:
@@ -85,7 +85,7 @@ def place_car_parks(
         bays = int(draw.integers(BAYS[0], BAYS[1] + 1))
         share, chance = float(draw.uniform(0.2, 0.8)), draw.random()
         room = len(edge.line_m) - bays * BAY_M[0] - 14.0
-        if not edge.walkway or chance > SHARE.get(kind, 0.0) or room < 4.0:
+        if not edge.walkway or chance > FRACTIONS.get(kind, 0.0) or room < 4.0:
             continue
         start = 7 + int(share * room)
         end = start + int(bays * BAY_M[0]) + 1
@@ -109,7 +109,7 @@ def place_car_parks(
 
 
 def add_car_park(
-    out: MeshBuilder, cars: ParkedCars, park: CarPark, ground: Ground, seed: int, instance: int
+    out: MeshBuilder, cars: ParkedCars, park: CarPark, ground: Terrain, seed: int, instance: int
 ) -> None:
     """Surface, lines, cars, fence and sign of one car park."""
     draw = rng.stream(seed, f"car park/{park.name}", index=1)
@@ -131,7 +131,7 @@ def add_car_park(
     out.add(copies(sign("parking"), poses(foot, facing), instance))
 
 
-def _surface(out: MeshBuilder, park: CarPark, ground: Ground) -> None:
+def _surface(out: MeshBuilder, park: CarPark, ground: Terrain) -> None:
     a = np.linspace(0.0, park.width_m, max(3, int(park.width_m / 3.0)))
     b = np.linspace(-0.06, DEPTH_M, 7)
     xy = park.points(*np.meshgrid(a, b, indexing="ij"))
@@ -146,7 +146,7 @@ def _surface(out: MeshBuilder, park: CarPark, ground: Ground) -> None:
     )
 
 
-def _lines(out: MeshBuilder, park: CarPark, ground: Ground) -> None:
+def _lines(out: MeshBuilder, park: CarPark, ground: Terrain) -> None:
     quads = []
     for depth in (0.3, DEPTH_M - 0.3 - BAY_M[1]):
         for bay in range(park.bays + 1):
@@ -163,7 +163,7 @@ def _lines(out: MeshBuilder, park: CarPark, ground: Ground) -> None:
     out.quads(points if upwards else points[:, ::-1], material=Material.ROAD_PAINT_WHITE, tag=Tag.ROAD_LINE)
 
 
-def _fences(out: MeshBuilder, park: CarPark, ground: Ground, instance: int) -> None:
+def _fences(out: MeshBuilder, park: CarPark, ground: Terrain, instance: int) -> None:
     """Three sides; the street's side is open."""
     w, d, step = park.width_m, DEPTH_M, 3.0
     sides = (

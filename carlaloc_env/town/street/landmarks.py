@@ -16,7 +16,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.buildings.buildings import BuildingPlan, building_mesh, draw_look
+from carlaloc_env.town.buildings.buildings import BuildingPlan, building_mesh, draw_appearance
 from carlaloc_env.town.buildings.farms import barn, farm, silo
 from carlaloc_env.town.buildings.filling_station import filling_station
 from carlaloc_env.town.buildings.gatehouse import DEPTH_M as DEPTH_OVER_M
@@ -140,8 +140,8 @@ def _building(feature: Feature, draw: np.random.Generator) -> Mesh:
     """A civic building whose front looks along +x."""
     depth, width = _extent(feature)
     storeys = int(feature.size[2]) if len(feature.size) > 2 else 4
-    look = draw_look(STYLES["civic"], draw)
-    plan = BuildingPlan(look=look, width_m=width, depth_m=depth, storeys=storeys)
+    appearance = draw_appearance(STYLES["civic"], draw)
+    plan = BuildingPlan(appearance=appearance, width_m=width, depth_m=depth, storeys=storeys)
     mesh = building_mesh(plan, draw, 0)
     # The building's own front looks along −y from (0, 0) to (width, 0).
     turn = poses([(depth / 2, -width / 2, 0.0)], np.pi / 2)
@@ -213,7 +213,7 @@ def _viaduct(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
 
 
 def _pier_places(feature: Feature, paved: Area, length_m: float) -> list[float]:
-    """Places along the viaduct every 18 m, moved aside where a road or pavement lies below."""
+    """Places along the viaduct every 18 m, moved aside where a road or sidewalk lies below."""
     near = shapely.buffer(paved, 0.4)
     shapely.prepare(near)
     places: list[float] = []

@@ -19,7 +19,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
@@ -174,10 +174,10 @@ def park_on_verges(
     edges: Sequence[RoadEdge],
     zones: Sequence[tuple[str, Area]],
     blocked: Area,
-    ground: Ground,
+    ground: Terrain,
     seed: int,
 ) -> None:
-    """Cars on the grass beside slow roads without pavements, clear of everything that is paved."""
+    """Cars on the grass beside slow roads without sidewalks, clear of everything that is paved."""
     shapely.prepare(blocked)
     for edge in edges:
         if edge.walkway or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
@@ -203,7 +203,7 @@ def lay_drives(
     edges: Sequence[RoadEdge],
     zones: Sequence[tuple[str, Area]],
     blocked: Area,
-    ground: Ground,
+    ground: Terrain,
     seed: int,
 ) -> list[Area]:
     """Drives between houses with a car on most; returns the ground that they take."""
@@ -232,7 +232,7 @@ def _drive(
     row: int,
     blocked: Area,
     others: Sequence[Area],
-    ground: Ground,
+    ground: Terrain,
     draw: np.random.Generator,
 ) -> Area | None:
     width, length = DRIVE_M

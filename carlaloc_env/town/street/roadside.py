@@ -1,4 +1,4 @@
-"""What stands beside roads rather than on pavements: rails, masts, wires, parked cars, car parks."""
+"""What stands beside roads rather than on sidewalks: rails, masts, wires, parked cars, car parks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.paved_areas import TownAreas
 from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.town.meshing.collision_mesh import posts
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
@@ -48,7 +48,7 @@ class RoadsideSite:
     """Kinds of scenery with their areas."""
     crosswalks: Sequence[Crosswalk]
     """Crosswalks, before which nobody parks."""
-    ground: Ground
+    ground: Terrain
     """Heights of the ground."""
     blocked: Area
     """Buildings, car parks and whatever else is reserved, without what is paved."""

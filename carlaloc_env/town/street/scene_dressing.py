@@ -105,14 +105,14 @@ def _roadside_site(network: LaneNetwork, work: Groundwork, plots: Plots, seed: i
 def _furnish(
     work: Groundwork, plots: Plots, roadside: Roadside, clear_m: Array, route_m: Array | None, seed: int
 ) -> Furnisher:
-    """Furniture of all pavements."""
+    """Furniture of all sidewalks."""
     covers = [stretch.area(stretch.detached) for stretch in work.levels.stretches]
     roofed = shapely.union_all([work.overhead, *covers, roofed_sites(plots.features)])
     kept_free = [*plots.footprints(), *polygons_of(roadside.taken), *polygons_of(work.overhead)]
     furnisher = Furnisher(work.zones, clear_m, route_m, kept_free, roofed, seed)
     for strip in work.strips:
         if strip.junction_id is None:
-            furnisher.pavement(strip)
+            furnisher.sidewalk(strip)
     return furnisher
 
 

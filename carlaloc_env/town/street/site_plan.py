@@ -16,7 +16,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.road_edges import RoadEdge, road_edges
-from carlaloc_env.town.ground.terrain import BANK_SLOPE, Ground
+from carlaloc_env.town.ground.terrain import BANK_SLOPE, Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.street.car_parks import CarPark, place_car_parks
@@ -92,7 +92,7 @@ def _cuts(work: Groundwork) -> Area:
     return shapely.union_all(parts)
 
 
-def _base_heights(lots: Sequence[Lot], ground: Ground) -> list[float]:
+def _base_heights(lots: Sequence[Lot], ground: Terrain) -> list[float]:
     """Height of each building's floor: the mean of the ground along its front."""
     bases = []
     for lot in lots:

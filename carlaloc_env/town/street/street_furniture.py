@@ -1,4 +1,4 @@
-"""What stands on pavements: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them."""
+"""What stands on sidewalks: lamps, trees, benches, bins, hydrants, shelters, and hedges behind them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KERB_DISTANCE_M = 0.75
 END_M = 9.0
 """Length beside junctions that stays free of trees and furniture [m]."""
 NARROW_M = 2.2
-"""Pavements narrower than this carry no trees [m]."""
+"""Sidewalks narrower than this carry no trees [m]."""
 NAME_POST_M = 3
 """Distance of posts with the street's name from its end [m]."""
 NAMED_ZONES = ("downtown", "skyscraper", "small_town", "residential", "industrial", "waterfront")
@@ -51,7 +51,7 @@ TREE_KINDS: dict[str, tuple[str, ...]] = {
 
 
 class Furnisher:
-    """Places furniture along pavements so that it keeps clear of crossings, posts and doors of junctions."""
+    """Places furniture along sidewalks so that it keeps clear of crossings, posts and doors of junctions."""
 
     def __init__(
         self,
@@ -81,8 +81,8 @@ class Furnisher:
         self._seed = seed
         self.placed = Placement()
 
-    def pavement(self, strip: Strip) -> None:
-        """Furnish the pavements of one strip."""
+    def sidewalk(self, strip: Strip) -> None:
+        """Furnish the sidewalks of one strip."""
         for first, last in raised_runs(strip):
             if strip.kind(first) != "walkway":
                 continue
@@ -122,7 +122,7 @@ class Furnisher:
         return result
 
     def _side(self, strip: Strip, name: str, kerb: Array, outer: Array) -> None:
-        """One pavement; both lines run with the road on their right-hand side."""
+        """One sidewalk; both lines run with the road on their right-hand side."""
         line, far = _equal_steps(kerb, outer)
         length = len(line) - 1
         if length < 2 * END_M:
@@ -221,7 +221,7 @@ class Furnisher:
 
 
 class _Row:
-    """A place on a pavement: distances count from the kerb away from the road."""
+    """A place on a sidewalk: distances count from the kerb away from the road."""
 
     def __init__(self, line: Array, far: Array, at: int) -> None:
         tangent = line[min(at + 1, len(line) - 1)] - line[max(at - 1, 0)]

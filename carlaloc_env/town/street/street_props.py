@@ -1,4 +1,4 @@
-"""Props chosen for the pavements of a town, and their meshes."""
+"""Props chosen for the sidewalks of a town, and their meshes."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import Levels
 from carlaloc_env.town.ground.height_fields import EdgeField
 from carlaloc_env.town.ground.raised_parts import DECK_M, DIM, FOOTING_M, Floor, RaisedParts
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, rings, triangulate
 from carlaloc_env.town.structures.parapets import add_rim, at_end, outward_of
@@ -22,7 +22,7 @@ _CELL_M = 5.0
 
 
 def add_bridges(
-    out: MeshBuilder, levels: Levels, parts: RaisedParts, edges_below: EdgeField, ground: Ground
+    out: MeshBuilder, levels: Levels, parts: RaisedParts, edges_below: EdgeField, ground: Terrain
 ) -> None:
     """Everything that carries raised roads.
 

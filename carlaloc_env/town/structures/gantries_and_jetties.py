@@ -20,7 +20,7 @@ from carlaloc_env.town.meshing.prop_copies import copies, poses
 
 GANTRY_CLEAR_M = 5.7
 """Free height under the boards of a gantry [m]."""
-GANTRY_REACH_M = 45.0
+LONGEST_GANTRY_M = 45.0
 """Farthest that a gantry reaches to each side of its place [m]."""
 POST_CLEAR_M = 1.0
 """Distance of its posts from everything paved [m]."""
@@ -65,10 +65,10 @@ def gantry(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
 
 def _reach(centre: Array, direction: Array, paved: Area) -> float:
     """Distance [m] along a direction at which nothing paved is near any more."""
-    way = np.arange(3.0, GANTRY_REACH_M, 0.5)
+    way = np.arange(3.0, LONGEST_GANTRY_M, 0.5)
     distance = shapely.distance(paved, shapely.points(centre + way[:, None] * direction))
     free = np.flatnonzero(distance > POST_CLEAR_M)
-    return float(way[free[0]]) if len(free) else GANTRY_REACH_M
+    return float(way[free[0]]) if len(free) else LONGEST_GANTRY_M
 
 
 def _direction_board(first: int, second: int) -> Mesh:

@@ -16,7 +16,7 @@ from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.ground.road_edges import RoadEdge, right_of, road_limit_mps
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.opendrive.records import Road
@@ -48,7 +48,7 @@ _STEEL = (178, 182, 186)
 
 
 def add_guard_rails(
-    out: MeshBuilder, solid: MeshBuilder, edges: Sequence[RoadEdge], paved: Area, ground: Ground
+    out: MeshBuilder, solid: MeshBuilder, edges: Sequence[RoadEdge], paved: Area, ground: Terrain
 ) -> Area:
     """Rails along the outer edges of fast and raised roads; returns the ground that they take.
 
@@ -108,7 +108,7 @@ def add_medians(
 
 
 def delineator_feet(
-    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], paved: Area, ground: Ground
+    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], paved: Area, ground: Terrain
 ) -> tuple[Array, Array]:
     """Feet (N, 3) [m] of reflecting posts along country roads and motorways, and where they look [rad].
 

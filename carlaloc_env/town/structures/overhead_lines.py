@@ -17,7 +17,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area
@@ -27,7 +27,7 @@ SPAN_M = 38.0
 """Usual distance of poles [m]."""
 AWAY_M = {"rural": 3.2, "residential": 1.35, "small_town": 1.35, "industrial": 1.6}
 """Distance of poles from what is paved, in zones that have any [m]."""
-SHARE = {"rural": 0.8, "residential": 0.55, "small_town": 0.35, "industrial": 0.5}
+FRACTIONS = {"rural": 0.8, "residential": 0.55, "small_town": 0.35, "industrial": 0.5}
 """Share of the roads of a zone along which a line runs."""
 POLE_M = 10.5
 """Height of a pole [m]."""
@@ -45,7 +45,7 @@ def place_lines(
     zones: Sequence[tuple[str, Area]],
     blocked: Area,
     overhead: Area,
-    ground: Ground,
+    ground: Terrain,
     seed: int,
 ) -> list[tuple[Array, Array]]:
     """Rows of poles: feet (N, 3) [m] and the directions of their cross-arms [rad], (N,).
@@ -65,7 +65,7 @@ def place_lines(
         draw = rng.stream(seed, f"poles/{street}")
         side = "left" if draw.random() < 0.5 else "right"
         kind = _zone(zones, edge.line_m[len(edge.line_m) // 2])
-        if not edge.name.endswith(side) or kind not in AWAY_M or draw.random() > SHARE[kind]:
+        if not edge.name.endswith(side) or kind not in AWAY_M or draw.random() > FRACTIONS[kind]:
             continue
         if len(edge.line_m) < 1.5 * SPAN_M or edge.road_type == "motorway":
             continue
@@ -99,20 +99,20 @@ def add_lines(
     return [copies(utility_pole(POLE_M), poses(feet, yaw), ids.take(len(feet)))], feet
 
 
-def catenary_m(length_m: float, rise_m: float, pull_m: float, share: Array) -> Array:
-    """Height of a hanging wire over its first end [m] at shares of the span, shape as `share`.
+def catenary_m(length_m: float, rise_m: float, pull_m: float, fraction: Array) -> Array:
+    """Height of a hanging wire over its first end [m] at shares of the span, shape as `fraction`.
 
     z = c·cosh((x − x0)/c) + k through both ends, with c = tension over weight per metre; x0 from
     rise = 2c·sinh(L/2c)·sinh((L/2 − x0)/c).
     """
     half = 0.5 * length_m
     x0 = half - pull_m * float(np.arcsinh(rise_m / (2.0 * pull_m * np.sinh(half / pull_m))))
-    x = share * length_m
+    x = fraction * length_m
     result: Array = pull_m * (np.cosh((x - x0) / pull_m) - np.cosh(x0 / pull_m))
     return result
 
 
-def _rows(edge: RoadEdge, away: float, blocked: Area, ground: Ground) -> list[tuple[Array, Array]]:
+def _rows(edge: RoadEdge, away: float, blocked: Area, ground: Terrain) -> list[tuple[Array, Array]]:
     """Poles of one edge in runs without gaps of more than one pole."""
     count = max(2, round((len(edge.line_m) - 12) / SPAN_M) + 1)
     wanted = np.linspace(6, len(edge.line_m) - 7, count).round().astype(int)
@@ -147,12 +147,12 @@ def _free(edge: RoadEdge, row: int, away: float, blocked: Area) -> tuple[Array, 
 
 def _wires(out: MeshBuilder, a: Array, b: Array) -> None:
     """Wires between two poles, ends (K, 3) each, as three-sided tubes."""
-    share = np.linspace(0.0, 1.0, _WIRE_POINTS)
+    fraction = np.linspace(0.0, 1.0, _WIRE_POINTS)
     for start, end in zip(a, b, strict=True):
         span = end - start
         length = float(np.hypot(span[0], span[1]))
-        line = start + share[:, None] * span
-        line[:, 2] = start[2] + catenary_m(length, float(span[2]), PULL_M, share)
+        line = start + fraction[:, None] * span
+        line[:, 2] = start[2] + catenary_m(length, float(span[2]), PULL_M, fraction)
         side = np.array([-span[1], span[0], 0.0]) / length * WIRE_M
         ring = np.stack(
             [line + side, line - side, line + np.array([0.0, 0.0, 1.6 * WIRE_M]), line + side], axis=1

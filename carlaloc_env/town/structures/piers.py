@@ -22,7 +22,7 @@ COLUMN_M = 0.55
 COLUMN_STEP_M = 9.0
 """Largest distance of the columns of one pier across the road [m]."""
 PIER_CLEAR_M = 0.9
-"""Distance of columns from lanes and pavements below [m]."""
+"""Distance of columns from lanes and sidewalks below [m]."""
 CROSSHEAD_M = 0.7
 """Height of the beam on the columns of a pier [m]."""
 

@@ -1,4 +1,4 @@
-"""Lamp posts of roads without pavements: masts on medians, beside fast roads and on parapets."""
+"""Lamp posts of roads without sidewalks: masts on medians, beside fast roads and on parapets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
 from carlaloc_env.town.ground.road_edges import RoadEdge, right_of
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
@@ -38,7 +38,7 @@ def mast_meshes(
     medians: Sequence[Array],
     zones: Sequence[tuple[str, Area]],
     paved: Area,
-    ground: Ground,
+    ground: Terrain,
     overhead: Area,
     ids: InstanceIds,
 ) -> tuple[list[Mesh], Array, Array]:
@@ -89,7 +89,7 @@ def _beside(
     others: Array,
     zones: Sequence[tuple[str, Area]],
     paved: Area,
-    ground: Ground,
+    ground: Terrain,
 ) -> tuple[Array, Array]:
     """Beside fast roads that have no masts on a median."""
     dark = shapely.union_all([area for kind, area in zones if kind in _UNLIT])

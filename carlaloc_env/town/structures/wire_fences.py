@@ -13,7 +13,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_graph import runs
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area
 
@@ -40,7 +40,7 @@ def add_wire_fences(
     edges: Sequence[RoadEdge],
     zones: Sequence[tuple[str, Area]],
     blocked: Area,
-    ground: Ground,
+    ground: Terrain,
 ) -> Area:
     """Fences along all fast roads in open country; gives the ground that they take.
 

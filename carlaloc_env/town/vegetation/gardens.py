@@ -1,4 +1,4 @@
-"""Front gardens: fences and low walls along the pavement, paths to the doors, drives, flower beds."""
+"""Front gardens: fences and low walls along the sidewalk, paths to the doors, drives, flower beds."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ PANELS: tuple[tuple[str, Callable[[], Mesh]], ...] = (
 
 
 def add_gardens(cover: MeshBuilder, props: PropField, land: Land, lots: Sequence[Lot]) -> None:
-    """Furnish the ground between pavements and the houses that stand back from them."""
+    """Furnish the ground between sidewalks and the houses that stand back from them."""
     for lot in lots:
-        style = lot.plan.look.style
+        style = lot.plan.appearance.style
         if style.ground != "dwelling" or style.front_m < LEAST_M or lot.plan.storeys > 3:
             continue
         draw = rng.stream(land.seed, lot.name, index=2)
@@ -83,7 +83,7 @@ def _fence(
     if kind == len(PANELS):
         return
     name, make = PANELS[kind]
-    spare = min(lot.plan.look.style.gap_m / 2, 2.5)
+    spare = min(lot.plan.appearance.style.gap_m / 2, 2.5)
     places = []
     for low, high in ((-spare, door - GATE_M), (door + GATE_M, lot.plan.width_m + (0.0 if drive else spare))):
         count = int((high - low) / PANEL_M)
@@ -110,7 +110,7 @@ def _slabs(
     drive: float | None,
 ) -> None:
     """The path to the door and the drive."""
-    front = lot.plan.look.style.front_m
+    front = lot.plan.appearance.style.front_m
     slabs = [(door - 0.6, door + 0.6, 0.0, front, Material.PAVEMENT, (225, 215, 205))]
     if drive is not None:
         grey = (200, 198, 194)

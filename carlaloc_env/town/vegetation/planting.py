@@ -1,4 +1,4 @@
-"""Trees, shrubs and long grass away from pavements."""
+"""Trees, shrubs and long grass away from sidewalks."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _BLADES = ((230, 225, 160), (340, 270, 180), (170, 200, 120))
 
 
 def plant(land: Land, props: PropField, fields: Area) -> None:
-    """Scatter trees and bushes over all zones, and long grass along roads without pavements.
+    """Scatter trees and bushes over all zones, and long grass along roads without sidewalks.
 
     Args:
         land: The town's land.
@@ -100,7 +100,7 @@ def put_bushes(props: PropField, feet_m: Array, draw: np.random.Generator) -> No
 
 
 def long_grass(land: Land, props: PropField) -> None:
-    """Tufts along the edges of roads without pavements."""
+    """Tufts along the edges of roads without sidewalks."""
     draw = rng.stream(land.seed, "long grass")
     spots = []
     for _, line, extra in frontages([s for s in land.strips if s.junction_id is None]):

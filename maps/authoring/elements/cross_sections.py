@@ -23,7 +23,7 @@ class CrossSection:
     """What a road looks like across, from its axis outwards.
 
     The axis lies in the middle of the median. `CrossSection(lanes=2, back=0)` is a one-way road: its axis is
-    the left border of its left lane, with the inner shoulder, gutter and pavement on the other side.
+    the left border of its left lane, with the inner shoulder, gutter and sidewalk on the other side.
     """
 
     lanes: int
@@ -67,7 +67,7 @@ class CrossSection:
         return 0.5 * self.median_m + self.inner_shoulder_m
 
     def beyond_m(self, side: str) -> float:
-        """Width of everything beyond the driving lanes of a side, pavement included [m]."""
+        """Width of everything beyond the driving lanes of a side, sidewalk included [m]."""
         walk = self.sidewalk_m if side == "R" or self.left_sidewalk_m is None else self.left_sidewalk_m
         if self.oneway and side == "L":
             return self.inner_shoulder_m + self.gutter_m + walk

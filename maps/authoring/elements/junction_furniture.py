@@ -137,7 +137,7 @@ def light_junction(
 def _light(
     leg: Leg, numbers: Numbers, borders: Sequence[Border], marks: LegMarks, *, left: bool
 ) -> SignalPart:
-    """A light's pole stands on the right pavement, that of a pocket on the left one."""
+    """A light's pole stands on the right sidewalk, that of a pocket on the left one."""
     right = _kerb(leg.incoming, leg.incoming_outer) + 0.8
     if left:
         right = -_kerb(leg.outgoing, leg.outgoing_outer) - 0.8

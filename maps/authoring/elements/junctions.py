@@ -1,4 +1,4 @@
-"""Junctions of any number of legs: movements, connecting roads and the pavements of their corners."""
+"""Junctions of any number of legs: movements, connecting roads and the sidewalks of their corners."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def build_junction(
     numbers: Numbers,
     plane: Plane,
     *,
-    pavement: bool = True,
+    sidewalk: bool = True,
     no_left: Sequence[str] = (),
 ) -> tuple[list[RoadPart], list[Movement]]:
     """Fill a junction: one connecting road per movement.
@@ -97,7 +97,7 @@ def build_junction(
         source, target = legs[movement.source], legs[movement.target]
         angles = {j: turn_angle(source, other) for j, other in enumerate(legs) if j != movement.source}
         outermost = min(angles, key=lambda j: angles[j]) == movement.target
-        road = connect(part, source, target, movement.lanes, numbers, plane, outer=outermost and pavement)
+        road = connect(part, source, target, movement.lanes, numbers, plane, outer=outermost and sidewalk)
         road.name = f"{part.name} {movement.turn} from {source.road.name}"
         roads.append(road)
     return roads, found

@@ -79,11 +79,11 @@ def backwards(path: Path) -> Path:
     return Path(path.end.turned(), tuple(pieces))
 
 
-def u_turn(start: Pose, aside_m: float, share: float = 0.1) -> Path:
-    """Left-hand half circle with clothoids, which ends `aside_m` metres to the left of its start."""
-    spiral, arc = 2 * share * math.pi, (1 - 2 * share) * math.pi
+def u_turn(start: Pose, lateral_m: float, fraction: float = 0.1) -> Path:
+    """Left-hand half circle with clothoids, which ends `lateral_m` metres to the left of its start."""
+    spiral, arc = 2 * fraction * math.pi, (1 - 2 * fraction) * math.pi
     unit = (Piece(spiral, 0.0, 1.0), Piece(arc, 1.0, 1.0), Piece(spiral, 1.0, 0.0))
-    radius = aside_m / Path(Pose(0.0, 0.0, 0.0), unit).end.y
+    radius = lateral_m / Path(Pose(0.0, 0.0, 0.0), unit).end.y
     pieces = (Piece(p.length * radius, p.k0 / radius, p.k1 / radius) for p in unit)
     return Path(start, tuple(pieces))
 

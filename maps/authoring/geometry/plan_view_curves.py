@@ -12,7 +12,7 @@ import numpy as np
 from maps.authoring.geometry.newton import PlanError, solve
 
 _NODES, _WEIGHTS = (tuple(float(v) for v in a) for a in np.polynomial.legendre.leggauss(16))
-_SPIRAL_SHARE = 0.18  # part of a corner's heading change that each of its two clothoids takes
+_SPIRAL_FRACTION = 0.18  # part of a corner's heading change that each of its two clothoids takes
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,10 +139,10 @@ def wrap(angle: float) -> float:
     return math.pi - (math.pi - angle) % (2 * math.pi)
 
 
-def _corner(delta: float, tangent_m: float, share: float) -> list[Piece]:
+def _corner(delta: float, tangent_m: float, fraction: float) -> list[Piece]:
     """Clothoid, arc, clothoid that turn by `delta` within `tangent_m` of the corner on both sides."""
     sign = math.copysign(1.0, delta)
-    spiral, arc = 2 * share * abs(delta), (1 - 2 * share) * abs(delta)
+    spiral, arc = 2 * fraction * abs(delta), (1 - 2 * fraction) * abs(delta)
     unit = [Piece(spiral, 0.0, sign), Piece(arc, sign, sign), Piece(spiral, sign, 0.0)]
     tip = Path(Pose(0.0, 0.0, 0.0), tuple(unit)).end
     radius = tangent_m * math.sin(delta) / tip.y
@@ -164,7 +164,7 @@ def curve_between(start: Pose, end: Pose) -> Path:
     tangent = min(first, second)
     if tangent < 1.0:
         return Path(start, (_hermite(u, v, delta),))
-    pieces = [Piece(first - tangent), *_corner(delta, tangent, _SPIRAL_SHARE), Piece(second - tangent)]
+    pieces = [Piece(first - tangent), *_corner(delta, tangent, _SPIRAL_FRACTION), Piece(second - tangent)]
     return Path(start, _tidy(pieces))
 
 
@@ -204,8 +204,8 @@ def fillet(points: Sequence[tuple[float, float]], corners: Sequence[tuple[float,
     bends: list[list[Piece]] = []
     for i, (radius, spiral) in enumerate(corners):
         delta = wrap(headings[i + 1] - headings[i])
-        share = spiral / (2 * radius * abs(delta))
-        unit = _corner(delta, 1.0, share)
+        fraction = spiral / (2 * radius * abs(delta))
+        unit = _corner(delta, 1.0, fraction)
         scale = radius * abs(unit[1].k0)
         bends.append([Piece(p.length * scale, p.k0 / scale, p.k1 / scale) for p in unit])
         reach.append(scale)

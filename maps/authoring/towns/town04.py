@@ -38,7 +38,9 @@ LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=1.8)
 
 CIRCUIT_M = 2108.0
 SLANT_RAD = math.radians(34.6)  # of both lines that cross in the middle
-ASIDE_M = 1.8  # from the middle of the motorway to a carriageway's left lane: half the median, inner shoulder
+LANE_OFFSET_M = (
+    1.8  # from the middle of the motorway to a carriageway's left lane: half the median, inner shoulder
+)
 CLOTHOID_M = 70.0
 TOP_M, BOTTOM_M, LOBE_M = 3.3, -3.3, -2.5  # heights at the crossing and round the lobes
 DECK_M = 3.6  # height of the local roads that pass over the lobes' far ends
@@ -74,8 +76,8 @@ def _half(radius: float, sign: float) -> tuple[float, list[Piece]]:
 
 def _circuit(radius: float) -> list[Piece]:
     """Pieces of carriageway A: the outer way round the east lobe, the inner way round the west lobe."""
-    first, east = _half(radius + ASIDE_M, 1.0)
-    second, west = _half(radius - ASIDE_M, -1.0)
+    first, east = _half(radius + LANE_OFFSET_M, 1.0)
+    second, west = _half(radius - LANE_OFFSET_M, -1.0)
     return [Piece(first), *east, Piece(first + second), *west, Piece(second)]
 
 
@@ -86,7 +88,7 @@ def carriageway(turned: bool) -> Path:
         return [math.fsum(p.length for p in _circuit(unknown[0])) - CIRCUIT_M]
 
     radius = round(solve(miss, [145.0])[0], 9)
-    x, heading = -ASIDE_M / math.sin(SLANT_RAD), -SLANT_RAD
+    x, heading = -LANE_OFFSET_M / math.sin(SLANT_RAD), -SLANT_RAD
     start = Pose(-x, 0.0, heading + math.pi) if turned else Pose(x, 0.0, heading)
     return Path(start, tuple(_circuit(radius))).settled()
 

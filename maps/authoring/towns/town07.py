@@ -32,7 +32,7 @@ HILLS = ((8.5, -82.0, 138.0, 96.0), (2.6, 112.0, -160.0, 60.0), (-1.85, 86.0, 40
 """Height [m], x, y, width [m] of the Gaussian hills, of which the last is the lake's hollow."""
 STEEPEST_JUNCTION = 0.042
 
-PLACES = {
+POSITIONS = {
     "T1": (-60.0, 184.0), "T2": (14.0, 180.0), "T3": (86.0, 176.0),
     "B1": (-66.0, -184.0), "B2": (6.0, -178.0), "B3": (72.0, -184.0),
     "W1": (-136.0, -122.0), "W2": (-144.0, -32.0), "W3": (-138.0, 58.0), "K1": (-141.0, -78.0),
@@ -68,7 +68,7 @@ def plan() -> TownPlan:
 
 
 def _nodes(town: TownPlan) -> None:
-    for name, (x, y) in PLACES.items():
+    for name, (x, y) in POSITIONS.items():
         z, grade = land(x, y)
         options: dict[str, object] = {"control": "stop" if name in STOP else "yield", "corner_m": 7.0}
         if name == "Q2":

@@ -68,7 +68,7 @@ def test_there_is_a_roof_over_the_whole_street_with_room_below(mesh: Mesh) -> No
 
 
 def test_walls_stand_beside_what_is_paved(mesh: Mesh) -> None:
-    """Level rays across the street meet both wings just outside the pavement."""
+    """Level rays across the street meet both wings just outside the sidewalk."""
     middle = np.array([(*world(a, 0.0), 4.5) for a in np.linspace(-9.0, 9.0, 40)])
     for sign in (-1.0, 1.0):
         across = sign * np.array([-np.sin(np.pi / 6), np.cos(np.pi / 6), 0.0])
@@ -84,7 +84,7 @@ def test_it_is_one_thing_as_large_as_asked(mesh: Mesh) -> None:
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     away = mesh.vertices_m[:, :2].astype(np.float64) - FEATURE.position
     walls = away[mesh.vertices_m[:, 2] < 8.0] @ np.array([[c, -s], [s, c]])
-    # Awnings reach 1.2 m over the pavements before both fronts.
+    # Awnings reach 1.2 m over the sidewalks before both fronts.
     np.testing.assert_allclose(np.ptp(walls, axis=0), [20.0 + 2 * 1.15, 44.0], atol=0.2)
     # Five storeys: the passage, four of 3.6 m; a parapet and what stands on the roof.
     assert 6.2 + 4 * 3.6 < mesh.vertices_m[:, 2].max() - 3.0 < 6.2 + 4 * 3.6 + 5.0

@@ -1,4 +1,4 @@
-"""Everything that streets are known by stands somewhere along the pavements of our towns."""
+"""Everything that streets are known by stands somewhere along the sidewalks of our towns."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import strip_polygon
 from carlaloc_env.town.roads.road_wear import add_road_details
-from carlaloc_env.town.roads.sidewalk_wear import SLAB_M, add_pavement_details
+from carlaloc_env.town.roads.sidewalk_wear import SLAB_M, add_sidewalk_wear
 from carlaloc_env.town.street.street_furniture import Furnisher
 
 MAPS = pathlib.Path(__file__).parents[3] / "maps"
@@ -41,12 +41,12 @@ def furnished(name: str) -> tuple[Furnisher, list[Strip], LaneNetwork]:
     furnisher = Furnisher(zones, np.zeros((0, 2)), None, [], shapely.Polygon(), 1)
     for strip in strips:
         if strip.junction_id is None:
-            furnisher.pavement(strip)
+            furnisher.sidewalk(strip)
     return furnisher, strips, network
 
 
 @pytest.mark.parametrize("name", WANTED)
-def test_pavements_carry_what_they_should(name: str) -> None:
+def test_sidewalks_carry_what_they_should(name: str) -> None:
     furnisher, _, _ = furnished(name)
     names = {key[0] for key in furnisher.placed.feet}
     assert names >= WANTED[name]
@@ -66,11 +66,11 @@ def test_roads_have_their_history() -> None:
     assert len(np.unique(details.material)) >= 3
 
 
-def test_pavements_have_lids_and_mended_places() -> None:
+def test_sidewalks_have_lids_and_mended_places() -> None:
     """One for every 20 m² or so: flat on the slabs, on no roadway, none over another."""
     _, strips, network = furnished("Town01")
     out = MeshBuilder()
-    add_pavement_details(out, strips, network.xodr.roads, 1)
+    add_sidewalk_wear(out, strips, network.xodr.roads, 1)
     mesh = out.build()
     walks, roadway = [], []
     for strip in strips:

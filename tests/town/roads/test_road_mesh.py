@@ -109,7 +109,7 @@ def test_markings_lie_on_the_road(mesh: Mesh) -> None:
     assert np.quantile(height, 0.999) < 0.008
 
 
-def test_pavements_stand_one_kerb_above_the_road(town: Town, mesh: Mesh) -> None:
+def test_sidewalks_stand_one_kerb_above_the_road(town: Town, mesh: Mesh) -> None:
     """The map says 0.15 m; before crosswalks kerbs are dropped."""
     points = _lane_points(town, ("sidewalk",), 5000, junctions=False)
     walks = shapely.union_all([shapely.Polygon(walk.polygon_m[:, :2]) for walk in town.network.crosswalks])

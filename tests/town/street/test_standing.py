@@ -1,4 +1,4 @@
-"""What stands in towns of every zone: nothing on lanes or pavements, neighbours that differ, right tags."""
+"""What stands in towns of every zone: nothing on lanes or sidewalks, neighbours that differ, right tags."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def test_nothing_stands_on_the_lanes_of_any_town(name: str) -> None:
     assert {tag: hit[:3].tolist() for tag, hit in standing_on_lanes(load_town(name)).items()} == {}
 
 
-def test_houses_and_fences_keep_off_pavements(small: Town) -> None:
+def test_houses_and_fences_keep_off_sidewalks(small: Town) -> None:
     roads = small.network.xodr.roads
     walked = shapely.buffer(town_areas(road_strips(roads, small.network.surface), roads).raised, -0.4)
     shapely.prepare(walked)
@@ -142,10 +142,10 @@ def test_no_two_neighbours_look_alike(name: str) -> None:
     assert len(pairs) > 60
     same = 0
     for a, b in pairs:
-        one, other = lots[a].plan.look, lots[b].plan.look
+        one, other = lots[a].plan.appearance, lots[b].plan.appearance
         same += (one.style.name, one.material, one.tint) == (other.style.name, other.material, other.tint)
     assert same == 0
-    assert len({lot.plan.look.style.name for lot in lots}) >= 12
+    assert len({lot.plan.appearance.style.name for lot in lots}) >= 12
 
 
 @pytest.mark.soak

@@ -20,13 +20,13 @@ from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid, JunctionField
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
-from carlaloc_env.town.ground.terrain import LAP_M, Ground, add_terrain, zone_areas
+from carlaloc_env.town.ground.terrain import LAP_M, Terrain, add_terrain, zone_areas
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import strip_polygon
 from carlaloc_env.town.roads.gore_hatching import gore_bars
-from carlaloc_env.town.scenery import Scenery, build_scenery
+from carlaloc_env.town.scenery import TownScenery, build_scenery
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.structures.overhead_lines import catenary_m
 
@@ -88,7 +88,7 @@ class Built:
     """A map and its scenery."""
 
     network: LaneNetwork
-    scenery: Scenery | None
+    scenery: TownScenery | None
     mesh: Mesh
 
     def scene(self, *tags: Tag) -> o3d.t.geometry.RaycastingScene:
@@ -231,7 +231,7 @@ def test_raised_roads_have_parapets_on_both_sides(overpass: Built) -> None:
         assert gap.max() < 2 * 9.5
 
 
-def test_no_structure_stands_on_a_lane_or_pavement(overpass: Built, motorway: Built, river: Built) -> None:
+def test_no_structure_stands_on_a_lane_or_sidewalk(overpass: Built, motorway: Built, river: Built) -> None:
     for built in (overpass, motorway, river):
         # Points all over the triangles: a column has corners at its foot and its head alone.
         corners = built.corners(Tag.BRIDGE, Tag.WALL, Tag.GUARD_RAIL, Tag.POLE).reshape(-1, 1, 3, 3)
@@ -311,7 +311,7 @@ def test_the_banks_close_between_land_and_water(river: Built) -> None:
     assert np.isfinite(_cast(river.scene(), points, (0.0, 0.0, -1.0))).all()
 
 
-def test_parked_cars_stand_off_driving_lanes_and_pavements(river: Built) -> None:
+def test_parked_cars_stand_off_driving_lanes_and_sidewalks(river: Built) -> None:
     cars = river.corners(Tag.CAR, Tag.TRUCK)
     assert len(cars) > 1000
     busy = shapely.buffer(river.lane_area("driving", "sidewalk"), -0.02)
@@ -359,7 +359,7 @@ def test_surfaces_of_junctions_lie_on_their_lanes(name: str) -> None:
 
 
 def test_no_grass_grows_along_kerbs() -> None:
-    """Kerb lines of Town01 lie deep inside what is paved: no hairline parts roadway and pavement."""
+    """Kerb lines of Town01 lie deep inside what is paved: no hairline parts roadway and sidewalk."""
     network = build_network(known_towns()["Town01"])
     strips = road_strips(network.xodr.roads, network.surface)
     zones = zone_areas(
@@ -391,7 +391,7 @@ def test_no_ground_shows_in_hairlines_of_what_is_paved() -> None:
     line = EdgeField([np.array([[0.0, 0.0, 0.0], [90.0, 0.0, 0.0]])])
     grid = GroundGrid(line.points_m, np.full(2, -100.0), np.full(2, 200.0))
     bounds, out = shapely.box(-50.0, -50.0, 140.0, 70.0), MeshBuilder()
-    add_terrain(out, bounds, paved, [("rural", bounds)], Ground(edge=line, grid=grid))
+    add_terrain(out, bounds, paved, [("rural", bounds)], Terrain(edge=line, grid=grid))
     corners = out.build().vertices_m
     inside = shapely.contains_xy(shapely.box(1.0, 1.0, 89.0, 19.0), corners[:, 0], corners[:, 1])
     assert len(corners) > 100

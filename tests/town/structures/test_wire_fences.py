@@ -14,7 +14,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid
 from carlaloc_env.town.ground.road_edges import RoadEdge
-from carlaloc_env.town.ground.terrain import Ground
+from carlaloc_env.town.ground.terrain import Terrain
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.structures.wire_fences import AWAY_M, CLEAR_M, POST_M, add_wire_fences
 
@@ -36,20 +36,20 @@ COUNTRY = [("highway", shapely.box(-50.0, -100.0, 300.0, 100.0))]
 
 
 @pytest.fixture(scope="module")
-def ground() -> Ground:
+def ground() -> Terrain:
     field = EdgeField([LINE])
-    return Ground(edge=field, grid=GroundGrid(field.points_m, np.array([-50.0, -50]), np.array([250.0, 50])))
+    return Terrain(edge=field, grid=GroundGrid(field.points_m, np.array([-50.0, -50]), np.array([250.0, 50])))
 
 
 def built(
-    edge: RoadEdge, blocked: shapely.Geometry, ground: Ground, zones: list[tuple[str, shapely.Geometry]]
+    edge: RoadEdge, blocked: shapely.Geometry, ground: Terrain, zones: list[tuple[str, shapely.Geometry]]
 ) -> tuple[Mesh, Mesh, shapely.Geometry]:
     out, solid = MeshBuilder(), MeshBuilder()
     taken = add_wire_fences(out, solid, [edge], zones, blocked, ground)
     return out.build(), solid.build(), taken
 
 
-def test_a_fence_runs_beside_the_whole_road_on_the_ground(ground: Ground) -> None:
+def test_a_fence_runs_beside_the_whole_road_on_the_ground(ground: Terrain) -> None:
     seen, solid, taken = built(EDGE, ROAD, ground, COUNTRY)
     assert set(seen.tag.tolist()) == {Tag.FENCE}
     along, across, height = seen.vertices_m.T
@@ -62,7 +62,7 @@ def test_a_fence_runs_beside_the_whole_road_on_the_ground(ground: Ground) -> Non
     assert taken.area == pytest.approx(1.6 * LENGTH, rel=0.02)
 
 
-def test_it_leaves_room_for_what_stands_there(ground: Ground) -> None:
+def test_it_leaves_room_for_what_stands_there(ground: Terrain) -> None:
     barn = shapely.box(90.0, -20.0, 110.0, -8.0)
     seen, _, _ = built(EDGE, shapely.union(ROAD, barn), ground, COUNTRY)
     points: NDArray[np.float64] = seen.vertices_m[:, :2].astype(np.float64)
@@ -71,7 +71,7 @@ def test_it_leaves_room_for_what_stands_there(ground: Ground) -> None:
 
 
 @pytest.mark.parametrize("why", ["slow", "pavement", "bridge", "town"])
-def test_streets_and_bridges_have_none(why: str, ground: Ground) -> None:
+def test_streets_and_bridges_have_none(why: str, ground: Terrain) -> None:
     edge = {
         "slow": replace(EDGE, limit_mps=50.0 / 3.6),
         "pavement": replace(EDGE, walkway=True),
