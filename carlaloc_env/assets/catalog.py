@@ -8,6 +8,7 @@ from carlaloc_env.scene.mesh import Colour
 from carlaloc_env.scene.semantic_tags import Tag
 
 Tints = tuple[tuple[Colour, float], ...]
+"""Linear tints with their fractions of a fleet."""
 
 FLEET_TINTS: Tints = (
     ((232, 232, 226), 0.30),
@@ -28,8 +29,11 @@ CARGO_TINTS: Tints = (
     ((8, 24, 88), 0.1),
     ((190, 130, 6), 0.05),
 )
+"""Tints of trucks and vans."""
 BUS_TINTS: Tints = (((150, 8, 10), 0.4), ((10, 50, 120), 0.3), ((225, 225, 220), 0.3))
+"""Tints of buses."""
 CYCLE_TINTS: Tints = (((9, 9, 10), 0.4), ((104, 6, 8), 0.2), ((8, 24, 88), 0.2), ((190, 190, 190), 0.2))
+"""Tints of bicycles and motorcycles."""
 CLOTH_TINTS: Tints = (
     ((14, 16, 26), 0.22),
     ((40, 42, 46), 0.16),

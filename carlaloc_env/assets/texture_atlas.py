@@ -15,6 +15,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene.materials import MATERIALS, Material
 
 Rect = tuple[float, float, float, float]
+"""Left, lower, right and upper border."""
 
 GRID: dict[Material, tuple[int, int]] = {
     Material.WINDOW: (4, 4),

@@ -162,6 +162,7 @@ MATERIALS: dict[Material, MaterialInfo] = {
     Material.SHOP_FRONT_B: _info(3.0, 0.10, 0.0, 0.10),
     Material.ASPHALT_MOTORWAY: _info(2.5, 0.90, 1.0, 0.17),
 }
+"""What light and LiDAR meet, for each material."""
 
 
 def table(field: str) -> NDArray[np.float32]:

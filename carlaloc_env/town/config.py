@@ -20,6 +20,7 @@ else:
     import tomli as tomllib
 
 T = TypeVar("T")
+"""A dataclass of a section."""
 
 ZONE_KINDS = (
     "downtown",

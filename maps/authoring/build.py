@@ -10,6 +10,7 @@ import sys
 from maps.authoring.builder import Builder
 
 MAPS = pathlib.Path(__file__).resolve().parents[1]
+"""Folder of the towns."""
 
 
 def town_text(name: str) -> str:

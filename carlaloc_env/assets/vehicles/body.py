@@ -15,6 +15,7 @@ from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 Points = tuple[tuple[float, float], ...]
+"""Points (x, z) of an outline."""
 
 DARK = (9, 9, 10)
 """Linear tint of black trim."""

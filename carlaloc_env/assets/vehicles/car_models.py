@@ -21,6 +21,7 @@ SALOON = CarSpec(
     tail=((0.52, 0.79), (0.96, 0.77), (0.97, 0.93), (0.54, 0.90)), exhausts=2, spokes=10,
     doors=(1.50, 2.56, 3.46), plate_z=(0.42, 0.80),
 )  # fmt: skip
+"""A saloon of the middle class."""
 
 HATCHBACK = CarSpec(
     shape=BodyShape(
@@ -37,6 +38,7 @@ HATCHBACK = CarSpec(
     tail=((0.62, 0.76), (0.96, 0.74), (0.97, 0.96), (0.66, 0.93)),
     plate_z=(0.44, 0.62), doors=(1.34, 2.38, 3.24),
 )  # fmt: skip
+"""A compact hatchback."""
 
 CITY_CAR = CarSpec(
     shape=BodyShape(
@@ -54,6 +56,7 @@ CITY_CAR = CarSpec(
     tail=((0.72, 0.74), (0.94, 0.70), (0.97, 0.98), (0.76, 1.00)),
     plate_z=(0.46, 0.62), doors=(1.0, 2.12),
 )  # fmt: skip
+"""A small city car."""
 
 ESTATE = CarSpec(
     shape=BodyShape(
@@ -70,6 +73,7 @@ ESTATE = CarSpec(
     tail=((0.66, 0.74), (0.96, 0.72), (0.97, 1.02), (0.80, 1.02), (0.70, 0.92)), rails=True, spokes=7,
     plate_z=(0.42, 0.72), doors=(1.50, 2.56, 3.48),
 )  # fmt: skip
+"""An estate car."""
 
 COUPE = CarSpec(
     shape=BodyShape(
@@ -87,6 +91,7 @@ COUPE = CarSpec(
     tail=((0.40, 0.72), (0.95, 0.70), (0.97, 0.82), (0.42, 0.80)), tail_across=True, exhausts=2,
     plate_z=(0.26, 0.52), doors=(1.60, 2.96),
 )  # fmt: skip
+"""A low coupé."""
 
 SUV = CarSpec(
     shape=BodyShape(
@@ -104,6 +109,7 @@ SUV = CarSpec(
     tail=((0.60, 0.90), (0.96, 0.86), (0.97, 1.06), (0.62, 1.02)), rails=True,
     plate_z=(0.54, 0.82), doors=(1.30, 2.38, 3.32),
 )  # fmt: skip
+"""A compact SUV."""
 
 LARGE_SUV = CarSpec(
     shape=BodyShape(
@@ -122,6 +128,7 @@ LARGE_SUV = CarSpec(
     tail=((0.82, 0.84), (0.97, 0.84), (0.97, 1.22), (0.84, 1.22)), rails=True,
     plate_z=(0.58, 0.88), doors=(1.46, 2.57, 3.59),
 )  # fmt: skip
+"""A large SUV."""
 
 MINIBUS = CarSpec(
     shape=BodyShape(
@@ -139,6 +146,7 @@ MINIBUS = CarSpec(
     tail=((0.84, 0.80), (0.97, 0.80), (0.97, 1.38), (0.86, 1.38)), plate_z=(0.52, 0.78),
     doors=(1.0, 2.07, 3.31), slide=True, spokes=7,
 )  # fmt: skip
+"""A minibus."""
 
 PICKUP = CarSpec(
     tag=Tag.TRUCK,
@@ -158,6 +166,7 @@ PICKUP = CarSpec(
     tail=((0.87, 0.80), (0.97, 0.80), (0.97, 1.14), (0.87, 1.14)),
     plate_z=(0.62, 0.60), doors=(1.52, 2.60, 3.52),
 )  # fmt: skip
+"""A pickup with an open bed."""
 
 VAN = CarSpec(
     tag=Tag.TRUCK,
@@ -177,6 +186,7 @@ VAN = CarSpec(
     tail=((0.90, 0.82), (0.985, 0.82), (0.985, 1.34), (0.90, 1.34)), plate_z=(0.60, 0.72),
     doors=(0.92, 2.08, 3.38), rear_window=(1.45, 2.05), slide=True, barn_doors=True, spokes=0,
 )  # fmt: skip
+"""A panel van."""
 
 CARS: dict[str, CarSpec] = {
     "city_car": CITY_CAR,

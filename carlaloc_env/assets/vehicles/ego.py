@@ -32,6 +32,7 @@ EGO_SPEC = CarSpec(
     tail=((0.50, 0.78), (0.96, 0.76), (0.97, 0.92), (0.52, 0.88)), plate_z=(0.46, 0.66),
     doors=(1.40, 2.50, 3.42),
 )  # fmt: skip
+"""The ego's car, a saloon."""
 
 
 def ego_body() -> Mesh:

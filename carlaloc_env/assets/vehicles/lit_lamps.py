@@ -12,6 +12,7 @@ from carlaloc_env.scene.mesh import Mesh, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag
 
 LAMPS = ("brake", "left", "right", "reverse")
+"""Kinds of lamps that are lit and put out."""
 _LIFT_M = 0.004
 """How far a lit lamp stands before the unlit one [m]."""
 _FAR_LIFT_M = 0.05

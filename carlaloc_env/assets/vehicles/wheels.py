@@ -13,8 +13,11 @@ from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
 TYRE = (190, 190, 190)
+"""Linear tint of tyres."""
 RIM = (150, 152, 155)
+"""Linear tint of rims."""
 HUB_DARK = (10, 10, 11)
+"""Linear tint between the spokes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,7 +19,9 @@ _KNEE_DEG = np.array([4, 15, 16, 9, 4, 8, 38, 62, 52, 20], dtype=np.float64)
 _ANKLE_DEG = np.array([0, -4, 3, 7, 10, 6, -20, -8, 1, 1], dtype=np.float64)
 
 THIGH, SHANK, FOOT_HEIGHT, FOOT_LENGTH = 0.245, 0.246, 0.039, 0.152
+"""Lengths of the leg as fractions of stature."""
 HIP_WIDTH, TRUNK, SHOULDER_WIDTH, UPPER_ARM, FOREARM, HAND = 0.11, 0.288, 0.235, 0.186, 0.146, 0.09
+"""Widths and lengths of the upper body as fractions of stature."""
 
 
 def posture(phase: float, stature_m: float, stride_m: float, *, stoop_deg: float = 3.0) -> Joints:

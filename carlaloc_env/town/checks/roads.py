@@ -11,14 +11,23 @@ from carlaloc_env.town.lanes.lane_network import CLEARANCE_M, LaneNetwork
 from carlaloc_env.town.opendrive.records import OpenDrive, Road
 
 GAP_M = 1e-6
+"""Gaps in a reference line from which it is warned of [m]."""
 GAP_ERROR_M = 0.01
+"""Gaps and lengths that are errors [m]."""
 HEADING_RAD = 1e-6
+"""Kinks of a reference line from which it is warned of [rad]."""
 HEADING_ERROR_RAD = 0.01
+"""Kinks that are errors [rad]."""
 CURVATURE_JUMP_RADPM = 0.01
+"""Jumps of curvature from which it is warned of [1/m]."""
 LENGTH_M = 1e-6
+"""Differences between stated and true length from which it is warned of [m]."""
 POLYNOMIAL_LENGTH_M = 1e-3
+"""The same of polynomial pieces, whose length is integrated [m]."""
 MIN_RADIUS_M = 6.0
+"""Narrowest radius that vehicles drive [m]."""
 GRADE = 0.12
+"""Steepest grade of a road."""
 
 
 def road_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:

@@ -19,6 +19,7 @@ APART_M = 3.0
 JOINED_M, JOINED_HEIGHT_M = 0.3, 1.0
 """Ends of roads this near to another road, in plan and in height, are joined to it [m]."""
 PAVED = ("roadway", "walkway", "median")
+"""Kinds of lanes that a bridge or a cutting carries."""
 _STEP_M = 1.0
 
 

@@ -18,6 +18,7 @@ from carlaloc_env.town.ground.water import Water
 from carlaloc_env.town.meshing.polygons import Area, areas_only, strip_polygon
 
 States = NDArray[np.int8]
+"""A `State` of each station."""
 
 WALL_M = 0.3
 """Thickness of walls beside sunken and raised roads [m]."""

@@ -42,6 +42,7 @@ OVERLAP_M2 = 2.0
 PARTING_RAD = 0.6
 """Roads that turn by more than this have corners to be filled [rad]."""
 SAMPLE_M = 0.25
+"""Distance of samples along a road, before those on straights are left out [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -24,7 +24,9 @@ FOOTING_M = 0.8
 SHORE_M = 8.0
 """Things this far from a water are near it [m]."""
 GREY = (224, 222, 216)
+"""Linear tint of concrete decks and walls."""
 DIM = (205, 203, 197)
+"""The same of their undersides."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,6 +16,7 @@ LANE_CHANGE_COST_M = 60.0
 LANE_CHANGE_ROOM_M = 8.0
 """Least length of lane for one change."""
 EASY_ROOM_M = 35.0
+"""Length of lane for each change below which haste costs [m]."""
 HASTE_COST = 5.0
 """Each metre of lane short of an easy change counts as so many metres of detour."""
 

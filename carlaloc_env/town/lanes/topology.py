@@ -17,6 +17,7 @@ DRIVABLE_TYPES = frozenset(
 )
 """Lane types that cars drive on; links between these and other lanes are not followed."""
 End = Literal["start", "end"]
+"""One end of a road or lane, along s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

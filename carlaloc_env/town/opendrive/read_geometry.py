@@ -11,6 +11,7 @@ from carlaloc_env.town.opendrive.xml_document import Document, Element
 COEFFICIENT_LIMIT = 1.0e12
 """Polynomial coefficients beyond this are refused; real files reach 1e9 on pieces of 1e-7 m."""
 CURVATURE_LIMIT_RADPM = 1.0e4
+"""Curvatures beyond this can only come from broken files [1/m]."""
 SPIRAL_TURN_LIMIT_RAD = 30.0
 """A spiral that may turn further is refused: it would cost unbounded time to integrate."""
 

@@ -17,7 +17,9 @@ from carlaloc_env.town.opendrive.records import (
 from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 LANES_PER_SECTION_LIMIT = 256
+"""Sections with more lanes are refused."""
 MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
+"""Metres per second of each unit of speed that OpenDRIVE knows."""
 
 
 def read_sections(document: Document, road: Element, length_m: float) -> tuple[LaneSection, ...]:

@@ -23,6 +23,7 @@ from carlaloc_env.town.opendrive.records import (
 from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 ROAD_LIMIT = 100_000
+"""Maps with more roads are refused."""
 
 
 def read_opendrive(source: Path | bytes) -> OpenDrive:

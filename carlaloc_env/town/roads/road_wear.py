@@ -27,6 +27,7 @@ from carlaloc_env.town.roads.patches_and_covers import (
 from carlaloc_env.town.roads.road_markings import beside
 
 Spans = list[tuple[float, float]]
+"""From and to along the road [m]."""
 Rectangle = tuple[float, float, float, float]
 """From and to along the road [m], from and to across a lane or sidewalk from its right edge [m]."""
 

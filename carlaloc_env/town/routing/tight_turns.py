@@ -27,6 +27,7 @@ TIGHT_M = 6.2
 KINK_M = 5.5
 """So are kinks of a smaller radius as a mean over half of it [m]."""
 WINDOW_M = 4.0
+"""Length over which a bend is measured [m]."""
 STEEP_M = 4.6
 """Turns of a smaller radius are fitted even where there is no kerb [m]."""
 LEAST_ROOM_M = 0.12

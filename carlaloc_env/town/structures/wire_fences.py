@@ -32,6 +32,7 @@ WIRES_M = (0.30, 0.65, 1.00, 1.35)
 WIRE_HALF_M = 0.014
 """Half the height of a wire, a woven band as pastures have them [m]."""
 FENCED_ZONES = ("highway", "rural")
+"""Zones whose fast roads are fenced."""
 
 
 def add_wire_fences(

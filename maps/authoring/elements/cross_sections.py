@@ -9,13 +9,17 @@ from typing import Any
 from maps.authoring.geometry.newton import PlanError
 
 Cubic = tuple[float, float, float, float]
+"""a, b, c, d of a + b·ds + c·ds² + d·ds³."""
 Records = tuple[tuple[float, Cubic], ...]
 """(ds, a b c d) of a quantity along a section; each holds up to the next."""
 NONE: Records = ((0.0, (0.0, 0.0, 0.0, 0.0)),)
+"""A quantity that is 0 all along."""
 BARE: dict[str, Any] = {"gutter_m": 0.0, "sidewalk_m": 0.0}
 """Widths of a `CrossSection` that ends at its carriageway."""
 SIDEWALK_HEIGHT_M = 0.15
+"""Height of sidewalks and medians above the road [m]."""
 SOLID_BEFORE_JUNCTION_M = 25.0
+"""Length before junctions on which lane marks are solid [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 ROAD, JUNCTION, SIGNAL, CONTROLLER, OBJECT = "road", "junction", "signal", "controller", "object"
+"""Kinds of things that are numbered."""
 _FIRST = {ROAD: 1, JUNCTION: 100_001, SIGNAL: 200_001, CONTROLLER: 300_001, OBJECT: 400_001}
 
 

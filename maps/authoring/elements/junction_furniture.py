@@ -22,9 +22,13 @@ from maps.authoring.elements.map_parts import (
 LIGHT, STOP, YIELD, SPEED = "1000001", SIGN_CODES["stop"], SIGN_CODES["yield"], SIGN_CODES["speed"]
 """OpenDRIVE's type of traffic lights, and of the signs that are written."""
 CROSSWALK_INSET_M = 1.5
+"""Distance of crosswalks from the junction [m]."""
 CROSSWALK_M = 3.5
+"""Width of crosswalks [m]."""
 STOP_LINE_M = 0.4
+"""Width of stop lines [m]."""
 STOP_LINE_GAP_M = 1.2
+"""Distance of stop lines from crosswalks [m]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,15 +15,22 @@ from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.0 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+"""Projection of the map: transverse Mercator about its origin."""
 
 STREET = CrossSection(lanes=1, lane_m=4.0, sidewalk_m=4.0)
+"""Streets of the town and its ring."""
 EAST, NORTH = 198.0, 163.0
+"""Half the extent of the ring [m]."""
 BANK_Y = 66.0
 """Mill Street runs this far north of the river's middle, Market Street as far south [m]."""
-OLD_X, NEW_X = -40.0, 96.0  # the bridges inside the town
-MILL_X, HALL_X = -112.0, 30.0  # the links to the ring
-BEND = (14.0, 6.0)  # radius and clothoids of the ring's corners
+OLD_X, NEW_X = -40.0, 96.0
+"""The bridges inside the town [m]."""
+MILL_X, HALL_X = -112.0, 30.0
+"""The links to the ring [m]."""
+BEND = (14.0, 6.0)
+"""Radius and clothoids of the ring's corners [m]."""
 BRIDGE_M = 32.0
+"""Length of the bridges [m]."""
 
 
 def plan() -> TownPlan:

@@ -17,19 +17,31 @@ from maps.authoring.geometry.elevation import Climb, Dip
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.43 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+"""Projection of the map: transverse Mercator about its origin."""
 
 BOULEVARD = CrossSection(lanes=2, lane_m=3.5, median_m=3.0, sidewalk_m=3.0)
+"""Boulevards with a median."""
 RING = CrossSection(lanes=2, lane_m=3.5, sidewalk_m=2.5)
+"""The ring."""
 STREET = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=2.5)
+"""Streets."""
 LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=2.0)
+"""Residential lanes."""
 
 EDGE = 200.0
-X, Y = -84.0, 15.0  # the roundabout
+"""Half the extent of the ring [m]."""
+X, Y = -84.0, 15.0
+"""The roundabout [m]."""
 BRIDGE_X = 66.0
+"""Bridge Street [m]."""
 HILL_X = 128.0
+"""Hill Street [m]."""
 PARK_X, LOW_Y = -12.0, -152.0
+"""Streets of the residential quarter [m]."""
 STATION_Y, GARDEN_Y = 115.0, -100.0
-BEND = (40.0, 24.0)  # radius and clothoids of the ring's corners
+"""The station junction and Garden Street [m]."""
+BEND = (40.0, 24.0)
+"""Radius and clothoids of the ring's corners [m]."""
 
 
 def plan() -> TownPlan:

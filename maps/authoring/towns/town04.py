@@ -28,24 +28,36 @@ from maps.authoring.geometry.plan_view_curves import Path, Piece, Pose
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=48.99 +lon_0=8.52 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+"""Projection of the map: transverse Mercator about its origin."""
 
 MOTORWAY = CrossSection(lanes=4, back=0, inner_shoulder_m=0.8, shoulder_m=2.5, **BARE)
+"""One carriageway of the motorway."""
 RAMP = CrossSection(lanes=1, back=0, lane_m=4.0, inner_shoulder_m=0.5, shoulder_m=1.5, **BARE)
+"""Slip roads."""
 RURAL = CrossSection(lanes=2, lane_m=3.5, gutter_m=0.5, sidewalk_m=0.0)
+"""Rural roads."""
 LINK = CrossSection(lanes=1, lane_m=3.5, gutter_m=0.5, sidewalk_m=1.8)
+"""Roads between motorway and town."""
 STREET = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=2.5)
+"""Streets of the town."""
 LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=1.8)
+"""Lanes of the town."""
 
 CIRCUIT_M = 2108.0
-SLANT_RAD = math.radians(34.6)  # of both lines that cross in the middle
-LANE_OFFSET_M = (
-    1.8  # from the middle of the motorway to a carriageway's left lane: half the median, inner shoulder
-)
+"""Length of one circuit of carriageway A [m]."""
+SLANT_RAD = math.radians(34.6)
+"""Slant of both lines that cross in the middle [rad]."""
+LANE_OFFSET_M = 1.8
+"""From the middle of the motorway to a carriageway's left lane: half the median, inner shoulder [m]."""
 CLOTHOID_M = 70.0
-TOP_M, BOTTOM_M, LOBE_M = 3.3, -3.3, -2.5  # heights at the crossing and round the lobes
-DECK_M = 3.6  # height of the local roads that pass over the lobes' far ends
+"""Length of the motorway's clothoids [m]."""
+TOP_M, BOTTOM_M, LOBE_M = 3.3, -3.3, -2.5
+"""Heights at the crossing and round the lobes [m]."""
+DECK_M = 3.6
+"""Height of the local roads that pass over the lobes' far ends [m]."""
 
 INNER_X, OUTER_X, CROSS_X, EDGE_Y = 348.0, 452.0, 545.0, 205.0
+"""Both ends of the lobes' bridges, the links beyond them, and the rural roads [m]."""
 
 
 def plan() -> TownPlan:

@@ -24,25 +24,39 @@ from maps.authoring.geometry.plan_view_curves import Path, Piece, fillet
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=41.88 +lon_0=-87.63 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+"""Projection of the map: transverse Mercator about its origin."""
 
 RING = CrossSection(
     lanes=3, lane_m=3.5, median_m=2.0, inner_shoulder_m=0.5, shoulder_m=1.5, gutter_m=0.0, sidewalk_m=0.0
 )
+"""The raised ring road."""
 RAMP = CrossSection(
     lanes=1, back=0, lane_m=4.0, inner_shoulder_m=0.5, shoulder_m=1.0, gutter_m=0.0, sidewalk_m=0.0
 )
+"""Ramps of the ring."""
 STREET = CrossSection(lanes=2, lane_m=3.5, sidewalk_m=3.0)
+"""Streets of the grid."""
 QUAY = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=2.5)
+"""The quays outside the ring."""
 OUTWARD = CrossSection(lanes=2, back=1, lane_m=3.5, sidewalk_m=3.0)
+"""Streets that widen outwards."""
 INWARD = CrossSection(lanes=1, back=2, lane_m=3.5, sidewalk_m=3.0)
+"""Streets that widen inwards."""
 
-EDGE, HEIGHT = 260.0, 6.5  # of the ring
-FAR, NEAR = 187.5, 62.5  # the grid's outer and inner streets
-OUTSIDE = 298.0  # the quays
-INNER_AT, OUTER_AT = 70.0, -108.0  # middles of the ring's gores along its eastern side
-PARALLEL_M = 14.0  # from where an inner ramp is straight to where it bends to run beside the ring
-BRIDGE_M = 66.0  # of every ramp
+EDGE, HEIGHT = 260.0, 6.5
+"""Half the extent of the ring, and its height [m]."""
+FAR, NEAR = 187.5, 62.5
+"""The grid's outer and inner streets [m]."""
+OUTSIDE = 298.0
+"""The quays [m]."""
+INNER_AT, OUTER_AT = 70.0, -108.0
+"""Middles of the ring's gores along its eastern side [m]."""
+PARALLEL_M = 14.0
+"""From where an inner ramp is straight to where it bends to run beside the ring [m]."""
+BRIDGE_M = 66.0
+"""Length of the bridge of every ramp [m]."""
 GORE = {"length_m": 46.0, "aux_m": 120.0, "taper_m": 40.0, "lead_m": 25.0}
+"""Measures of every gore."""
 
 
 def plan() -> TownPlan:

@@ -22,20 +22,33 @@ from maps.authoring.geometry.elevation import Profile
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=49.05 +lon_0=8.3 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+"""Projection of the map: transverse Mercator about its origin."""
 
 PARKWAY = CrossSection(lanes=3, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
+"""The parkway."""
 PARKWAY_END = CrossSection(lanes=2, lane_m=3.6, median_m=18.0, shoulder_m=2.0, pocket_m=3.3, **BARE)
+"""Its ends, a lane narrower."""
 HIGHWAY = CrossSection(lanes=3, back=2, lane_m=3.6, median_m=6.0, shoulder_m=2.5, pocket_m=3.3, **BARE)
+"""The highway."""
 HIGHWAY_END = CrossSection(lanes=2, lane_m=3.6, median_m=6.0, shoulder_m=2.5, pocket_m=3.3, **BARE)
+"""Its ends, a lane narrower."""
 AVENUE = CrossSection(lanes=2, lane_m=3.6, median_m=4.0, gutter_m=0.4, sidewalk_m=2.0, pocket_m=3.3)
+"""Avenues."""
 CROSS_ROAD = CrossSection(lanes=2, lane_m=3.5, gutter_m=0.3, sidewalk_m=1.8)
+"""Roads across."""
 CROSS_ROAD_END = CrossSection(lanes=2, back=1, lane_m=3.5, gutter_m=0.3, sidewalk_m=1.8)
+"""Their ends, a lane narrower."""
 LANE = CrossSection(lanes=1, lane_m=3.3, gutter_m=0.3, sidewalk_m=1.6)
+"""Lanes."""
 RAMP = CrossSection(lanes=1, back=0, lane_m=4.2, inner_shoulder_m=0.6, shoulder_m=1.2, **BARE)
+"""Slip roads."""
 
 WEST, EAST = -520.0, 520.0
+"""Extent of the town along x [m]."""
 SOUTH, MILL, HIGH, NORTH = -265.0, -125.0, 65.0, 255.0
+"""Its long roads along y [m]."""
 K1, OFF, ON, K3, CLOSE = -300.0, 100.0, 190.0, 335.0, 40.0
+"""Cross roads, the highway's exit and entry, and a close, along x [m]."""
 
 
 def plan() -> TownPlan:

@@ -20,17 +20,25 @@ from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=49.0 +lon_0=8.1 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+"""Projection of the map: transverse Mercator about its origin."""
 
 ROAD = CrossSection(lanes=1, lane_m=3.5, gutter_m=0.5, sidewalk_m=0.0, marks="edge", gutter_surface="gravel")
+"""The roads round the fields."""
 LANE = CrossSection(lanes=1, lane_m=3.1, gutter_m=0.6, sidewalk_m=0.0, marks="none", gutter_surface="gravel")
+"""Lanes without marks."""
 HAMLET = CrossSection(lanes=1, lane_m=3.2, gutter_m=0.5, sidewalk_m=2.0, marks="none")
+"""The street of the hamlet."""
 LAKESIDE = CrossSection(lanes=1, lane_m=3.2, gutter_m=0.5, sidewalk_m=1.6, marks="edge")
+"""The road along the lake."""
 TRACK = CrossSection(lanes=1, lane_m=3.1, gutter_m=0.5, sidewalk_m=0.0, marks="none", surface="gravel")
+"""Gravel tracks."""
 
 LAND_M = 0.4
+"""Height of the plain [m]."""
 HILLS = ((8.5, -82.0, 138.0, 96.0), (2.6, 112.0, -160.0, 60.0), (-1.85, 86.0, 40.0, 58.0))
 """Height [m], x, y, width [m] of the Gaussian hills, of which the last is the lake's hollow."""
 STEEPEST_JUNCTION = 0.042
+"""Steepest plane in which a junction lies."""
 
 POSITIONS = {
     "T1": (-60.0, 184.0), "T2": (14.0, 180.0), "T3": (86.0, 176.0),
@@ -42,7 +50,9 @@ POSITIONS = {
     "Q1": (10.0, -132.0), "Q2": (6.0, -80.0), "Q3": (12.0, -24.0), "Q4": (8.0, 20.0), "Q5": (14.0, 108.0),
     "R1": (76.0, -128.0), "R2": (72.0, -78.0), "R3": (80.0, -26.0), "R4": (84.0, 108.0),
 }  # fmt: skip
+"""Nodes [m]."""
 STOP = ("T1", "T2", "T3", "B1", "B2", "B3", "E1", "E2", "E3", "W1", "W3")
+"""Nodes with stop signs."""
 
 
 def land(x: float, y: float) -> tuple[float, tuple[float, float]]:

@@ -19,19 +19,31 @@ from maps.authoring.elements.cross_sections import CrossSection
 from maps.authoring.plan import TownPlan
 
 PROJECTION = "+proj=tmerc +lat_0=34.0 +lon_0=-118.2 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m +no_defs"
+"""Projection of the map: transverse Mercator about its origin."""
 
 BOULEVARD = CrossSection(lanes=2, lane_m=3.5, median_m=3.0, sidewalk_m=5.0)
+"""Boulevards with a median."""
 HARBOUR = CrossSection(lanes=2, lane_m=3.5, median_m=3.0, sidewalk_m=9.0, left_sidewalk_m=5.0)
+"""The harbour road with its promenade."""
 STREET = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=3.0)
+"""Streets."""
 LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=2.0)
+"""Lanes."""
 
-LIMIT_KMH = 30  # with junctions every 105 m, traffic that may go no faster flows at a better share of it
-PITCH = 105.8  # of the three rows and columns, chosen for a drive of 1115 m
-BEND = (22.0, 12.0)  # radius and clothoids of the town's corners
+LIMIT_KMH = 30
+"""Speed limit [km/h]: with junctions every 105 m, slower traffic flows better."""
+PITCH = 105.8
+"""Distance of the three rows and columns [m], chosen for a drive of 1115 m."""
+BEND = (22.0, 12.0)
+"""Radius and clothoids of the town's corners [m]."""
 SOUTH_Z, MIDDLE_Z, NORTH_Z = 0.0, 0.4, 0.9
-SLIP_M = 42.0  # lane for those who turn right at E, its taper included
+"""Heights of the three rows [m]."""
+SLIP_M = 42.0
+"""Length of the lane for those who turn right at E, its taper included [m]."""
 ALLEY_X, ALLEY_Y = -50.0, 62.0
+"""The bend of Tin Lane [m]."""
 THEATRE_X, THEATRE_Y, STAGGER = 58.0, 164.0, 9.0
+"""The bends round the theatre, and how far they are staggered [m]."""
 
 
 def plan() -> TownPlan:
