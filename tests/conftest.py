@@ -9,6 +9,9 @@ pytest_plugins = [
     "shared_fixtures.sticks",
     "shared_fixtures.drives",
     "shared_fixtures.lifecycles",
+    "shared_fixtures.meshes",
+    "shared_fixtures.small_towns",
+    "shared_fixtures.towns",
 ]
 
 LONG = ("tests/whole/", "tests/env/", "tests/window/", "tests/drive/")

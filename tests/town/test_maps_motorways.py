@@ -7,11 +7,11 @@ import pathlib
 import numpy as np
 import pytest
 import shapely
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import lane_area, town_areas
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import Lane, LaneNetwork
 from carlaloc_env.town.meshing.polygons import union
 from carlaloc_env.town.routing.route import plan_route
@@ -20,7 +20,7 @@ MAPS = pathlib.Path(__file__).parents[2] / "maps"
 
 
 def network_of(name: str) -> LaneNetwork:
-    return build_network(MAPS / name / "town.xodr")
+    return town_network(name)
 
 
 @pytest.fixture(scope="module")

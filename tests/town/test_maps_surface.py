@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 MAPS = sorted((pathlib.Path(__file__).parents[2] / "maps").glob("*/town.xodr"))
@@ -21,7 +21,7 @@ STEEPEST = 0.08
 
 @pytest.fixture(scope="module", params=MAPS, ids=[path.parent.name for path in MAPS])
 def network(request: pytest.FixtureRequest) -> LaneNetwork:
-    return build_network(request.param)
+    return town_network(request.param.parent.name)
 
 
 def lane_ends(network: LaneNetwork, lanes: NDArray[np.int64], *, last: bool) -> list[NDArray[np.float64]]:

@@ -9,9 +9,8 @@ import shapely
 from carlaloc_env.assets.vegetation.tree_species import FORMS
 from carlaloc_env.core.transforms import apply
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh, merge
+from carlaloc_env.scene.mesh import EGO_INSTANCE, Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.build import load_town
 from carlaloc_env.town.buildings.styles import STYLES, ZONE_STYLES
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.paved_areas import TownAreas, town_areas
@@ -19,13 +18,13 @@ from carlaloc_env.town.town import Town
 
 
 @pytest.fixture(scope="module")
-def town() -> Town:
-    return load_town("Town03")
+def town(town03: Town) -> Town:
+    return town03
 
 
 @pytest.fixture(scope="module")
-def mesh(town: Town) -> Mesh:
-    return merge(town.chunks)
+def mesh(town03_mesh: Mesh) -> Mesh:
+    return town03_mesh
 
 
 @pytest.fixture(scope="module")

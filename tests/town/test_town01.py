@@ -8,9 +8,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 import shapely
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town01"
@@ -18,7 +18,7 @@ FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town01"
 
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
-    return build_network(FOLDER / "town.xodr")
+    return town_network("Town01")
 
 
 def test_four_bridges_span_the_whole_river(network: LaneNetwork) -> None:

@@ -8,9 +8,9 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 
@@ -20,7 +20,7 @@ RING_M, HEIGHT_M = 520.0, 6.5
 
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
-    return build_network(FOLDER / "town.xodr")
+    return town_network("Town05")
 
 
 @pytest.fixture(scope="module")

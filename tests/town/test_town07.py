@@ -8,9 +8,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import plan_route
 
@@ -19,7 +19,7 @@ FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town07"
 
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
-    return build_network(FOLDER / "town.xodr")
+    return town_network("Town07")
 
 
 def test_size_and_heights_are_those_of_the_plan(network: LaneNetwork) -> None:

@@ -9,9 +9,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import shapely
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import plan_route
 from carlaloc_env.town.sources import find_town
@@ -21,7 +21,7 @@ FOLDER = pathlib.Path(__file__).parents[2] / "maps/Town10"
 
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
-    return build_network(FOLDER / "town.xodr")
+    return town_network("Town10")
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_the_promenade_lies_between_road_and_water(root: ElementTree.Element) ->
     assert set(widths) == {5.0, 9.0}
     water = next(z for z in TownConfig.from_toml(FOLDER / "town.toml").zones if z.kind == "water")
     harbour = shapely.Polygon(water.polygon)
-    network = build_network(FOLDER / "town.xodr")
+    network = town_network("Town10")
     for lane in network.lanes:
         line = network.pose([lane.index] * 9, np.linspace(0.0, lane.length_m, 9)).position_m[:, :2]
         gap = shapely.distance(harbour, shapely.points(line)).min()
@@ -94,7 +94,7 @@ def test_the_promenade_lies_between_road_and_water(root: ElementTree.Element) ->
 
 def test_the_drive_goes_round_the_town_and_its_harbour_block() -> None:
     """Two full turns to the right; the harbour block's outer sides are driven twice."""
-    network = build_network(FOLDER / "town.xodr")
+    network = town_network("Town10")
     config = TownConfig.from_toml(FOLDER / "town.toml").route
     route = plan_route(network, config.points, loop=True)
     turned = np.unwrap(np.append(route.heading_rad, route.heading_rad[0]))

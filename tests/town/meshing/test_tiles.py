@@ -10,20 +10,20 @@ from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.town.build import load_town
+from carlaloc_env.town.town import Town
 
 CAMERA = Pinhole.from_fov(640, 360, 90.0)
 
 
 @pytest.fixture(scope="module")
-def chunks() -> tuple[Mesh, ...]:
-    return load_town("Town03").chunks
+def chunks(town03: Town) -> tuple[Mesh, ...]:
+    return town03.chunks
 
 
 @pytest.fixture(scope="module")
-def views() -> list[CameraView]:
+def views(town03: Town) -> list[CameraView]:
     """A driver's eye at eight places along the route."""
-    route = load_town("Town03").route
+    route = town03.route
     assert route is not None
     at = route.at(np.arange(8) / 8.0 * route.length_m)
     found = []

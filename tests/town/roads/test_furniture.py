@@ -7,12 +7,12 @@ import pathlib
 import numpy as np
 import pytest
 import shapely
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.terrain import zone_areas
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import strip_polygon
@@ -34,7 +34,7 @@ WANTED = {
 
 def furnished(name: str) -> tuple[Furnisher, list[Strip], LaneNetwork]:
     config = TownConfig.from_toml(MAPS / name / "town.toml")
-    network = build_network(MAPS / name / "town.xodr")
+    network = town_network(name)
     strips = road_strips(network.xodr.roads, network.surface)
     corners = network.tables.position_m[:, :2]
     zones = zone_areas(config, shapely.box(*corners.min(axis=0) - 60.0, *corners.max(axis=0) + 60.0))

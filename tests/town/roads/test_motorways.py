@@ -6,10 +6,10 @@ import pathlib
 
 import numpy as np
 import pytest
+from shared_fixtures.towns import town_network
 
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.roads.carriageways import add_roads
@@ -38,7 +38,7 @@ def driving_m2(strips: list[Strip]) -> float:
 
 @pytest.mark.parametrize("name", ["Town04", "Town06"])
 def test_fast_lanes_have_their_own_asphalt_and_shoulders_keep_that_of_streets(name: str) -> None:
-    network = build_network(MAPS / name / "town.xodr")
+    network = town_network(name)
     made = {}
     for fast, strips in strips_by_speed(network).items():
         out = MeshBuilder()
@@ -49,7 +49,7 @@ def test_fast_lanes_have_their_own_asphalt_and_shoulders_keep_that_of_streets(na
 
 
 def test_fast_roads_are_mended_less_and_have_no_covers() -> None:
-    network = build_network(MAPS / "Town06" / "town.xodr")
+    network = town_network("Town06")
     per_m2, rounds = {}, {}
     for fast, strips in strips_by_speed(network).items():
         out = MeshBuilder()

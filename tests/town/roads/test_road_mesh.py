@@ -8,9 +8,8 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.build import load_town
 from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.lanes.lane_network import Lane
@@ -21,13 +20,13 @@ o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests
 
 
 @pytest.fixture(scope="module")
-def town() -> Town:
-    return load_town("Town03")
+def town(town03: Town) -> Town:
+    return town03
 
 
 @pytest.fixture(scope="module")
-def mesh(town: Town) -> Mesh:
-    return merge(town.chunks)
+def mesh(town03_mesh: Mesh) -> Mesh:
+    return town03_mesh
 
 
 def _scene(vertices: Array, triangles: NDArray[np.integer]) -> o3d.t.geometry.RaycastingScene:

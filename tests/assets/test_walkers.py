@@ -1,0 +1,90 @@
+"""Walkers tread on the ground, and their feet do not slide."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared_fixtures.meshes import model
+
+from carlaloc_env.actors.instances import (
+    place_actors,
+)
+from carlaloc_env.assets.catalog import GAIT_PHASES, WALKERS
+from carlaloc_env.assets.walkers.gait import posture, standing
+from carlaloc_env.assets.walkers.skeleton import shoe_sole
+from carlaloc_env.scene.mesh import EGO_INSTANCE, ModelLibrary
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_standing_foot_does_not_slide(name: str) -> None:
+    """While a foot bears the body, its ankle moves back exactly as far as the walker moves on."""
+    person = WALKERS[name]
+    for side, offset in (("_l", 0.0), ("_r", 0.5)):
+        shares = np.linspace(0.02, 0.48, 13)
+        places = [
+            posture(offset + p, person.stature_m, person.stride_m)["ankle" + side][0] + p * person.stride_m
+            for p in shares
+        ]
+        assert np.ptp(places) < 0.01 * person.stride_m
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_walkers_tread_on_the_ground(library: ModelLibrary, name: str) -> None:
+    person = WALKERS[name]
+    for phase in range(GAIT_PHASES):
+        joints = posture(phase / GAIT_PHASES, person.stature_m, person.stride_m)
+        soles = [
+            point[2] for s in ("_l", "_r") for point in shoe_sole(joints["ankle" + s], joints["toe" + s])
+        ]
+        assert min(soles) == pytest.approx(0.0, abs=1e-9)
+        mesh = model(library, f"{name}/{phase:02d}")
+        assert abs(mesh.bounds_m[0, 2]) < 0.01
+        assert abs(mesh.bounds_m[1, 2] - person.stature_m) < 0.06
+        assert np.all(np.abs(mesh.bounds_m[:, :2]) < 0.5 * np.array(person.size_m[:2]) + 0.02)
+        assert mesh.bounds_m[1, 2] < person.size_m[2] + 0.02
+        assert set(np.unique(mesh.tag)) == {int(Tag.PEDESTRIAN)}
+        assert 900 < len(mesh.triangles) < 2200
+    still = model(library, f"{name}/stand")
+    np.testing.assert_allclose(still.bounds_m[1, 2], person.stature_m, rtol=0.02)
+    joints = standing(person.stature_m)
+    assert joints["ankle_l"][0] == pytest.approx(joints["ankle_r"][0])
+
+
+def test_gait_swings_arms_against_legs() -> None:
+    """When the left heel strikes, the left hand is behind the right one."""
+    joints = posture(0.0, 1.76, 1.46)
+    assert joints["ankle_l"][0] > joints["ankle_r"][0] + 0.4
+    assert joints["hand_l"][0] < joints["hand_r"][0] - 0.2
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_drawn_feet_do_not_slide(library: ModelLibrary, name: str) -> None:
+    """The sole that bears the body stays within 5 mm of one place, in steps far finer than the postures."""
+    person = WALKERS[name]
+    travelled = np.linspace(0.03, 0.45, 60) * person.stride_m
+    count = len(travelled)
+    catalog = ActorCatalog(
+        id=np.arange(count, dtype=np.uint32) + EGO_INSTANCE + 1,
+        model=(name,) * count,
+        tag=np.full(count, Tag.PEDESTRIAN, np.uint8),
+        size_m=np.ones((count, 3), np.float32),
+        tint=np.zeros((count, 3), np.uint8),
+    )
+    zero = np.zeros(count, np.float32)
+    frame = ActorFrame(
+        position_m=np.stack([travelled, zero, zero], axis=1).astype(np.float32),
+        heading_rad=zero,
+        pitch_rad=zero,
+        speed_mps=zero + np.float32(person.speed_mps),
+        travelled_m=travelled.astype(np.float32),
+        steer_rad=zero,
+        lights=np.zeros(count, np.uint8),
+    )
+    placed = place_actors(catalog, frame, library)
+    ankle = []
+    for T, m in zip(placed.T_world_model, placed.model, strict=True):
+        phase = int(library.names[m].split("/")[1]) / GAIT_PHASES
+        ankle.append(T[0, 3] + posture(phase, person.stature_m, person.stride_m)["ankle_l"][0])
+    assert np.ptp(ankle) < 0.005

@@ -1,0 +1,31 @@
+"""Packaged towns, each read or built once in a process."""
+
+from __future__ import annotations
+
+import functools
+
+import pytest
+
+from carlaloc_env.scene.mesh import Mesh, merge
+from carlaloc_env.town.build import find_town, load_town
+from carlaloc_env.town.lanes.build_network import build_network
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.town import Town
+
+
+@functools.cache
+def town_network(name: str) -> LaneNetwork:
+    """Lanes of a packaged town; tests only read them."""
+    return build_network(find_town(name))
+
+
+@pytest.fixture(scope="session")
+def town03() -> Town:
+    """The whole of Town03."""
+    return load_town("Town03")
+
+
+@pytest.fixture(scope="session")
+def town03_mesh(town03: Town) -> Mesh:
+    """All that is seen of Town03 as one mesh."""
+    return merge(town03.chunks)
