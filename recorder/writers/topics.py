@@ -53,7 +53,7 @@ class TopicRule:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Route:
+class TopicRoute:
     """Topic, message and frame of one stream."""
 
     topic: str
@@ -79,7 +79,7 @@ class TopicProfile:
 
     def routes(
         self, kind: type[Sample], stream: str, streams: Collection[str] | None = None
-    ) -> tuple[Route, ...]:
+    ) -> tuple[TopicRoute, ...]:
         """Where the samples of a stream go; nowhere if the profile does not hold it.
 
         Args:
@@ -87,7 +87,7 @@ class TopicProfile:
             stream: Name of the stream.
             streams: All streams of the rig; None: unknown, nothing is left out.
         """
-        found: list[Route] = []
+        found: list[TopicRoute] = []
         pattern: str | None = None
         for rule in self.rules:
             part = rule.match(stream) if rule.sample is kind and pattern in (None, rule.stream) else None
@@ -96,7 +96,7 @@ class TopicProfile:
             pattern = rule.stream
             if rule.unless is None or rule.unless.format(part) not in (streams or ()):
                 found.append(
-                    Route(topic=rule.topic.format(part), message=rule.message, frame_id=rule.frame_id)
+                    TopicRoute(topic=rule.topic.format(part), message=rule.message, frame_id=rule.frame_id)
                 )
         return tuple(found)
 

@@ -220,7 +220,7 @@ def test_ten_minutes_of_real_maps(
 @pytest.mark.parametrize(
     "timing",
     [
-        SignalTiming(),
+        SignalTiming(green_s=10.0),
         SignalTiming(green_s=26.0),
         SignalTiming(green_s=20.0, yellow_s=3.5, all_red_s=2.0, offset_s=7.0),
         SignalTiming(green_s=14.0, yellow_s=3.3, all_red_s=2.0),

@@ -30,7 +30,7 @@ class LanePosition:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class LaneSpan:
     """A stretch of one lane, or of neighbouring lanes that are changed in turn."""
 
     lanes: tuple[int, ...]
@@ -52,12 +52,12 @@ class _Visit:
 
 def cheapest_path(
     network: LaneNetwork, start: LanePosition, goals: Sequence[LanePosition]
-) -> Mapping[int, tuple[float, list[Span]]]:
+) -> Mapping[int, tuple[float, list[LaneSpan]]]:
     """Costs [m] and spans from a place to each goal that can be reached (by its number); Dijkstra."""
     wanted: dict[int, list[int]] = {}
     for number, goal in enumerate(goals):
         wanted.setdefault(goal.lane, []).append(number)
-    found: dict[int, tuple[float, list[Span]]] = {}
+    found: dict[int, tuple[float, list[LaneSpan]]] = {}
     order = 0
     length = network.lanes[start.lane].length_m
     fraction = min(start.station_m / length, 1.0) if length > 0.0 else 0.0
@@ -84,7 +84,7 @@ def _reach_goals(
     visit: _Visit,
     goals: Sequence[LanePosition],
     numbers: Sequence[int],
-    found: dict[int, tuple[float, list[Span]]],
+    found: dict[int, tuple[float, list[LaneSpan]]],
 ) -> None:
     length = network.lanes[visit.lane].length_m
     for number in numbers:
@@ -121,24 +121,24 @@ def _onward(network: LaneNetwork, visit: _Visit) -> list[_Visit]:
     return ways
 
 
-def _spans(visit: _Visit, to_fraction: float) -> list[Span]:
+def _spans(visit: _Visit, to_fraction: float) -> list[LaneSpan]:
     spans = []
     last: _Visit | None = visit
     while last is not None:
-        spans.append(Span((*last.changes, last.lane), last.fraction, to_fraction))
+        spans.append(LaneSpan((*last.changes, last.lane), last.fraction, to_fraction))
         last, to_fraction = last.before, 1.0
     return spans[::-1]
 
 
-def path_through(network: LaneNetwork, stops: Sequence[Sequence[LanePosition]]) -> list[Span]:
+def path_through(network: LaneNetwork, stops: Sequence[Sequence[LanePosition]]) -> list[LaneSpan]:
     """Spans of the cheapest path that visits one place of each stop, in order.
 
     Raises:
         MapError: No path exists.
     """
-    best: list[tuple[float, list[Span]] | None] = [(0.0, []) for _ in stops[0]]
+    best: list[tuple[float, list[LaneSpan]] | None] = [(0.0, []) for _ in stops[0]]
     for number, (here, there) in enumerate(itertools.pairwise(stops)):
-        following: list[tuple[float, list[Span]] | None] = [None] * len(there)
+        following: list[tuple[float, list[LaneSpan]] | None] = [None] * len(there)
         for place, so_far in zip(here, best, strict=True):
             if so_far is None:
                 continue

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.lanes.shortest_paths import Span
+from carlaloc_env.town.lanes.shortest_paths import LaneSpan
 
 SAMPLE_M = 0.25
 """Spacing of the points."""
@@ -49,7 +49,7 @@ class _Piece(NamedTuple):
     to_s_m: float
 
 
-def trace(network: LaneNetwork, spans: Sequence[Span]) -> RouteLine:
+def trace(network: LaneNetwork, spans: Sequence[LaneSpan]) -> RouteLine:
     """Points of all spans; where two spans meet, one point stands for both."""
     parts = [
         _trace_swerve(network, part) if isinstance(part, _Swerve) else _trace_span(network, part)
@@ -76,9 +76,9 @@ def _believable(position_m: NDArray[np.float64], heading_rad: Array) -> Array:
     return result
 
 
-def _with_room(network: LaneNetwork, spans: Sequence[Span]) -> list[Span | _Swerve]:
+def _with_room(network: LaneNetwork, spans: Sequence[LaneSpan]) -> list[LaneSpan | _Swerve]:
     """Lets lane changes on short lanes begin in the section before, or end in the one after."""
-    parts: list[Span | _Swerve] = []
+    parts: list[LaneSpan | _Swerve] = []
     todo = list(spans)
     while todo:
         span = todo.pop(0)
@@ -94,13 +94,13 @@ def _with_room(network: LaneNetwork, spans: Sequence[Span]) -> list[Span | _Swer
         while parts and swerve.room_m() < BLEND_M and (longer := _before(network, swerve, parts[-1])):
             swerve.pieces.insert(0, longer)
             last = parts.pop()
-            assert isinstance(last, Span)
+            assert isinstance(last, LaneSpan)
             parts += _rest(network, last, longer, after=False)
         parts.append(swerve)
     return parts
 
 
-def _after(network: LaneNetwork, swerve: _Swerve, span: Span) -> _Piece | None:
+def _after(network: LaneNetwork, swerve: _Swerve, span: LaneSpan) -> _Piece | None:
     """The start of the next span, beside the lane that follows the old one."""
     last, new = swerve.pieces[-1], span.lanes[0]
     record = network.lanes[new]
@@ -114,7 +114,7 @@ def _after(network: LaneNetwork, swerve: _Swerve, span: Span) -> _Piece | None:
     )
 
 
-def _before(network: LaneNetwork, swerve: _Swerve, span: Span | _Swerve) -> _Piece | None:
+def _before(network: LaneNetwork, swerve: _Swerve, span: LaneSpan | _Swerve) -> _Piece | None:
     """The end of the span before, beside the lane that leads to the new one."""
     if isinstance(span, _Swerve) or len(span.lanes) != 1:
         return None
@@ -134,13 +134,13 @@ def _alike(network: LaneNetwork, a: int, b: int) -> bool:
     return (p.road_id, p.section, p.forward) == (q.road_id, q.section, q.forward)
 
 
-def _rest(network: LaneNetwork, span: Span, piece: _Piece, *, after: bool) -> list[Span]:
+def _rest(network: LaneNetwork, span: LaneSpan, piece: _Piece, *, after: bool) -> list[LaneSpan]:
     """What a swerve leaves of the span that it grew into."""
     lane = span.lanes[0]
     cut = network.station_at(lane, piece.to_s_m if after else piece.from_s_m)
     fraction = cut / max(network.lanes[lane].length_m, 1e-9)
     low, high = (fraction, span.to_fraction) if after else (span.from_fraction, fraction)
-    return [Span(span.lanes, low, high)] if high - low > 1e-9 else []
+    return [LaneSpan(span.lanes, low, high)] if high - low > 1e-9 else []
 
 
 def _s_at(network: LaneNetwork, lane: int, fraction: float) -> float:
@@ -161,7 +161,7 @@ def _spaced(position_m: NDArray[np.float64]) -> Index:
     return np.array(keep, dtype=np.int64)
 
 
-def _trace_span(network: LaneNetwork, span: Span) -> RouteLine:
+def _trace_span(network: LaneNetwork, span: LaneSpan) -> RouteLine:
     first, last = span.lanes[0], span.lanes[-1]
     begin = span.from_fraction * network.lanes[first].length_m
     end = span.to_fraction * network.lanes[last].length_m
