@@ -32,7 +32,7 @@ SLAB_M, BEAM_M = 0.35, 0.4
 """Thickness of that floor, and height of the beams below it [m]."""
 BEAM_STEP_M, BEAM_WIDTH_M = 4.0, 0.5
 """Distance of the beams and their width [m]."""
-CLEARANCE_M = 0.25
+WING_CLEARANCE_M = 0.25
 """Distance of the wings from everything paved [m]."""
 LEAST_WING_M = 6.0
 """Narrowest wing [m]."""
@@ -93,7 +93,7 @@ def _measures(feature: Feature, paved: Area, floor: HeightOf) -> _Measures:
     for sign in (-1.0, 1.0):
         way = np.arange(2.0, 0.5 * width - LEAST_WING_M, 0.25)
         points = along[:, None] + sign * way[:, None] * across
-        taken = shapely.dwithin(paved, shapely.points(points), CLEARANCE_M).any(axis=0)
+        taken = shapely.dwithin(paved, shapely.points(points), WING_CLEARANCE_M).any(axis=0)
         reach.append(float(way[np.flatnonzero(taken)[-1]]) + 0.25 if taken.any() else 2.0)
     return _Measures(
         width_m=width,

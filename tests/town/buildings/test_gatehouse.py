@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from carlaloc_env.scene.mesh import Mesh
-from carlaloc_env.town.buildings.gatehouse import ASIDE_M
+from carlaloc_env.town.buildings.gatehouse import WING_CLEARANCE_M
 from carlaloc_env.town.config import Feature, TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.routing.route import plan_route
@@ -74,7 +74,7 @@ def test_walls_stand_beside_what_is_paved(mesh: Mesh) -> None:
         across = sign * np.array([-np.sin(np.pi / 6), np.cos(np.pi / 6), 0.0])
         away = hits(mesh, middle, across)
         assert away.min() > HALF_M
-        assert away.max() < HALF_M + ASIDE_M + 0.8
+        assert away.max() < HALF_M + WING_CLEARANCE_M + 0.8
     low = mesh.vertices_m[mesh.vertices_m[:, 2] < 3.0 + CLEARANCE_M].astype(np.float64)
     assert shapely.distance(street(), shapely.points(low[:, :2])).min() > 0.0
 

@@ -9,7 +9,6 @@ import pytest
 import shapely
 from shared_fixtures.towns import town_network
 
-from carlaloc_env.town.build import known_towns
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.grade_separation import find_levels
 from carlaloc_env.town.ground.height_fields import EdgeField, GroundGrid, JunctionField
@@ -17,6 +16,7 @@ from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.ground.paved_areas import town_areas
 from carlaloc_env.town.ground.terrain import LAP_M, Terrain, add_terrain, zone_areas
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
+from carlaloc_env.town.sources import known_towns
 
 
 @pytest.mark.parametrize("name", ["Town03", "Town07"])

@@ -10,9 +10,10 @@ from shared_fixtures.small_towns import Built, cast
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.build import known_towns, load_town
+from carlaloc_env.town.build import load_town
 from carlaloc_env.town.ground.lane_strips import road_strips
 from carlaloc_env.town.ground.paved_areas import lane_area
+from carlaloc_env.town.sources import known_towns
 
 o3d = pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 EAST, NORTH, UP = np.eye(3)
