@@ -45,14 +45,14 @@ def events(bench: Bench) -> Row:
     camera = EventCamera(config.events, config.name, Optics(pinhole, config.lens), SEED)
     dark = config.events.dark_cd_m2
     levels = [log_intensity(light, dark, blurred=True) for _, light in pictures]
-    glances = [glance for glance, _ in pictures]
-    motion = camera.motion(*glances[:2])
+    geometries = [geometry for geometry, _ in pictures]
+    motion = camera.motion(*geometries[:2])
     _, state = camera.generate(levels[0], levels[1], motion, camera.initial_state(levels[0], 0), (0, STEP_NS))
 
     def once() -> int:
         after = log_intensity(pictures[2][1], dark, blurred=True)
         found, _ = camera.generate(
-            levels[1], after, camera.motion(*glances[1:]), state, (STEP_NS, 2 * STEP_NS)
+            levels[1], after, camera.motion(*geometries[1:]), state, (STEP_NS, 2 * STEP_NS)
         )
         return len(found)
 
@@ -74,8 +74,8 @@ def _picture(
     bench: Bench, sensor: CameraSensor, timeline: Timeline, stamp_ns: int
 ) -> tuple[FrameGeometry, F32]:
     """What the camera sees at a stamp [ns], and its light [cd/m²]."""
-    glance, shot = sensor.glance(timeline, stamp_ns)
-    return glance, shot.radiance_cd_m2(bench.stage.weather.at(stamp_ns))
+    geometry, shot = sensor.glance(timeline, stamp_ns)
+    return geometry, shot.radiance_cd_m2(bench.stage.weather.at(stamp_ns))
 
 
 def _along(town: Town) -> Timeline:

@@ -207,7 +207,7 @@ class CameraSensor(Camera):
         assert self._chain is not None
         pinhole, dark = self.config.pinhole, self.config.events.dark_cd_m2
 
-        def look(at_ns: int) -> tuple[FrameGeometry, list[F32]]:
+        def render(at_ns: int) -> tuple[FrameGeometry, list[F32]]:
             seen, poses = draw(at_ns)
             return FrameGeometry.of(seen, poses), [
                 log_intensity(seen.radiance_cd_m2(weather.at(at_ns)), dark, blurred=not seen.is_blurred)
@@ -222,7 +222,7 @@ class CameraSensor(Camera):
                 period_ns=self._period_ns,
                 **self._labels("events", stamp_ns),
             )
-            for events in self._chain.events(timeline, stamp_ns, weathers, look)
+            for events in self._chain.events(timeline, stamp_ns, weathers, render)
         ]
 
     def _labels(self, output: str, stamp_ns: int) -> dict[str, Any]:

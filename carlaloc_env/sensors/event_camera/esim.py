@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, I32, U32
 from carlaloc_env.core.jit import compiled, inlined, over_bands
-from carlaloc_env.sensors.event_camera.motion_sampling import sample_signal
+from carlaloc_env.sensors.event_camera.motion_sampling import new_track, sample_signal
 from carlaloc_env.sensors.event_camera.pixels import NEVER_US, NoiseEvents, PixelState, Thresholds
 from carlaloc_env.sensors.event_camera.readout import by_time
 from carlaloc_env.sensors.event_camera.tile_ranges import tile_ranges
@@ -143,7 +143,7 @@ def generate_events(
             span.noise.next_of_row[rows] = first_of_row[rows]
             t_us, code, count = np.empty(room, np.int32), np.empty(room, np.uint32), np.zeros(1, np.int64)
             levels = np.zeros(CHUNK + 1, np.float32)
-            _fire_rows(span, new_notes(), levels, EventBuffer(t_us, code, count), first, end)
+            _fire_rows(span, new_notes(), new_track(), levels, EventBuffer(t_us, code, count), first, end)
             if count[0] <= room:
                 return t_us[: count[0]], code[: count[0]]
             # Too little room: all over again, with enough.
@@ -155,7 +155,7 @@ def generate_events(
 
 
 @compiled
-def _fire_rows(span: Any, notes: Any, levels: Any, events: Any, first: int, end: int) -> None:
+def _fire_rows(span: Any, notes: Any, track: Any, levels: Any, events: Any, first: int, end: int) -> None:
     """Events of a band of rows, tile by tile; tiles that do not move smoothly are cut into quarters."""
     pictures, fields, step_px = span.pictures, span.fields, span.settings.step_px
     height, width = pictures.before.shape
@@ -166,23 +166,25 @@ def _fire_rows(span: Any, notes: Any, levels: Any, events: Any, first: int, end:
             tile = Tile(y0, x0, y1, x1)
             motion = survey(pictures, fields, tile, step_px, notes)
             if motion.smooth:
-                _fire_tile(span, tile, motion, notes, levels, events)
+                _fire_tile(span, tile, motion, notes, track, levels, events)
                 continue
             for top in range(y0, y1 + 1, half):
                 for left in range(x0, x1 + 1, half):
                     tile = Tile(top, left, min(top + half - 1, y1), min(left + half - 1, x1))
                     motion = survey(pictures, fields, tile, step_px, notes)
-                    _fire_tile(span, tile, motion, notes, levels, events)
+                    _fire_tile(span, tile, motion, notes, track, levels, events)
 
 
 @compiled
-def _fire_tile(span: Any, tile: Any, motion: Any, notes: Any, levels: Any, events: Any) -> None:
+def _fire_tile(span: Any, tile: Any, motion: Any, notes: Any, track: Any, levels: Any, events: Any) -> None:
     """Events of a tile's pixels, one after another, over the whole span."""
     for y in range(tile.y0, tile.y1 + 1):
         for x in range(tile.x0, tile.x1 + 1):
             for k in range((motion.steps + CHUNK - 1) // CHUNK):
                 if _can_fire(span, y, x, notes.bounds[k, 0], notes.bounds[k, 1]):
-                    count = sample_signal(span.pictures, span.fields, tile, motion, notes, y, x, k, levels)
+                    count = sample_signal(
+                        span.pictures, span.fields, tile, motion, notes, y, x, k, track, levels
+                    )
                     _fire_chunk(span, y, x, k * CHUNK, motion.steps, levels[: count + 1], events)
             _fire_noise(span, y, x, span.settings.span_us, events)
             pixels = span.pixels

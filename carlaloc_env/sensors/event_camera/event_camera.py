@@ -89,14 +89,14 @@ class EventCamera:
         return events, state
 
 
-Look = Callable[[int], tuple[FrameGeometry, list[F32]]]
-"""Takes a picture at a stamp [ns]: what it shows, and the log intensity under each weather."""
+RenderFrame = Callable[[int], tuple[FrameGeometry, list[F32]]]
+"""Draws the frame of a stamp [ns]: its geometry, and its log intensity under each weather."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Held:
     stamp_ns: int
-    glance: FrameGeometry
+    geometry: FrameGeometry
     intensity: list[F32]
     states: list[PixelState]
     events: list[NDArray[np.void]]
@@ -110,7 +110,7 @@ class EventChain:
         self._chain: Chain[_Held] = Chain(period_ns, camera.restart_ns)
 
     def events(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], look: Look
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], render: RenderFrame
     ) -> list[NDArray[np.void]]:
         """Events of the period that ends at a stamp [ns], for each weather.
 
@@ -118,21 +118,21 @@ class EventChain:
         """
 
         def begin(at_ns: int) -> _Held:
-            glance, intensity = look(at_ns)
+            geometry, intensity = render(at_ns)
             states = [self._camera.initial_state(one, at_ns) for one in intensity]
             none = [np.zeros(0, EVENT) for _ in intensity]
-            return _Held(stamp_ns=at_ns, glance=glance, intensity=intensity, states=states, events=none)
+            return _Held(stamp_ns=at_ns, geometry=geometry, intensity=intensity, states=states, events=none)
 
         def follow(held: _Held, at_ns: int) -> _Held:
-            glance, intensity = look(at_ns)
-            motion = self._camera.motion(held.glance, glance)
+            geometry, intensity = render(at_ns)
+            motion = self._camera.motion(held.geometry, geometry)
             fired = [
                 self._camera.generate(before, after, motion, state, (held.stamp_ns, at_ns))
                 for before, after, state in zip(held.intensity, intensity, held.states, strict=True)
             ]
             return _Held(
                 stamp_ns=at_ns,
-                glance=glance,
+                geometry=geometry,
                 intensity=intensity,
                 states=[one[1] for one in fired],
                 events=[one[0] for one in fired],

@@ -8,23 +8,48 @@ searched for.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.sensors.event_camera.tile_survey import CHUNK, depth_of, is_nearer, own_places
 from carlaloc_env.sensors.imaging.motion_field import SURFACE_RATIO, TILE_PX, bilinear, source_of
-from carlaloc_env.sensors.imaging.motion_warping import BOTH, FIRST, MISS_PX, NOWHERE, SECOND, Sight, sources
+from carlaloc_env.sensors.imaging.motion_warping import BOTH, FIRST, MISS_PX, SECOND, sources
 
-SEARCH_STEPS = 4
-"""Samples between two places that are searched for; in between only where the surface changes."""
+BEND = np.float32(0.25)
+"""Motion of one surface differs by less between the places that a pixel sees one sample apart [px]."""
+COVERS = np.float32(0.9)
+"""What a surface hides at one moment is farther away by this ratio."""
 _ONE, _ZERO = np.float32(1), np.float32(0)
+
+
+class Track(NamedTuple):
+    """Where what a pixel sees lies at the samples of a chunk: room that is used again and again."""
+
+    places: Any
+    """Places in both pictures (x, y, x, y) [px], shape (CHUNK + 1, 4)."""
+    seen_in: Any
+    """Which pictures show it, shape (CHUNK + 1,)."""
+
+
+def new_track() -> Track:
+    """Room for one chunk."""
+    return Track(places=np.zeros((CHUNK + 1, 4), np.float32), seen_in=np.zeros(CHUNK + 1, np.int64))
 
 
 @inlined
 def sample_signal(
-    pictures: Any, fields: Any, tile: Any, motion: Any, notes: Any, y: int, x: int, k: int, levels: Any
+    pictures: Any,
+    fields: Any,
+    tile: Any,
+    motion: Any,
+    notes: Any,
+    y: int,
+    x: int,
+    k: int,
+    track: Any,
+    levels: Any,
 ) -> int:
     """Log intensity of a pixel at all samples of chunk k, from its beginning to its end.
 
@@ -37,6 +62,7 @@ def sample_signal(
         y: Row of the pixel.
         x: Column.
         k: Number of the chunk.
+        track: Room for the places at all samples.
         levels: Filled in; shape (CHUNK + 1,).
 
     Returns:
@@ -48,7 +74,7 @@ def sample_signal(
     elif motion.smooth:
         _sample_smooth(pictures, tile, notes, y, x, motion.steps, k, levels)
     else:
-        _sample_by_search(pictures, fields, y, x, motion.steps, k, levels)
+        _sample_by_search(pictures, fields, y, x, motion.steps, k, track, levels)
     if motion.crossed:
         _cover(pictures, fields, y, x, motion.steps, k, levels)
     if stop == motion.steps:
@@ -68,7 +94,7 @@ def _sample_smooth(
     ax, ay, bx, by = _place(notes.corners[k], along, down)
     ex, ey, fx, fy = _place(notes.corners[k + 1], along, down)
     share, per_step = _ONE / np.float32(stop - begin), _ONE / np.float32(steps)
-    picture, more, grows = pictures.before, _ZERO, _ZERO
+    picture, offset, growth = pictures.before, _ZERO, _ZERO
     if notes.seen_in[k] == BOTH and notes.seen_in[k + 1] == BOTH:
         # The picture nearer in time is followed; by how much the blend differs from it goes linearly.
         difference = bilinear(pictures.after, bx, by) - bilinear(pictures.before, ax, ay)
@@ -77,11 +103,11 @@ def _sample_smooth(
         if begin + stop > steps:
             picture, ax, ay, ex, ey = pictures.after, bx, by, fx, fy
             s0, s1 = s0 - _ONE, s1 - _ONE
-        more, grows = s0 * difference, share * (s1 * later - s0 * difference)
+        offset, growth = s0 * difference, share * (s1 * later - s0 * difference)
     dx, dy = share * (ex - ax), share * (ey - ay)
     for j in range(np.uint32(stop - begin + 1)):
         f = np.float32(j)
-        levels[j] = bilinear(picture, ax + f * dx, ay + f * dy) + (more + f * grows)
+        levels[j] = bilinear(picture, ax + f * dx, ay + f * dy) + (offset + f * growth)
 
 
 @inlined
@@ -98,65 +124,89 @@ def _place(corners: Any, along: Any, down: Any) -> Any:
 
 
 @compiled
-def _sample_by_search(pictures: Any, fields: Any, y: int, x: int, steps: int, k: int, levels: Any) -> None:
-    """Signal of a pixel near edges of depth at the samples of chunk k, from its beginning to its end."""
+def _sample_by_search(
+    pictures: Any, fields: Any, y: int, x: int, steps: int, k: int, track: Any, levels: Any
+) -> None:
+    """Signal of a pixel near edges of depth at the samples of chunk k, from its beginning to its end.
+
+    Places are searched for at both ends, and by halves where it does not see the same surface all the time.
+    """
     begin, stop = k * CHUNK, min(k * CHUNK + CHUNK, steps)
-    forward, backward = fields.forward, fields.backward
-    u, v, per_step = np.float32(x), np.float32(y), _ONE / np.float32(steps)
-    s = np.float32(begin) * per_step
-    ax, ay, bx, by = own_places(fields, y, x, s)
-    here = sources(forward, backward, u, v, s, ax, ay, bx, by)
-    levels[0] = _blended(pictures, y, x, s, here)
-    way = _own_way(fields, y, x)
-    for first in range(begin, stop, SEARCH_STEPS):
-        last = min(first + SEARCH_STEPS, stop)
-        s, ds = np.float32(last) * per_step, np.float32(last - first) * per_step
-        there = sources(
-            forward, backward, u, v, s,
-            here.ax + ds * way[0], here.ay + ds * way[1], here.bx + ds * way[2], here.by + ds * way[3],
-        )  # fmt: skip
-        levels[last - begin] = _blended(pictures, y, x, s, there)
-        straight = here.seen_in == there.seen_in and here.seen_in != NOWHERE
-        for j in range(first + 1, last):
-            s, f = np.float32(j) * per_step, np.float32(j - first) / np.float32(last - first)
-            between = Sight(
-                here.ax + f * (there.ax - here.ax),
-                here.ay + f * (there.ay - here.ay),
-                here.bx + f * (there.bx - here.bx),
-                here.by + f * (there.by - here.by),
-                here.seen_in,
-            )
-            if not straight:
-                between = sources(forward, backward, u, v, s, between.ax, between.ay, between.bx, between.by)
-            levels[j - begin] = _blended(pictures, y, x, s, between)
-        way = _own_way(fields, y, x)
-        if straight:
-            way = (
-                (there.ax - here.ax) / ds,
-                (there.ay - here.ay) / ds,
-                (there.bx - here.bx) / ds,
-                (there.by - here.by) / ds,
-            )
-        here = there
+    per_step = _ONE / np.float32(steps)
+    for j in (begin, stop):
+        s = np.float32(j) * per_step
+        _search(fields, y, x, s, own_places(fields, y, x, s), track, j - begin)
+    size = CHUNK
+    while size > 1:
+        for first in range(0, stop - begin, size):
+            last, middle = min(first + size, stop - begin), first + size // 2
+            if middle < last:
+                guess = _between(track.places[first], track.places[last], (middle - first) / (last - first))
+                if _is_same_surface(track, first, last):
+                    _note(track, middle, guess, track.seen_in[first])
+                else:
+                    _search(fields, y, x, np.float32(begin + middle) * per_step, guess, track, middle)
+        size //= 2
+    for j in range(stop - begin + 1):
+        s = np.float32(begin + j) * per_step
+        levels[j] = _blended(pictures, y, x, s, track.seen_in[j], track.places[j])
 
 
 @inlined
-def _own_way(fields: Any, y: int, x: int) -> Any:
-    """How places in both pictures move over the span, if all around moves as the pixel itself does [px]."""
-    ahead, back = fields.forward[y, x], fields.backward[y, x]
-    return back[0], back[1], -ahead[0], -ahead[1]
+def _search(fields: Any, y: int, x: int, s: Any, guess: Any, track: Any, j: int) -> None:
+    """Note where what a pixel sees at time s lies in both pictures, from a guess."""
+    u, v = np.float32(x), np.float32(y)
+    ax, ay, bx, by, seen_in = sources(
+        fields.forward, fields.backward, u, v, s, guess[0], guess[1], guess[2], guess[3]
+    )
+    _note(track, j, (ax, ay, bx, by), seen_in)
 
 
 @inlined
-def _blended(pictures: Any, y: int, x: int, s: Any, sight: Any) -> Any:
+def _note(track: Any, j: int, places: Any, seen_in: int) -> None:
+    track.seen_in[j] = seen_in
+    here = track.places[j]
+    here[0], here[1], here[2], here[3] = places
+
+
+@inlined
+def _between(first: Any, last: Any, share: Any) -> Any:
+    """Places between two others, at a share of the way."""
+    f = np.float32(share)
+    return (
+        first[0] + f * (last[0] - first[0]),
+        first[1] + f * (last[1] - first[1]),
+        first[2] + f * (last[2] - first[2]),
+        first[3] + f * (last[3] - first[3]),
+    )
+
+
+@inlined
+def _is_same_surface(track: Any, first: int, last: int) -> bool:
+    """Whether a pixel seems to see one surface from one sample to another: the same pictures show it.
+
+    If both do, its motion must be about the same, too.
+    """
+    if track.seen_in[first] != track.seen_in[last]:
+        return False
+    if track.seen_in[first] != BOTH:
+        return True
+    a, b = track.places[first], track.places[last]
+    du, dv = (b[2] - b[0]) - (a[2] - a[0]), (b[3] - b[1]) - (a[3] - a[1])
+    same: bool = max(abs(du), abs(dv)) <= _ONE + BEND * np.float32(last - first)
+    return same
+
+
+@inlined
+def _blended(pictures: Any, y: int, x: int, s: Any, seen_in: int, places: Any) -> Any:
     """Log intensity at time s of what a pixel sees; where neither picture shows it, of the pixel itself."""
-    if sight.seen_in == BOTH:
-        first = bilinear(pictures.before, sight.ax, sight.ay)
-        return first + s * (bilinear(pictures.after, sight.bx, sight.by) - first)
-    if sight.seen_in == FIRST:
-        return bilinear(pictures.before, sight.ax, sight.ay)
-    if sight.seen_in == SECOND:
-        return bilinear(pictures.after, sight.bx, sight.by)
+    if seen_in == BOTH:
+        first = bilinear(pictures.before, places[0], places[1])
+        return first + s * (bilinear(pictures.after, places[2], places[3]) - first)
+    if seen_in == FIRST:
+        return bilinear(pictures.before, places[0], places[1])
+    if seen_in == SECOND:
+        return bilinear(pictures.after, places[2], places[3])
     return pictures.before[y, x] + s * (pictures.after[y, x] - pictures.before[y, x])
 
 
@@ -178,7 +228,7 @@ def _cover(pictures: Any, fields: Any, y: int, x: int, steps: int, k: int, level
         ax, ay = u - tau * over[0], v - tau * over[1]
         if _shows(forward, ax, ay, over[3]):
             ax, ay, depth, miss = source_of(forward, u, v, s, ax, ay)
-            if miss < MISS_PX and depth < np.float32(0.9) * depth_m:
+            if miss < MISS_PX and depth < COVERS * depth_m:
                 levels[j - begin] = bilinear(pictures.before, ax, ay)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,16 +16,6 @@ MISS_PX = np.float32(0.75)
 BOTH, FIRST, SECOND, NOWHERE = 0, 1, 2, 3
 """Which of two pictures show what a pixel sees in between."""
 _ONE = np.float32(1)
-
-
-class Sight(NamedTuple):
-    """Where what a pixel sees lies in both pictures (ax, ay) and (bx, by) [px], and which of them show it."""
-
-    ax: Any
-    ay: Any
-    bx: Any
-    by: Any
-    seen_in: Any
 
 
 @compiled
@@ -51,7 +41,7 @@ def sources(forward: Any, backward: Any, u: Any, v: Any, s: Any, ax: Any, ay: An
             bx, by = u, v
     elif abs(a_depth - b_depth) > SAME_DEPTH * min(a_depth, b_depth):
         kind = FIRST if a_depth < b_depth else SECOND
-    return Sight(ax, ay, bx, by, kind)
+    return ax, ay, bx, by, kind
 
 
 @compiled
