@@ -13,7 +13,7 @@ from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes
 from carlaloc_env.sensors.radar.cross_sections import REFLECTORS
 from carlaloc_env.sensors.radar.radar_equation import RadarEchoes
-from carlaloc_env.timeline.ego_spline import Motion
+from carlaloc_env.timeline.motion import Motion
 
 Cast = Callable[[Array, Array], Hits]
 """First hits of rays given by origins [m] and unit directions, world, each (M, 3)."""
