@@ -47,33 +47,41 @@ def ahead(town: Town, stage: SensorStage, T_world_base: np.ndarray) -> tuple[Ins
     return instances_at(stage.library, town.lenses, snapshot), len(shown)
 
 
-def measure(name: str, share: float, quality: str, repeat: int) -> None:
-    """Time the instants at a share of a town's route and print a line for each."""
-    town = load_town(name)
-    assert town.route is not None
-    stage = SensorStage(town, seed=1, weather=PRESETS["ClearNoon"], quality=quality)
-    at = town.route.at(np.array([share * town.route.length_m]))
-    heading = float(at.heading_rad[0])
-    T = transform(at.position_m[0], [0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
-    seen, count = ahead(town, stage, T)
-    cameras = [c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)]
-    renderer = stage.renderer()
+class Instant:
+    """One stereo instant at a share of a town's route."""
 
-    def instant(weathers: tuple[str, ...]) -> None:
-        for camera in cameras:
-            gbuffer = renderer.draw(camera.pinhole, T @ camera.mount.T_base_sensor, seen)
+    def __init__(self, name: str, *, share: float, quality: str) -> None:
+        town = load_town(name)
+        assert town.route is not None
+        self.stage = SensorStage(town, seed=1, weather=PRESETS["ClearNoon"], quality=quality)
+        at = town.route.at(np.array([share * town.route.length_m]))
+        heading = float(at.heading_rad[0])
+        self._T = transform(at.position_m[0], [0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)])
+        self._seen, self.actors = ahead(town, self.stage, self._T)
+        self._cameras = [c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)]
+        self.renderer = self.stage.renderer()
+
+    def draw(self, weathers: tuple[str, ...]) -> None:
+        """Colour, depth and labels of both cameras."""
+        for camera in self._cameras:
+            gbuffer = self.renderer.draw(camera.pinhole, self._T @ camera.mount.T_base_sensor, self._seen)
             gbuffer.depth_m()
             gbuffer.labels()
-            renderer.shade_all(gbuffer, [PRESETS[weather] for weather in weathers], stamp_ns=10**9, seed=1)
+            weather = [PRESETS[one] for one in weathers]
+            self.renderer.shade_all(gbuffer, weather, stamp_ns=10**9, seed=1)
 
-    calls = {" + ".join(w): (lambda w=w: instant(w)) for w in [(one,) for one in WEATHERS] + [WEATHERS]}
+
+def measure(name: str, share: float, quality: str, repeat: int) -> None:
+    """Time the instants at a share of a town's route and print a line for each."""
+    instant = Instant(name, share=share, quality=quality)
+    calls = {" + ".join(w): (lambda w=w: instant.draw(w)) for w in [(one,) for one in WEATHERS] + [WEATHERS]}
     for what, timing in time_calls(calls, repeat).items():
         target = TARGETS_S[3 if "+" in what else 1]
         print(
-            f"{name}, {count} actors, {quality}: {what:<36} least {timing.least_s:.2f} s, "
+            f"{name}, {instant.actors} actors, {quality}: {what:<36} least {timing.least_s:.2f} s, "
             f"CPU {timing.cpu_s:.2f} s, target {target:.2f} s"
         )
-    stage.close()
+    instant.stage.close()
 
 
 if __name__ == "__main__":

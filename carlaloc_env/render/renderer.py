@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
 from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m
-from carlaloc_env.render.geometry.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import Programs, create_context
+from carlaloc_env.render.lighting.shader_constants import shader_constants
 from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.render.shading import Shader
 from carlaloc_env.render.textures.build import build_textures
@@ -65,7 +66,7 @@ class SceneRenderer:
         self._subsamples = 2 if quality == "high" else 1
         self._context = create_context()
         with self._context:
-            self._programs = Programs(self._context)
+            self._programs = Programs(self._context, shader_constants())
             self._pool = TargetPool(self._context)
             self._geometry_pass = GeometryPass(
                 self._context,
@@ -287,7 +288,7 @@ class SceneRenderer:
 
     def _read_ahead(self, gbuffer: GBuffer, weather: WeatherParameters) -> None:
         """Read back what shading needs, outside the context: an inner `with` would leave none current."""
-        if weather.is_night or weather.precipitation > 0.0 or self._shader.reads_depth(gbuffer):
+        if weather.is_night or weather.precipitation > 0.0:
             gbuffer.shaded_depth_m()
         if weather.is_night:
             gbuffer.shaded_normal_codes()

@@ -17,15 +17,13 @@ from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.geometry.static_scene import StaticScene
 from carlaloc_env.render.gl.context import Programs, set_uniforms
 from carlaloc_env.render.lighting.ambient_occlusion import Roofs
-from carlaloc_env.render.lighting.day_tiles import LEAST_PX, day_groups
 from carlaloc_env.render.lighting.light_sources import NO_LIGHTS, Lights
+from carlaloc_env.render.lighting.light_tiles.screen_tiles import DepthRange
 from carlaloc_env.render.lighting.night_lighting import Night
-from carlaloc_env.render.lighting.screen_tiles import DepthRange
 from carlaloc_env.render.lighting.shading_passes import Cover, ShadingPasses
-from carlaloc_env.render.lighting.shadow_maps import ShadowMap, Shadows
+from carlaloc_env.render.lighting.shadow_maps import Shadows
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons, exposure_time_s
 from carlaloc_env.render.lighting.sky_textures import Skies
-from carlaloc_env.render.lighting.tile_quads import TileQuads
 from carlaloc_env.render.lighting.uniforms import (
     MIRROR,
     Scene,
@@ -37,7 +35,7 @@ from carlaloc_env.render.lighting.uniforms import (
 )
 from carlaloc_env.render.lighting.wet_reflections import Mirror
 from carlaloc_env.render.precipitation.rain_drops import Streaks, lit, rain_streaks
-from carlaloc_env.render.precipitation.rain_layer import RainLayer
+from carlaloc_env.render.precipitation.software.rain_layer import RainLayer
 from carlaloc_env.scene.mesh import ModelLibrary
 from carlaloc_env.weather.parameters import WeatherParameters
 
@@ -72,7 +70,6 @@ class Shader:
         self._programs = programs
         self._live = live
         self._night = Night(context, library, lamps_m)
-        self._day = TileQuads(context)
         self._depths: weakref.WeakKeyDictionary[GBuffer, DepthRange] = weakref.WeakKeyDictionary()
         self._shadows = (
             Shadows(context, programs, scenery, **(LIVE_SHADOWS if live else {})) if len(scenery) else None
@@ -114,7 +111,7 @@ class Shader:
             texture.read_into(out)
             if weather.precipitation > 0.0:
                 e = scene.sky.light.exposure
-                drops, shine = self._drops(scene, lights, seed, exposure_time_s(e))
+                drops, shine = self._drops(scene, lights, exposure_time_s(e))
                 noise = (electrons(e), READ_NOISE_E) if weather.is_night else (0.0, 0.0)
                 self._rain.over_image(
                     out, scene.view, scene.depth_m(), drops, shine * e, key=scene.key, electrons=noise
@@ -138,7 +135,7 @@ class Shader:
         texture.read_into(out)
         e = scene.sky.light.exposure
         if weather.precipitation > 0.0 and stamp_ns is not None:
-            drops, shine = self._drops(scene, lights, seed, exposure_time_s(e))
+            drops, shine = self._drops(scene, lights, exposure_time_s(e))
             self._rain.over_radiance(out, scene.view, scene.depth_m(), drops, shine * e)
         return out[..., :3] / np.float32(e)
 
@@ -148,7 +145,7 @@ class Shader:
         """Light of streaks [cd/m²] in three channels, and how much they hide in the fourth, (H, W, 4)."""
         scene = self._scene(gbuffer, weather, stamp_ns, seed)
         lights = self._night.lights(gbuffer) if weather.is_night else NO_LIGHTS
-        drops, shine = self._drops(scene, lights, seed, exposure_s)
+        drops, shine = self._drops(scene, lights, exposure_s)
         return self._rain.layer(scene.view, scene.depth_m(), drops, shine)
 
     def _scene(self, gbuffer: GBuffer, weather: WeatherParameters, stamp_ns: int, seed: int) -> Scene:
@@ -157,6 +154,7 @@ class Shader:
             weather=weather,
             sky=self._skies.of(weather),
             key=_grain_key(gbuffer.view, stamp_ns, seed),
+            seed=seed,
             stamp_ns=stamp_ns,
         )
 
@@ -173,13 +171,16 @@ class Shader:
         if self._shadows is not None and "ACTORS" in features:
             above = np.array([0.0, 0.0, 1.0])
             actors = self._shadows.actors(scene.view, above if static is None else sun, casters)
-        lights, cover = self._cover(scene, features, actors, casters)
+        grid = None
+        if scene.weather.is_night:
+            grid = self._night.prepare(scene, self._depths_of(scene), noisy=not linear)
         values = light_values(scene, self._roofs)
         bind_light(scene, self._roofs)
         if "MIRROR" in features:
             self._mirrored(scene, values).use(MIRROR)
         texture, framebuffer = self._output(gbuffer, linear=linear, slot=slot)
         framebuffer.use()
+        cover = None if grid is None else Cover(groups=grid.groups, draw=self._night.draw, view=scene.view)
         framebuffer.viewport = (0, 0, *((texture.width, texture.height) if cover is None else cover.size_px))
         framebuffer.depth_mask = False
 
@@ -194,29 +195,7 @@ class Shader:
             passes.whole(self._triangle)
         else:
             passes.tiles(cover)
-        return texture, lights
-
-    def _cover(
-        self, scene: Scene, features: tuple[str, ...], actors: ShadowMap | None, casters: Casters
-    ) -> tuple[Lights, Cover | None]:
-        """The lamps of a night, and the tiles by which a picture is shaded; None for one in a piece."""
-        if scene.weather.is_night:
-            grid = self._night.prepare(
-                scene, self._depths_of(scene), wet="WET" in features, noisy="LINEAR" not in features
-            )
-            return grid.lights, Cover(
-                groups=grid.groups, draw=self._night.draw, by_tile=("LEVEL", "MIRROR"), view=scene.view
-            )
-        if not self.reads_depth(scene.gbuffer):
-            return NO_LIGHTS, None
-        axes = None if actors is None else actors.axes
-        groups = day_groups(scene.view, self._depths_of(scene), axes, casters)
-        self._day.hold(groups.tiles)
-        return NO_LIGHTS, Cover(groups=groups, draw=self._day.draw, by_tile=("ACTORS",), view=scene.view)
-
-    def reads_depth(self, gbuffer: GBuffer) -> bool:
-        """Whether shading by day looks at the depths of a picture first."""
-        return not self._live and gbuffer.camera.width_px * gbuffer.camera.height_px >= LEAST_PX
+        return texture, NO_LIGHTS if grid is None else grid.lights
 
     def _depths_of(self, scene: Scene) -> DepthRange:
         """Depths of a picture's tiles; all weathers share them."""
@@ -234,7 +213,6 @@ class Shader:
             "OVERCAST": overcast,
             "ACTORS": sunny or overcast,
             "WET": wet,
-            "LEVEL": wet,
             "MIRROR": wet and not self._live,
             "FEW_TAPS": self._live,
             "NIGHT": weather.is_night,
@@ -252,14 +230,14 @@ class Shader:
         features = ("NIGHT_GLOW",) if scene.weather.is_night else ()
         return self._mirror.draw(scene.gbuffer, features, prepare, self._triangle)
 
-    def _drops(self, scene: Scene, lights: Lights, seed: int, exposure_s: float) -> tuple[Streaks, Array]:
+    def _drops(self, scene: Scene, lights: Lights, exposure_s: float) -> tuple[Streaks, Array]:
         """Drops before a picture and their luminance [cd/m²], shape (N, 3)."""
         view = scene.view
         streaks = rain_streaks(
             view,
             scene.weather,
             stamp_ns=scene.stamp_ns,
-            seed=seed,
+            seed=scene.seed,
             velocity_mps=view.velocity_mps,
             exposure_time_s=exposure_s,
         )
@@ -293,7 +271,6 @@ class Shader:
         for array in self._arrays.values():
             array.release()
         self._night.release()
-        self._day.release()
         self._mirror.release()
         self._roofs.texture.release()
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.render.geometry.culling.occlusion_culling import Depths, box_corners
 from carlaloc_env.render.geometry.level_of_detail import FAR_LOW, gathered
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
-from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.light_sources import nearest, street_lamps
-from carlaloc_env.render.lighting.screen_tiles import TILE_PX, DepthRange
-from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, SKY_M, Fog, light_grid
+from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE_PX, DepthRange
+from carlaloc_env.render.lighting.light_tiles.tiled_lights import LIGHT_CUTOFF, light_grid
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge
@@ -215,50 +215,6 @@ def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
         lit = np.flatnonzero((light[box] > 1.5 * LIGHT_CUTOFF).mean(axis=(0, 1)) > 0.02)
         assert set(lit) <= listed
     assert len(grid.entries) < 0.75 * len(whole.entries)
-
-
-def test_glows_left_out_of_a_tile_show_nowhere_in_it() -> None:
-    """Over a relief of blocks under a sky, against the glow of every lamp along the ray of every pixel.
-
-    Single scattering by air that does not prefer a way, from one equi-angular sample: intensity times
-    extinction times the angle that the ray spans at the lamp, over 4π times its distance.
-    """
-    random = np.random.default_rng(9)
-    view = CameraView.of(CAMERA, FORWARD)
-    depth = np.kron(random.uniform(5.0, 60.0, (12, 20)), np.ones((15, 16))).astype(np.float32)
-    depth[:70] = 0.0
-    lights = nearest(street_lamps(random.uniform([5, -40, 2], [60, 40, 9], (40, 3))), view.position_m)
-    exposure, least, fog = 0.1, 3e-4, Fog(extinction_per_m=0.006, start_m=2.0)
-    grid = light_grid(view, lights, DepthRange.of(depth), exposure=exposure, fog=fog, least=least)
-    every = light_grid(view, lights, DepthRange.of(depth), exposure=exposure, fog=fog, least=0.0)
-    v, u = np.mgrid[:180, :320]
-    rays = np.stack([(u - 160.0) / 160.0, (v - 90.0) / 160.0, np.ones_like(u)], -1)
-    length = np.sqrt(np.sum(rays**2, axis=-1))
-    way = (rays / length[..., None]) @ view.R_camera_world
-    end = np.where(depth > 0.0, depth * length, SKY_M)[..., None]
-    lamp = lights.position_m - view.position_m
-    along = way @ lamp.T
-    aside2 = np.maximum(np.sum(lamp**2, axis=1) - along**2, 0.0)
-    h = np.sqrt(aside2 + 0.09)
-    angle = np.arctan2(end - along, h) - np.arctan2(fog.start_m - along, h)
-    t = np.clip(along, fog.start_m, end)
-    gap = way[..., None, :] * t[..., None] - lamp
-    far = np.maximum(np.sqrt(np.sum(gap**2, axis=-1)), 0.05)
-    share = np.clip((-gap[..., 2] / far + 0.1) / 0.55, 0.0, 1.0)
-    beam = 0.15 + 1.6 * share**2 * (3.0 - 2.0 * share)
-    fade = np.maximum(1.0 - aside2 / grid.glow_range_m**2, 0.0) ** 2
-    reached = np.exp(-fog.extinction_per_m * (t - fog.start_m + far))
-    scattered = fog.extinction_per_m * angle / (4.0 * math.pi * h) * reached
-    glow = exposure * lights.glow_cd * fade * beam * scattered
-    needed = 0
-    for tile in grid.groups.tiles:
-        column, row = tile["cell"]
-        box = np.s_[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
-        shown = np.flatnonzero((glow[box] > 1.2 * least).any(axis=(0, 1)))
-        assert set(shown) <= set(grid.entries[tile["glows"][0] : tile["glows"][1]])
-        needed += len(shown)
-    assert needed > 100
-    assert len(grid.glows) < min(1.3 * needed, 0.8 * len(every.glows))
 
 
 def test_a_model_is_littered_as_the_town_is() -> None:

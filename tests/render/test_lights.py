@@ -22,8 +22,8 @@ from carlaloc_env.render.lighting.light_sources import (
     nearest,
     street_lamps,
 )
-from carlaloc_env.render.lighting.screen_tiles import TILE_PX, DepthRange
-from carlaloc_env.render.lighting.tiled_lights import LOOPS, Fog, light_grid
+from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE_PX, DepthRange
+from carlaloc_env.render.lighting.light_tiles.tiled_lights import LOOPS, Fog, light_grid
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary, make_mesh, merge

@@ -24,7 +24,7 @@ from carlaloc_env.render.precipitation.rain_drops import (
     rain_streaks,
     terminal_mps,
 )
-from carlaloc_env.render.precipitation.rain_layer import RainLayer
+from carlaloc_env.render.precipitation.software.rain_layer import RainLayer
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh

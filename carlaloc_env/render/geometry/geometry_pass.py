@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.render.geometry.culling.occlusion_culling import Depths, box_corners
+from carlaloc_env.render.geometry.culling.triangle_culling import TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
 from carlaloc_env.render.geometry.material_table import surface_table, upload_textures
 from carlaloc_env.render.geometry.mesh_buffers import InstanceBuffer, MeshBuffers
-from carlaloc_env.render.geometry.occlusion_culling import Depths, box_corners
 from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
-from carlaloc_env.render.geometry.static_scene import StaticScene
-from carlaloc_env.render.geometry.triangle_culling import TriangleCuller
+from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene
 from carlaloc_env.render.gl.context import Programs, is_software, set_uniforms
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary
@@ -259,6 +259,7 @@ class GeometryPass:
             f"LEAF {int(Material.LEAF)}u",
             f"SWEPT {int(Material.ASPHALT_MOTORWAY)}u",
             f"UNIT_M {float(self._unit_m)}",
+            f"LEVEL_FROM {LEVEL_FROM}",
             *(("SWAY",) if any(sway[:3]) else ()),
             *features,
         )

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.transforms import cross
+from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
-from carlaloc_env.render.geometry.triangle_culling import Body, TriangleCuller
 from carlaloc_env.render.gl.context import is_software
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material

@@ -19,8 +19,8 @@ from carlaloc_env.scene.mesh import Mesh, merge
 
 _WORN_FROM = 0.15
 """Porosity from which dirt and wear show: not on leaves, metal and glass."""
-_LEVEL_FROM = 0.9
-"""Upward part of the normal from which ground bears spots, as in ``gbuffer.frag``."""
+LEVEL_FROM = 0.9
+"""Upward part of the normal from which ground bears spots."""
 _SORTS: tuple[tuple[str, ...], ...] = ((), ("WORN",), ("WORN", "LEVEL"))
 """Features of the shader for smooth things, worn ones and worn level ground."""
 _LAYERS = tuple((culled, sort) for culled in (False, True) for sort in range(len(_SORTS)))
@@ -155,7 +155,7 @@ def _sorts(mesh: Mesh) -> tuple[NDArray[np.bool_], Index]:
     """Of every triangle: whether its back needs no drawing, and its place in `_SORTS`, shape (T,)."""
     material = mesh.material[mesh.triangles[:, 2]]
     worn = materials.table("porosity")[material] > _WORN_FROM
-    up = mesh.normals[:, 2] > _LEVEL_FROM
+    up = mesh.normals[:, 2] > LEVEL_FROM
     first, second, third = (np.take(up, mesh.triangles[:, k]) for k in range(3))
     level = worn & (first | second | third)
     return seen_from_front()[material], worn.astype(np.intp) + level

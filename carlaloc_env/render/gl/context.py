@@ -8,9 +8,11 @@ from importlib import resources
 from typing import Any
 
 import moderngl
+import numpy as np
+from numpy.typing import ArrayLike
 
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.render.gl.uniform_hoisting import hoisted
+from carlaloc_env.render.gl.software.uniform_hoisting import hoisted
 
 PACKAGES = "libegl1 libgl1 libgl1-mesa-dri"
 """Debian and Ubuntu packages that bring OpenGL to a machine without a GPU."""
@@ -59,14 +61,22 @@ def shader_source(name: str) -> str:
     return _INCLUDE.sub(lambda match: shader_source(match[1]), text)
 
 
+def glsl(value: ArrayLike) -> str:
+    """A number, or two to four of them as a vector, as GLSL has it: to the bit in single precision."""
+    numbers = [np.format_float_positional(x, trim="0") for x in np.atleast_1d(np.asarray(value, np.float32))]
+    return f"({numbers[0]})" if len(numbers) == 1 else f"vec{len(numbers)}({', '.join(numbers)})"
+
+
 class Programs:
     """Shader programs by file names and features, compiled when first asked for.
 
     llvmpipe runs both sides of a branch, so every feature is a ``#define``, never a uniform.
     """
 
-    def __init__(self, context: moderngl.Context) -> None:
+    def __init__(self, context: moderngl.Context, constants: tuple[str, ...] = ()) -> None:
+        """Make ready; every program has the constants, a name and a value each, defined."""
         self._context = context
+        self._head = "#version 430 core\n" + "".join(f"#define {constant}\n" for constant in constants)
         self._hoists = is_software(context)
         self._programs: dict[tuple[str, str, tuple[str, ...]], moderngl.Program] = {}
 
@@ -74,7 +84,7 @@ class Programs:
         """Program of two shader files with some features defined."""
         key = (vertex, fragment, features)
         if key not in self._programs:
-            head = "#version 430 core\n" + "".join(f"#define {feature}\n" for feature in features)
+            head = self._head + "".join(f"#define {feature}\n" for feature in features)
             common = shader_source("packing.glsl")
             sources = shader_source(vertex), shader_source(fragment)
             if self._hoists:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.transforms import cross
+from carlaloc_env.render.lighting.low_beam import low_beam_cd
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, Mesh, ModelLibrary
 
@@ -19,6 +21,8 @@ LAMP_CD = 260.0
 """Intensity of a street lamp straight down [cd]: 3 klm in a full cut-off beam, an old dim street."""
 LAMP_COLOUR = np.array([1.28, 0.97, 0.50])
 """Linear colour of unit luminance, about 3000 K."""
+LAMP_LEAST_M = 0.5
+"""Light of a lamp grows no more nearer to it than this [m]."""
 LAMP_RANGE_M = 30.0
 """Where a street lamp gives less than 0.1 lx [m]."""
 BEAM_RANGE_M = 60.0
@@ -264,6 +268,24 @@ def street_lamps(lamps_m: Array) -> Lights:
         glow_cd=np.full(count, LAMP_CD),
         beam=np.zeros(count, bool),
     )
+
+
+def beam_gain(lights: Lights, one: int, way: Array) -> Array:
+    """Intensity by `colour_cd` in unit directions (N, 3) from one of the lights, shape (N,)."""
+    ahead = np.sum(way * lights.axis[one], axis=1)
+    if lights.beam[one]:
+        left = np.sum(way * lights.left[one], axis=1)
+        up = np.sum(way * cross(lights.axis[one], lights.left[one]), axis=1)
+        return np.asarray(low_beam_cd(ahead, left, up), dtype=np.float64)
+    begin, full = lights.edge[one]
+    t = np.clip((ahead - begin) / (full - begin), 0.0, 1.0)
+    gain = np.minimum(1.0 / (np.maximum(ahead, 0.0) ** 3 + 1e-3), lights.cap[one])
+    return np.asarray(gain * t * t * (3.0 - 2.0 * t))
+
+
+def range_window(share2: Array) -> Array:
+    """Factor that fades a light out at its range, by the squared share of the range."""
+    return np.asarray(np.maximum(1.0 - share2 * share2, 0.0) ** 2)
 
 
 def nearest(lights: Lights, eye_m: Array, most: int = MOST_LIGHTS) -> Lights:

@@ -1,33 +1,46 @@
-"""The pattern of a low beam."""
+"""The pattern of a low beam for right-hand traffic: bells over angles, which shaders get as defines."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
 from carlaloc_env.core.jit import inlined
 
+DEGREES = 57.29578
+"""Degrees of a small angle's tangent."""
+LEAST_AHEAD = 0.05
+"""Cosine to the axis from which on there is light."""
+BELLS = (
+    (26000.0, 1.5, -1.0, 1 / 2.3, 1 / 0.9),
+    (8000.0, 0.0, -1.8, 1 / 9.0, 1 / 1.8),
+    (4200.0, 0.0, -4.5, 1 / 20.0, 1 / 3.5),
+)
+"""Below the cut-off: peak [cd], its place to the right and up [°], and widths along both [1/°]."""
+HAZE = (180.0, 0.0, 0.0, 1 / 25.0, 1 / 12.0)
+"""The same of what lies above it, too."""
+CUT_OFF = (-0.57, 0.268, 1.0)
+"""Height of the cut-off on the left [°], its rise by a degree to the right, and where it ends [°]."""
 
-@inlined
-def _bell(x: float, y: float) -> float:
-    """(1 - x²/32)^16: a normal curve of height 1 but for its end."""
-    share = max(1.0 - (x * x + y * y) / 32.0, 0.0)
-    share *= share
-    share *= share
-    share *= share
-    return share * share
 
-
-@inlined
-def low_beam(ahead: float, left: float, up: float) -> float:
-    """Intensity of a low beam [cd], as in ``shade.frag``; components of a direction from the lamp.
-
-    Without branches, so that loops over it work on several directions at once.
-    """
-    per_ahead = 57.29578 / max(ahead, 0.05)
+def low_beam_cd(ahead: Any, left: Any, up: Any) -> Any:
+    """Intensity of one lamp [cd]; components of a direction from it, numbers or arrays of one shape."""
+    per_ahead = DEGREES / np.maximum(ahead, LEAST_AHEAD)
     h, v = -left * per_ahead, up * per_ahead
-    cut = min(-0.57 + max(h, 0.0) * 0.268, 1.0)
-    below = min(max(1.5 * (cut - v) + 0.5, 0.0), 1.0)
-    below *= below * (3.0 - 2.0 * below)
-    narrow = 26000.0 * _bell((h - 1.5) / 2.3, (v + 1.0) / 0.9)
-    wide = 8000.0 * _bell(h / 9.0, (v + 1.8) / 1.8)
-    floor = 4200.0 * _bell(h / 20.0, (v + 4.5) / 3.5)
-    result: float = below * (narrow + wide + floor) + 180.0 * _bell(h / 25.0, v / 12.0)
-    return result if ahead > 0.05 else 0.0
+    cut = np.minimum(CUT_OFF[0] + np.maximum(h, 0.0) * CUT_OFF[1], CUT_OFF[2])
+    below = np.minimum(np.maximum(1.5 * (cut - v) + 0.5, 0.0), 1.0)
+    below = below * below * (3.0 - 2.0 * below)
+    light = 0.0 * h
+    # (1 - x²/32)^16, which is a normal curve but for its end and takes no exponential.
+    for cd, right_deg, up_deg, per_right, per_up in BELLS:
+        x, y = (h - right_deg) * per_right, (v - up_deg) * per_up
+        light = light + cd * np.maximum(1.0 - (x * x + y * y) * 0.03125, 0.0) ** 16
+    cd, right_deg, up_deg, per_right, per_up = HAZE
+    x, y = (h - right_deg) * per_right, (v - up_deg) * per_up
+    haze = cd * np.maximum(1.0 - (x * x + y * y) * 0.03125, 0.0) ** 16
+    return (below * light + haze) * (ahead > LEAST_AHEAD)
+
+
+low_beam = inlined(low_beam_cd)
+"""`low_beam_cd` of numbers, inside compiled loops."""

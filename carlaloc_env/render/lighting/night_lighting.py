@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.gl.context import set_uniforms
-from carlaloc_env.render.lighting.light_packing import UNSEEN_NOISE, air_words, surface_words
 from carlaloc_env.render.lighting.light_sources import (
     Emitters,
     Lights,
@@ -18,17 +17,18 @@ from carlaloc_env.render.lighting.light_sources import (
     nearest,
     street_lamps,
 )
-from carlaloc_env.render.lighting.screen_tiles import DepthRange
+from carlaloc_env.render.lighting.light_table import LIST_COLUMNS, TEXELS, fog_lights, surface_lights
+from carlaloc_env.render.lighting.light_tiles.screen_tiles import DepthRange
+from carlaloc_env.render.lighting.light_tiles.tile_quads import TileQuads
+from carlaloc_env.render.lighting.light_tiles.tiled_lights import LIGHT_CUTOFF, Fog, LightGrid, light_grid
 from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons
-from carlaloc_env.render.lighting.tile_quads import TileQuads
-from carlaloc_env.render.lighting.tiled_lights import LIGHT_CUTOFF, Fog, LightGrid, light_grid
-from carlaloc_env.render.lighting.uniforms import Scene
+from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M, Scene
 from carlaloc_env.scene.mesh import ModelLibrary
 
 _LISTS = 0
 """Slot of the image of the lists."""
-_ENTRIES = 512
-"""Entries in a row of that image, as in lamps.glsl."""
+UNSEEN_NOISE = 0.2
+"""Change of light that nobody sees, in standard deviations of the noise."""
 
 
 class Night:
@@ -48,18 +48,17 @@ class Night:
         lights = concatenate_lights([self._street, self._emitters.lights(gbuffer.actors)])
         return nearest(lights, gbuffer.view.position_m)
 
-    def prepare(self, scene: Scene, depths: DepthRange, *, wet: bool, noisy: bool) -> LightGrid:
+    def prepare(self, scene: Scene, depths: DepthRange, *, noisy: bool) -> LightGrid:
         """Find the lights of a picture and hold them for the next drawing.
 
         Args:
             scene: The picture.
             depths: Of its tiles.
-            wet: Whether level ground is told from other ground.
             noisy: Whether what is drawn has the noise of a camera, which hides faint light.
         """
         eye_m, exposure, weather = scene.view.position_m, scene.sky.light.exposure, scene.weather
         noise = READ_NOISE_E / electrons(exposure) if noisy else 0.0
-        thinned = math.exp(-max(float(eye_m[2]), -50.0) / weather.fog_scale_height_m)
+        thinned = math.exp(-max(float(eye_m[2]), FOG_FLOOR_M) / weather.fog_scale_height_m)
         lights, depth_m = self.lights(scene.gbuffer), scene.depth_m()
         grid = light_grid(
             scene.view,
@@ -72,22 +71,21 @@ class Night:
             ),
             depth_m=depth_m,
             normal_codes=scene.normal_codes(),
-            wet=wet,
             least=max(LIGHT_CUTOFF, UNSEEN_NOISE * noise),
         )
-        words = np.concatenate(
+        table = np.concatenate(
             [
-                air_words(lights, eye_m, exposure, grid.glow_range_m)[grid.glows],
-                surface_words(lights, eye_m, exposure)[grid.lamps],
+                fog_lights(lights, eye_m, exposure, grid.glow_range_m)[grid.glows],
+                surface_lights(lights, eye_m, exposure)[grid.lamps],
             ]
         )
-        rows = -(-len(words) // _ENTRIES)
+        rows = -(-len(table) // LIST_COLUMNS)
         if rows > self._lists.height:
             self._lists.release()
             self._lists = self._image(rows)
-        padded = np.zeros((rows * _ENTRIES, 8), np.uint32)
-        padded[: len(words)] = words
-        self._lists.write(padded.tobytes(), viewport=(0, 0, 2 * _ENTRIES, rows))
+        padded = np.zeros((rows * LIST_COLUMNS, 4 * TEXELS), np.float32)
+        padded[: len(table)] = table
+        self._lists.write(padded.tobytes(), viewport=(0, 0, TEXELS * LIST_COLUMNS, rows))
         self._quads.hold(grid.groups.tiles)
         return grid
 
@@ -98,7 +96,7 @@ class Night:
         self._quads.draw(program, first, count)
 
     def _image(self, rows: int) -> moderngl.Texture:
-        return self._context.texture((2 * _ENTRIES, rows), 4, dtype="u4")
+        return self._context.texture((TEXELS * LIST_COLUMNS, rows), 4, dtype="f4")
 
     def release(self) -> None:
         """Free the buffers."""

@@ -9,7 +9,7 @@ import moderngl
 
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.gl.context import Programs
-from carlaloc_env.render.lighting.screen_tiles import TILE_PX, TileGroups
+from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE_PX, TileGroups
 
 _SKY_FEATURES = ("TILES", "NIGHT", "LINEAR", "GLOWS")
 """What the sky's program knows of."""
@@ -22,8 +22,6 @@ class Cover:
     groups: TileGroups
     draw: Callable[[moderngl.Program, int, int], None]
     """Draws tiles of `groups`: program, first tile, how many."""
-    by_tile: tuple[str, ...]
-    """Features that only groups have which name them; level ground alone mirrors."""
     view: CameraView
 
     @property
@@ -31,12 +29,6 @@ class Cover:
         """Width and height of all tiles together."""
         camera = self.view.camera
         return -(-camera.width_px // TILE_PX) * TILE_PX, -(-camera.height_px // TILE_PX) * TILE_PX
-
-    def features(self, shared: tuple[str, ...], kind: tuple[str, ...]) -> tuple[str, ...]:
-        """Features of the program for a group of tiles, of those that some of the picture needs."""
-        wanted = {*kind, "MIRROR"} if "LEVEL" in kind else set(kind)
-        used = tuple(name for name in shared if name not in self.by_tile or name in wanted)
-        return (*used, "TILES", *(name for name in kind if name not in self.by_tile))
 
 
 class ShadingPasses:
@@ -81,7 +73,7 @@ class ShadingPasses:
         for kind, (first, count) in cover.groups.groups.items():
             if not count:
                 continue
-            features = cover.features(self._features, kind)
+            features = (*self._features, "TILES", *kind)
             program = self._program("shade.frag", features)
             self._test("")
             if not self._splits:

@@ -17,6 +17,8 @@ from carlaloc_env.render.lighting.sky_model import READ_NOISE_E, electrons
 from carlaloc_env.render.lighting.sky_textures import Sky
 from carlaloc_env.weather.parameters import WeatherParameters
 
+FOG_FLOOR_M = -50.0
+"""Height below which fog grows no denser [m]."""
 RIPPLES_NS = 1_000_000_000_000
 """Period of the rings on puddles [ns]; shaders count time in single precision."""
 ALBEDO, NORMAL, SURFACE, DEPTH, SKY, STATIC, ACTORS, ROOFS, MIRROR, SHEEN = range(10)
@@ -32,6 +34,8 @@ class Scene:
     sky: Sky
     key: int
     """Of its dither and its noise."""
+    seed: int
+    """Of the rain."""
     stamp_ns: int
 
     @property

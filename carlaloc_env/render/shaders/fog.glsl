@@ -25,7 +25,7 @@ float transmittance(vec3 direction, float length_m) {
     float k = path * direction.z * u_air.y;
     float safe = abs(k) < 1e-3 ? 1.0 : k;
     float mean = abs(k) < 1e-3 ? 1.0 - 0.5 * k : (1.0 - exp(-safe)) / safe;
-    float depth = u_air.x * exp(-max(z, -50.0) * u_air.y) * path * min(mean, 60.0) + u_air.w * path;
+    float depth = u_air.x * exp(-max(z, FOG_FLOOR_M) * u_air.y) * path * min(mean, 60.0) + u_air.w * path;
     return exp(-depth);
 }
 
@@ -33,7 +33,7 @@ float transmittance(vec3 direction, float length_m) {
 vec3 sky_through_air(vec3 light, vec3 direction) {
     vec4 air = u_air;
     float high = 1.0 / (u_air.y * max(direction.z, 0.004));
-    float fog = air.x * exp(-max(u_eye.z, -50.0) * air.y) * high;
+    float fog = air.x * exp(-max(u_eye.z, FOG_FLOOR_M) * air.y) * high;
     float t = exp(-fog - air.w * 400.0);
     return light * t + u_fog_light * (1.0 - t);
 }
@@ -67,16 +67,16 @@ vec3 grainy(vec3 exposed) {
 }
 #endif
 
-// As in rain_layer.py: linear up to 0.6, a soft shoulder above; then sRGB and half a step of dither. Both parts of
+// Linear up to its shoulder, bent above; then sRGB and half a step of dither. Both parts of
 // the curve are polynomials, of the fourth root below and of what the shoulder bends above, which are within
 // 0.012 steps of the formulas; logarithms would wait for each other.
 vec3 coded(vec3 exposed) {
     vec3 x = max(exposed, 0.0);
-    vec3 low = min(x, 0.6);
+    vec3 low = min(x, TONE_SHOULDER);
     vec3 q = sqrt(sqrt(low));
     vec3 dark = (((0.10021731 * q - 0.37593190) * q + 1.15321771) * q + 0.18656585) * q - 0.06356571;
     dark = mix(dark, 12.92 * low, lessThan(low, vec3(0.0031308)));
-    vec3 bent = 1.0 - exp2(min((0.6 - x) * 3.6067376, 0.0));
+    vec3 bent = 1.0 - exp2(min((TONE_SHOULDER - x) * TONE_PER_ROOM, 0.0));
     return dark + ((0.00828239 * bent - 0.04231894) * bent + 0.23632364) * bent;
 }
 

@@ -88,7 +88,7 @@ void main() {
     float small = noise(p * 14.0 + 4.7);
     float spots = (3.6 * smoothstep(0.945, 0.97, small) - 0.72 * smoothstep(0.075, 0.045, small)) * band(footprint, 14.0);
     float porous = v_surface.y * v_surface.y * v_surface.y;
-    float level = smoothstep(0.90, 0.97, v_normal.z);
+    float level = smoothstep(LEVEL_FROM, 0.97, v_normal.z);
     // Spilt oil and spilt cement, their edges ragged from the grain.
     float edge = patches + 0.12 * (small - 0.5);
     float spilt = (0.6 * smoothstep(0.20, 0.17, edge) - 0.5 * smoothstep(0.80, 0.83, edge)) * band(footprint, 1.4);

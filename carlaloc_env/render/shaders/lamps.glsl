@@ -1,9 +1,9 @@
 // Lights of a night and their lists by tile.
 //
-// Every list holds the words of its lights itself, and an image is read without the steps of a texture: each
-// word costs llvmpipe time. Its loops run what is inside once more before they leave by a test at their
-// beginning, so they test at the end; an empty list has an entry of no light.
-layout(rgba32ui) readonly uniform uimage2D u_lists;   // two texels a light, see lamp_words.py
+// Every list holds its lights themselves, and an image is read without the steps of a texture: each texel costs
+// llvmpipe time. Its loops run what is inside once more before they leave by a test at their beginning, so they
+// test at the end; an empty list has an entry of no light.
+layout(rgba32f) readonly uniform image2D u_lists;   // four texels a light, see light_table.py
 #ifdef LAMPS
 flat in uvec2 v_lamps;   // first entry and end of this tile's lists
 #endif
@@ -14,22 +14,9 @@ flat in uvec2 v_beams;
 flat in uvec2 v_glows;
 #endif
 
-uvec4 light_words(uint i, int part) {
-    return imageLoad(u_lists, ivec2(int(i & 511u) * 2 + part, i >> 9));
+vec4 light_texel(uint i, int part) {
+    return imageLoad(u_lists, ivec2(int(i % LIST_COLUMNS) * LIGHT_TEXELS + part, i / LIST_COLUMNS));
 }
-
-// Two numbers of seven bits and an exponent in a word.
-vec2 pair(uint word) {
-    return uintBitsToFloat(uvec2(word & 0xffff0000u, word << 16));
-}
-
-// Two numbers from -1 to 1 in a word.
-vec2 fixed_pair(uint word) {
-    return vec2(ivec2(int(word), int(word << 16)) >> 16) * (1.0 / 32767.0);
-}
-
-// How far the air glows before the sky [m].
-const float SKY_M = 1000.0;
 
 // Fades a light out at its range, so that none pops in; by the squared share of the range.
 float window(float share2) {
@@ -53,18 +40,16 @@ float angle_of(float x, float y) {
 // Light of the lamps round here scattered once towards the eye along a ray, by one equi-angular sample
 // (single scattering with an isotropic phase function; Sun et al. 2005).
 vec3 lamp_glow(vec3 direction, float length_m) {
-    float beta = u_air.w + u_air.x * exp(-max(u_eye.z, -50.0) * u_air.y);
+    float beta = u_air.w + u_air.x * exp(-max(u_eye.z, FOG_FLOOR_M) * u_air.y);
     // As in `through_air`, all air before its start is clear.
     float start = min(u_air.z, length_m);
     float path = length_m - start;
     vec3 sum = vec3(0.0);
     uint i = v_glows.x;
     do {
-        uvec4 first = light_words(i, 0);
-        uvec4 second = light_words(i, 1);
-        vec3 lamp = uintBitsToFloat(first.xyz);
-        vec3 axis = vec3(fixed_pair(second.y), fixed_pair(second.z).x);
-        vec2 blue_reach = pair(second.x);
+        vec4 place = light_texel(i, 0);
+        vec3 lamp = place.xyz;
+        vec3 axis = light_texel(i, 2).xyz;
         float t0 = dot(lamp, direction);
         float h2 = max(dot(lamp, lamp) - t0 * t0, 0.0);
         float per_h = inversesqrt(h2 + 0.09);
@@ -77,9 +62,8 @@ vec3 lamp_glow(vec3 direction, float length_m) {
         float per_r = inversesqrt(r2);
         float edge = clamp((dot(nearest, axis) * per_r + 0.1) * 1.8181818, 0.0, 1.0);
         float beam = 0.15 + 1.6 * edge * edge * (3.0 - 2.0 * edge);
-        float fade = max(1.0 - h2 * blue_reach.y, 0.0);
-        sum += vec3(pair(first.w), blue_reach.x)
-            * (fade * fade * beam * angle * per_h * dimmed(beta * (t - start + r2 * per_r)));
+        float fade = max(1.0 - h2 * place.w, 0.0);
+        sum += light_texel(i, 1).rgb * (fade * fade * beam * angle * per_h * dimmed(beta * (t - start + r2 * per_r)));
     } while (++i < v_glows.y);
     return sum * (0.25 * beta);
 }

@@ -13,10 +13,8 @@ uniform float u_exposure;
 uniform float u_ripples;       // time of the ripples, 0 without rain
 layout(location = 0) out vec4 o_mirror;   // exposed light, share that hits the scene
 
-const vec3 WARM = vec3(1.28, 0.97, 0.50);   // as in shade.frag
-
 float glare(float code) {
-    return min((exp2(16.0 * code) - 1.0) * u_exposure, 2.0);
+    return min((exp2(LOG_SCALE * code) - 1.0) * u_exposure, 2.0);
 }
 
 void main() {
@@ -51,7 +49,7 @@ void main() {
     vec3 hue = albedo / max(max(albedo.r, max(albedo.g, albedo.b)), 0.01);
     vec3 exposed = albedo * u_wall_light * 0.7 + hue * glare(surface.z);
 #ifdef NIGHT_GLOW
-    exposed += (albedo.g < 0.2 * albedo.r ? hue : WARM) * glare(surface.w);
+    exposed += (albedo.g < 0.2 * albedo.r ? hue : LAMP_COLOUR) * glare(surface.w);
 #endif
     exposed = through_air(exposed, ray, hit);
     float level = smoothstep(0.90, 0.97, up) * float(depth > 0.0);

@@ -42,29 +42,26 @@ float bell(float h, float v, vec2 centre, vec2 per_width) {
 
 // Intensity [cd] of a low beam for right-hand traffic; degrees right and up.
 float low_beam(vec3 way) {
-    float per_ahead = 57.29578 / max(way.x, 0.05);
+    float per_ahead = LOW_BEAM_DEGREES / max(way.x, LOW_BEAM_LEAST_AHEAD);
     float h = -way.y * per_ahead;
     float v = way.z * per_ahead;
-    float cut = min(-0.57 + max(h, 0.0) * 0.268, 1.0);
+    float cut = min(LOW_BEAM_CUT + max(h, 0.0) * LOW_BEAM_RISE, LOW_BEAM_END);
     float below = clamp(1.5 * (cut - v) + 0.5, 0.0, 1.0);
     below *= below * (3.0 - 2.0 * below);
-    float beam = 26000.0 * bell(h, v, vec2(1.5, -1.0), vec2(0.4347826, 1.1111111))
-        + 8000.0 * bell(h, v, vec2(0.0, -1.8), vec2(0.1111111, 0.5555556))
-        + 4200.0 * bell(h, v, vec2(0.0, -4.5), vec2(0.05, 0.2857143));
-    return way.x > 0.05 ? (below * beam + 180.0 * bell(h, v, vec2(0.0), vec2(0.04, 0.0833333))) : 0.0;
+    float beam = LOW_BEAM_NARROW_CD * bell(h, v, LOW_BEAM_NARROW_DEG, LOW_BEAM_NARROW_PER_DEG)
+        + LOW_BEAM_WIDE_CD * bell(h, v, LOW_BEAM_WIDE_DEG, LOW_BEAM_WIDE_PER_DEG)
+        + LOW_BEAM_FLOOR_CD * bell(h, v, LOW_BEAM_FLOOR_DEG, LOW_BEAM_FLOOR_PER_DEG);
+    beam = below * beam + LOW_BEAM_HAZE_CD * bell(h, v, LOW_BEAM_HAZE_DEG, LOW_BEAM_HAZE_PER_DEG);
+    return way.x > LOW_BEAM_LEAST_AHEAD ? beam : 0.0;
 }
 #endif
 
 layout(location = 0) out vec4 o_colour;
 
-// Lamp light of about 3000 K with unit luminance.
-const vec3 WARM = vec3(1.28, 0.97, 0.50);
-// That of headlamps, as in lights.py.
-const vec3 HEADLAMP = vec3(1.10, 0.99, 0.80);
 
 // Exposed light of a lamp, cut where a picture would lose its colour.
 float glare(float code) {
-    return min((exp2(16.0 * code) - 1.0) * u_exposure, 2.0);
+    return min((exp2(LOG_SCALE * code) - 1.0) * u_exposure, 2.0);
 }
 
 vec3 ambient(vec3 n) {
@@ -175,7 +172,7 @@ void main() {
     vec3 emitted = albedo * (1.0 / brightest);
 #ifdef NIGHT
     // Lamps that burn at night: warm white, or the colour of a red glass.
-    vec3 hue = albedo.g < 0.2 * albedo.r ? emitted : WARM * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0));
+    vec3 hue = albedo.g < 0.2 * albedo.r ? emitted : LAMP_COLOUR * (0.4 + 0.6 * min(albedo.g * 4.0, 1.0));
     emitted = emitted * glare(surface.z) + hue * glare(surface.w);
 #else
     emitted *= glare(surface.z);
@@ -189,7 +186,6 @@ void main() {
     roughness = mix(roughness, 0.20 + 1.3 * min(grey, 0.25), soak);
     vec2 ground = (u_eye + offset).xy;
     float footprint = length_m * length_m * 0.0011;
-#ifdef LEVEL
     float hollow = 0.56 * noise(ground * 0.17) + 0.29 * noise(ground * 0.71 + 5.1)
         + 0.15 * mix(0.5, noise(ground * 3.1), band(footprint, 3.1));
     float water = smoothstep(u_wet.y, u_wet.y + 0.045, hollow)
@@ -198,9 +194,6 @@ void main() {
     roughness = mix(roughness, 0.06, water);
     n = mix(n, vec3(0.0, 0.0, 1.0), water);
     f0 = mix(f0, 0.02, water);
-#else
-    const float water = 0.0;
-#endif
     // Grains on the film, rings of drops on puddles.
     float grain = (noise(ground * 41.0 + u_ripples * 9.0 * water) - 0.5) * band(footprint, 41.0);
     n = normalize(n - vec3(direction.xy * (grain * mix(0.22 * soak, 0.05 * min(u_ripples, 1.0), water)), 0.0));
@@ -231,22 +224,20 @@ void main() {
     Film lamp_film = film(max(alpha, 0.01), f0);
     uint i = v_lamps.x;
     do {
-        uvec4 first = light_words(i, 0);
-        uvec4 second = light_words(i, 1);
-        vec2 blue_gain = pair(second.x);
-        vec2 end = pair(second.w);
-        vec3 to = uintBitsToFloat(first.xyz) - offset;
-        float near2 = max(dot(to, to), 0.25);
+        vec4 place = light_texel(i, 0);
+        vec4 colour_gain = light_texel(i, 1);
+        vec4 axis_end = light_texel(i, 2);
+        vec3 to = place.xyz - offset;
+        float near2 = max(dot(to, to), LAMP_LEAST_M2);
         float per_r = inversesqrt(near2);
         vec3 l = to * per_r;
         float nl = max(dot(n, l), 0.0);
-        float cosine = -dot(l, vec3(fixed_pair(second.y), fixed_pair(second.z).x));
-        float edge = clamp((cosine - end.x) * end.y, 0.0, 1.0);
+        float cosine = -dot(l, axis_end.xyz);
+        float edge = clamp((cosine - axis_end.w) * light_texel(i, 3).w, 0.0, 1.0);
         // Batwing of a full cut-off luminaire; plain lamps have no gain.
         float gain = 1.0 / (cosine * cosine * cosine + 1e-3);
-        float beam = (gain < blue_gain.y ? gain : blue_gain.y) * edge * edge * (3.0 - 2.0 * edge);
-        vec3 e = vec3(pair(first.w), blue_gain.x)
-            * (window(near2 * pair(second.z).y) * beam * nl * per_r * per_r);
+        float beam = (gain < colour_gain.w ? gain : colour_gain.w) * edge * edge * (3.0 - 2.0 * edge);
+        vec3 e = colour_gain.rgb * (window(near2 * place.w) * beam * nl * per_r * per_r);
         light += e;
         shine += e * gloss(nl, nv, dot(l, v), lamp_film, 40.0);
     } while (++i < v_lamps.y);
@@ -254,31 +245,24 @@ void main() {
 #ifdef BEAMS
     // Rough surfaces throw light back to where it came from, most when it grazes them (Oren and Nayar
     // 1994): dry asphalt 0.008 cd/m2 per lx across the beam, which EN 1436 puts at about 0.01.
-    float thrown_back = 0.45 * roughness * roughness / (roughness * roughness + 0.09);
+    float thrown_back = RETROREFLECTION * roughness * roughness / (roughness * roughness + 0.09);
     Film beam_film = film(max(alpha, 0.02), f0);
-    float direct = 0.0;
-    float glint = 0.0;
     uint j = v_beams.x;
     do {
-        uvec4 first = light_words(j, 0);
-        uvec4 second = light_words(j, 1);
-        vec2 turn = fixed_pair(second.z);
-        vec3 axis = vec3(fixed_pair(second.y), turn.x);
-        vec3 left = vec3(turn.y, fixed_pair(second.w));
-        vec3 way = offset - uintBitsToFloat(first.xyz);
+        vec4 place = light_texel(j, 0);
+        vec3 axis = light_texel(j, 2).xyz;
+        vec3 left = light_texel(j, 3).xyz;
+        vec3 way = offset - place.xyz;
         float near2 = max(dot(way, way), 1.0);
         float per_r = inversesqrt(near2);
         vec3 l = -way * per_r;
         float nl = max(dot(n, l), 0.0);
         vec3 turned = vec3(dot(axis, way), dot(left, way), dot(cross(axis, left), way));
-        float e = uintBitsToFloat(first.w) * low_beam(turned)
-            * window(near2 * uintBitsToFloat(second.x)) * nl * per_r * per_r;
+        vec3 e = light_texel(j, 1).rgb * (low_beam(turned) * window(near2 * place.w) * nl * per_r * per_r);
         float lv = dot(l, v);
-        direct += e + e * thrown_back * max(lv - nl * nv, 0.0) / max(max(nl, nv), 0.01);
-        glint += e * gloss(nl, nv, lv, beam_film, 5.0);
+        light += e * (1.0 + thrown_back * max(lv - nl * nv, 0.0) / max(max(nl, nv), 0.01));
+        shine += e * gloss(nl, nv, lv, beam_film, 5.0);
     } while (++j < v_beams.y);
-    light += HEADLAMP * direct;
-    shine += HEADLAMP * glint;
 #endif
 
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
@@ -296,7 +280,7 @@ void main() {
     vec3 exposed = albedo * light + shine + reflection * fresnel + emitted;
     exposed = through_air(exposed, direction, length_m);
 #ifdef GLOWS
-    vec3 glow = lamp_glow(direction, cover < 0.5 ? SKY_M : length_m);
+    vec3 glow = lamp_glow(direction, cover < 0.5 ? GLOW_SKY_M : length_m);
 #endif
 #ifdef RESOLVED
     vec3 sky = sky_through_air(textureLod(u_sky, sky_uv(direction), 0.0).rgb, direction);

@@ -7,7 +7,7 @@ void main() {
     vec3 direction = normalize(pixel_ray());
     vec3 exposed = sky_through_air(textureLod(u_sky, sky_uv(direction), 0.0).rgb, direction);
 #ifdef GLOWS
-    exposed += lamp_glow(direction, SKY_M);
+    exposed += lamp_glow(direction, GLOW_SKY_M);
 #endif
     o_colour = develop(exposed);
 }

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
+from carlaloc_env.render.geometry.culling.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import GBuffer
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
-from carlaloc_env.render.geometry.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
-from carlaloc_env.render.geometry.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material

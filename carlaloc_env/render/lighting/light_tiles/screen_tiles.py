@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.lighting.tile_kernels import depth_ranges
+from carlaloc_env.render.lighting.light_tiles.tile_kernels import depth_ranges
 
 TILE_PX = 32
 """Edge of a tile [px]."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.render.gl.context import set_uniforms
-from carlaloc_env.render.lighting.screen_tiles import TILE, TILE_PX
+from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE, TILE_PX
 
 
 class TileQuads:

@@ -15,18 +15,23 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.render.lighting.fog_light_culling import keep_glowing
 from carlaloc_env.render.lighting.light_sources import Lights
-from carlaloc_env.render.lighting.screen_tiles import FEW_TILES, TILE_PX, DepthRange, TileGroups, every_tile
-from carlaloc_env.render.lighting.surface_light_culling import keep_lit
-from carlaloc_env.render.lighting.tile_kernels import level_tiles, list_lights
+from carlaloc_env.render.lighting.light_tiles.screen_tiles import (
+    FEW_TILES,
+    TILE_PX,
+    DepthRange,
+    TileGroups,
+    every_tile,
+)
+from carlaloc_env.render.lighting.light_tiles.surface_light_culling import keep_lit
+from carlaloc_env.render.lighting.light_tiles.tile_kernels import list_lights
 
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""
 GLOW_LEAST_M, GLOW_MOST_M = 0.3, 8.0
 """Glows that reach less far are left out, and none is followed farther [m]."""
 SKY_M = 1000.0
-"""How far the air glows before the sky, as in ``lamps.glsl`` [m]."""
+"""How far the air glows before the sky [m]."""
 LIGHT_CUTOFF = 3e-4
 """Exposed light of a lamp that no picture shows: half a step of 8 bits at what is dark in a town."""
 
@@ -41,11 +46,6 @@ LOOPS: tuple[tuple[str, ...], ...] = (
     ("GLOWS", "LAMPS", "BEAMS"),
 )
 """Kinds of tiles by the loops that they run, a bit each: a loop without entries costs as one with one."""
-NIGHT_KINDS = LOOPS + tuple((*loops, "LEVEL") for loops in LOOPS)
-"""The same without and with level ground, which holds puddles and mirrors when it is wet."""
-LEVEL_UP, LEVEL_MARGIN_PX = 0.899, 5
-"""Upward part of normals from which ``shade.frag`` and ``mirror.frag`` look for water, and how far beside a
-tile the mirrored light is smoothed [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +97,6 @@ def light_grid(
     fog: Fog | None = None,
     depth_m: NDArray[np.float32] | None = None,
     normal_codes: NDArray[np.uint16] | None = None,
-    wet: bool = False,
     least: float = LIGHT_CUTOFF,
 ) -> LightGrid:
     """Lists of the lights that reach the surfaces and the air in every tile.
@@ -112,7 +111,6 @@ def light_grid(
             left out of its lists.
         normal_codes: Octahedral world normals, shape (H, W, 2); with them, lamps that surfaces turn away
             from are left out, too.
-        wet: Tell tiles with level ground from those without, too; needs depths and normals.
         least: Exposed light of one lamp that is not seen.
     """
     centre = (
@@ -129,12 +127,7 @@ def light_grid(
     far = np.where(depths.sky[..., None], SKY_M, far)
     glowing = _touched(view, lights.position_m, glow, near.shape) & (glow > 0.0)
     glowing &= _along(view, lights.position_m) - glow < far
-    if fog is not None:
-        _keep_glowing(glowing, view, lights, far[..., 0], glow, exposure, fog, least)
-    level = np.zeros(depths.near_m.shape, bool)
-    if wet and depth_m is not None and normal_codes is not None:
-        level_tiles(level, depth_m, normal_codes, TILE_PX, LEVEL_MARGIN_PX, LEVEL_UP)
-    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, glowing, level, depths.shown)
+    return _packed(lights, glow, surface & ~lights.beam, surface & lights.beam, glowing, depths.shown)
 
 
 def _keep_lit(
@@ -172,31 +165,6 @@ def _keep_lit(
     )
 
 
-def _keep_glowing(
-    glowing: NDArray[np.bool_],
-    view: CameraView,
-    lights: Lights,
-    far_m: Array,
-    glow_range_m: Array,
-    exposure: float,
-    fog: Fog,
-    least: float,
-) -> None:
-    """Leave only lamps in the lists of tiles (R, C, N) whose glow shows there."""
-    keep_glowing(
-        glowing,
-        np.ascontiguousarray(far_m),
-        np.array([TILE_PX, view.camera.width_px, view.camera.height_px]),
-        np.array(view.unproject),
-        view.R_camera_world,
-        lights.position_m - view.position_m,
-        lights.axis,
-        np.column_stack([lights.glow_cd * (exposure / math.pi), np.maximum(glow_range_m, 1e-3) ** -2.0]),
-        np.array([fog.extinction_per_m, fog.start_m]),
-        least,
-    )
-
-
 def _along(view: CameraView, points_m: Array) -> Array:
     """Planar depth of points [m], shape (N,)."""
     return np.asarray(np.sum((points_m - view.position_m) * view.R_camera_world[2], axis=1))
@@ -225,7 +193,6 @@ def _packed(
     lamps: NDArray[np.bool_],
     beams: NDArray[np.bool_],
     glowing: NDArray[np.bool_],
-    level: NDArray[np.bool_],
     shown: NDArray[np.intp],
 ) -> LightGrid:
     tiles = every_tile(lamps.shape[:2])
@@ -246,16 +213,10 @@ def _packed(
     for name in ("glows", "lamps", "beams"):
         idle = (tiles[name][:, 0] == tiles[name][:, 1]) & (kind == every)
         tiles[name][idle] = (0, 1)
-    flat_level = level.ravel().copy()
-    for loops in range(len(LOOPS)):
-        dry = (kind == loops) & ~flat_level
-        if np.count_nonzero(dry) < FEW_TILES:
-            flat_level |= dry & level.any()
-    kind += len(LOOPS) * flat_level
     return LightGrid(
         lights=lights,
         glow_range_m=glow,
-        groups=TileGroups.sorted_by(tiles, kind, NIGHT_KINDS, shown.ravel()),
+        groups=TileGroups.sorted_by(tiles, kind, LOOPS, shown.ravel()),
         entries=entries,
         glow_count=1 + count[0],
     )

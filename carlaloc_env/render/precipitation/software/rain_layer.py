@@ -14,15 +14,24 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.render.lighting.light_packing import UNSEEN_NOISE, UNSEEN_STEP
+from carlaloc_env.render.lighting.night_lighting import UNSEEN_NOISE
+from carlaloc_env.render.lighting.shader_constants import TONE_ROOM, TONE_SHOULDER
 from carlaloc_env.render.precipitation.rain_drops import Streaks
-from carlaloc_env.render.precipitation.streak_kernels import noticeable, over_codes, over_light, streak_pixels
+from carlaloc_env.render.precipitation.software.streak_kernels import (
+    noticeable,
+    over_codes,
+    over_light,
+    streak_pixels,
+)
 
-SHOULDER, ROOM = 0.6, 0.4
-"""Value up to which the tone curve is straight, and what lies above it, as in ``fog.glsl``."""
+UNSEEN_STEP = 0.25
+"""Change that nobody sees [steps of 8 bits]."""
 _STEPS = 4096
+"""Steps of the root of exposed light up to 2."""
 _UNKNOWN = np.zeros((0, 4), np.uint8)
+"""Stands for an image that is not known."""
 _NOTHING_UNSEEN = np.zeros(256)
+"""Every change counts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -164,8 +173,8 @@ def _seen_by(view: CameraView, streaks: Streaks, light: Array) -> _Seen:
 
 def developed(light: Array) -> Array:
     """sRGB value 0–1 of exposed light, with the soft shoulder of ``fog.glsl``."""
-    over = np.maximum(light - SHOULDER, 0.0)
-    toned = np.minimum(light, SHOULDER) + ROOM * (1.0 - np.exp(-over / ROOM))
+    over = np.maximum(light - TONE_SHOULDER, 0.0)
+    toned = np.minimum(light, TONE_SHOULDER) + TONE_ROOM * (1.0 - np.exp(-over / TONE_ROOM))
     bright = 1.055 * np.maximum(toned, 1e-9) ** (1.0 / 2.4) - 0.055
     return np.asarray(np.where(toned < 0.0031308, 12.92 * toned, bright), dtype=np.float64)
 
@@ -174,8 +183,10 @@ def undeveloped(code: Array) -> Array:
     """Exposed light of an sRGB value 0–1, the inverse of `developed`."""
     toned = np.where(code < 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
     # White is any light that is bright enough; three quarters of a step below it stands for all.
-    over = np.minimum((toned - SHOULDER) / ROOM, 1.0 - 0.25 / 255.0)
-    return np.asarray(np.where(toned > SHOULDER, SHOULDER - ROOM * np.log1p(-np.maximum(over, 0.0)), toned))
+    over = np.minimum((toned - TONE_SHOULDER) / TONE_ROOM, 1.0 - 0.25 / 255.0)
+    return np.asarray(
+        np.where(toned > TONE_SHOULDER, TONE_SHOULDER - TONE_ROOM * np.log1p(-np.maximum(over, 0.0)), toned)
+    )
 
 
 def _unseen(electrons: float, read_noise_e: float) -> Array:
@@ -188,5 +199,6 @@ def _unseen(electrons: float, read_noise_e: float) -> Array:
 
 
 _LIGHT_OF_CODE = undeveloped(np.arange(256) / 255.0)
+"""Exposed light of every code, shape (256,)."""
 _CODE_OF_ROOT = developed((np.arange(_STEPS + 2) / _STEPS * 2.0) ** 2)
 """Values at the squares of 0 … 2 in `_STEPS` even steps."""

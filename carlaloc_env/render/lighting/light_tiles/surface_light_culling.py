@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled, inlined
+from carlaloc_env.render.lighting.light_sources import LAMP_LEAST_M
 from carlaloc_env.render.lighting.low_beam import low_beam
 
 STEP_U, STEP_V, SHIFT = 8, 2, 5
 """Samples of a row and rows are so many pixels apart, each row shifted [px]: no post or arm slips through."""
+RETROREFLECTION = 0.45
+"""Light that rough surfaces throw back to its lamp, by Oren and Nayar (1994)."""
 TILT = 0.03
 """Sine by which a surface may lean towards a lamp more than its normal says."""
 
@@ -87,7 +90,7 @@ def _lit_by_lamp(points_m: Array, count: int, n: int, lamps: Array, axes: Array,
     per_way, per_range2 = 1.0 / (light[n, 3] - light[n, 2]), 1.0 / (light[n, 4] * light[n, 4])
     for k in range(count):
         x, y, z = points_m[0, k] - lamp_x, points_m[1, k] - lamp_y, points_m[2, k] - lamp_z
-        far2 = max(x * x + y * y + z * z, 0.25)
+        far2 = max(x * x + y * y + z * z, LAMP_LEAST_M * LAMP_LEAST_M)
         away = max(points_m[3, k] * x + points_m[4, k] * y + points_m[5, k] * z, 0.0)
         cosine = (x * axis_x + y * axis_y + z * axis_z) / math.sqrt(far2)
         share = min(max((cosine - begin) * per_way, 0.0), 1.0)
@@ -110,7 +113,7 @@ def _lit_by_beam(
     strength, per_range2 = light[n, 0], 1.0 / (light[n, 4] * light[n, 4])
     for k in range(count):
         x, y, z = points_m[0, k] - lamp_x, points_m[1, k] - lamp_y, points_m[2, k] - lamp_z
-        far2 = max(x * x + y * y + z * z, 0.25)
+        far2 = max(x * x + y * y + z * z, LAMP_LEAST_M * LAMP_LEAST_M)
         away = max(points_m[3, k] * x + points_m[4, k] * y + points_m[5, k] * z, 0.0)
         fade = max(1.0 - far2 * per_range2 * far2 * per_range2, 0.0)
         beam = low_beam(
@@ -195,6 +198,6 @@ def _shown(points_m: Array, k: int, lamps: Array, n: int) -> float:
     d = (alpha2 - 1.0) / (1.0 + tangent * tangent) + 1.0
     fresnel = 0.04 + 0.96 * max(1.0 - math.sqrt(lh2), 0.0) ** 5
     gloss = alpha2 / (d * d) * fresnel / (4.0 * lh2 * (0.5 + math.sqrt(alpha2)))
-    back = 0.45 * max(lv - nl * nv, 0.0) / max(nl, nv, 0.01)
+    back = RETROREFLECTION * max(lv - nl * nv, 0.0) / max(nl, nv, 0.01)
     result: float = nl * (1.0 + back + 2.0 * min(gloss, 40.0))
     return result

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32, Array
 from carlaloc_env.core.jit import compiled
-from carlaloc_env.render.geometry.occlusion_culling import Depths
+from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
 
 SNAP_PX = 0.03

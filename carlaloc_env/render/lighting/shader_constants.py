@@ -1,0 +1,46 @@
+"""Numbers that shaders share with Python, as defines: each has one owner, in Python."""
+
+from __future__ import annotations
+
+import math
+
+from numpy.typing import ArrayLike
+
+from carlaloc_env.render.geometry.material_table import LOG_SCALE
+from carlaloc_env.render.gl.context import glsl
+from carlaloc_env.render.lighting import low_beam
+from carlaloc_env.render.lighting.light_sources import LAMP_COLOUR, LAMP_LEAST_M
+from carlaloc_env.render.lighting.light_table import LIST_COLUMNS, TEXELS
+from carlaloc_env.render.lighting.light_tiles.surface_light_culling import RETROREFLECTION
+from carlaloc_env.render.lighting.light_tiles.tiled_lights import SKY_M
+from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M
+
+TONE_SHOULDER, TONE_ROOM = 0.6, 0.4
+"""Exposed light up to which the tone curve is straight, and what lies between it and white."""
+
+
+def shader_constants() -> tuple[str, ...]:
+    """Names and values for the `#define` lines of every program."""
+    cut, rise, end = low_beam.CUT_OFF
+    values: dict[str, ArrayLike] = {
+        "LAMP_COLOUR": LAMP_COLOUR,
+        "LAMP_LEAST_M2": LAMP_LEAST_M**2,
+        "LOG_SCALE": LOG_SCALE,
+        "LOW_BEAM_DEGREES": low_beam.DEGREES,
+        "LOW_BEAM_LEAST_AHEAD": low_beam.LEAST_AHEAD,
+        "LOW_BEAM_CUT": cut,
+        "LOW_BEAM_RISE": rise,
+        "LOW_BEAM_END": end,
+        "RETROREFLECTION": RETROREFLECTION,
+        "GLOW_SKY_M": SKY_M,
+        "FOG_FLOOR_M": FOG_FLOOR_M,
+        "TONE_SHOULDER": TONE_SHOULDER,
+        "TONE_PER_ROOM": math.log2(math.e) / TONE_ROOM,
+    }
+    bells = {"NARROW": low_beam.BELLS[0], "WIDE": low_beam.BELLS[1], "FLOOR": low_beam.BELLS[2]}
+    for name, (cd, right_deg, up_deg, per_right, per_up) in {**bells, "HAZE": low_beam.HAZE}.items():
+        values[f"LOW_BEAM_{name}_CD"] = cd
+        values[f"LOW_BEAM_{name}_DEG"] = (right_deg, up_deg)
+        values[f"LOW_BEAM_{name}_PER_DEG"] = (per_right, per_up)
+    whole = (f"LIST_COLUMNS {LIST_COLUMNS}u", f"LIGHT_TEXELS {TEXELS}")
+    return (*(f"{name} {glsl(value)}" for name, value in values.items()), *whole)
