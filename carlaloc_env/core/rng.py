@@ -20,7 +20,7 @@ def stream(seed: int, name: str, stamp_ns: int = 0, index: int = 0) -> np.random
 
     Args:
         seed: The one seed of an episode or a replay.
-        name: Who draws, e.g. ``"lidar/range"``.
+        name: Name of what draws, e.g. ``"lidar/range"``.
         stamp_ns: Stamp of the sample the numbers are for [ns]; may be negative.
         index: Further counter, e.g. a block or an actor.
     """

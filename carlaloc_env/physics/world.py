@@ -97,7 +97,7 @@ class PhysicsWorld:
 
         Args:
             frame: State of all actors now.
-            catalog: Who they are.
+            catalog: Their models, tags and sizes.
             following: State one 50 ms step later; without it actors keep their speed until the next call.
         """
         if self._ego_body < 0 or len(frame) == 0:

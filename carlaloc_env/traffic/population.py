@@ -22,7 +22,7 @@ from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 _HEAVY_TOP_MPS = 25.0
 """Top speed of trucks and buses [m/s]: 90 km/h."""
 _CYCLIST_MPS = (15.0 / 3.6, 22.0 / 3.6)
-"""Least and greatest speed that cyclists like to ride at [m/s]: 15 to 22 km/h."""
+"""Least and greatest desired speed of cyclists [m/s]: 15 to 22 km/h."""
 _CYCLE_EDGE_M = 0.75
 """Distance of cyclists from the right edge of their lane [m]."""
 

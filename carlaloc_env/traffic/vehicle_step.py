@@ -77,9 +77,9 @@ class Traffic(NamedTuple):
     occupancy: Occupancy
     """Bodies on every lane."""
     requests: Requests
-    """Who wants into which junction, and who has been admitted."""
+    """Requests to enter junctions, and the vehicles admitted."""
     approaches: Approaches
-    """Who comes up to lanes that lie on each other."""
+    """Vehicles that come up to lanes that lie on each other."""
     density: Array
     """Density of each stretch and queue of each junction lane, as `measure_density` says, (lanes,)."""
     last_change: Index

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,31 +12,101 @@ from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.jit import compiled
 
 
+class PatternRays(NamedTuple):
+    """Rays of a scan pattern, R of them, column by column."""
+
+    column: Index
+    """Column of each ray, (R,)."""
+    later_s: Array
+    """Time between the beginning of its column and the ray [s], (R,)."""
+    direction: Array
+    """Unit direction in the car's frame, (R, 3)."""
+
+
+class ColumnMotion(NamedTuple):
+    """Motion of the car at the beginning of each of C columns."""
+
+    position_m: Array
+    """Position, world axes [m], (C, 3)."""
+    quat_xyzw: Array
+    """Attitude, (C, 4)."""
+    velocity_mps: Array
+    """Velocity, world axes [m/s], (C, 3)."""
+    omega_radps: Array
+    """Angular rate, axes of the car [rad/s], (C, 3)."""
+
+
+class ScanHits(NamedTuple):
+    """Hits of a scan, H of them, and what the R rays of its pattern have in common."""
+
+    ray: Index
+    """Ray of each hit, (H,)."""
+    range_m: F32
+    """Distance [m], (H,)."""
+    intensity: F32
+    """Return strength 0–255, (H,)."""
+    tag: NDArray[np.uint8]
+    """Semantic tag, (H,)."""
+    instance: NDArray[np.uint32]
+    """Instance id, (H,)."""
+    cos_incidence: F32
+    """Cosine between ray and normal, (H,)."""
+    direction: Array
+    """Unit direction of each ray, sensor frame, (R, 3)."""
+    noise: Array
+    """Standard normal number of each ray, (R,)."""
+    ring: NDArray[np.uint16]
+    """Beam of each ray, (R,)."""
+    offset_ns: NDArray[np.uint32]
+    """Time of each ray after the scan began [ns], (R,)."""
+
+
+class PointColumns(NamedTuple):
+    """Points of a cloud, N of them."""
+
+    xyz_m: F32
+    """Coordinates in the sensor frame at the time of each point [m], (N, 3)."""
+    intensity: F32
+    """Return strength 0–255, (N,)."""
+    ring: NDArray[np.uint16]
+    """Beam, (N,)."""
+    offset_ns: NDArray[np.uint32]
+    """Time after the scan began [ns], (N,)."""
+    tag: NDArray[np.uint8]
+    """Semantic tag, (N,)."""
+    instance: NDArray[np.uint32]
+    """Instance id, (N,)."""
+    cos_incidence: F32
+    """Cosine between ray and normal, (N,)."""
+
+
+def empty_points(count: int) -> PointColumns:
+    """Columns for N points, not yet written."""
+    return PointColumns(
+        xyz_m=np.empty((count, 3), np.float32),
+        intensity=np.empty(count, np.float32),
+        ring=np.empty(count, np.uint16),
+        offset_ns=np.empty(count, np.uint32),
+        tag=np.empty(count, np.uint8),
+        instance=np.empty(count, np.uint32),
+        cos_incidence=np.empty(count, np.float32),
+    )
+
+
 @compiled
-def aim(
-    rays: Index,
-    of_ray: tuple[Index, Array, Array],
-    lever_m: Array,
-    position_m: Array,
-    quat_xyzw: Array,
-    velocity_mps: Array,
-    omega_radps: Array,
-    out: F32,
-) -> None:
+def aim(rays: Index, pattern: PatternRays, lever_m: Array, motion: ColumnMotion, out: F32) -> None:
     """Aim N rays, each at its own time: writes origins [m] and unit directions, world, to `out` (N, 6).
 
     Args:
-        rays: Which rays, column by column, shape (N,).
-        of_ray: Column of every ray, time between the beginning of its column and the ray [s], and
-            direction in the car's frame.
+        rays: Numbers of the rays, column by column, shape (N,).
+        pattern: All rays of the pattern.
         lever_m: Position of the sensor on the car [m], shape (3,).
-        position_m: Position of the car at the beginning of each column, world axes [m], shape (C, 3).
-        quat_xyzw: Its attitude then, shape (C, 4).
-        velocity_mps: Its velocity in world axes [m/s], shape (C, 3).
-        omega_radps: Its rate in its own axes [rad/s], shape (C, 3).
+        motion: Motion of the car at the beginning of each column.
         out: Receives them, shape (N, 6).
     """
-    column, later_s, local = of_ray
+    column, later_s, local = pattern.column, pattern.later_s, pattern.direction
+    position_m, quat_xyzw = motion.position_m, motion.quat_xyzw
+    velocity_mps, omega_radps = motion.velocity_mps, motion.omega_radps
     for row in range(len(rays)):
         ray = rays[row]
         c, dt = column[ray], later_s[ray]
@@ -90,33 +161,21 @@ def strengths(
 
 
 @compiled
-def points_of(
-    kept: Index,
-    of_ray: tuple[Index, Array, Array, NDArray[np.uint16], NDArray[np.uint32]],
-    noise_scale_m: float,
-    of_hit: tuple[F32, F32, NDArray[np.uint8], NDArray[np.uint32], F32],
-    points_xyz_m: F32,
-    out: tuple[F32, NDArray[np.uint16], NDArray[np.uint32], NDArray[np.uint8], NDArray[np.uint32], F32],
-) -> None:
-    """Make points of the N kept hits, in the sensor frame at the time of each [m].
+def points_of(kept: Index, hits: ScanHits, noise_scale_m: float, points: PointColumns) -> None:
+    """Make points of N kept hits, in the sensor frame at the time of each [m].
 
     Args:
         kept: Rows of the hits that become points, shape (N,).
-        of_ray: The ray of each hit; then direction, unit noise, ring and time of every ray.
-        noise_scale_m: What one unit of noise adds to the distance [m].
-        of_hit: Distance [m], strength, tag, instance and incidence of each hit.
-        points_xyz_m: Receives the points [m], shape (N, 3).
-        out: Receive strength, ring, time, tag, instance and incidence, each of shape (N,).
+        hits: Hits of the scan.
+        noise_scale_m: Standard deviation of the distance [m].
+        points: Receives the points, N rows.
     """
-    rays, local, noise, ring, offset_ns = of_ray
-    range_m, strength, tag, instance, cosine = of_hit
-    out_strength, out_ring, out_offset_ns, out_tag, out_instance, out_cosine = out
     for row in range(len(kept)):
         hit = kept[row]
-        ray = rays[hit]
-        distance_m = range_m[hit] + noise_scale_m * noise[ray]
+        ray = hits.ray[hit]
+        distance_m = hits.range_m[hit] + noise_scale_m * hits.noise[ray]
         for k in range(3):
-            points_xyz_m[row, k] = local[ray, k] * distance_m
-        out_strength[row], out_cosine[row] = strength[hit], cosine[hit]
-        out_ring[row], out_offset_ns[row] = ring[ray], offset_ns[ray]
-        out_tag[row], out_instance[row] = tag[hit], instance[hit]
+            points.xyz_m[row, k] = hits.direction[ray, k] * distance_m
+        points.intensity[row], points.cos_incidence[row] = hits.intensity[hit], hits.cos_incidence[hit]
+        points.ring[row], points.offset_ns[row] = hits.ring[ray], hits.offset_ns[ray]
+        points.tag[row], points.instance[row] = hits.tag[hit], hits.instance[hit]

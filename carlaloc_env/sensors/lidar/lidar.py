@@ -26,7 +26,7 @@ from carlaloc_env.sensors.lidar.config import (
     LidarConfig,
 )
 from carlaloc_env.sensors.lidar.intensity import EchoModel
-from carlaloc_env.sensors.lidar.kernels import points_of
+from carlaloc_env.sensors.lidar.kernels import ScanHits, empty_points, points_of
 from carlaloc_env.sensors.lidar.road_spray import spray_ranges
 from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern
 from carlaloc_env.timeline.timeline import Timeline
@@ -109,18 +109,20 @@ class LidarSensor(Sensor):
         if config.dropoff_general or config.dropoff_zero_intensity:
             uniform = rng.stream(seed, f"{config.name}/dropoff", stamp_ns).random((config.rays, 2))
             kept = kept[self._echoes.survives(hits.range_m[kept], uniform[rays[kept]])]
-        count = len(kept)
-        points, strength, cosine = (np.empty(shape, np.float32) for shape in ((count, 3), count, count))
-        ring, tag = np.empty(count, np.uint16), np.empty(count, np.uint8)
-        offset_ns, instance = np.empty(count, np.uint32), np.empty(count, np.uint32)
-        points_of(
-            kept,
-            (rays, pattern.directions, noise, pattern.ring, pattern.offset_ns),
-            config.range_noise_m,
-            (hits.range_m, intensity, hits.tag, hits.instance, hits.cos_incidence),
-            points,
-            (strength, ring, offset_ns, tag, instance, cosine),
+        points = empty_points(len(kept))
+        scan = ScanHits(
+            ray=rays,
+            range_m=hits.range_m,
+            intensity=intensity,
+            tag=hits.tag,
+            instance=hits.instance,
+            cos_incidence=hits.cos_incidence,
+            direction=pattern.directions,
+            noise=noise,
+            ring=pattern.ring,
+            offset_ns=pattern.offset_ns,
         )
+        points_of(kept, scan, config.range_noise_m, points)
         clouds: list[Sample] = []
         for output, stream in self._stream_names().items():
             labelled = output == "semantic"
@@ -129,14 +131,14 @@ class LidarSensor(Sensor):
                     sensor=stream,
                     frame_id=config.frame_id,
                     stamp_ns=stamp_ns,
-                    points_xyz_m=points,
-                    intensity=strength,
-                    ring=ring,
-                    offset_ns=offset_ns,
+                    points_xyz_m=points.xyz_m,
+                    intensity=points.intensity,
+                    ring=points.ring,
+                    offset_ns=points.offset_ns,
                     sweep_ns=config.sweep_ns,
-                    tag=tags_in(config.tag_table, tag) if labelled else None,
-                    instance=instance if labelled else None,
-                    cos_incidence=cosine if labelled else None,
+                    tag=tags_in(config.tag_table, points.tag) if labelled else None,
+                    instance=points.instance if labelled else None,
+                    cos_incidence=points.cos_incidence if labelled else None,
                 )
             )
         return clouds

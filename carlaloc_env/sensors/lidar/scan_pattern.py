@@ -16,7 +16,7 @@ from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.lidar.beam_divergence import sub_rays, weigh
-from carlaloc_env.sensors.lidar.kernels import aim
+from carlaloc_env.sensors.lidar.kernels import ColumnMotion, PatternRays, aim
 from carlaloc_env.timeline.timeline import Timeline
 
 if TYPE_CHECKING:
@@ -99,12 +99,14 @@ class ScanPattern:
         aimed = np.empty((len(rays), 6), np.float32)
         aim(
             rays,
-            (self._column, self._later_s, self._directions_base),
+            PatternRays(self._column, self._later_s, self._directions_base),
             self._T_base_lidar[:3, 3],
-            motion.position_m - self._world.rays().middle_m,
-            motion.quat_xyzw,
-            motion.velocity_world_mps,
-            motion.omega_body_radps,
+            ColumnMotion(
+                position_m=motion.position_m - self._world.rays().middle_m,
+                quat_xyzw=motion.quat_xyzw,
+                velocity_mps=motion.velocity_world_mps,
+                omega_radps=motion.omega_body_radps,
+            ),
             aimed,
         )
         return aimed

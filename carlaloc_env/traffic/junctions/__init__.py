@@ -1,1 +1,1 @@
-"""Who drives first at junctions."""
+"""Right of way at junctions."""

@@ -30,7 +30,7 @@ _LATE_S = 0.4
 _CLOSES_M = 0.6
 """A lane that is too narrow for longer than this before its end closes there [m]."""
 _STUCK_OUTSIDE_S = 3.0
-"""Who has been admitted but stands longer before the junction gives it up [s]."""
+"""A vehicle admitted that stands longer before the junction gives its admission up [s]."""
 _STUCK_OUTSIDE_M = 2.0
 """Distance before the junction from which that applies [m]."""
 _AT_SIGN_M = 3.0

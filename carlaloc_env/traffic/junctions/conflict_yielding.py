@@ -12,7 +12,7 @@ from carlaloc_env.traffic.tables.vehicle_state import HELD, PLAN, Drivers, Fleet
 STANDING_MPS = 0.1
 """Slower than this, a vehicle stands [m/s]."""
 _STANDING_INSIDE_S = 8.0
-"""Who has waited inside a junction for longer goes on before those who stand [s]."""
+"""A vehicle that has waited longer inside a junction goes on before those that stand [s]."""
 _BEFORE_ZONE_M = 0.6
 """Gap to a zone before which a vehicle stops [m]."""
 

@@ -22,11 +22,11 @@ STEP_S = STEP_NS / 1e9
 _COURTEOUS_BRAKING_MPS2 = 1.5
 """Braking with which drivers make room for others at most [m/s²]."""
 _LETS_IN_RANGE_M = 45.0
-"""Distance within which a driver lets somebody in who indicates [m]."""
+"""Distance within which a driver lets a vehicle in that indicates [m]."""
 _BEHIND_M = 0.5
-"""Who is closer behind is alongside, and drives on [m]."""
+"""A vehicle closer behind than this is alongside, and drives on [m]."""
 _LETS_IN_S = 4.0
-"""Who has stood longer lets nobody in [s]."""
+"""A driver who has stood longer lets no vehicle in [s]."""
 _FITS_IN_MPS = 2.0
 """Faster than this, a driver adapts to the gap beside [m/s]."""
 _STANDING_MPS = 0.1

@@ -17,7 +17,7 @@ from carlaloc_env.traffic.vehicles.neighbours import find_beside
 POLITENESS = 0.2
 """MOBIL's politeness p: weight of the followers' gain beside one's own; 0.2 to 0.5 in Kesting et al. 2007."""
 SAFE_BRAKING_MPS2 = 3.0
-"""MOBIL's b_safe: braking that a change may ask of anybody at most [m/s²]; 4 in Kesting et al. 2007."""
+"""MOBIL's b_safe: braking that a change may ask of any vehicle at most [m/s²]; 4 in Kesting et al. 2007."""
 URGENT_BRAKING_MPS2 = 4.5
 """The same for changes that the path needs soon [m/s²]; ours, half of hard braking."""
 _CRAWL_MPS = 0.5

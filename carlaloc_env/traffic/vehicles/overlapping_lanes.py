@@ -38,13 +38,13 @@ _STOP_BEFORE_M = 1.5
 _ROOM_M = 2.0
 """Pieces with less room between them, beside the vehicle's length, are entered as one [m]."""
 _BRAKES_MPS2 = 3.5
-"""Who would have to brake harder goes first [m/s²]."""
+"""A vehicle that would have to brake harder goes first [m/s²]."""
 _EGO_RANGE_S = 2.0
 """Driving time ahead within which shared pieces are kept free for the ego [s]."""
 _PATIENCE = 0.2
-"""How much sooner who waits counts as arriving, per second of waiting."""
+"""How much sooner a waiting vehicle counts as arriving, per second of waiting."""
 _STUCK_S = 60.0
-"""Who has waited longer goes before a vehicle that stands in the piece [s]."""
+"""A vehicle that has waited longer goes before one that stands in the piece [s]."""
 _STANDING_MPS = 0.1
 """Slower than this, a vehicle stands [m/s]."""
 _ROWS = 2048

@@ -14,11 +14,11 @@ from carlaloc_env.traffic.tables.vehicle_state import PLAN, DriverParameters, Dr
 STOP_BEFORE_M = 1.2
 """Distance before a crosswalk at which drivers stop [m]."""
 _TOO_LATE_MPS2 = 6.0
-"""Who would have to brake harder drives on [m/s²]."""
+"""A driver who would have to brake harder drives on [m/s²]."""
 _AT_STRIPES_M = 0.7
 """Distance to a crosswalk within which a driver stands at its stripes [m]."""
 _STOOD_S = 5.0
-"""Who has stood there longer goes before those who wait at the kerb [s]."""
+"""A driver who has stood there longer goes before walkers who wait at the kerb [s]."""
 _DRAW_IGNORE = 21
 """Purpose of the draw for ignored walkers."""
 

@@ -23,9 +23,9 @@ _BRAKE_MPS2 = 2.5
 _CLAIM_S = 3.0
 """Walking time before a lane from which on it is kept free [s]."""
 _HELD_UP_S = 4.0
-"""Who stands longer on the way is held up [s]."""
+"""A walker who stands longer on a crosswalk is held up [s]."""
 _LEFT_M = 0.1
-"""Who is held up and so far past a lane has left it [m]."""
+"""A walker held up and so far past a lane has left it [m]."""
 
 
 @compiled

@@ -18,7 +18,7 @@ _PUSH_MPS2 = 5.0
 _PUSH_M = 1.6
 """Distance at which that push ends [m]."""
 _BACK_MPS = 1.5
-"""Speed at which who has left its path is moved back [m/s]."""
+"""Speed at which a walker beside its path is moved back [m/s]."""
 
 
 @compiled

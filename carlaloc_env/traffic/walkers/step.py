@@ -18,7 +18,7 @@ from carlaloc_env.traffic.walkers.steering import move
 CROSSES = 0.45
 """Chance that a walker who comes past a crosswalk crosses."""
 _TURNS_BACK_S = 15.0
-"""Who stands longer on a crosswalk turns back [s]."""
+"""A walker who stands longer on a crosswalk turns back [s]."""
 _CROSS = 31
 """Purpose of the draw for taking a crosswalk."""
 _TURN = 32
