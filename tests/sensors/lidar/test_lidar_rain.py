@@ -43,7 +43,7 @@ def test_strongest_drop_has_the_distribution_of_simulated_drops() -> None:
     """Drops of Marshall and Palmer scattered into beams one by one, as LISA does, against Λ(p)."""
     air = Atmosphere(extinction_per_m=4.3e-3, backscatter_per_m_sr=0.0, rain_mmph=50.0, wetness=1.0)
     beam, near, far = 3e-3, 1.0, 8.0
-    echo = DropEcho(air, divergence_rad=beam, range_min_m=near, power_min=POWER_MIN, reach_m=far)
+    echo = DropEcho(air, divergence_rad=beam, range_min_m=near, power_min=POWER_MIN, range_limit_m=far)
     rng = np.random.default_rng(1)
     slope = 4100.0 * 50.0**-0.21
     cone = math.pi / 3 * math.tan(beam / 2) ** 2
