@@ -14,9 +14,11 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, seed, shared_options
+from recorder.cli.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,15 +91,12 @@ def _actors(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _traffic(arguments: argparse.Namespace) -> dict[str, Any]:
-    from tqdm import tqdm
-
     from recorder.drive.resimulate_traffic import change_traffic
 
-    with tqdm(unit="step", desc="traffic", disable=None, leave=False) as bar:
+    with Progress("traffic") as progress:
 
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
+        def told(done: int, total: int) -> None:
+            progress.update(done * STEP_NS * 1e-9, total * STEP_NS * 1e-9)
 
         result = change_traffic(
             arguments.episode,
@@ -105,6 +104,6 @@ def _traffic(arguments: argparse.Namespace) -> dict[str, Any]:
             arguments.seed,
             map=arguments.map,
             overwrite=arguments.force,
-            progress=progress,
+            progress=told,
         )
     return {"touching_s": result.touching_s}

@@ -15,9 +15,11 @@ import sys
 from dataclasses import asdict
 from typing import Any
 
+from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, seed
+from recorder.cli.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,8 +59,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         return _drive_again(arguments)
     if arguments.out is None:
         raise UsageError("where to? give --out, e.g. --out drive.mcap")
-    from tqdm import tqdm
-
     from recorder.drive.record import RecordConfig, record
 
     config = RecordConfig(
@@ -72,13 +72,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         window=arguments.window,
         weather=arguments.weather,
     )
-    with tqdm(total=arguments.duration, unit="s", desc="recording", disable=None, leave=False) as bar:
+    with Progress("recording") as progress:
 
-        def progress(driven_s: float, route_m: float) -> None:
-            bar.set_postfix_str(f"{route_m:.0f} m")
-            bar.update(round(driven_s - bar.n, 3))
+        def told(driven_s: float, route_m: float) -> None:
+            progress.update(driven_s, arguments.duration, f"{route_m:.0f} m")
 
-        result = record(config, progress=progress)
+        result = record(config, progress=told)
     return {**asdict(result), "path": str(result.path), "attempts": [str(p) for p in result.attempts]}
 
 
@@ -94,22 +93,19 @@ def _ask(line: str) -> None:
 
 
 def _drive_again(arguments: argparse.Namespace) -> dict[str, Any]:
-    from tqdm import tqdm
-
     from recorder.drive.resimulate import resimulate
 
-    with tqdm(unit="tick", desc="driving again", disable=None, leave=False) as bar:
+    with Progress("driving again") as progress:
 
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
+        def told(done: int, total: int) -> None:
+            progress.update(done * TICK_S, total * TICK_S)
 
         result = resimulate(
             arguments.source,
             out=arguments.out,
             map=arguments.map,
             overwrite=arguments.force,
-            progress=progress,
+            progress=told,
         )
     return {**asdict(result), "failed": result.first_difference_tick is not None}
 

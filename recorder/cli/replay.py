@@ -19,6 +19,7 @@ from recorder.cli.arguments import (
     seconds,
     seed,
 )
+from recorder.cli.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,8 +64,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
-    from tqdm import tqdm
-
     from recorder.generation.replay import ReplayConfig, replay
 
     config = ReplayConfig(
@@ -87,13 +86,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         leaf_wind_mps=arguments.leaf_wind,
         map=arguments.map,
     )
-    with tqdm(unit="s", desc="replaying", disable=None, leave=False) as bar:
-
-        def progress(done_s: float, total_s: float) -> None:
-            bar.total = round(total_s, 1)
-            bar.update(round(done_s - bar.n, 3))
-
-        result = replay(config, progress)
+    with Progress("replaying") as progress:
+        result = replay(config, progress.update)
     return {
         "out": str(result.out),
         "sequences": [str(path) for path in result.sequences],

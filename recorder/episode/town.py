@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.core.names import is_name
 from carlaloc_env.town.sources import TownId, find_town, identify_town
-from carlaloc_env.town.town import Town
 from recorder.episode.episode import Episode
+
+if TYPE_CHECKING:
+    from carlaloc_env.town.town import Town
 
 
 def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:

@@ -1,0 +1,56 @@
+"""A replay's mistakes are told before anything that takes long is imported."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HEAVY = (
+    "scipy.signal", "scipy.spatial", "scipy.optimize", "cv2", "open3d", "moderngl", "h5py", "rosbags",
+    "pybullet", "shapely", "matplotlib", "lxml",
+)  # fmt: skip
+"""Libraries of those that cast, draw, build and write; numba and gymnasium are the packages' own."""
+CODE = """
+import json, resource, sys
+from recorder.cli.main import main
+code = main(sys.argv[1:])
+used = resource.getrusage(resource.RUSAGE_SELF)
+heavy = [name for name in %r if name in sys.modules]
+print(json.dumps([code, heavy, used.ru_utime + used.ru_stime]))
+"""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["{tmp}/none.mcap"],
+        ["{drive}", "--rig", "papr"],
+        ["{drive}", "--weather", "Sunny"],
+        ["{drive}", "--traffic", "much"],
+        ["{drive}", "--format", "rosbag3"],
+        ["{drive}", "--topics", "standrad"],
+        ["{drive}", "--quality", "ultra", "--rig", "state"],
+        ["{drive}", "--camera-start", "99"],
+        ["{drive}", "--seed", "-1"],
+        ["{drive}", "--map", "Town05"],
+    ],
+    ids=lambda words: " ".join(words[-2:]),
+)
+def test_mistakes_are_told_early(words: list[str], short_drive: Path, tmp_path: Path) -> None:
+    """Counted in processor time, so that other work on the machine does not matter."""
+    out = tmp_path / "out"
+    given = [word.format(tmp=tmp_path, drive=short_drive) for word in words]
+    done = subprocess.run(
+        [sys.executable, "-c", CODE % (HEAVY,), "replay", *given, "--out", str(out)],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    code, heavy, seconds = json.loads(done.stdout.splitlines()[-1])
+    assert code in (1, 2)
+    assert "carlaloc" in done.stderr
+    assert heavy == []
+    assert seconds < 2.0
+    assert not out.exists()
