@@ -31,7 +31,7 @@ from recorder.evaluation.trajectory_files import write_tum as write_tum
 from recorder.generation.replay import ReplayConfig as ReplayConfig
 from recorder.generation.replay import ReplayResult as ReplayResult
 from recorder.generation.replay import replay as replay
-from recorder.generation.sequence_writers import FORMATS as FORMATS
+from recorder.generation.replay_plan import FORMATS as FORMATS
 from recorder.report.town_preview import draw_town as draw_town
 from recorder.report.trajectory_plot import plot_trajectories as plot_trajectories
 from recorder.slam.gicp import gicp_odometry as gicp_odometry

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import Any
 
 
@@ -50,9 +49,9 @@ def _rigs() -> dict[str, str]:
 
 
 def _formats() -> dict[str, str]:
-    from recorder.generation.sequence_writers import FORMATS
+    from recorder.generation.replay_plan import FORMATS
 
-    return {name: " ".join((make.__doc__ or "").split()) for name, make in FORMATS.items()}
+    return dict(FORMATS)
 
 
 def _topics() -> dict[str, str]:
@@ -64,12 +63,10 @@ def _topics() -> dict[str, str]:
 
 
 def _methods() -> dict[str, str]:
-    from recorder.slam import METHODS
+    from recorder.slam.methods import METHODS
 
-    return {
-        name: what if find_spec(module) else f'{what}; not installed: pip install "carlaloc-env[slam]"'
-        for name, (module, what) in METHODS.items()
-    }
+    missing = '; not installed: pip install "carlaloc-env[slam]"'
+    return {name: m.what + ("" if m.is_installed else missing) for name, m in METHODS.items()}
 
 
 def _devices() -> dict[str, str]:

@@ -19,7 +19,9 @@ from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import check_outputs, shared_options
 from recorder.cli.json_output import to_json
 
-COMMANDS = ("doctor", "maps", "record", "info", "edit", "replay", "evaluate", "list", "completion")
+COMMANDS = (
+    "doctor", "maps", "record", "info", "edit", "replay", "odometry", "evaluate", "list", "completion",
+)  # fmt: skip
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2

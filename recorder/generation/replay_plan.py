@@ -25,7 +25,14 @@ from recorder.generation.conditions import Condition, conditions_of
 from recorder.generation.dataset_manifest import is_begun, origin_of
 from recorder.writers.topics import profile_by_name
 
-FORMATS = ("rosbag1", "euroc", "dsec")
+FORMATS = {
+    "rosbag1": "ROS 1 bag",
+    "rosbag2": "ROS 2 bag, MCAP with zstd chunks",
+    "rosbag2_sqlite3": "ROS 2 bag, SQLite",
+    "euroc": "EuRoC (ASL) folder mav0: grey images, IMU, true states",
+    "kitti": "KITTI odometry and SemanticKITTI, with labels of what moves",
+    "dsec": "DSEC's HDF5 file of events for each event camera",
+}
 """Names of dataset formats; `sequence_writers` has the writers."""
 
 

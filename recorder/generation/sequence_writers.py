@@ -60,40 +60,34 @@ class _WriterContext:
 
 
 def _rosbag1(m: _WriterContext) -> Writer:
-    """ROS 1 bag."""
     target = path_below(m.folder, f"{m.name}.bag")
     return Rosbag1Writer(target, m.calibration, profile=m.topics, streams=m.streams)
 
 
 def _rosbag2(m: _WriterContext) -> Writer:
-    """ROS 2 bag, MCAP with zstd chunks."""
     return Rosbag2Writer(m.folder / f"{m.name}_ros2", m.calibration, profile=m.topics, streams=m.streams)
 
 
 def _rosbag2_sqlite3(m: _WriterContext) -> Writer:
-    """ROS 2 bag, SQLite."""
     return Rosbag2Writer(
         m.folder / f"{m.name}_sqlite3", m.calibration, storage="sqlite3", profile=m.topics, streams=m.streams
     )
 
 
 def _euroc(m: _WriterContext) -> Writer:
-    """EuRoC (ASL) folder mav0: grey images, IMU, true states."""
     return EurocWriter(m.folder / "mav0", m.calibration, biases=m.imu.bias if m.imu else None)
 
 
 def _kitti(m: _WriterContext) -> Writer:
-    """KITTI odometry and SemanticKITTI, with labels of what moves."""
     return KittiWriter(m.folder / "kitti", m.calibration)
 
 
 def _dsec(m: _WriterContext) -> list[Writer]:
-    """DSEC's HDF5 file of events for each event camera."""
     streams = [stream for stream in m.streams if stream.startswith("events_")]
     return [DsecWriter(path_below(m.folder, f"{stream}.h5"), stream=stream) for stream in streams]
 
 
-FORMATS: dict[str, Callable[[_WriterContext], Writer | list[Writer]]] = {
+_WRITERS: dict[str, Callable[[_WriterContext], Writer | list[Writer]]] = {
     "rosbag1": _rosbag1,
     "rosbag2": _rosbag2,
     "rosbag2_sqlite3": _rosbag2_sqlite3,
@@ -192,7 +186,7 @@ def sequence_writers(
     )
     writers: list[Writer] = []
     for name in dict.fromkeys(formats):
-        made = FORMATS[name](context)
+        made = _WRITERS[name](context)
         writers += made if isinstance(made, list) else [made]
     if preview and calibration.cameras:
         camera = calibration.cameras[0]

@@ -54,6 +54,18 @@ def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
         ) from error
 
 
+def sweep_of(bag: Path, topic: str) -> float:
+    """Length of a sweep [s]: the time between the first two scans of a topic.
+
+    Raises:
+        EvaluationError: the bag is damaged or has less than two scans on the topic.
+    """
+    stamps = [scan.stamp_ns for _, (_, scan) in zip(range(2), read_scans(bag, topic), strict=False)]
+    if len(stamps) < 2:
+        raise EvaluationError(f"{bag} has no two point clouds on {topic}; name another topic or a longer bag")
+    return (stamps[1] - stamps[0]) / 1e9
+
+
 def _scan(message: Any) -> Scan:
     offset = {field.name: field.offset for field in message.fields}
     missing = [name for name in ("x", "y", "z", "time") if name not in offset]

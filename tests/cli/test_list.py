@@ -15,7 +15,8 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.cli.list import KINDS
 from recorder.cli.main import COMMANDS, main
 from recorder.devices.registry import DEVICES
-from recorder.generation.replay_plan import check_formats
+from recorder.generation.replay_plan import FORMATS
+from recorder.generation.sequence_writers import _WRITERS
 from recorder.writers.topics import profile_by_name
 
 NAMED_BY = {"weathers": weather_by_name, "rigs": rig_by_name, "topics": profile_by_name}
@@ -31,7 +32,7 @@ def test_what_is_listed_can_be_named(kind: str, capsys: pytest.CaptureFixture[st
         for name in names:
             NAMED_BY[kind](name)
     if kind == "formats":
-        check_formats(tuple(names))
+        assert tuple(names) == tuple(FORMATS) == tuple(_WRITERS)
     if kind == "devices":
         assert tuple(names) == DEVICES
     assert main(["list", kind]) == 0

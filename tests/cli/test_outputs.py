@@ -21,7 +21,8 @@ OUTPUTS = [
     if is_output(action)
 ]
 NAMES_THAT_ARE_READ = {
-    "align", "device", "drop", "map", "quality", "rig", "topic", "topics", "town", "traffic", "weather",
+    "align", "device", "drop", "map", "method", "quality", "rig", "topic", "topics", "town", "traffic",
+    "weather",
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
 VALUES = (
@@ -33,7 +34,6 @@ VALUES = (
     kinds.positive_int,
     kinds.seed,
     kinds.number_or_search,
-    kinds.seed,
 )
 
 Capture = pytest.CaptureFixture[str]

@@ -1,0 +1,47 @@
+"""Run a LiDAR odometry over a bag, and write its trajectory.
+
+Examples:
+  carlaloc odometry data/Town03/ClearNoon_dynamic/ClearNoon_dynamic.bag --out estimate.tum
+  carlaloc odometry run.bag --method gicp --topic /velodyne_points --out gicp.tum
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from recorder.cli.arguments import OutputFile, force_option, input_path
+from recorder.cli.progress import Progress
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc odometry`."""
+    parser.add_argument("bag", type=input_path, help="bag with point clouds")
+    parser.add_argument("--out", type=OutputFile(".tum", ".txt"), required=True, help="TUM file to write")
+    parser.add_argument("--method", default="kiss_icp", help="kiss_icp or gicp (default: kiss_icp)")
+    parser.add_argument("--topic", default="/lidar/points", help="default: /lidar/points")
+    force_option(parser, "an older trajectory")
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Run the method."""
+    from recorder.evaluation.trajectory_files import write_tum
+    from recorder.slam.methods import run_odometry
+
+    with Progress(arguments.method) as progress:
+        trajectory = run_odometry(arguments.bag, arguments.method, arguments.topic, progress.update)
+    path = write_tum(arguments.out, trajectory)
+    return {
+        "out": str(path),
+        "method": arguments.method,
+        "poses": len(trajectory),
+        "duration_s": trajectory.duration_s,
+        "length_m": trajectory.length_m,
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print what was estimated."""
+    print(
+        f"{result['out']}  {result['poses']} poses, {result['duration_s']:.1f} s, {result['length_m']:.1f} m"
+    )
