@@ -39,10 +39,12 @@ from recorder.slam.kiss_icp import kiss_icp_odometry as kiss_icp_odometry
 from recorder.writers.base import Writer as Writer
 from recorder.writers.formats.dsec import DsecWriter as DsecWriter
 from recorder.writers.formats.euroc import EurocWriter as EurocWriter
+from recorder.writers.formats.kitti import KittiWriter as KittiWriter
 from recorder.writers.rig_calibration import RigCalibration as RigCalibration
 from recorder.writers.ros.messages import ENCODERS as ENCODERS
 from recorder.writers.ros.messages import MessageMaker as MessageMaker
 from recorder.writers.ros.rosbag1 import Rosbag1Writer as Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Rosbag2Writer as Rosbag2Writer
 from recorder.writers.topics import PROFILES as PROFILES
 from recorder.writers.topics import TopicProfile as TopicProfile
 from recorder.writers.topics import TopicRule as TopicRule

@@ -14,7 +14,7 @@ from recorder.evaluation.align import Alignment
 from recorder.generation.replay_plan import FORMATS
 from recorder.writers.topics import PROFILES
 
-README = Path(__file__).parents[2] / "README.md"
+ROOT = Path(__file__).parents[2]
 NAMES = {
     ("replay", "--format"): set(FORMATS),
     ("replay", "--topics"): set(PROFILES),
@@ -34,7 +34,13 @@ def test_help_names_all_that_an_option_takes(
     assert NAMES[command, option] <= set(re.findall(r"\w+", block.partition("\n")[0] + block))
 
 
-@pytest.mark.parametrize("names", [FORMATS, PROFILES, RIGS], ids=["formats", "profiles", "rigs"])
-def test_readme_names_all_formats_profiles_and_rigs(names: dict[str, object]) -> None:
-    text = README.read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("page", "names"),
+    [
+        ("README.md", {*FORMATS, *PROFILES, *RIGS}),
+        ("docs/formats.md", {*FORMATS, *PROFILES}),
+    ],
+)
+def test_pages_name_all_formats_profiles_and_rigs(page: str, names: set[str]) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
     assert not [name for name in names if f"`{name}`" not in text]
