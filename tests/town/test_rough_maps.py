@@ -92,7 +92,7 @@ def on_kerbs_m2(network: LaneNetwork, route: Route) -> float:
         prints.append(shapely.polygons(route.position_m[:, None, :2] + corners))
     tracks = shapely.union_all([shapely.union_all(part[8:-8]) for part in prints])
     (strip,) = road_strips(network.xodr.roads, network.surface)
-    walks = [strip_polygon(*strip.lane_edges(k)) for k in range(3) if strip.kind(k) == "walkway"]
+    walks = [strip_polygon(*strip.lane_edges(k)) for k in range(3) if strip.kind(k) == "sidewalk"]
     assert len(walks) == 2
     return float(shapely.area(shapely.intersection(tracks, shapely.union_all(walks))))
 

@@ -60,7 +60,7 @@ def traffic_light(
 
 
 def walker_signal_head() -> Mesh:
-    """Pedestrian signal of 0.4 m on a post of its own, facing along +x."""
+    """Signal for walkers of 0.4 m on a post of its own, facing along +x."""
     post = tube(POST, [(0, 0, 0), (0, 0, 2.75)], 0.055, 8)
     case = box(_CASE, (0.18, 0.40, 0.44), (0.15, 0.0, 2.45))
     button = box(_YELLOW, (0.09, 0.10, 0.16), (0.08, 0.0, 1.05))

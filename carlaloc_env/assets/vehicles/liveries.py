@@ -1,4 +1,4 @@
-"""Posters on the flanks of lorries and buses."""
+"""Posters on the flanks of trucks and buses."""
 
 from __future__ import annotations
 

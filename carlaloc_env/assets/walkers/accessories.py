@@ -1,4 +1,4 @@
-"""What people wear and carry besides their clothes: skirts, bags, a walking stick."""
+"""What walkers wear and carry besides their clothes: skirts, bags, a walking stick."""
 
 from __future__ import annotations
 

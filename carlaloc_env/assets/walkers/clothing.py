@@ -1,4 +1,4 @@
-"""The making of people: a skin of rings round a skeleton in the posture of rest, and its clothes."""
+"""The making of walkers: a skin of rings round a skeleton in the posture of rest, and its clothes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""People: a dressed figure in any posture."""
+"""Walkers: a dressed figure in any posture."""
 
 from __future__ import annotations
 

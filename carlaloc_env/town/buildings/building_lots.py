@@ -12,7 +12,7 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.buildings import BuildingPlan, draw_plan
 from carlaloc_env.town.ground.height_fields import densify
-from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.ground.lane_strips import PAVED, Strip
 from carlaloc_env.town.meshing.mesh_builder import box_quads
 from carlaloc_env.town.meshing.polygons import Area
 
@@ -110,14 +110,14 @@ def frontages(strips: Sequence[Strip]) -> list[tuple[str, Array, float]]:
     """
     lines = []
     for strip in strips:
-        span = strip.span(("roadway", "walkway", "median"))
+        span = strip.span(PAVED)
         if span is None:
             continue
         name = f"{strip.road_id}/{strip.section}"
         left, right = strip.lane_edges(span[0])[0], strip.lane_edges(span[1] - 1)[1]
         both = ((left[::-1], span[0], "left"), (right, span[1] - 1, "right"))
         for line, lane, side in both:
-            walk = strip.kind(lane) == "walkway"
+            walk = strip.kind(lane) == "sidewalk"
             # Connecting roads overlap; only their sidewalks bound a block.
             if strip.junction_id is not None and not walk:
                 continue

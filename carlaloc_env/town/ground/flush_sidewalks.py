@@ -33,7 +33,7 @@ def lower_walks(strips: Sequence[Strip]) -> list[Strip]:
     tree = shapely.STRtree([area for _, area in lanes])
     result = []
     for number, strip in enumerate(strips):
-        walks = [k for k in range(len(strip.lanes)) if strip.kind(k) in ("walkway", "median")]
+        walks = [k for k in range(len(strip.lanes)) if strip.kind(k) in ("sidewalk", "median")]
         if strip.junction_id is None and walks:
             left, right = strip.edges_m[walks[0]], strip.edges_m[walks[-1] + 1]
             near = [lanes[k] for k in tree.query(strip_polygon(left, right)) if lanes[k][0] != number]

@@ -11,15 +11,13 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from carlaloc_env.core.array_types import Array, Index, Mask
-from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.ground.lane_strips import PAVED, Strip
 from carlaloc_env.town.meshing.polygons import Area, polygons_of, strip_polygon
 
 APART_M = 3.0
 """Roads that cross with at least this height between them are on different levels [m]."""
 JOINED_M, JOINED_HEIGHT_M = 0.3, 1.0
 """Ends of roads this near to another road, in plan and in height, are joined to it [m]."""
-PAVED = ("roadway", "walkway", "median")
-"""Kinds of lanes that a bridge or a cutting carries."""
 _STEP_M = 1.0
 
 

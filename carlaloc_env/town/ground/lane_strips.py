@@ -21,7 +21,7 @@ ROADWAY = frozenset(
     }
 )  # fmt: skip
 """Lane types that lie at road level."""
-WALKWAY = frozenset({"sidewalk", "walking", "curb"})
+SIDEWALK = frozenset({"sidewalk", "walking", "curb"})
 """Lane types that are raised and paved."""
 MEDIAN = frozenset({"median"})
 """Lane types between the carriageways."""
@@ -41,6 +41,8 @@ OVERLAP_M2 = 2.0
 """Roads of a junction that overlap by less than this lie side by side [m²]."""
 PARTING_RAD = 0.6
 """Roads that turn by more than this have corners to be filled [rad]."""
+PAVED = ("roadway", "sidewalk", "median")
+"""Kinds of lanes that belong to a road's body, which bridges and cuttings carry."""
 SAMPLE_M = 0.25
 """Distance of samples along a road, before those on straights are left out [m]."""
 
@@ -69,12 +71,12 @@ class Strip:
     """Height of each lane above the road surface at its left and right edge [m], shape (B − 1, 2, N)."""
 
     def kind(self, lane: int) -> str:
-        """What a lane of the strip is: roadway, walkway, median or none."""
+        """What a lane of the strip is: roadway, sidewalk, median or none."""
         name = self.lanes[lane].type
         if name in ROADWAY:
             return "roadway"
-        if name in WALKWAY:
-            return "walkway"
+        if name in SIDEWALK:
+            return "sidewalk"
         return "median" if name in MEDIAN else "none"
 
     def unpaved(self, lane: int) -> str:
@@ -209,6 +211,6 @@ def _raised(lanes: tuple[LaneRecord, ...], ids: NDArray[np.int64], s: Array, sur
         if lane.heights:
             inner, outer, _, _ = surface.edges.heights(np.full(len(s), ids[k]), s)
             raised[k] = (outer, inner) if lane.id > 0 else (inner, outer)
-        elif lane.type in WALKWAY or lane.type in MEDIAN:
+        elif lane.type in SIDEWALK or lane.type in MEDIAN:
             raised[k] = KERB_M
     return raised

@@ -98,7 +98,7 @@ def town_areas(
     above = overhead or {}
     plain = [strip for strip in strips if strip.junction_id is None]
     low_road, high_road = _plain_areas(strips, ("roadway",), above)
-    low_raised, high_raised = _plain_areas(strips, ("walkway", "median"), above)
+    low_raised, high_raised = _plain_areas(strips, ("sidewalk", "median"), above)
     groups: dict[str, list[Strip]] = {}
     for strip in strips:
         if strip.junction_id is not None:
@@ -210,7 +210,7 @@ def _corner_widths(plain: Sequence[Strip], roads: Sequence[Road]) -> dict[str, t
                 ends.append((link.element_id, at))
         for junction, at in ends:
             for lane in range(len(strip.lanes)):
-                if strip.kind(lane) == "walkway":
+                if strip.kind(lane) == "sidewalk":
                     width = float(strip.t_m[lane, at] - strip.t_m[lane + 1, at])
                     kerb = float(strip.raised_m[lane, :, at].mean())
                     widths[junction] = max(widths.get(junction, (0.0, KERB_M)), (width, kerb))
@@ -226,7 +226,7 @@ def _corners(
     width_m: float,
 ) -> Area:
     """Sidewalks of a junction, without what is `taken` or belongs to `others`."""
-    own = union(area for strip in group for area in lane_area(strip, ("walkway", "median")))
+    own = union(area for strip in group for area in lane_area(strip, ("sidewalk", "median")))
     parts = [own]
     if width_m > 0.3:
         parts.append(shapely.buffer(asphalt, width_m, quad_segs=12))

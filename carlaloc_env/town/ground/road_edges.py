@@ -10,7 +10,7 @@ import numpy as np
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_levels import Levels, States
 from carlaloc_env.town.ground.height_fields import densify
-from carlaloc_env.town.ground.lane_strips import Strip
+from carlaloc_env.town.ground.lane_strips import PAVED, Strip
 from carlaloc_env.town.lanes.lane_network import DEFAULT_LIMIT_MPS
 from carlaloc_env.town.opendrive.records import Road
 
@@ -31,7 +31,7 @@ class RoadEdge:
     """`State` of the road, shape (N,)."""
     lift_m: Array
     """Height of the road above the ground [m], shape (N,)."""
-    walkway: bool
+    sidewalk: bool
     """Whether the outermost lane is a sidewalk."""
     limit_mps: float
     """Highest speed limit of the road [m/s]."""
@@ -43,7 +43,7 @@ def road_edges(strips: Sequence[Strip], roads: Sequence[Road], levels: Levels) -
     """Both edges of every strip outside junctions that is longer than 3 m."""
     found = []
     for number, strip in enumerate(strips):
-        span = strip.span(("roadway", "walkway", "median"))
+        span = strip.span(PAVED)
         if strip.junction_id is not None or span is None or strip.s_m[-1] - strip.s_m[0] < 3.0:
             continue
         rows = levels.graph.rows(number)
@@ -63,7 +63,7 @@ def road_edges(strips: Sequence[Strip], roads: Sequence[Road], levels: Levels) -
                     right=right_of(even[:, :2]),
                     state=levels.state[rows][at],
                     lift_m=levels.lift_m[rows][at],
-                    walkway=strip.kind(lane) == "walkway",
+                    sidewalk=strip.kind(lane) == "sidewalk",
                     limit_mps=road_limit_mps(road),
                     road_type=road.type,
                 )

@@ -116,7 +116,7 @@ def add_water(
         found: Their shores.
         ground: Heights of the land.
         bridged: Where roads pass over the water.
-        lined: Where something else keeps people from the water.
+        lined: Where something else keeps walkers from the water.
     """
     shapely.prepare(bridged)
     shapely.prepare(lined)

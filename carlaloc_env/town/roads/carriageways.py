@@ -79,7 +79,7 @@ def is_gutter(strip: Strip, lane: int) -> bool:
         return False
     beside = [other for other in (lane - 1, lane + 1) if 0 <= other < len(strip.lanes)]
     width = strip.t_m[lane] - strip.t_m[lane + 1]
-    return float(width.max()) <= GUTTER_M and any(strip.kind(other) == "walkway" for other in beside)
+    return float(width.max()) <= GUTTER_M and any(strip.kind(other) == "sidewalk" for other in beside)
 
 
 def _steps(strip: Strip, draw: np.random.Generator) -> Array:

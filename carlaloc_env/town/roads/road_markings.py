@@ -189,9 +189,9 @@ def _away_from_kerb(strip: Strip, edge: int, width_m: float) -> float:
     if loose[1] and paved[0]:
         return width_m / 2 + LOOSE_LINE_M
     kinds = [strip.kind(lane) if 0 <= lane < len(strip.lanes) else "none" for lane in (edge - 1, edge)]
-    if kinds[0] in ("walkway", "median") and kinds[1] == "roadway":
+    if kinds[0] in ("sidewalk", "median") and kinds[1] == "roadway":
         return -(width_m / 2 + KERB_LINE_M)
-    if kinds[1] in ("walkway", "median") and kinds[0] == "roadway":
+    if kinds[1] in ("sidewalk", "median") and kinds[0] == "roadway":
         return width_m / 2 + KERB_LINE_M
     return 0.0
 

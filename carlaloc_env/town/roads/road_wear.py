@@ -224,7 +224,7 @@ def _drains(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator) -
         return
     width = strip.t_m[lane] - strip.t_m[lane + 1]
     for other, left in ((lane - 1, True), (lane + 1, False)):
-        if not 0 <= other < len(strip.lanes) or strip.kind(other) != "walkway" or width.min() < 0.25:
+        if not 0 <= other < len(strip.lanes) or strip.kind(other) != "sidewalk" or width.min() < 0.25:
             continue
         low, high = (width.min() - 0.38, width.min() - 0.04) if left else (0.04, 0.38)
         low, high = max(low, 0.02), min(high, width.min() - 0.02)

@@ -42,7 +42,7 @@ def add_sidewalk_wear(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence
             if item.type == "crosswalk"
         ]
         for first, last in raised_runs(strip):
-            if strip.kind(first) == "walkway":
+            if strip.kind(first) == "sidewalk":
                 _Run(strip, first, last, dropped).lay(out, draw)
 
 

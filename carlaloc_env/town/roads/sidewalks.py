@@ -50,7 +50,7 @@ def raised_runs(strip: Strip) -> list[tuple[int, int]]:
     """First and last lane of each run of neighbouring raised lanes of one kind."""
     runs: list[tuple[int, int]] = []
     for lane in range(len(strip.lanes)):
-        if strip.kind(lane) not in ("walkway", "median"):
+        if strip.kind(lane) not in ("sidewalk", "median"):
             continue
         if runs and runs[-1][1] == lane - 1 and strip.kind(lane - 1) == strip.kind(lane):
             runs[-1] = (runs[-1][0], lane)

@@ -1,4 +1,4 @@
-"""How far inside of a bend people drive, for the nose of a car swings out."""
+"""How far inside of a bend drivers go, for the nose of a car swings out."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def wanted_inside(curvature_radpm: Array) -> Array:
 def inside_line(
     s_m: Array, xy_m: Array, heading_rad: Array, step_m: float = 0.5
 ) -> tuple[Array, Array, Array]:
-    """How people drive along lane middles: even distances [m] (M,), points (M, 2) and headings (M,)."""
+    """How drivers go along lane middles: even distances [m] (M,), points (M, 2) and headings (M,)."""
     s = np.arange(0.0, s_m[-1] + 1e-9, step_m)
     h = np.interp(s, s_m, heading_rad)
     half = 2.0

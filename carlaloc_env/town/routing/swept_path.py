@@ -166,7 +166,7 @@ def _high_walks(strip: Strip) -> list[Area]:
     """Sidewalks and medians of a strip where they are not lowered."""
     found = []
     for lane in range(len(strip.lanes)):
-        if strip.kind(lane) not in ("walkway", "median"):
+        if strip.kind(lane) not in ("sidewalk", "median"):
             continue
         left, right = strip.lane_edges(lane)
         up = strip.raised_m[lane].max(axis=0) > _HIGH_M

@@ -85,7 +85,7 @@ def place_car_parks(
         bays = int(draw.integers(BAYS[0], BAYS[1] + 1))
         share, chance = float(draw.uniform(0.2, 0.8)), draw.random()
         room = len(edge.line_m) - bays * BAY_M[0] - 14.0
-        if not edge.walkway or chance > FRACTIONS.get(kind, 0.0) or room < 4.0:
+        if not edge.sidewalk or chance > FRACTIONS.get(kind, 0.0) or room < 4.0:
             continue
         start = 7 + int(share * room)
         end = start + int(bays * BAY_M[0]) + 1

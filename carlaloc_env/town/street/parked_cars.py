@@ -138,7 +138,7 @@ def park_in_lanes(
 
 def _walk_beside(strip: Strip, lane: int) -> bool:
     return any(
-        0 <= other < len(strip.lanes) and strip.kind(other) == "walkway" for other in (lane - 1, lane + 1)
+        0 <= other < len(strip.lanes) and strip.kind(other) == "sidewalk" for other in (lane - 1, lane + 1)
     )
 
 
@@ -180,7 +180,7 @@ def park_on_verges(
     """Cars on the grass beside slow roads without sidewalks, clear of everything that is paved."""
     shapely.prepare(blocked)
     for edge in edges:
-        if edge.walkway or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
+        if edge.sidewalk or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
             continue
         draw = rng.stream(seed, f"verge/{edge.name}")
         kinds = _kinds(zones, edge.line_m)
@@ -210,7 +210,7 @@ def lay_drives(
     shapely.prepare(blocked)
     found: list[Area] = []
     for edge in edges:
-        if not edge.walkway:
+        if not edge.sidewalk:
             continue
         draw = rng.stream(seed, f"drives/{edge.name}")
         kinds = _kinds(zones, edge.line_m)

@@ -84,7 +84,7 @@ class Furnisher:
     def sidewalk(self, strip: Strip) -> None:
         """Furnish the sidewalks of one strip."""
         for first, last in raised_runs(strip):
-            if strip.kind(first) != "walkway":
+            if strip.kind(first) != "sidewalk":
                 continue
             left, right = run_edges(strip, first, last)
             if first > 0 and strip.kind(first - 1) == "roadway":

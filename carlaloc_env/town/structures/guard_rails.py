@@ -65,7 +65,7 @@ def add_guard_rails(
         wanted = (edge.state == State.BANK) & (edge.lift_m > HIGH_M)
         if edge.limit_mps >= FAST_MPS or edge.road_type == "motorway":
             wanted |= np.isin(edge.state, (State.GROUND, State.BANK))
-        if edge.walkway or not wanted.any():
+        if edge.sidewalk or not wanted.any():
             continue
         foot = edge.line_m[:, :2] + RAIL_AWAY_M * edge.right
         clear = shapely.distance(paved, shapely.points(foot)) > 0.6 * RAIL_AWAY_M
@@ -119,7 +119,7 @@ def delineator_feet(
         shapely.prepare(area)
     feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
     for edge in edges:
-        if edge.walkway or len(edge.line_m) < DELINEATOR_STEP_M:
+        if edge.sidewalk or len(edge.line_m) < DELINEATOR_STEP_M:
             continue
         turn = np.abs(np.sum(edge.right[0] * edge.right[-1]))
         step = DELINEATOR_STEP_M if turn > np.cos(0.35) else DELINEATOR_STEP_M / 2

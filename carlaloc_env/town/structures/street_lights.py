@@ -97,7 +97,7 @@ def _beside(
     lit = shapely.MultiPoint(others[:, :2]) if len(others) else shapely.Point()
     feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
     for edge in edges:
-        if edge.walkway or edge.limit_mps < 0.8 * FAST_MPS:
+        if edge.sidewalk or edge.limit_mps < 0.8 * FAST_MPS:
             continue
         rows = np.arange(int(STEP_M / 2), len(edge.line_m) - 4, int(STEP_M))
         xy = edge.line_m[rows, :2] + AWAY_M * edge.right[rows]

@@ -59,7 +59,7 @@ def add_wire_fences(
     lines = [
         line
         for edge in edges
-        if edge.limit_mps >= FAST_MPS and not edge.walkway
+        if edge.limit_mps >= FAST_MPS and not edge.sidewalk
         for line in _free_lines(edge, country, blocked)
     ]
     for line in lines:

@@ -58,7 +58,7 @@ def test_no_grass_grows_along_kerbs() -> None:
     for strip in strips:
         kinds = [strip.kind(lane) for lane in range(len(strip.lanes))]
         for edge, pair in enumerate(pairwise(kinds), 1):
-            if strip.junction_id is None and set(pair) == {"roadway", "walkway"}:
+            if strip.junction_id is None and set(pair) == {"roadway", "sidewalk"}:
                 inner = strip.edges_m[edge, 1:-1, :2]
                 inner = inner[shapely.distance(overhead, shapely.points(inner)) > 1.0]
                 assert shapely.contains_xy(paved, inner[:, 0], inner[:, 1]).all(), strip.road_id

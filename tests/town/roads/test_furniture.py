@@ -78,7 +78,7 @@ def test_sidewalks_have_lids_and_mended_places() -> None:
             area = strip_polygon(strip.edges_m[lane], strip.edges_m[lane + 1])
             if strip.kind(lane) == "roadway":
                 roadway.append(area)
-            elif strip.kind(lane) == "walkway" and strip.junction_id is None:
+            elif strip.kind(lane) == "sidewalk" and strip.junction_id is None:
                 walks.append(area)
     corners = mesh.vertices_m[mesh.triangles].astype(np.float64)
     corners = corners[mesh.material[mesh.triangles[:, 0]] != Material.PLAIN]

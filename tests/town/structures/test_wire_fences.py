@@ -27,7 +27,7 @@ EDGE = RoadEdge(
     right=np.tile([0.0, -1.0], (LENGTH + 1, 1)),
     state=np.zeros(LENGTH + 1, dtype=np.int8),
     lift_m=np.zeros(LENGTH + 1),
-    walkway=False,
+    sidewalk=False,
     limit_mps=80.0 / 3.6,
     road_type="motorway",
 )
@@ -70,11 +70,11 @@ def test_it_leaves_room_for_what_stands_there(ground: Terrain) -> None:
     assert np.ptp(points[:, 0]) > 0.9 * LENGTH
 
 
-@pytest.mark.parametrize("why", ["slow", "pavement", "bridge", "town"])
+@pytest.mark.parametrize("why", ["slow", "sidewalk", "bridge", "town"])
 def test_streets_and_bridges_have_none(why: str, ground: Terrain) -> None:
     edge = {
         "slow": replace(EDGE, limit_mps=50.0 / 3.6),
-        "pavement": replace(EDGE, walkway=True),
+        "sidewalk": replace(EDGE, sidewalk=True),
         "bridge": replace(EDGE, state=np.full(LENGTH + 1, State.OPEN, dtype=np.int8)),
         "town": EDGE,
     }[why]
