@@ -270,12 +270,21 @@ def street_lamps(lamps_m: Array) -> Lights:
     )
 
 
-def beam_gain(lights: Lights, one: int, way: Array) -> Array:
-    """Intensity by `colour_cd` in unit directions (N, 3) from one of the lights, shape (N,)."""
-    ahead = np.sum(way * lights.axis[one], axis=1)
+def beam_gain(lights: Lights, one: int, direction: Array) -> Array:
+    """Intensity in directions from one of the lights, as a factor of its `colour_cd`, shape (N,).
+
+    A batwing (a full cut-off luminaire lights the road evenly) that ends between two cosines, or a low beam.
+    The shaders have the same formulas in `shade.frag`.
+
+    Args:
+        lights: Lights.
+        one: Which of them.
+        direction: Unit vectors from the light, world axes, shape (N, 3).
+    """
+    ahead = np.sum(direction * lights.axis[one], axis=1)
     if lights.beam[one]:
-        left = np.sum(way * lights.left[one], axis=1)
-        up = np.sum(way * cross(lights.axis[one], lights.left[one]), axis=1)
+        left = np.sum(direction * lights.left[one], axis=1)
+        up = np.sum(direction * cross(lights.axis[one], lights.left[one]), axis=1)
         return np.asarray(low_beam_cd(ahead, left, up), dtype=np.float64)
     begin, full = lights.edge[one]
     t = np.clip((ahead - begin) / (full - begin), 0.0, 1.0)
@@ -283,9 +292,9 @@ def beam_gain(lights: Lights, one: int, way: Array) -> Array:
     return np.asarray(gain * t * t * (3.0 - 2.0 * t))
 
 
-def range_window(share2: Array) -> Array:
-    """Factor that fades a light out at its range, by the squared share of the range."""
-    return np.asarray(np.maximum(1.0 - share2 * share2, 0.0) ** 2)
+def range_window(ratio2: Array) -> Array:
+    """Factor that fades a light out at its range, by the squared ratio of distance and range."""
+    return np.asarray(np.maximum(1.0 - ratio2 * ratio2, 0.0) ** 2)
 
 
 def nearest(lights: Lights, eye_m: Array, most: int = MOST_LIGHTS) -> Lights:

@@ -17,9 +17,8 @@ from carlaloc_env.weather.parameters import WeatherParameters
 
 CACHED_WEATHERS = 8
 """Weathers whose skies are kept, those used last."""
-
-# Ramamoorthi and Hanrahan 2001, equation 13.
 _C1, _C2, _C3, _C4, _C5 = 0.429043, 0.511664, 0.743125, 0.886227, 0.247708
+"""Factors of harmonics in irradiance (Ramamoorthi and Hanrahan 2001, equation 13)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -24,8 +24,9 @@ SNAP_PX = 0.03
 ROUNDING_M = 2e-4
 """The same in the world, for coordinates of a kilometre in single precision [m]."""
 BEHIND_M = 0.02
-"""How far behind a surface a triangle must lie to be hidden [m], and again as a share of its depth."""
+"""How far behind a surface a triangle must lie to be hidden [m]."""
 BEHIND_RATIO = 1e-3
+"""The same as a part of its depth, on top of it."""
 
 STILL = np.eye(3, 4, dtype=np.float32)[None]
 """Pose of what is in the world's frame already, as rows of instances."""
