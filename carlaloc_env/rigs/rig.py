@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.config_mapping import from_mapping, to_mapping
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.names import check_name
+from carlaloc_env.core.text_files import read_text
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.sensors.limits import SENSORS_MAX
@@ -104,11 +105,7 @@ class SensorRig:
         Raises:
             ConfigError: the file cannot be read or is not a valid rig.
         """
-        try:
-            text = path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"cannot read the rig {path}: {error}") from error
-        return cls.from_yaml(text, where=path.name)
+        return cls.from_yaml(read_text(path, "rig"), where=path.name)
 
 
 class Rig:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from carlaloc_env.core import config_mapping
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.text_files import read_text
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -205,8 +206,8 @@ class TownConfig:
                 out of its range; the message names file and key, and the nearest valid name.
         """
         try:
-            content = tomllib.loads(source.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            content = tomllib.loads(read_text(source, "town.toml"))
+        except tomllib.TOMLDecodeError as error:
             raise ConfigError(f"{source}: {error}; correct this line") from error
         return TownConfig.from_mapping(content, str(source))
 

@@ -19,6 +19,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.text_files import read_text
 from carlaloc_env.weather.parameters import WeatherParameters, weather_by_name
 
 STEP_NS = 1_000_000_000
@@ -112,11 +113,7 @@ def weather_of(what: str | Path | Weather) -> Weather:
     path = Path(what)
     if path.suffix.lower() not in (".yaml", ".yml"):
         return weather_by_name(str(what))
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot read the weather schedule {path} ({error.strerror})") from error
-    return WeatherSchedule.from_yaml(text, where=path.name)
+    return WeatherSchedule.from_yaml(read_text(path, "weather schedule"), where=path.name)
 
 
 def _weather(what: Any) -> WeatherParameters:

@@ -12,14 +12,20 @@ from __future__ import annotations
 
 import argparse
 import sys
+from contextlib import ExitStack
 from dataclasses import asdict
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, seed
 from recorder.cli.progress import Progress
+from recorder.devices.names import wants_window
+
+if TYPE_CHECKING:
+    from recorder.window.opening import Opening
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +65,18 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         return _drive_again(arguments)
     if arguments.out is None:
         raise UsageError("where to? give --out, e.g. --out drive.mcap")
+    with ExitStack() as stack:
+        opening = None
+        if wants_window(arguments.device, arguments.window):
+            from recorder.window.opening import Opening
+
+            # Open before the rest is loaded, which takes seconds.
+            opening = stack.enter_context(Opening(arguments.map or "Town03"))
+            opening.run("starting", lambda: import_module("recorder.drive.record"))
+        return _record(arguments, opening)
+
+
+def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str, Any]:
     from recorder.drive.record import RecordConfig, record
 
     config = RecordConfig(
@@ -77,7 +95,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         def told(driven_s: float, route_m: float) -> None:
             progress.update(driven_s, arguments.duration, f"{route_m:.0f} m")
 
-        result = record(config, progress=told)
+        result = record(config, progress=told, opening=opening)
     return {**asdict(result), "path": str(result.path), "attempts": [str(p) for p in result.attempts]}
 
 

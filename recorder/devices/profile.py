@@ -14,6 +14,7 @@ import yaml
 
 from carlaloc_env.core.config_mapping import from_mapping, to_mapping
 from carlaloc_env.core.errors import ConfigError, DeviceError
+from carlaloc_env.core.text_files import read_text
 from recorder.devices.axes import AxisShape
 from recorder.devices.commands import Command
 
@@ -110,7 +111,7 @@ def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:
     folder = folder or profile_folder()
     found = []
     for path in sorted(folder.glob("*.yaml")) if folder.is_dir() else []:
-        found.append(read_profile(path.read_text(encoding="utf-8"), str(path)))
+        found.append(read_profile(read_text(path, "device profile"), str(path)))
     shipped = files("recorder.devices") / "profiles"
     for entry in sorted(shipped.iterdir(), key=lambda item: item.name):
         if entry.name.endswith(".yaml"):

@@ -6,13 +6,10 @@ from carlaloc_env.core.errors import DeviceError, unknown_name
 from recorder.devices.base import Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
+from recorder.devices.names import DEVICES as DEVICES
+from recorder.devices.names import wants_window
 from recorder.devices.profile import known_profiles
 from recorder.devices.scripted.driver import ScriptedDriver
-
-HUMAN = ("wheel", "gamepad", "keyboard")
-"""Devices that a person holds."""
-DEVICES = ("scripted", *HUMAN)
-"""Names of all devices."""
 
 
 def open_device(name: str, seed: int, *, window: bool = False) -> Device:
@@ -21,7 +18,7 @@ def open_device(name: str, seed: int, *, window: bool = False) -> Device:
     Args:
         name: Its name, e.g. ``scripted``.
         seed: Seed for devices that are driven by the program.
-        window: Whether a window will be opened; keys reach the program through it only.
+        window: Whether a window shows the drive; no person drives without.
 
     Raises:
         DeviceError: there is no such device, or it is not connected.
@@ -32,8 +29,7 @@ def open_device(name: str, seed: int, *, window: bool = False) -> Device:
         raise DeviceError(unknown_name("device", name, DEVICES))
     if name == "scripted":
         return ScriptedDriver(seed)
-    if name == "keyboard" and not window:
-        raise DeviceError("keys reach the program through its window only; leave out --no-window")
+    wants_window(name, window)
     inputs = Inputs(window=window)
     try:
         return HumanDevice(name, inputs, known_profiles())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from datetime import datetime, timezone
@@ -19,17 +20,19 @@ from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.world import traffic_of_town
-from carlaloc_env.weather.schedule import weather_of
+from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.devices.base import Device
 from recorder.devices.human import HumanDevice
 from recorder.devices.inputs import Inputs
+from recorder.devices.names import DEVICES, HUMAN
 from recorder.devices.panel import KeyPanel
-from recorder.devices.registry import DEVICES, HUMAN, open_device
+from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
 from recorder.episode.file_names import check_episode_output, recording_path, repair_command
 from recorder.episode.messages import VIOLATIONS
 from recorder.window.cockpit import WindowCockpit
+from recorder.window.opening import Opening
 
 Progress = Callable[[float, float], None]
 """Called with seconds driven and metres along the route."""
@@ -98,7 +101,11 @@ class RecordResult:
 
 
 def record(
-    config: RecordConfig, *, device: Device | None = None, progress: Progress | None = None
+    config: RecordConfig,
+    *,
+    device: Device | None = None,
+    progress: Progress | None = None,
+    opening: Opening | None = None,
 ) -> RecordResult:
     """Drive and record until the duration or the route is over, or the driver ends it.
 
@@ -106,6 +113,7 @@ def record(
         config: What to drive.
         device: Who drives; opened by its name when left out.
         progress: Told four times a second how far the drive is.
+        opening: The window, if it is open already; it is closed afterwards.
 
     Raises:
         ConfigError: unknown town, device, weather or traffic level.
@@ -113,69 +121,109 @@ def record(
         EpisodeError: the episode exists already or cannot be written.
     """
     check_episode_output(config.out, overwrite=config.overwrite)
-    town = load_town(config.map)
-    traffic = traffic_of_town(town, config.traffic, config.seed)
-    weather = weather_of(config.weather)
     with ExitStack() as stack:
+        if config.wants_window:
+            opening = stack.enter_context(opening or Opening(config.map))
         driver = device or open_device(config.device, config.seed, window=config.wants_window)
         stack.callback(driver.close)
-        world = DrivingWorld(town, traffic)
-        stack.callback(world.close)
+        drive = _Drive(config, driver, progress, stack)
+        if opening is not None:
+            return drive.in_window(opening)
+        drive.prepare()
+        if isinstance(driver, HumanDevice):
+            return drive.run(lambda: drive.session.run_live(driver, None))
+        patience_s = PATIENCE_S if config.duration_s is None else math.inf
+        return drive.run(lambda: drive.session.run_freely(patience_s=patience_s))
 
-        def begin(catalog: ActorCatalog) -> EpisodeWriter:
-            header = episode_header(config, town, world, driver.name, catalog)
-            return EpisodeWriter(config.out, header, overwrite=config.overwrite)
 
-        session = DriveSession(
-            world,
-            driver,
+class _Drive:
+    """One recording, from town to result; `stack` closes what it opens."""
+
+    def __init__(
+        self, config: RecordConfig, driver: Device, progress: Progress | None, stack: ExitStack
+    ) -> None:
+        self._config, self._driver, self._progress, self._stack = config, driver, progress, stack
+
+    def prepare(self, show: Callable[[Town, Weather], None] | None = None) -> None:
+        """Build the living town.
+
+        Args:
+            show: Told of town and weather as soon as they stand; may take its time.
+        """
+        config = self._config
+        weather = weather_of(config.weather)
+        town = load_town(config.map)
+        traffic = traffic_of_town(town, config.traffic, config.seed)
+        with ThreadPoolExecutor(1) as pool:
+            shown = None if show is None else pool.submit(show, town, weather)
+            self.world = DrivingWorld(town, traffic)
+            self._stack.callback(self.world.close)
+            if shown is not None:
+                shown.result()
+        self.session = DriveSession(
+            self.world,
+            self._driver,
             seed=config.seed,
-            begin=begin,
+            begin=self._begin,
             finished=_arrived if config.duration_s is None else _never,
             end_tick=round((config.duration_s or 86400.0) * TICK_HZ),
-            progress=progress,
+            progress=self._progress,
         )
-        session.status.headlamps = weather.at(0).is_night
-        if config.wants_window:
-            panel = driver if isinstance(driver, HumanDevice) else KeyPanel(Inputs(window=True))
-            stack.callback(panel.close)
-            cockpit = stack.enter_context(WindowCockpit(town, weather))
-            return _drive(session, config, lambda: session.run_live(panel, cockpit))
-        if isinstance(driver, HumanDevice):
-            return _drive(session, config, lambda: session.run_live(driver, None))
-        patience_s = PATIENCE_S if config.duration_s is None else math.inf
-        return _drive(session, config, lambda: session.run_freely(patience_s=patience_s))
+        self.session.status.headlamps = weather.at(0).is_night
 
+    def in_window(self, opening: Opening) -> RecordResult:
+        """Drive in a window, which tells what is being done until the first image is drawn."""
+        driver = self._driver
+        panel = driver if isinstance(driver, HumanDevice) else KeyPanel(Inputs(window=True))
+        self._stack.callback(panel.close)
+        cockpit = self._stack.enter_context(WindowCockpit(opening.window))
+        opening.run(f"building {Path(self._config.map).stem}", lambda: self.prepare(cockpit.prepare))
 
-def _drive(session: DriveSession, config: RecordConfig, run: Callable[[], None]) -> RecordResult:
-    session.start()
-    try:
-        run()
-        session.finish()
-    except BaseException as error:
-        # What has been driven stays readable under its `.recording` name.
-        session.listener.writer.abandon()
-        where = (
-            f"the drive until here ({session.duration_s:.1f} s) is in {recording_path(config.out)}; "
-            f"make it whole with: {repair_command(config.out)}"
+        def draw_first() -> None:
+            # The recording begins anew afterwards, when the driver sees the road.
+            self.world.reset(self._config.seed)
+            cockpit.wait_for_first(self.world, self.session.status)
+
+        opening.run("drawing", draw_first)
+        opening.finish()
+        return self.run(lambda: self.session.run_live(panel, cockpit))
+
+    def run(self, live: Callable[[], None]) -> RecordResult:
+        """Drive; what has been driven when it fails stays readable under its `.recording` name."""
+        session = self.session
+        session.start()
+        try:
+            live()
+            session.finish()
+        except BaseException as error:
+            session.listener.writer.abandon()
+            out = self._config.out
+            where = (
+                f"the drive until here ({session.duration_s:.1f} s) is in {recording_path(out)}; "
+                f"make it whole with: {repair_command(out)}"
+            )
+            if isinstance(error, KeyboardInterrupt):
+                raise KeyboardInterrupt(where) from None
+            if isinstance(error, DeviceError):
+                raise DeviceError(f"{error}; {where}") from error
+            raise
+        session.listener.writer.close()
+        counts = session.listener.counts
+        return RecordResult(
+            path=self._config.out,
+            duration_s=session.duration_s,
+            length_m=session.length_m,
+            collisions=counts["collision"],
+            violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
+            attempts=tuple(session.attempts),
+            slowest=session.slowest,
+            stuck=session.stuck,
         )
-        if isinstance(error, KeyboardInterrupt):
-            raise KeyboardInterrupt(where) from None
-        if isinstance(error, DeviceError):
-            raise DeviceError(f"{error}; {where}") from error
-        raise
-    session.listener.writer.close()
-    counts = session.listener.counts
-    return RecordResult(
-        path=config.out,
-        duration_s=session.duration_s,
-        length_m=session.length_m,
-        collisions=counts["collision"],
-        violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
-        attempts=tuple(session.attempts),
-        slowest=session.slowest,
-        stuck=session.stuck,
-    )
+
+    def _begin(self, catalog: ActorCatalog) -> EpisodeWriter:
+        config = self._config
+        header = episode_header(config, self.world.town, self.world, self._driver.name, catalog)
+        return EpisodeWriter(config.out, header, overwrite=config.overwrite)
 
 
 def _never(_: DrivingWorld) -> bool:

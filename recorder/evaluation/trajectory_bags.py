@@ -47,8 +47,9 @@ def read_bag(path: Path, topic: str | None = None) -> Trajectory:
         raise
     # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
     except Exception as error:
-        why = str(error) or type(error).__name__
-        raise EvaluationError(f"cannot read {path}: {why}; give a whole bag") from error
+        raise EvaluationError(
+            f"cannot read {path}: no ROS bag, or a damaged one; give a whole bag"
+        ) from error
     latest = {at_ns: (p, q) for at_ns, p, q in rows}
     stamps = sorted(latest)
     quat = np.array([[latest[t][1].x, latest[t][1].y, latest[t][1].z, latest[t][1].w] for t in stamps])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.text_files import read_text
 from carlaloc_env.core.transforms import matrix_to_quat
 from recorder.evaluation.trajectory import Trajectory
 
@@ -64,11 +65,7 @@ Row = tuple[int, list[str]]
 
 
 def _rows(path: Path) -> list[Row]:
-    try:
-        # Editors of Windows put a byte order mark at the beginning.
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise EvaluationError(f"cannot read {path}: {error}; give a trajectory") from error
+    text = read_text(path, "trajectory", EvaluationError)
     split = [
         (number, line.replace(",", " ").split()) for number, line in enumerate(text.splitlines(), start=1)
     ]

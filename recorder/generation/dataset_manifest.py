@@ -12,6 +12,7 @@ import yaml
 
 from carlaloc_env.core.config_mapping import to_mapping
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.town.sources import TownId
 from recorder.episode.episode import Episode
@@ -67,7 +68,7 @@ def is_begun(out: Path, origin: dict[str, Any]) -> bool:
     if not path.exists():
         return False
     try:
-        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+        found = yaml.safe_load(read_text(path, "dataset's description", WriterError))
         other = [key for key, value in origin.items() if found.get(key) != value]
     except (OSError, AttributeError, yaml.YAMLError) as error:
         raise WriterError(

@@ -49,9 +49,7 @@ def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
         raise
     # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
     except Exception as error:
-        raise EvaluationError(
-            f"cannot read {bag}: {error or type(error).__name__}; give a whole bag"
-        ) from error
+        raise EvaluationError(f"cannot read {bag}: no ROS bag, or a damaged one; give another") from error
 
 
 def sweep_of(bag: Path, topic: str) -> float:

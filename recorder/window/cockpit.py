@@ -30,34 +30,39 @@ _ARROW_AHEAD_S, _ARROW_AHEAD_MIN_M = 3.0, 18.0
 
 
 class WindowCockpit:
-    """A window on a drive; a context manager.
+    """Shows a drive in a window; a context manager that ends the drawing.
 
     Args:
-        town: Where the drive takes place.
-        weather: What it looks like.
-
-    Raises:
-        DeviceError: there is no display.
-        RenderError: there is no OpenGL.
+        window: Where it is shown.
     """
 
-    def __init__(self, town: Town, weather: Weather) -> None:
-        self._town = town
-        self.window = Window(f"CarlaLoc: {town.name}")
-        self._renderer = RenderProcess(SensorStage(town, seed=0, weather=weather, quality="low"))
-        # Waited for before the drive begins: it takes seconds, in which nobody steers.
-        self._renderer.wait_until_ready()
+    def __init__(self, window: Window) -> None:
+        self.window = window
+        self._renderer = RenderProcess()
         self._map: MiniMap | None = None
         self._last: NDArray[np.uint8] | None = None
         self._shown: tuple[object, ...] = ()
         self.images = 0
         """Images shown so far."""
 
+    def prepare(self, town: Town, weather: Weather) -> None:
+        """Hand town and weather to the process that draws; it makes the scene meanwhile."""
+        self._renderer.prepare(SensorStage(town, seed=0, weather=weather, quality="low"))
+
+    def wait_for_first(self, world: DrivingWorld, status: DriveStatus) -> None:
+        """Wait for the first image, so that nobody drives before they see.
+
+        Raises:
+            RenderError: there is no OpenGL, or the process that draws ended.
+        """
+        self._renderer.wait_until_ready()
+        self._renderer.ask(present_of(world, status), VIEWS[status.view % len(VIEWS)])
+        self._take(_FIRST_S)
+
     def __enter__(self) -> WindowCockpit:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.window.close()
         self._renderer.close()
 
     @property
@@ -66,17 +71,9 @@ class WindowCockpit:
         return self._renderer.alive
 
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
-        """Show the present: order an image of it, and show the one ordered before when it is drawn.
-
-        The first image is waited for, so that nobody drives before they see.
-        """
+        """Show the present: order an image of it, and show the one ordered before when it is drawn."""
         view = VIEWS[status.view % len(VIEWS)]
-        if self._last is None and self._renderer.idle:
-            self._renderer.ask(present_of(world, status), view)
-        image = self._renderer.image(_FIRST_S if self._last is None else _PATIENCE_S)
-        if image is not None:
-            self._last = image.copy()
-            self.images += 1
+        image = self._take(_PATIENCE_S)
         if self._renderer.idle:
             self._renderer.ask(present_of(world, status), view)
         if not self._renderer.alive:
@@ -90,9 +87,17 @@ class WindowCockpit:
             self._shown = now_shown
             self._show(self._last, world, status, view)
 
+    def _take(self, patience_s: float) -> NDArray[np.uint8] | None:
+        """The image that was ordered, when it is drawn in time."""
+        image = self._renderer.image(patience_s)
+        if image is not None:
+            self._last = image.copy()
+            self.images += 1
+        return image
+
     def _show(self, image: NDArray[np.uint8], world: DrivingWorld, status: DriveStatus, view: str) -> None:
         if self._map is None:
-            self._map = MiniMap(self._town.network, world.route, size_px=WINDOW_PX[1] // 3)
+            self._map = MiniMap(world.town.network, world.route, size_px=WINDOW_PX[1] // 3)
         driver = world.driver_view()
         actors = world.timeline.actors_at(world.now_ns)
         small = self._map.image(driver.position_m, driver.heading_rad, actors)

@@ -37,26 +37,30 @@ class _Order:
 class RenderProcess:
     """A process that draws one image at a time; a context manager.
 
-    It ends with its parent, however that ends: the pipe between them breaks then.
-
-    Args:
-        stage: Town, weather and quality; its renderer is made in the other process.
-
-    Raises:
-        RenderError: there is no OpenGL.
+    It starts at once and loads what it needs while its parent still builds the town. It ends with its
+    parent, however that ends: the pipe between them breaks then.
     """
 
-    def __init__(self, stage: SensorStage) -> None:
+    def __init__(self) -> None:
         context = get_context("spawn")
         # One image is asked for at a time, so nobody writes here while the other side reads.
         self._memory: Any = context.RawArray("B", _MOST_BYTES)
         self._pipe, there = context.Pipe()
-        self._process = context.Process(target=_draw_images, args=(there, self._memory, stage), daemon=True)
+        self._process = context.Process(target=_draw_images, args=(there, self._memory), daemon=True)
         self._process.start()
         there.close()
         self._busy = True
         self.alive = True
         """Whether images are still to come."""
+
+    def prepare(self, stage: SensorStage) -> None:
+        """Hand over town, weather and quality, of which the other process makes a renderer.
+
+        Returns when they have been read there.
+        """
+        # A process that has ended is noticed by who waits for it.
+        with suppress(OSError):
+            self._pipe.send(stage)
 
     def wait_until_ready(self) -> None:
         """Wait until the scene stands.
@@ -121,7 +125,7 @@ class RenderProcess:
         self.close()
 
 
-def _draw_images(pipe: Connection, memory: Any, stage: SensorStage) -> None:
+def _draw_images(pipe: Connection, memory: Any) -> None:
     """Draw what is ordered until the pipe breaks."""
     # Here and not above: drives without a window need no OpenGL.
     from recorder.window.views import LiveView
@@ -131,7 +135,10 @@ def _draw_images(pipe: Connection, memory: Any, stage: SensorStage) -> None:
     with suppress(OSError):
         os.nice(_NICE)
     try:
+        stage: SensorStage = pipe.recv()
         stage.renderer()
+    except (EOFError, OSError):
+        return
     except CarlaLocError as error:
         pipe.send(error)
         return

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import DeviceError, MissingDependencyError
-from recorder.window.hud import Hud, HudState
+
+if TYPE_CHECKING:
+    from recorder.window.hud import Hud, HudState
 
 WINDOW_PX = (960, 540)
 """Size of the window [px]."""
+_UNSEEN = ("offscreen", "dummy")
+"""SDL's drivers that show nobody anything; it takes them where there is no display."""
+_NO_DISPLAY = "no window can be opened, since there is no display; drive at a desktop, or --device scripted"
+_GROUND, _TEXT, _EMPTY, _FULL = (18, 22, 26), (245, 245, 245), (60, 66, 72), (80, 165, 255)
 
 
 class Window:
@@ -28,6 +35,12 @@ class Window:
     def __init__(self, title: str, size_px: tuple[int, int] = WINDOW_PX) -> None:
         # SDL would show images through an OpenGL context of its own, which breaks the renderer's.
         os.environ.setdefault("SDL_FRAMEBUFFER_ACCELERATION", "0")
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+        chosen = os.environ.get("SDL_VIDEODRIVER")
+        displays = os.environ.get("DISPLAY"), os.environ.get("WAYLAND_DISPLAY")
+        if chosen is None and sys.platform.startswith("linux") and not any(displays):
+            # SDL would look for one, complain in words of its own, and draw where nobody looks.
+            raise DeviceError(_NO_DISPLAY)
         try:
             import pygame
         except ImportError as error:
@@ -36,11 +49,41 @@ class Window:
         self.size_px = size_px
         try:
             pygame.display.init()
+            if chosen is None and pygame.display.get_driver() in _UNSEEN:
+                pygame.display.quit()
+                raise DeviceError(_NO_DISPLAY)
             self._surface = pygame.display.set_mode(size_px)
         except pygame.error as error:
-            raise DeviceError(f"no window can be opened ({error}); add --no-window") from error
+            raise DeviceError(f"{_NO_DISPLAY} ({error})") from error
         pygame.display.set_caption(title)
-        self._hud = Hud(pygame, size_px)
+        self._hud: Hud | None = None
+
+    def tell(self, text: str, done: float) -> None:
+        """Show a line of text over a bar.
+
+        Args:
+            text: What is being done.
+            done: How much of it is done, 0–1.
+        """
+        pygame, (width, height) = self._pygame, self.size_px
+        pygame.font.init()
+        line = pygame.font.Font(None, round(height / 15)).render(text, True, _TEXT)
+        self._surface.fill(_GROUND)
+        self._surface.blit(line, line.get_rect(center=(width // 2, height // 2)))
+        bar = pygame.Rect(width // 4, height // 2 + height // 12, width // 2, max(height // 60, 2))
+        pygame.draw.rect(self._surface, _EMPTY, bar)
+        pygame.draw.rect(self._surface, _FULL, (*bar.topleft, round(done * bar.width), bar.height))
+        pygame.display.flip()
+
+    def closed(self) -> bool:
+        """Whether somebody has closed the window or pressed Escape, before anything else reads events."""
+        pygame = self._pygame
+        pygame.event.pump()
+        events = pygame.event.get((pygame.QUIT, pygame.KEYDOWN, pygame.KEYUP, pygame.MOUSEMOTION))
+        return any(
+            event.type == pygame.QUIT or (event.type == pygame.KEYDOWN and event.key == pygame.K_ESCAPE)
+            for event in events
+        )
 
     def show(
         self, image: NDArray[np.uint8], state: HudState, map_image: NDArray[np.uint8] | None = None
@@ -50,6 +93,11 @@ class Window:
             image = np.asarray(cv2.resize(image, self.size_px, interpolation=cv2.INTER_LINEAR), np.uint8)
         self._surface.blit(self._surface_of(image), (0, 0))
         small = None if map_image is None else self._surface_of(map_image)
+        if self._hud is None:
+            # Here and not above: the window opens before all that the instruments need is loaded.
+            from recorder.window.hud import Hud
+
+            self._hud = Hud(self._pygame, self.size_px)
         self._hud.draw(self._surface, state, small)
         self._pygame.display.flip()
 

@@ -38,7 +38,8 @@ from recorder.window.render_process import RenderProcess
 
 if __name__ == "__main__":
     stage = SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNoon"), quality="low")
-    renderer = RenderProcess(stage)
+    renderer = RenderProcess()
+    renderer.prepare(stage)
     renderer.wait_until_ready()
     print(renderer._process.pid, flush=True)
     os.kill(os.getpid(), signal.SIGKILL)
@@ -80,7 +81,8 @@ def test_pictures_of_the_other_process_and_its_end(world: DrivingWorld) -> None:
     """It draws the very bytes of a view in this process; headlamps light the road; a kill is noticed."""
     stage = night()
     try:
-        renderer = RenderProcess(stage)
+        renderer = RenderProcess()
+        renderer.prepare(stage)
         renderer.wait_until_ready()
     except RenderError as no_opengl:
         pytest.skip(str(no_opengl))

@@ -1,0 +1,108 @@
+"""From the command to the first image: refused at once where nobody would see, else shown from the start."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from carlaloc_env.core.errors import DeviceError, MapError
+from recorder.window.opening import Opening
+
+pygame = pytest.importorskip("pygame")
+
+HEAVY = ("numba", "pybullet", "scipy", "shapely", "moderngl", "open3d", "carlaloc_env.traffic")
+
+
+@pytest.fixture
+def opening(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Opening:
+    """An opening on SDL's dummy display, with an empty cache."""
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path))
+    return Opening("Town03")
+
+
+@pytest.mark.parametrize("device", ["keyboard", "wheel", "gamepad"])
+@pytest.mark.parametrize("options", [(), ("--no-window",)])
+def test_nobody_drives_unseen(device: str, options: tuple[str, ...], tmp_path: Path) -> None:
+    """One line, before anything is built; SDL alone would draw the drive where nobody looks."""
+    hidden = ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")
+    environment = {name: value for name, value in os.environ.items() if name not in hidden}
+    command = [sys.executable, "-X", "importtime", "-m", "recorder.cli.main", "record", "--device", device]
+    command += ["--out", str(tmp_path / "drive.mcap"), *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    lines = done.stderr.splitlines()
+    said = [line for line in lines if not line.startswith("import time:")]
+    assert (done.returncode, done.stdout, len(said)) == (1, "", 1), said
+    assert ("--no-window" if options else "no display") in said[0]
+    loaded = {line.rpartition("|")[2].strip() for line in lines if line.startswith("import time:")}
+    assert not loaded.intersection(HEAVY)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_window_opens_before_the_rest_is_loaded() -> None:
+    """All that it needs is loaded in a fraction of a second."""
+    code = f"import sys, recorder.window.opening; print(*set({HEAVY!r}) & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_it_shows_what_is_done_and_the_time_left(opening: Opening, tmp_path: Path) -> None:
+    """The second time it knows how long the first one took; other towns' times are kept."""
+    with opening:
+        assert opening.run("building Town03", lambda: 7) == 7
+        assert "the first time" in opening.text("building Town03")
+        with pytest.raises(MapError, match="no such"):
+            opening.run("building Town03", _fail)
+        opening.finish()
+    (tmp_path / "opening_times.json").write_text('{"Town03": 12.4, "my_town": 3.0}')
+    with Opening("Town03") as again:
+        assert again.text("building Town03") == "building Town03, 12 s left"
+        again.finish()
+    assert '"my_town": 3.0' in (tmp_path / "opening_times.json").read_text()
+    (tmp_path / "opening_times.json").write_text("[half a fi")
+    with Opening("Town03") as damaged:
+        assert "the first time" in damaged.text("starting")
+
+
+def _fail() -> None:
+    raise MapError("no such town")
+
+
+def test_the_text_is_on_the_screen_while_work_is_done(opening: Opening, tmp_path: Path) -> None:
+    """The bar grows from one tenth of a second to the next, and the text is written above it."""
+    pictures = []
+
+    def work() -> None:
+        for k in range(2):
+            time.sleep(0.5)
+            opening.window.save(tmp_path / f"{k}.png")
+            pictures.append(pygame.surfarray.array3d(pygame.image.load(str(tmp_path / f"{k}.png"))))
+
+    with opening:
+        opening.run("building Town03", work)
+    width, height = pictures[0].shape[:2]
+    row = height // 2 + height // 12 + 2
+    first, second = (int((picture[:, row] == (80, 165, 255)).all(axis=1).sum()) for picture in pictures)
+    assert 0 < first < second < width // 2
+    text = pictures[0][:, height // 2 - 20 : height // 2 + 20]
+    assert (text.max(axis=2) > 200).sum() > 300
+
+
+@pytest.mark.parametrize("event", ["QUIT", "KEYDOWN"])
+def test_closing_it_ends_the_command(opening: Opening, event: str) -> None:
+    """The work is not cut off; then one line says that there is no drive."""
+    done = []
+
+    def work() -> None:
+        pygame.event.post(pygame.event.Event(getattr(pygame, event), key=pygame.K_ESCAPE))
+        time.sleep(0.5)
+        done.append(True)
+
+    with opening, pytest.raises(DeviceError, match="closed before the drive began"):
+        opening.run("building Town03", work)
+    assert done == [True]
