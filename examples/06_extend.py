@@ -14,7 +14,6 @@ from recorder import (
     ENCODERS,
     PROFILES,
     Episode,
-    MessageMaker,
     RigCalibration,
     Rosbag1Writer,
     TopicProfile,
@@ -29,7 +28,7 @@ sensors:
 """
 
 
-def laser_scan(maker: MessageMaker, header: Any, sample: Ranges) -> Any:
+def laser_scan(maker: Any, header: Any, sample: Ranges) -> Any:
     """The message function: sensor_msgs/LaserScan."""
     step = 2 * np.pi / len(sample.range_m)
     angles = {"angle_min": -np.pi, "angle_max": np.pi - step, "angle_increment": step}
