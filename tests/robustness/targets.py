@@ -67,6 +67,7 @@ def targets(seeds: Seeds, work: Path) -> dict[str, Callable[[], Target]]:
         "episode, forged": lambda: _episode_forged(seeds, work),
         "rig": lambda: _rig(work),
         "weather schedule": lambda: _schedule(work),
+        "town.toml": _town_toml,
         "OpenDRIVE map": _map,
         "TUM trajectory": lambda: _tum(seeds, work),
         "bag": lambda: _bag(seeds, work),
