@@ -39,6 +39,8 @@ class ActorPool:
         self._client = client
         self._group, self._mask = group, mask
         self._free: dict[_Size, list[int]] = {}
+        # PyBullet keeps shapes when their body is removed: one for each size.
+        self._shapes: dict[_Size, int] = {}
         self._lent: dict[int, tuple[int, _Size]] = {}
         self._actor: dict[int, int] = {}
         self._moving: list[tuple[int, list[float], list[float], list[float]]] = []
@@ -116,10 +118,11 @@ class ActorPool:
         pybullet.resetBasePositionAndOrientation(body, parked, [0, 0, 0, 1], physicsClientId=self._client)
 
     def _create(self, size: _Size) -> int:
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX, halfExtents=[0.5 * s for s in size], physicsClientId=self._client
-        )
-        body = int(pybullet.createMultiBody(0.0, shape, physicsClientId=self._client))
+        if size not in self._shapes:
+            self._shapes[size] = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX, halfExtents=[0.5 * s for s in size], physicsClientId=self._client
+            )
+        body = int(pybullet.createMultiBody(0.0, self._shapes[size], physicsClientId=self._client))
         pybullet.changeDynamics(body, -1, lateralFriction=0.4, restitution=0.0, physicsClientId=self._client)
         pybullet.setCollisionFilterGroupMask(body, -1, self._group, self._mask, physicsClientId=self._client)
         return body

@@ -69,6 +69,8 @@ class PhysicsWorld:
         self._actors = ActorPool(self._client, GROUP_ACTOR, GROUP_EGO)
         self._contacts = ContactLog()
         self._ego_body = -1
+        # PyBullet keeps shapes when their body is removed: one for each box.
+        self._ego_shapes: dict[tuple[float, ...], int] = {}
 
     @property
     def client(self) -> int:
@@ -136,12 +138,15 @@ class PhysicsWorld:
         self._actors.clear()
         if self._ego_body >= 0:
             pybullet.removeBody(self._ego_body, physicsClientId=client)
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX,
-            halfExtents=half_extents_m,
-            collisionFramePosition=box_centre_m,
-            physicsClientId=client,
-        )
+        box = (*half_extents_m, *box_centre_m)
+        if box not in self._ego_shapes:
+            self._ego_shapes[box] = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX,
+                halfExtents=half_extents_m,
+                collisionFramePosition=box_centre_m,
+                physicsClientId=client,
+            )
+        shape = self._ego_shapes[box]
         body: int = pybullet.createMultiBody(
             mass_kg, shape, basePosition=position_m, baseOrientation=quat_xyzw, physicsClientId=client
         )
