@@ -231,7 +231,7 @@ def test_a_weather_can_be_added_to_a_dataset(drive: Path, tmp_path: Path) -> Non
 def test_unknown_names_are_refused_before_anything_is_written(drive: Path, tmp_path: Path) -> None:
     """Format, weather, traffic level: one line with the nearest valid name, and no folder."""
     out = tmp_path / "never"
-    with pytest.raises(ConfigError, match="did you mean 'rosbag1'"):
+    with pytest.raises(ConfigError, match=r"did you mean 'rosbag[12]'"):
         ReplayConfig(episode=drive, out=out, formats=("rosbag",))
     with pytest.raises(ConfigError, match="did you mean 'FoggyNoon'"):
         replay(ReplayConfig(episode=drive, out=out, weathers=("FogyNoon",)))
