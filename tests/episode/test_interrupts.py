@@ -54,8 +54,8 @@ def test_interrupted_at_any_line(tmp_path: Path) -> None:
     """Every line of the cut of a chunk, which comes every 0.9 s, and a few hundred of those between."""
     seen: list[str] = []
     drive(tmp_path / "whole.mcap", tracer(seen))
-    cuts = [k + 1 for k, name in enumerate(seen) if name in ("cut", "flush", "_append")]
-    between = [k + 1 for k, name in enumerate(seen) if name not in ("cut", "flush", "_append")]
+    cuts = [k + 1 for k, name in enumerate(seen) if name in ("close_chunk", "flush", "_append")]
+    between = [k + 1 for k, name in enumerate(seen) if name not in ("close_chunk", "flush", "_append")]
     assert 20 < len(cuts) < 200
     for line in (*cuts, *between[::13]):
         path = tmp_path / f"{line}.mcap"

@@ -67,6 +67,9 @@ class _NearlyFullDisk:
         self._full = True
         return self._file.write(data[: len(data) // 2])
 
+    def seek(self, at: int) -> int:
+        return self._file.seek(at)
+
     def fileno(self) -> int:
         return self._file.fileno()
 

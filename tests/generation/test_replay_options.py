@@ -50,4 +50,4 @@ def test_the_command_line_knows_them() -> None:
 
 def test_every_named_format_has_its_writer() -> None:
     """Names stand apart from writers, so that a wrong one is told before these are imported."""
-    assert tuple(sequence_writers.FORMATS) == replay_plan.FORMATS
+    assert tuple(sequence_writers._WRITERS) == tuple(replay_plan.FORMATS)

@@ -24,9 +24,11 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.weather.schedule import weather_of
 from recorder.cli.main import main
+from recorder.episode.actor_messages import ACTORS
 from recorder.episode.episode import Episode
 from recorder.episode.header import _checksum
 from recorder.episode.mcap_container import ContainerWriter, read_container
+from recorder.episode.messages import EGO, EVENT
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.scans import read_scans
@@ -111,9 +113,10 @@ def _episode_forged(seeds: Seeds, work: Path) -> Target:
             rows[at] = rows[at][:cut] + put + rows[at][cut + len(put) :]
         path.unlink(missing_ok=True)
         writer = ContainerWriter(path, durable=False)
+        records = {record.topic: record for record in (EGO, ACTORS, EVENT)}
         writer.add_metadata(name, {**texts, "crc32": str(_checksum(texts))})
         for topic, rows in payloads.items():
-            channel = writer.add_channel(topic, "carlaloc_msgs/msg/Any", "")
+            channel = writer.add_channel(records[topic])
             for stamp_ns, row in zip(good.stamps_ns[topic], rows, strict=True):
                 writer.add_message(channel, stamp_ns, row)
         writer.finish()

@@ -11,6 +11,7 @@ import pytest
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.street.signals_and_signs import add_signals
 from carlaloc_env.traffic.audit import audit_traffic
@@ -59,7 +60,7 @@ def test_lights_act_on_the_lanes_below_them(network: LaneNetwork) -> None:
 
 def test_posts_stand_beside_the_lanes(network: LaneNetwork) -> None:
     """SUMO's lights hang over lanes: their posts stand where no car drives."""
-    _, lenses, feet = add_signals(network, lambda xy: np.zeros(len(xy)), 1)
+    _, lenses, feet = add_signals(network, lambda xy: np.zeros(len(xy)), InstanceIds())
     near = network.nearest(feet[:, :2])
     assert (near.distance_m > 0.5 * network.width_m(near.lane, near.station_m) + 0.3).all()
     assert len(lenses.signal) >= 3 * len(network.signals)

@@ -173,7 +173,7 @@ def test_ego_velocity_from_detections_at_rest(scenery: Any) -> None:
         ({"azimuth_fov_deg": 200.0}, "azimuth_fov_deg"),
         ({"rays_per_actor": 0}, "rays_per_actor"),
         ({"clutter_mean": -1.0}, "clutter_mean"),
-        ({"doppler_resolution_mps": 0.0}, "resolutions"),
+        ({"doppler_resolution_mps": 0.0}, "doppler_resolution_mps"),
     ],
 )
 def test_wrong_configurations_are_refused(wrong: dict[str, Any], message: str) -> None:
