@@ -5,18 +5,17 @@ from __future__ import annotations
 import argparse
 import logging
 import os
-import signal
 import sys
-import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from io import StringIO
-from typing import Any, NoReturn, cast
+from typing import NoReturn, cast
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import CarlaLocError, UsageError
 from recorder.cli.arguments import check_outputs, shared_options
+from recorder.cli.interrupts import ended_as_by_ctrl_c
 from recorder.cli.json_output import to_json
 
 COMMANDS = (
@@ -53,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     name = str(arguments.command)
     try:
         check_outputs(parser, arguments)
-        with _ended_as_by_ctrl_c(), _stdout_kept_clean():
+        with ended_as_by_ctrl_c(), _stdout_kept_clean():
             result = command.run(arguments)
     except UsageError as error:
         return _fail(name, str(error), as_json=as_json, code=EXIT_USAGE)
@@ -88,26 +87,6 @@ def _stdout_kept_clean() -> Iterator[None]:
         sys.stdout.flush()
         os.dup2(kept, 1)
         os.close(kept)
-
-
-@contextmanager
-def _ended_as_by_ctrl_c() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal end a command as Ctrl-C does, so that it cleans up."""
-    before: dict[int, Any] = {}
-    for name in ("SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        # Under nohup a closed terminal is ignored, and stays so.
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL and _in_main_thread():
-            before[number] = signal.signal(number, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
-def _in_main_thread() -> bool:
-    return threading.current_thread() is threading.main_thread()
 
 
 def _fail(command: str, message: str, *, as_json: bool, code: int = EXIT_ERROR) -> int:

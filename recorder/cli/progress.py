@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import TextIO
 
+from recorder.cli.interrupts import raise_again
+
 REDRAW_S, LINE_S = 0.2, 10.0
 """Time between two looks of the line on a terminal, and between two lines elsewhere [s]."""
 WINDOW_S = 30.0
@@ -49,7 +51,11 @@ class Progress:
             done_s: Seconds of the drive that are done [s].
             total_s: Seconds in all [s]; None: nobody knows.
             note: What else is told.
+
+        Raises:
+            KeyboardInterrupt: the command was asked to end.
         """
+        raise_again()
         now_s = self._clock()
         self._history.append((now_s, done_s))
         while now_s - self._history[0][0] > WINDOW_S:

@@ -1,0 +1,62 @@
+"""An interrupt ends a command even where Python drops the exception on its way."""
+
+from __future__ import annotations
+
+import gc
+import signal
+import sys
+
+import pytest
+
+from recorder.cli.interrupts import ended_as_by_ctrl_c, raise_again
+from recorder.cli.progress import Progress
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as on POSIX")
+
+NUMBERS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+
+class _Dropping:
+    """An object during whose removal a signal comes in; Python only prints what it raises."""
+
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_signal_ends_a_command(number: signal.Signals) -> None:
+    before = signal.getsignal(number)
+    with pytest.raises(KeyboardInterrupt), ended_as_by_ctrl_c():
+        signal.raise_signal(number)
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", NUMBERS)
+def test_a_dropped_interrupt_is_raised_again(number: signal.Signals) -> None:
+    with Progress("driving") as progress, ended_as_by_ctrl_c():
+        progress.update(0.0)
+        dropped = _Dropping(number)
+        del dropped
+        gc.collect()
+        with pytest.raises(KeyboardInterrupt):
+            progress.update(0.25)
+
+
+def test_nothing_is_raised_unasked() -> None:
+    raise_again()
+    with ended_as_by_ctrl_c():
+        raise_again()
+
+
+def test_what_is_ignored_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with ended_as_by_ctrl_c():
+            signal.raise_signal(signal.SIGHUP)
+            raise_again()
+    finally:
+        signal.signal(signal.SIGHUP, before)
