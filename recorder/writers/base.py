@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import shutil
+import sqlite3
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import cast
+from typing import IO, Any, cast
 
 import cv2
 import numpy as np
@@ -21,6 +24,10 @@ DEFAULT_EPOCH_NS = 1_672_531_200_000_000_000
 It is fixed so that the same drive always gives the same bytes, and far from 0, which ROS reads as
 "no time".
 """
+
+
+_FAILURES = (OSError, sqlite3.Error)
+"""What libraries raise when a disk takes no more."""
 
 
 class Writer(ABC):
@@ -61,9 +68,9 @@ class Writer(ABC):
             self.target.parent.mkdir(parents=True, exist_ok=True)
             _remove(self._part)
             self._begin(self._part)
-        except OSError as error:
+        except _FAILURES as error:
             _remove(self._part)
-            raise WriterError(f"cannot write {self.target}: {error.strerror}") from error
+            raise WriterError(f"cannot write {self.target}: {_reason(error)}") from error
         self._is_open = True
 
     def write(self, sample: Sample) -> None:
@@ -82,8 +89,8 @@ class Writer(ABC):
         self._last_ns = sample.stamp_ns
         try:
             self._put(sample)
-        except OSError as error:
-            raise WriterError(f"cannot write {self.target}: {error.strerror}") from error
+        except _FAILURES as error:
+            raise WriterError(f"cannot write {self.target}: {_reason(error)}") from error
 
     def close(self) -> None:
         """Complete the target and give it its final name; a second call does nothing.
@@ -93,12 +100,13 @@ class Writer(ABC):
         """
         if not self._is_open:
             return
-        self._is_open = False
         try:
             self._finish()
             self._part.rename(self.target)
-        except OSError as error:
-            raise WriterError(f"cannot complete {self.target}: {error.strerror}") from error
+        except _FAILURES as error:
+            self.abort()
+            raise WriterError(f"cannot complete {self.target}: {_reason(error)}") from error
+        self._is_open = False
 
     def abort(self) -> None:
         """Stop and remove what was written."""
@@ -123,9 +131,20 @@ class Writer(ABC):
     def _finish(self) -> None:
         """Write what belongs at the end and close all files."""
 
+    @abstractmethod
     def _drop(self) -> None:
-        """Close all files without completing them."""
-        self._finish()
+        """Close all files without completing them, also those that a full disk keeps from closing."""
+
+
+def close_unfinished(files: Iterable[IO[Any]]) -> None:
+    """Close files whose last bytes nobody wants; a full disk may refuse them."""
+    for file in files:
+        with suppress(OSError):
+            file.close()
+
+
+def _reason(error: Exception) -> str:
+    return error.strerror or str(error) if isinstance(error, OSError) else str(error)
 
 
 def _remove(path: Path) -> None:

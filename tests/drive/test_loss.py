@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from shared_fixtures.small_disks import small_disk
 
 from carlaloc_env.core.errors import EpisodeError
 from recorder.drive.record import RecordConfig, record
@@ -21,25 +22,19 @@ from recorder.episode.repair import repair_episode
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 300 kB."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(folder)]
-    if sys.platform != "linux" or os.geteuid() != 0 or subprocess.run(command, check=False).returncode:
-        pytest.skip("mounting a small disk needs root on Linux")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
+def disk(tmp_path: Path) -> Iterator[Path]:
+    with small_disk(tmp_path / "disk", 300 << 10) as folder:
+        yield folder
 
 
-def test_full_disk_loses_at_most_the_last_second(small_disk: Path, tmp_path: Path) -> None:
-    out = small_disk / "drive.mcap"
+def test_full_disk_loses_at_most_the_last_second(disk: Path, tmp_path: Path) -> None:
+    out = disk / "drive.mcap"
     with pytest.raises(EpisodeError, match="No space left") as failure:
         record(RecordConfig(map="Town03", out=out, duration_s=60.0, traffic="0.2"))
     assert str(out) in str(failure.value)
     assert not out.exists()
     kept = open_episode(out)
-    used = (small_disk / "drive.mcap.recording").stat().st_size
+    used = (disk / "drive.mcap.recording").stat().st_size
     assert used > 200_000
     # A second of this drive takes less than 60 kB: what fits on the disk is there.
     assert kept.duration_s > 3.0

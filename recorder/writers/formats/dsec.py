@@ -7,6 +7,7 @@ no ``rectify_map.h5``: the camera's calibration stands beside the other files.
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,8 @@ class DsecWriter(Writer):
         self._next_ms = 0
 
     def _begin(self, part: Path) -> None:
-        self._file = h5py.File(part, "w")
+        self._disk = _DiskFile(part)
+        self._file = h5py.File(self._disk, "w")
         for name, kind in _COLUMNS.items():
             self._file.create_dataset(
                 f"events/{name}", (0,), kind, maxshape=(None,), chunks=(_CHUNK,), **self._filter
@@ -75,12 +77,49 @@ class DsecWriter(Writer):
         edges_us = 1000 * np.arange(self._next_ms, end_ms + 1)
         self._ms_to_idx.append((self._count + np.searchsorted(t_us, edges_us)).astype("<u8"))
         self._next_ms, self._count = max(end_ms + 1, self._next_ms), end
+        self._disk.raise_failure()
 
     def _finish(self) -> None:
         begin_ns = self.unix_ns(self._begin_ns or 0)
         self._file["t_offset"] = np.int64(begin_ns // 1000)
         self._file["ms_to_idx"] = np.concatenate([np.zeros(0, "<u8"), *self._ms_to_idx])
-        self._file.close()
+        self._close()
+        self._disk.raise_failure()
 
     def _drop(self) -> None:
+        self._close()
+
+    def _close(self) -> None:
         self._file.close()
+        self._disk.close()
+
+
+class _DiskFile(io.FileIO):
+    """A file that keeps the failure of a write for later.
+
+    HDF5 crashes the process when a write fails while it closes a file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "w+")
+        self._failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write all bytes, or none after a failure."""
+        rest = memoryview(data).cast("B")
+        size = len(rest)
+        try:
+            while len(rest) and self._failure is None:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self._failure = error
+        return size
+
+    def raise_failure(self) -> None:
+        """Raise what a write has failed with.
+
+        Raises:
+            OSError: the disk is full, or worse.
+        """
+        if self._failure is not None:
+            raise self._failure

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, grey
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, close_unfinished, grey
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuCalibration, RigCalibration
 from recorder.writers.yaml_text import real, rows
@@ -124,6 +124,9 @@ class EurocWriter(Writer):
     def _finish(self) -> None:
         for table in self._tables.values():
             table.close()
+
+    def _drop(self) -> None:
+        close_unfinished(self._tables.values())
 
 
 def _T_BS(T_body_sensor: object) -> str:

@@ -20,7 +20,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, close_unfinished
 from recorder.writers.formats.kitti_labels import MOVING_FROM_MPS, semantic_kitti_labels
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 
@@ -170,8 +170,7 @@ class KittiWriter(Writer):
             table.close()
 
     def _drop(self) -> None:
-        for table in self._tables.values():
-            table.close()
+        close_unfinished(self._tables.values())
 
 
 def _numbers(values: Array) -> str:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
+import av
 import cv2
-from numpy.typing import NDArray
+from av.container import OutputContainer
 
+from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from recorder.report.mosaic import mosaic
 from recorder.writers.base import Writer
 
 _STILL_EVERY = 60
+_X264 = {"crf": "23", "preset": "veryfast", "threads": "1"}
+"""Quality and effort of the encoder; one thread, since every level has a process of its own."""
 
 
 class PreviewWriter(Writer):
@@ -29,10 +34,10 @@ class PreviewWriter(Writer):
         self._camera = camera
         self._rate_hz = rate_hz
         self._caption = caption
-        self._film: cv2.VideoWriter | None = None
+        self._film: _Film | None = None
         self._shown: dict[str, Sample] = {}
         self._cloud: PointCloud | None = None
-        self._still: NDArray[Any] | None = None
+        self._still: U8 | None = None
         self._count = 0
 
     def _begin(self, part: Path) -> None:
@@ -61,16 +66,11 @@ class PreviewWriter(Writer):
             self._cloud,
             caption=self._caption,
         )
-        bgr = cv2.cvtColor(image, cv2.COLOR_RGB2BGR)
         if self._film is None:
-            size = (bgr.shape[1], bgr.shape[0])
-            code = cv2.VideoWriter.fourcc(*"mp4v")
-            self._film = cv2.VideoWriter(str(self._part), code, self._rate_hz, size)
-            if not self._film.isOpened():
-                raise WriterError(f"cannot write {self.target}: OpenCV has no mp4 encoder here")
-        self._film.write(bgr)
+            self._film = _Film(self._part, image.shape[1], image.shape[0], self._rate_hz)
+        self._film.add(image)
         if self._count % _STILL_EVERY == 0:
-            self._still = bgr
+            self._still = image
         self._count += 1
 
     def _finish(self) -> None:
@@ -79,16 +79,52 @@ class PreviewWriter(Writer):
             # A rig without a camera leaves no film, and no error.
             self._part.write_bytes(b"")
         else:
-            self._film.release()
+            self._film.complete()
 
     def close(self) -> None:
         """Complete the film; without a single image there is none."""
         super().close()
         if self._still is None:
             self.target.unlink(missing_ok=True)
-        else:
-            cv2.imwrite(str(self.target.with_suffix(".png")), self._still)
+            return
+        path = self.target.with_suffix(".png")
+        done, png = cv2.imencode(".png", cv2.cvtColor(self._still, cv2.COLOR_RGB2BGR))
+        assert done
+        try:
+            path.write_bytes(png.tobytes())
+        except OSError as error:
+            path.unlink(missing_ok=True)
+            self.target.unlink(missing_ok=True)
+            raise WriterError(f"cannot write {path}: {error.strerror}") from error
 
     def _drop(self) -> None:
         if self._film is not None:
-            self._film.release()
+            with suppress(OSError):
+                self._film.complete()
+
+
+class _Film:
+    """H.264 in an mp4, which browsers play."""
+
+    def __init__(self, path: Path, width_px: int, height_px: int, rate_hz: float) -> None:
+        rate = Fraction(rate_hz).limit_denominator(1000)
+        container = av.open(str(path), "w", format="mp4")
+        self._container: OutputContainer | None = container
+        self._stream = container.add_stream("libx264", rate=rate, options=_X264)
+        self._stream.width, self._stream.height = width_px, height_px
+        self._stream.pix_fmt = "yuv420p"
+
+    def add(self, rgb: U8) -> None:
+        """Add an image, shape (H, W, 3)."""
+        assert self._container is not None
+        frame = av.VideoFrame.from_ndarray(rgb, format="rgb24")
+        self._container.mux(self._stream.encode(frame))
+
+    def complete(self) -> None:
+        """Write what is still held back, and close the file."""
+        if self._container is not None:
+            container, self._container = self._container, None
+            try:
+                container.mux(self._stream.encode(None))
+            finally:
+                container.close()

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
-from recorder.writers.base import DEFAULT_EPOCH_NS
+from recorder.writers.base import DEFAULT_EPOCH_NS, close_unfinished
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.bag_writer import BagWriter
 from recorder.writers.ros.event_messages import ros1_with_events
@@ -98,4 +98,4 @@ class Rosbag1Writer(BagWriter):
     def _drop(self) -> None:
         # Completing a bag needs disk space, which may be what is missing.
         if self._bag.bio is not None:
-            self._bag.bio.close()
+            close_unfinished([self._bag.bio])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
@@ -124,4 +126,5 @@ class Rosbag2Writer(BagWriter):
 
     def _drop(self) -> None:
         if self._bag.storage is not None:
-            self._bag.storage.abort()
+            with suppress(OSError, sqlite3.Error):
+                self._bag.storage.abort()

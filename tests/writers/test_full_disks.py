@@ -1,0 +1,133 @@
+"""Every format on disks of many sizes: a whole file, or one named error and nothing left."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_fixtures.small_disks import small_disk
+
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.samples import EVENT, Events, Image, Imu, Odometry, PointCloud, Sample
+from recorder.writers.base import Writer
+from recorder.writers.formats.dsec import DsecWriter
+from recorder.writers.formats.euroc import EurocWriter
+from recorder.writers.formats.kitti import KittiWriter
+from recorder.writers.formats.preview_video import PreviewWriter
+from recorder.writers.rig_calibration import (
+    CameraCalibration,
+    ImuCalibration,
+    LidarCalibration,
+    RigCalibration,
+)
+from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Rosbag2Writer
+
+WIDTH, HEIGHT, STEP_NS, STEPS = 96, 64, 50_000_000, 6
+RIG = RigCalibration.of(
+    cameras=[CameraCalibration(name="left", T_base_camera=np.eye(4), pinhole=Pinhole())],
+    imu=ImuCalibration(),
+    lidar=LidarCalibration(),
+)
+WRITERS: dict[str, Callable[[Path], Writer]] = {
+    "rosbag1": lambda folder: Rosbag1Writer(folder / "a.bag", RIG, profile="full"),
+    "rosbag2": lambda folder: Rosbag2Writer(folder / "a", RIG, profile="full"),
+    "rosbag2_sqlite3": lambda folder: Rosbag2Writer(folder / "a", RIG, storage="sqlite3", profile="full"),
+    "euroc": lambda folder: EurocWriter(folder / "mav0", RIG),
+    "kitti": lambda folder: KittiWriter(folder / "kitti", RIG),
+    "dsec": lambda folder: DsecWriter(folder / "events_left.h5", stream="events_left"),
+    "preview": lambda folder: PreviewWriter(folder / "preview.mp4", camera="left", rate_hz=20.0),
+}
+
+
+def _drive() -> list[Sample]:
+    """Noise, which no compression makes small."""
+    rng = np.random.default_rng(0)
+    samples: list[Sample] = []
+    for stamp in range(0, STEPS * STEP_NS, STEP_NS):
+        count = 4000 if stamp else 0
+        events = np.zeros(count, EVENT)
+        events["t"] = stamp + np.sort(rng.integers(0, STEP_NS, count)) - STEP_NS + 1
+        events["x"], events["y"] = rng.integers(0, WIDTH, count), rng.integers(0, HEIGHT, count)
+        samples += [
+            Events(
+                sensor="events_left", frame_id="camera_left", stamp_ns=stamp, events=events,
+                width_px=WIDTH, height_px=HEIGHT, period_ns=STEP_NS,
+            ),
+            Image(
+                sensor="rgb_left", frame_id="camera_left", stamp_ns=stamp,
+                rgb=rng.integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8),
+            ),
+            PointCloud(
+                sensor="lidar_semantic", frame_id="lidar", stamp_ns=stamp,
+                points_xyz_m=rng.normal(size=(3000, 3)).astype(np.float32),
+                intensity=np.zeros(3000, np.float32), ring=np.zeros(3000, np.uint16),
+                offset_ns=np.zeros(3000, np.uint32), sweep_ns=STEP_NS, tag=np.zeros(3000, np.uint8),
+                instance=np.zeros(3000, np.uint32), cos_incidence=np.ones(3000, np.float32),
+            ),
+        ]  # fmt: skip
+        for tick in range(stamp, stamp + STEP_NS, 5_000_000):
+            samples += [_imu(tick), _truth(tick)]
+    return samples
+
+
+def _imu(stamp_ns: int) -> Imu:
+    values = np.random.default_rng(stamp_ns).normal(size=(2, 3))
+    return Imu(
+        sensor="imu",
+        frame_id="imu",
+        stamp_ns=stamp_ns,
+        specific_force_mps2=values[0],
+        angular_rate_radps=values[1],
+    )
+
+
+def _truth(stamp_ns: int) -> Odometry:
+    return Odometry(
+        sensor="truth",
+        frame_id="base_link",
+        stamp_ns=stamp_ns,
+        position_m=np.array([stamp_ns / 1e9, 0.0, 0.0]),
+        quat_xyzw=np.array([0.0, 0.0, 0.0, 1.0]),
+        velocity_world_mps=np.zeros(3),
+        angular_rate_radps=np.zeros(3),
+    )
+
+
+def _contents(folder: Path) -> dict[str, int]:
+    return {
+        str(path.relative_to(folder)): path.stat().st_size for path in folder.rglob("*") if path.is_file()
+    }
+
+
+@pytest.mark.filterwarnings("error::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("name", WRITERS)
+def test_whole_or_nothing(tmp_path: Path, name: str, capfd: pytest.CaptureFixture[str]) -> None:
+    make, samples = WRITERS[name], _drive()
+
+    def write(folder: Path) -> None:
+        with make(folder) as writer:
+            for sample in samples:
+                writer.write(sample)
+
+    (tmp_path / "whole").mkdir()
+    write(tmp_path / "whole")
+    whole = _contents(tmp_path / "whole")
+    errors = []
+    capfd.readouterr()
+    for part in (0.01, 0.1, 0.4, 0.7, 0.9, 0.97, 0.995, 3.0):
+        with small_disk(tmp_path / "disk", max(round(part * sum(whole.values())), 8192)) as disk:
+            try:
+                write(disk)
+                assert _contents(disk).keys() == whole.keys(), part
+            except WriterError as error:
+                errors.append(str(error))
+                assert list(disk.iterdir()) == [], part
+            gc.collect()
+    assert 3 <= len(errors) <= 7
+    assert all("No space left" in error or "disk is full" in error for error in errors), errors
+    assert capfd.readouterr().err == ""
