@@ -98,6 +98,17 @@ class RayScene:
             self._trace_actors(hits, rays, stamps_ns, timeline, range_max_m)
         return hits
 
+    def surfaces(self, origin_m: Array, directions: Array, range_max_m: float) -> tuple[Hits, F32]:
+        """First hits on the town alone of N rays from one place, and the unit normals of what they met.
+
+        Args:
+            origin_m: Where the rays start [m], world, shape (3,).
+            directions: Unit directions, world, shape (N, 3).
+            range_max_m: Hits beyond this distance are dropped [m].
+        """
+        rays = _packed(np.broadcast_to(origin_m - self.middle_m, directions.shape), directions)
+        return self._static.trace(rays, range_max_m), self._static.normals(rays)
+
     def cast_ego(self, origins_m: Array, directions: Array, range_max_m: float) -> Hits:
         """First hits on the ego's own body alone, of N rays given in `base_link`."""
         if "ego" not in self._library.names:

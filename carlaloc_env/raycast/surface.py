@@ -53,6 +53,13 @@ class Surface:
         )
         return hits
 
+    def normals(self, rays: F32) -> F32:
+        """Unit normals of the triangles that rays meet first, zeros where there is none, shape (N, 3)."""
+        if self._scene is None or len(rays) == 0:
+            return np.zeros((len(rays), 3), np.float32)
+        found: F32 = self._scene.cast_rays(self._tensor(rays))["primitive_normals"].numpy()
+        return found
+
 
 @compiled
 def _read(
