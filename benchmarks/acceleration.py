@@ -12,6 +12,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -37,7 +38,7 @@ def plain_uniforms(renderer: SceneRenderer) -> Iterator[None]:
     programs._programs, programs._hoists = kept, True
 
 
-_UNIFORMS: dict = {}
+_UNIFORMS: dict[Any, Any] = {}
 """Programs without hoisted uniforms."""
 
 
@@ -45,7 +46,7 @@ def all_triangles(_: SceneRenderer) -> AbstractContextManager[object]:
     """Every triangle of what may be seen goes to the driver."""
     draw = MeshBuffers.draw
 
-    def whole(self: MeshBuffers, *rest: object, culler: object = None, **more: object) -> None:
+    def whole(self: MeshBuffers, *rest: Any, culler: object = None, **more: Any) -> None:
         draw(self, *rest, **more)
 
     return patch.object(MeshBuffers, "draw", whole)
@@ -54,7 +55,9 @@ def all_triangles(_: SceneRenderer) -> AbstractContextManager[object]:
 def one_list(_: SceneRenderer) -> AbstractContextManager[object]:
     """All lights near the camera for every tile."""
 
-    def grid(_: object, lights: Lights, depths: DepthRange, *, exposure: float, fog: Fog, **__: object):
+    def grid(
+        _: object, lights: Lights, depths: DepthRange, *, exposure: float, fog: Fog, **__: object
+    ) -> LightGrid:
         tiles, every = every_tile(depths.near_m.shape), np.arange(len(lights))
         lamps, beams = every[~lights.beam], every[lights.beam]
         first = 1

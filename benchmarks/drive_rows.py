@@ -18,7 +18,7 @@ from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.traffic.world import TrafficConfig
-from carlaloc_env.weather.parameters import weather_by_name
+from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
 from recorder.drive.episode_listener import EpisodeListener
 from recorder.episode.episode import EpisodeHeader, EpisodeWriter
@@ -34,17 +34,21 @@ def window(bench: Bench) -> Row:
     what = "window from the driver's seat, 50 + 10 actors, in real time"
     row = partial(Row, name="window", what=what, unit="pictures/s", target=20.0)
     from recorder.window.cockpit import WindowCockpit
+    from recorder.window.window import Window
 
-    try:
-        cockpit = WindowCockpit(bench.town, weather_by_name("ClearNoon"))
-    except CarlaLocError as error:
-        return row(value=None, note=str(error))
+    screen = Window("benchmark")
+    cockpit = WindowCockpit(screen)
+    cockpit.prepare(bench.town, weather_of("ClearNoon"))
     world, driver = DrivingWorld(bench.town, _CALM), open_device("scripted", SEED)
     rates: dict[str, float] = {}
     paces: list[float] = []
     with cockpit, tempfile.TemporaryDirectory() as folder:
         log = _log(bench, Path(folder) / "drive.mcap")
         world.reset(SEED, log)
+        try:
+            cockpit.wait_for_first(world, DriveStatus(device="scripted"))
+        except CarlaLocError as error:
+            return row(value=None, note=str(error))
         for number, view in enumerate(("seat", "chase", "above")):
             status = DriveStatus(device="scripted", view=number)
             drive = partial(_drive_with_pictures, world, driver, cockpit, status)
@@ -53,6 +57,7 @@ def window(bench: Bench) -> Row:
             paces.append(pace)
         log.writer.close()
         is_live = cockpit.is_live
+    screen.close()
     driver.close()
     world.close()
     if not is_live:

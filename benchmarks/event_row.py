@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from bench import Bench, Row
@@ -38,7 +39,8 @@ def events(bench: Bench) -> Row:
         f"events of a camera {pinhole.width_px}×{pinhole.height_px}, 50 ms at {SPEED_MPS:.0f} m/s in {TOWN}"
     )
     try:
-        sensor, timeline = replace(config, outputs=("events",)).build(bench.stage), _along(bench.town)
+        sensor = cast(CameraSensor, replace(config, outputs=("events",)).build(bench.stage))
+        timeline = _along(bench.town)
         pictures = [_picture(bench, sensor, timeline, k * STEP_NS) for k in range(3)]
     except CarlaLocError as error:
         return Row(name="events", what=what, value=None, unit="ms", target=TARGET_MS, note=str(error))

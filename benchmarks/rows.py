@@ -7,6 +7,7 @@ from collections.abc import Callable
 from bench import Bench, Row
 from drive_rows import recording, window
 from event_row import events
+from opening_row import opening
 from sensor_rows import camera, lidar, lidar_rate
 from world_rows import driving, memory, physics, start, steps
 
@@ -21,6 +22,7 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "steps_state": steps("state", 500.0),
     "steps_lidar": steps("lidar", None),
     "steps_paper": steps("paper", None),
+    "opening": opening,
     "window": window,
     "recording": recording,
     "memory": memory,

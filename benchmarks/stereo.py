@@ -8,6 +8,7 @@ of the processor time.
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
 import numpy as np
 from timing import time_calls
@@ -74,7 +75,8 @@ class Instant:
 def measure(name: str, share: float, quality: str, repeat: int) -> None:
     """Time the instants at a share of a town's route and print a line for each."""
     instant = Instant(name, share=share, quality=quality)
-    calls = {" + ".join(w): (lambda w=w: instant.draw(w)) for w in [(one,) for one in WEATHERS] + [WEATHERS]}
+    sets = [*((one,) for one in WEATHERS), WEATHERS]
+    calls = {" + ".join(weathers): partial(instant.draw, weathers) for weathers in sets}
     for what, timing in time_calls(calls, repeat).items():
         target = TARGETS_S[3 if "+" in what else 1]
         print(

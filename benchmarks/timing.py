@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 
 
@@ -36,7 +36,7 @@ class Timing:
         return asdict(self)
 
 
-def time_calls(calls: dict[str, Callable[[], object]], repeat: int, warm_up: int = 1) -> dict[str, Timing]:
+def time_calls(calls: Mapping[str, Callable[[], object]], repeat: int, warm_up: int = 1) -> dict[str, Timing]:
     """Time several calls in turn, so that a busy spell of the machine meets all of them.
 
     Args:

@@ -22,8 +22,7 @@ def main(rig_file: Path = RIG_FILE, out: Path = REAR_PICTURE) -> SensorRig:
     for frame, T_base_sensor in rig.frames.items():
         print(f"{frame:<12} at {T_base_sensor[:3, 3]} m in base_link")
     env = gymnasium.make("CarlaLoc-Town03-v0", rig=rig, weather="FoggyNoon")
-    env.reset(seed=1)
-    observation = {}
+    observation, _ = env.reset(seed=1)
     for _ in range(3):
         observation, *_ = env.step(np.zeros(5, np.float32))
     env.close()

@@ -115,7 +115,7 @@ def _score(result: ReplayResult, system: str, level: str, out: Path) -> Evaluati
 
 
 def _mosaic(result: ReplayResult, path: Path) -> Path:
-    stills = [cv2.imread(str(folder / "preview.png")) for folder in result.sequences]
+    stills = [np.asarray(cv2.imread(str(folder / "preview.png"))) for folder in result.sequences]
     rows = [np.hstack(stills[k : k + 2]) for k in range(0, len(stills), 2)]
     picture = np.vstack(rows)
     cv2.imwrite(str(path), cv2.resize(picture, None, fx=0.75, fy=0.75, interpolation=cv2.INTER_AREA))
