@@ -80,7 +80,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | name | meaning | default |
     |---|---|---|
     | `map` | town, or path of an OpenDRIVE file | `"Town03"` |
-    | `rig` | `"paper"`, `"flu"`, `"minimal"`, `"lidar"`, `"state"`, a YAML file, a `SensorRig` | `"paper"` |
+    | `rig` | a name of `carlaloc list rigs`, a YAML file, a `SensorRig` | `"paper"` |
     | `weather` | a preset, `WeatherParameters`, a `WeatherSchedule` or its YAML file | `"ClearNoon"` |
     | `traffic` | `"dynamic"`, `"static"` or a fraction of the town's traffic | `"dynamic"` |
     | `quality` | `"low"`, `"medium"`, `"high"`: effort per picture | `"medium"` |

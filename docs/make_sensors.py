@@ -31,6 +31,11 @@ A rig is a list of the configurations below, in Python (`carlaloc_env.rigs.rig.S
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
 divides 200. Frames, units and signs: [conventions](conventions.md). Topics: [topics](topics.md). A line
 `preset: name` takes the values of a variant, on which the file's own values are laid.
+
+The rig `paper` has CARLA's ideal cameras, as the paper had them. Where realism is wanted, take `real`:
+its [cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288,
+exposure control, motion blur and a wide-angle lens. At rest by day, 22 % of a picture's numbers are the
+same in the next one, 72 % with the ideal camera.
 """
 PARTS = {"Mount": Mount, "Pinhole": Pinhole}
 """Configurations that others hold."""

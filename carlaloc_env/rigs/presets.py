@@ -7,10 +7,12 @@ LiDAR stands 0.4 m above the roof, whose shadow hides the ground near the car.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.rigs.industrial_camera import industrial_imager, industrial_shutter, wide_angle_lens
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.camera.config import CameraConfig
@@ -63,6 +65,17 @@ def flu_rig() -> SensorRig:
     return SensorRig(name="flu", sensors=sensors)
 
 
+def real_rig() -> SensorRig:
+    """The rig `flu` with industrial cameras: noise, exposure control, motion blur and a wide-angle lens."""
+    sensors = tuple(
+        replace(config, imager=industrial_imager(), shutter=industrial_shutter(), lens=wide_angle_lens())
+        if isinstance(config, CameraConfig)
+        else config
+        for config in flu_rig().sensors
+    )
+    return SensorRig(name="real", sensors=sensors)
+
+
 def minimal_rig() -> SensorRig:
     """One small colour camera, IMU and speed: for a first look."""
     camera = CameraConfig(
@@ -87,6 +100,7 @@ def state_rig() -> SensorRig:
 RIGS = {
     "paper": paper_rig,
     "flu": flu_rig,
+    "real": real_rig,
     "minimal": minimal_rig,
     "lidar": lidar_rig,
     "state": state_rig,

@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--traffic", type=names, default=("dynamic",), metavar="A,B", help="static, dynamic, fractions"
     )
     parser.add_argument(
-        "--rig", default="paper", help="paper, flu, minimal, lidar, state, or a .yaml file (default: paper)"
+        "--rig",
+        default="paper",
+        help="a name of `carlaloc list rigs`, or a .yaml file (default: paper)",
     )
     parser.add_argument(
         "--format",
