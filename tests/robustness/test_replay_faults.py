@@ -34,19 +34,24 @@ sensors:
 
 
 @pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two seconds among a few others, and beside it a rig."""
+def drive(tmp_path_factory: pytest.TempPathFactory, straight_map: Path) -> Path:
+    """Two seconds among a few others, and beside it a rig and the map, which is read in a moment."""
     folder = tmp_path_factory.mktemp("faults")
-    few = "dynamic,vehicles=5,walkers=3"
-    record(RecordConfig(map="Town03", out=folder / "drive.mcap", duration_s=2.0, seed=5, traffic=few))
+    town, out = folder / "straight.xodr", folder / "drive.mcap"
+    shutil.copy(straight_map, town)
+    record(
+        RecordConfig(map=str(town), out=out, duration_s=2.0, seed=5, traffic="dynamic,vehicles=5,walkers=0")
+    )
     (folder / "rig.yaml").write_text(RIG)
-    return folder / "drive.mcap"
+    return out
 
 
 def _command(drive: Path, out: Path) -> list[str]:
+    town, rig = drive.with_name("straight.xodr"), drive.with_name("rig.yaml")
     return [
-        sys.executable, "-m", "recorder.cli.main", "replay", str(drive), "--out", str(out), "--rig",
-        str(drive.with_name("rig.yaml")), "--traffic", "static,dynamic", "--weather", "ClearNoon,FoggyNoon",
+        sys.executable, "-m", "recorder.cli.main", "replay", str(drive), "--out", str(out),
+        "--map", str(town), "--rig", str(rig),
+        "--traffic", "static,dynamic", "--weather", "ClearNoon,FoggyNoon",
     ]  # fmt: skip
 
 
