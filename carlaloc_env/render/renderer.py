@@ -55,8 +55,8 @@ class SceneRenderer:
             lamps_m: Street lamps in the world [m], shape (K, 3).
             albedo: Linear albedo and roughness of every material, shape (M, S, S, 4); the built-in
                 textures when left out.
-            unit_m: Metres of the world in one unit of the geometry: a model of a town still wears and is
-                littered as the town is.
+            unit_m: Metres of the world in one unit of the geometry: a model of a town wears as the
+                town does.
 
         Raises:
             RenderError: there is no OpenGL here.

@@ -217,27 +217,16 @@ def test_lamps_left_out_of_a_tile_light_nothing_in_it() -> None:
     assert len(grid.entries) < 0.75 * len(whole.entries)
 
 
-def test_a_model_is_littered_as_the_town_is() -> None:
+def test_a_model_wears_as_the_town_does() -> None:
     """Asphalt from 12 m above, and its model 1 : 20 from 0.6 m: the same albedo."""
     town, model = road_from_above(), road_from_above(shrink=20.0, unit_m=20.0)
     wrong = road_from_above(shrink=20.0)
-    assert town.std() > 0.05 * town.mean()
-    assert np.mean(np.abs(model - town)) < 0.02 * town.mean()
-    assert np.mean(np.abs(wrong - town)) > 0.05 * town.mean()
-
-
-def test_fast_traffic_leaves_one_thing_in_eight() -> None:
-    """Bright things on a motorway's asphalt cover an eighth of what they cover on a street's."""
-    covered = {}
-    for material in (Material.ASPHALT, Material.ASPHALT_MOTORWAY):
-        light = road_from_above(material).mean(axis=-1)
-        covered[material] = np.mean(light > 1.8 * np.median(light))
-    assert covered[Material.ASPHALT] > 0.003
-    assert 0.04 < covered[Material.ASPHALT_MOTORWAY] / covered[Material.ASPHALT] < 0.25
+    assert town.std() > 0.01 * town.mean()
+    assert np.mean(np.abs(model - town)) < 0.2 * np.mean(np.abs(wrong - town))
 
 
 def road_from_above(
-    material: Material = Material.ASPHALT, *, shrink: float = 1.0, unit_m: float = 1.0
+    *, shrink: float = 1.0, unit_m: float = 1.0
 ) -> NDArray[np.float32]:
     """Light [cd/m²] of a plane 12 m below the camera; all of it 1 : `shrink`."""
     try:
@@ -245,7 +234,7 @@ def road_from_above(
     except RenderError as no_opengl:
         pytest.skip(str(no_opengl))
     corners = np.array([[-30.0, -30.0, 0.0], [30.0, -30.0, 0.0], [30.0, 30.0, 0.0], [-30.0, 30.0, 0.0]])
-    road = make_mesh((corners / shrink).tolist(), [[0, 1, 2], [0, 2, 3]], material=material, tag=Tag.ROAD)
+    road = make_mesh((corners / shrink).tolist(), [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD)
     down = np.array([[1.0, 0, 0, 0], [0, -1.0, 0, 0], [0, 0, -1.0, 12.0 / shrink], [0, 0, 0, 1.0]])
     library = ModelLibrary({})
     with SceneRenderer([road], library, quality="medium", albedo=plain_albedo(), unit_m=unit_m) as drawn:

@@ -71,7 +71,7 @@ class GeometryPass:
         library: Movable models.
         albedo: Linear albedo and roughness of every material, shape (M, S, S, 4).
         live: Less detail, for a live window.
-        unit_m: Metres of the world in one unit of the geometry, by which wear and litter are sized.
+        unit_m: Metres of the world in one unit of the geometry, by which wear is sized.
     """
 
     def __init__(
@@ -257,7 +257,8 @@ class GeometryPass:
             f"CLOTH {int(Material.CLOTH)}u",
             f"SKY_ID {SKY_ID}u",
             f"LEAF {int(Material.LEAF)}u",
-            f"SWEPT {int(Material.ASPHALT_MOTORWAY)}u",
+            f"GRASS {int(Material.GRASS)}u",
+            f"PAVEMENT {int(Material.PAVEMENT)}u",
             f"UNIT_M {float(self._unit_m)}",
             f"LEVEL_FROM {LEVEL_FROM}",
             *(("SWAY",) if any(sway[:3]) else ()),

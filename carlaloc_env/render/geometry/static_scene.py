@@ -20,7 +20,7 @@ from carlaloc_env.scene.mesh import Mesh, merge
 _WORN_FROM = 0.15
 """Porosity from which dirt and wear show: not on leaves, metal and glass."""
 LEVEL_FROM = 0.9
-"""Upward part of the normal from which ground bears spots."""
+"""Upward part of the normal from which ground is level."""
 _SORTS: tuple[tuple[str, ...], ...] = ((), ("WORN",), ("WORN", "LEVEL"))
 """Features of the shader for smooth things, worn ones and worn level ground."""
 _LAYERS = tuple((culled, sort) for culled in (False, True) for sort in range(len(_SORTS)))

@@ -1,3 +1,8 @@
+#ifdef LEVEL
+#define SHADE smooth
+#else
+#define SHADE flat
+#endif
 in vec3 in_position;
 in vec4 in_normal;
 in vec2 in_uv;
@@ -22,7 +27,7 @@ uniform vec4 u_surface[MATERIALS];
 uniform vec4 u_sway;        // farthest way of leaves to leeward [m] (3), time [s]
 #endif
 
-flat out vec3 v_colour;
+SHADE out vec3 v_colour;
 flat out float v_layer;
 flat out uint v_id;
 flat out vec4 v_surface;

@@ -9,7 +9,6 @@ from carlaloc_env.render.textures.noise import (
     Field,
     Layer,
     blocks,
-    coordinates,
     fbm,
     layer,
     per_cell,
@@ -19,28 +18,18 @@ from carlaloc_env.render.textures.noise import (
 
 
 def asphalt(rng: np.random.Generator, size: int) -> Layer:
-    """Worn asphalt: aggregate, bright stones, pits, a few cracks."""
-    log = _aggregate(rng, size, 0.11, 0.21)
-    log += np.log(0.45) * _cracks(rng, size, 3, 0.30)
-    return layer((0.105, 0.103, 0.100), log, 0.9 - 0.03 * fbm(rng, size, 0.5, 0.05))
+    """Worn asphalt concrete: stones of 5–15 mm in bitumen. What is rarer, roads have by place, not by tile."""
+    return layer((0.120, 0.118, 0.114), _aggregate(rng, size, 0.05, 0.15), 0.9)
 
 
 def asphalt_old(rng: np.random.Generator, size: int) -> Layer:
-    """Old, pale asphalt: coarse stones, a net of cracks, sealed seams, a patch."""
-    log = _aggregate(rng, size, 0.18, 0.24)
-    log += np.log(0.40) * _cracks(rng, size, 4, 0.62)
-    seam = _line(rng, size, 0.31, 0.012) + _line(rng, size, 0.77, 0.010)
-    log += np.log(0.50) * np.clip(seam, 0, 1)
-    u, v = coordinates(size)
-    wobble = 0.015 * fbm(rng, size, 0.3, 0.03)
-    patch = smoothstep(0.21, 0.20, np.maximum(np.abs(u - 0.55 + wobble), 0.7 * np.abs(v - 0.5 + wobble)))
-    log += patch * (-0.20 + 0.06 * fbm(rng, size, 0.05, 0.008))
-    return layer((0.140, 0.135, 0.128), log, 0.92)
+    """Old, pale asphalt: the bitumen has worn off the stones."""
+    return layer((0.135, 0.131, 0.124), _aggregate(rng, size, 0.06, 0.18), 0.92)
 
 
 def asphalt_motorway(rng: np.random.Generator, size: int) -> Layer:
-    """Stone mastic asphalt of fast roads: small bare stones, no crack."""
-    return layer((0.118, 0.116, 0.112), 0.9 * _aggregate(rng, size, 0.16, 0.16), 0.9)
+    """Stone mastic asphalt of fast roads: small bare stones of one size."""
+    return layer((0.122, 0.120, 0.116), _aggregate(rng, size, 0.04, 0.14), 0.9)
 
 
 def road_paint(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:
@@ -60,26 +49,22 @@ def concrete(rng: np.random.Generator, size: int) -> Layer:
     log = 0.10 * fbm(rng, size, 0.6, 0.01, 0.7) + 0.05 * fbm(rng, size, 0.012, 0.004, 1.0)
     log += -0.07 * smoothstep(0.3, 1.8, fbm(rng, size, 0.12, 0.01, 0.7, (1.0, 9.0)))
     log += np.log(0.6) * _pits(rng, size, 40, 0.05, 0.10)
-    log += np.log(0.62) * _cracks(rng, size, 2, 0.30, 0.012)
     return layer((0.315, 0.305, 0.285), log, 0.8)
 
 
 def pavement(rng: np.random.Generator, size: int) -> Layer:
-    """Slabs of 0.6 × 0.4 m in half bond, each of its own grey, with joints, spots and dirt."""
+    """Slabs of 0.6 × 0.4 m in half bond, each of its own grey, with joints and dirt."""
     columns, rows = 4, 6
     index, side, bed = blocks(size, columns, rows, 0.5, 0.02 * fbm(rng, size, 0.4, 0.05))
     joint_m = np.minimum(side * 2.4 / columns, bed * 2.4 / rows)
     joint = smoothstep(0.007, 0.003, joint_m)
     bevel = smoothstep(0.03, 0.008, joint_m)
     log = (
-        per_cell(rng, index, 0.12)
-        + 0.07 * fbm(rng, size, 0.3, 0.02)
+        per_cell(rng, index, 0.06)
+        + 0.05 * fbm(rng, size, 0.3, 0.02)
         + 0.08 * fbm(rng, size, 0.015, 0.004, 1.0)
     )
     log += -0.10 * bevel - 0.75 * joint
-    log += np.log(0.60) * _spots(rng, size, 7, 0.010, 0.016)
-    log += np.log(0.55) * _pits(rng, size, 90, 0.03, 0.12)
-    log += np.log(0.5) * _cracks(rng, size, 2, 0.12, 0.008)
     return layer((0.305, 0.292, 0.272), log, 0.8 + 0.1 * joint, 0.5 * per_cell(rng, index, 0.08))
 
 
@@ -139,16 +124,11 @@ def roof_flat(rng: np.random.Generator, size: int) -> Layer:
 
 
 def _aggregate(rng: np.random.Generator, size: int, mortar: float, stones: float) -> Field:
-    """Stones in bitumen from coarse to fine, with bright ones and pits."""
-    coarse, fine = worley(rng, size, 110, 110), worley(rng, size, 210, 210)
+    """Stones of 15 and of 8 mm in bitumen on a tile of 2.5 m, and gaps between them."""
+    coarse, fine = worley(rng, size, 165, 165), worley(rng, size, 310, 310)
     log = per_cell(rng, coarse.owner, stones) * smoothstep(0.0, 0.25, coarse.edge)
-    log += 0.6 * per_cell(rng, fine.owner, stones) - 0.25 * smoothstep(0.10, 0.0, coarse.edge)
-    log += mortar * fbm(rng, size, 0.3, 0.02, 0.85)
-    rare = rng.random(int(coarse.owner.max()) + 1).astype(np.float32)[coarse.owner]
-    log += np.log(1.8) * (rare > 0.985) * smoothstep(0.5, 0.3, coarse.nearest)
-    log += np.log(0.5) * (rare < 0.020) * smoothstep(0.5, 0.3, coarse.nearest)
-    # Wheels polish along the road, which lies along u or v; both leave a faint grain.
-    log += 0.04 * fbm(rng, size, 0.3, 0.01, 0.8, (1.0, 8.0))
+    log += 0.6 * per_cell(rng, fine.owner, stones) - 0.20 * smoothstep(0.10, 0.0, coarse.edge)
+    log += mortar * fbm(rng, size, 0.1, 0.01, 0.85)
     return np.asarray(log, dtype=np.float32)
 
 
@@ -178,29 +158,11 @@ def _warped_edges(rng: np.random.Generator, size: int, cells: int) -> Field:
     return edge[rows, columns]
 
 
-def _line(rng: np.random.Generator, size: int, at: float, width: float) -> Field:
-    """Wandering seam along v."""
-    u, _ = coordinates(size)
-    path = at + 0.012 * fbm(rng, size, 0.6, 0.05)[:, :1]
-    return smoothstep(width, 0.6 * width, np.abs(u - path))
-
-
 def _pits(rng: np.random.Generator, size: int, cells: int, share: float, radius: float) -> Field:
     """Small round holes in some cells of a grid."""
     net = worley(rng, size, cells, cells, 0.6)
     chosen = rng.random(cells * cells)[net.owner] < share
     return np.asarray(chosen * smoothstep(radius * 1.5, radius, net.nearest), dtype=np.float32)
-
-
-def _spots(rng: np.random.Generator, size: int, count: int, least: float, most: float) -> Field:
-    """Round spots such as trodden gum."""
-    u, v = coordinates(size)
-    out = np.zeros((size, size), np.float32)
-    for x, y, r in zip(rng.random(count), rng.random(count), rng.uniform(least, most, count), strict=True):
-        du, dv = np.abs(u - x), np.abs(v - y)
-        distance = np.sqrt(np.minimum(du, 1 - du) ** 2 + np.minimum(dv, 1 - dv) ** 2)
-        out = np.maximum(out, smoothstep(r, 0.7 * r, distance))
-    return out
 
 
 def _strokes(rng: np.random.Generator, size: int, count: int, length: tuple[float, float]) -> Field:

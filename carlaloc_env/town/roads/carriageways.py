@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,12 +16,18 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
 from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.roads import motorways
 
-TRACKS = np.array([0.0, 0.12, 0.23, 0.34, 0.5, 0.66, 0.77, 0.88, 1.0])
+TRACKS = np.array([0.0, 0.02, 0.23, 0.40, 0.5, 0.60, 0.77, 0.98, 1.0])
 """Columns across a driving lane, as shares of its width: wheel tracks near 0.23 and 0.77."""
-TRACK_SHADE = np.array([1.0, 0.98, 0.84, 0.97, 0.90, 0.97, 0.84, 0.98, 1.0])
-"""Brightness of each column: tyres polish and darken their tracks, oil drips in the middle."""
-TRACK_BARE = np.array([0.80, 0.86, 1.0, 0.90, 0.80, 0.90, 1.0, 0.86, 0.80])
+TRACK_SHADE = np.array([0.84, 0.99, 0.93, 1.0, 0.96, 1.0, 0.93, 0.99, 0.84])
+"""Brightness of each column: joints between lanes, tracks polished by tyres, oil in the middle."""
+TRACK_BARE = np.array([0.80, 0.84, 1.0, 0.88, 0.80, 0.88, 1.0, 0.84, 0.80])
 """The same of unpaved lanes: wheels keep their tracks bare and light."""
+OIL_M, OIL_SHADE = 14.0, 0.86
+"""Length before a stop on which waiting cars drip oil [m], and brightness of the middle there."""
+CASTING_M = (45.0, 140.0)
+"""Shortest and longest stretch that is laid in one go [m]."""
+CASTING_TONE = 0.035
+"""Deviation of the brightness of one lane of one casting."""
 LOOSE: dict[str, tuple[Material, tuple[float, float, float]]] = {
     "gravel": (Material.GRAVEL, (232.0, 222.0, 200.0)),
     "soil": (Material.SOIL, (235.0, 225.0, 205.0)),
@@ -28,7 +35,7 @@ LOOSE: dict[str, tuple[Material, tuple[float, float, float]]] = {
 }
 """Material and tint of unpaved lanes."""
 UNDRIVEN = ("shoulder", "parking")
-"""Lanes without wheel tracks; litter stays on them."""
+"""Lanes without wheel tracks."""
 GUTTER_M = 0.65
 """Shoulders of at most this width beside a kerb are gutters of concrete [m]."""
 SKIRT_M = 0.4
@@ -43,34 +50,71 @@ def add_roads(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], 
         draw = rng.stream(seed, f"road/{strip.road_id}/{strip.section}")
         paving = Material.ASPHALT_OLD if draw.random() < 0.35 else Material.ASPHALT
         driven = motorways.SURFACE if motorways.is_fast(roads[strip.road]) else paving
-        base = draw.uniform(205, 250)
+        base = draw.uniform(215, 245)
+        ends = casting_ends(strip, seed)
         for lane in range(len(strip.lanes)):
             if strip.kind(lane) == "roadway":
                 shoulder = strip.lanes[lane].type in UNDRIVEN
-                _lane_surface(out, strip, lane, base, draw, paving if shoulder else driven)
+                _lane_surface(out, strip, lane, base, draw, paving if shoulder else driven, ends)
         _outer_skirts(out, strip)
 
 
+def casting_ends(strip: Strip, seed: int) -> Array:
+    """Stations at which the surface of a road was laid on at another time [m], shape (K,)."""
+    draw = rng.stream(seed, f"castings/{strip.road_id}/{strip.section}")
+    first, last = strip.s_m[0], strip.s_m[-1]
+    ends = first + np.cumsum(draw.uniform(*CASTING_M, int((last - first) / CASTING_M[0]) + 1))
+    result: Array = ends[ends < last - 0.3 * CASTING_M[0]]
+    return result
+
+
 def _lane_surface(
-    out: MeshBuilder, strip: Strip, lane: int, base: float, draw: np.random.Generator, material: Material
+    out: MeshBuilder,
+    strip: Strip,
+    lane: int,
+    base: float,
+    draw: np.random.Generator,
+    material: Material,
+    ends_m: Array,
 ) -> None:
-    left, right = strip.lane_edges(lane)
     driven = strip.lanes[lane].type not in UNDRIVEN
     share = TRACKS if driven else np.array([0.0, 1.0])
     loose = strip.unpaved(lane)
-    shade = (TRACK_BARE if loose else TRACK_SHADE) if driven else np.array([0.96, 0.9])
-    points = right[:, None] + share[None, :, None] * (left - right)[:, None]
-    wander = np.interp(strip.s_m, strip.s_m[:: max(1, len(strip.s_m) // 6)], _steps(strip, draw))
-    tint = base * shade[None, :] * (1.0 + 0.05 * wander[:, None])
-    t = strip.t_m[lane + 1][:, None] + share * (strip.t_m[lane] - strip.t_m[lane + 1])[:, None]
-    uv = np.stack(np.broadcast_arrays(t, strip.s_m[:, None]), axis=-1)
     colour = np.full(3, 255.0)
     if loose:
         material, colour = LOOSE[loose][0], np.array(LOOSE[loose][1])
     elif is_gutter(strip, lane):
         material, colour = Material.CONCRETE, np.array((190.0, 188.0, 182.0))
-    colours = np.clip(tint[:, :, None], 0, 255) / 255.0 * colour
-    out.grid(points, material=material, tag=Tag.ROAD, uv_m=uv, colour=colours)
+    s, points = _across(strip, lane, share, ends_m)
+    width = np.interp(s, strip.s_m, strip.t_m[lane] - strip.t_m[lane + 1])
+    t = np.interp(s, strip.s_m, strip.t_m[lane + 1])[:, None] + share * width[:, None]
+    uv = np.stack(np.broadcast_arrays(t, s[:, None]), axis=-1)
+    shade = _shade(strip, lane, s, loose=bool(loose)) if driven else np.array([[0.96, 0.9]])
+    for first, last in itertools.pairwise([0, *np.searchsorted(s, ends_m), len(s) - 1]):
+        rows = slice(first, last + 1)
+        tint = np.broadcast_to(base * (1.0 + CASTING_TONE * draw.standard_normal()) * shade, t.shape)[rows]
+        colours = np.clip(tint[:, :, None], 0, 255) / 255.0 * colour
+        out.grid(points[rows], material=material, tag=Tag.ROAD, uv_m=uv[rows], colour=colours)
+
+
+def _across(strip: Strip, lane: int, share: Array, ends_m: Array) -> tuple[Array, Array]:
+    """Stations (R,) and points (R, C, 3) of a lane at shares of its width, the ends of castings among them."""
+    left, right = strip.lane_edges(lane)
+    s = np.union1d(strip.s_m, ends_m)
+    a, b = (
+        np.stack([np.interp(s, strip.s_m, edge[:, k]) for k in range(3)], axis=-1) for edge in (left, right)
+    )
+    return s, b[:, None] + share[None, :, None] * (a - b)[:, None]
+
+
+def _shade(strip: Strip, lane: int, s: Array, *, loose: bool) -> Array:
+    """Brightness of a driving lane at stations (R,) and in its columns, shape (R, C)."""
+    shade = np.tile(TRACK_BARE if loose else TRACK_SHADE, (len(s), 1))
+    if not loose:
+        stop = strip.s_m[-1] if strip.lanes[lane].id < 0 else strip.s_m[0]
+        near = np.clip(1.0 - np.abs(s - stop) / OIL_M, 0.0, 1.0)
+        shade[:, len(TRACKS) // 2] += (OIL_SHADE - shade[:, len(TRACKS) // 2]) * near
+    return shade
 
 
 def is_gutter(strip: Strip, lane: int) -> bool:
@@ -80,10 +124,6 @@ def is_gutter(strip: Strip, lane: int) -> bool:
     beside = [other for other in (lane - 1, lane + 1) if 0 <= other < len(strip.lanes)]
     width = strip.t_m[lane] - strip.t_m[lane + 1]
     return float(width.max()) <= GUTTER_M and any(strip.kind(other) == "sidewalk" for other in beside)
-
-
-def _steps(strip: Strip, draw: np.random.Generator) -> Array:
-    return draw.standard_normal(len(strip.s_m[:: max(1, len(strip.s_m) // 6)]))
 
 
 def _outer_skirts(out: MeshBuilder, strip: Strip) -> None:

@@ -19,7 +19,9 @@ from carlaloc_env.town.roads.carriageways import is_gutter
 from carlaloc_env.town.roads.junction_surfaces import unpaved_junction
 from carlaloc_env.town.roads.motorways import DETAILS, SURFACE
 from carlaloc_env.town.roads.patches_and_covers import (
+    COLLAR_GREY,
     COLLAR_M,
+    COLLARS,
     PATCH_M,
     SEAL_M,
     SEAL_WIDTH_M,
@@ -29,8 +31,8 @@ from carlaloc_env.town.roads.patches_and_covers import (
 )
 from carlaloc_env.town.roads.road_wear import CRACK_M
 
-AREA_M2 = 80.0
-"""Area of a junction for each repair and each crack; covers have three times as much [m²]."""
+AREA_M2 = 350.0
+"""Area of a junction for each repair, each crack and each cover [m²]."""
 MARGIN_M = 0.4
 """Distance of all of it from kerbs and from where roads begin [m]."""
 GUTTER_LIFT_M = 0.0015
@@ -51,13 +53,13 @@ def add_junction_details(
     draw = rng.stream(seed, f"junction details/{junction.id}")
     number = inner.area / AREA_M2 * (DETAILS if fast else 1.0)
     sheets = _Sheets(inner)
-    for point in _points(inner, 0 if fast else draw.poisson(number / 3.0) + 1, draw):
+    for point in _points(inner, 0 if fast else draw.poisson(number), draw):
         rings = point + cover_rings() @ _turned(draw)
         if shapely.contains_xy(inner, *rings[:12].T).all():
             sheets.add(rings, lay_cover)
             collar = shapely.Point(*point).buffer(0.5 * COLLAR_M, cap_style="square")
-            if draw.random() < 0.5:
-                sheets.lay(collar, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
+            if draw.random() < COLLARS:
+                sheets.lay(collar, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY)))
             else:
                 sheets.keep(collar)
     for point in _points(inner, draw.poisson(number), draw):

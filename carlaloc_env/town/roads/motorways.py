@@ -1,4 +1,4 @@
-"""Fast roads: their traffic sweeps them, and they are laid and kept better than streets."""
+"""Fast roads: they are laid and kept better than streets."""
 
 from __future__ import annotations
 
@@ -12,15 +12,13 @@ from carlaloc_env.town.opendrive.records import Road
 FAST_MPS = 70.0 / 3.6 - 0.1
 """Limit from which a road is fast [m/s]."""
 SURFACE = Material.ASPHALT_MOTORWAY
-"""What their driving lanes are made of; nothing lies about on it for long."""
-
-
-DETAILS = 0.15
+"""What their driving lanes are made of."""
+DETAILS = 0.3
 """Repairs and cracks on them, as a share of those on streets; covers lie beside them."""
 
 
 def is_fast(road: Road) -> bool:
-    """Whether traffic keeps a road's driving lanes swept."""
+    """Whether a road is laid and kept as fast roads are."""
     return road.type == "motorway" or road_limit_mps(road) >= FAST_MPS
 
 

@@ -16,11 +16,12 @@ SEAL_M, SEAL_WIDTH_M = 0.0016, 0.055
 COVER_M = 0.0025
 """Height of covers and drains above the road [m]."""
 COVER_RADIUS_M, COLLAR_M = 0.33, 1.1
-"""Radius of a cover, and edge of the concrete that some are set in [m]."""
+"""Radius of a cover, and edge of the square that some are set in [m]."""
+COLLARS, COLLAR_GREY = 0.3, (150.0, 190.0)
+"""Share of covers that are set in a square of younger asphalt, and its brightness."""
 REPAIRS: tuple[tuple[Material, tuple[float, float], float, float], ...] = (
-    (Material.ASPHALT, (105.0, 190.0), 0.45, 0.2),
-    (Material.ASPHALT_OLD, (225.0, 255.0), 0.25, 0.8),
-    (Material.CONCRETE, (140.0, 205.0), 0.30, 1.0),
+    (Material.ASPHALT, (150.0, 205.0), 0.65, 0.3),
+    (Material.ASPHALT_OLD, (200.0, 235.0), 0.35, 0.6),
 )
 """What repairs are made of, its brightness, its share of all repairs, how many of them have sealed edges."""
 

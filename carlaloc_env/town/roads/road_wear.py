@@ -1,4 +1,4 @@
-"""Repairs, sealed cracks, tyre marks, manhole covers and drains: what makes one metre unlike the next."""
+"""Repairs, sealed cracks, seams, tyre marks, manhole covers and drains, as rare as on real roads."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road
+from carlaloc_env.town.roads.carriageways import casting_ends
 from carlaloc_env.town.roads.motorways import DETAILS, SURFACE, is_fast
 from carlaloc_env.town.roads.patches_and_covers import (
+    COLLAR_GREY,
     COLLAR_M,
+    COLLARS,
     COVER_M,
     PATCH_M,
     SEAL_M,
@@ -31,10 +34,14 @@ Spans = list[tuple[float, float]]
 Rectangle = tuple[float, float, float, float]
 """From and to along the road [m], from and to across a lane or sidewalk from its right edge [m]."""
 
-PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 10.0, 28.0, 22.0
+PATCH_STEP_M, COVER_STEP_M, DRAIN_STEP_M = 110.0, 90.0, 22.0
 """Mean distances of repairs and covers on one lane, and of drains along a kerb [m]."""
-CRACK_STEP_M, JOINT_STEP_M = 16.0, 70.0
-"""Mean distances of sealed cracks and of joints across one lane [m]."""
+CRACK_STEP_M = 80.0
+"""Mean distance of sealed cracks on one lane [m]."""
+SEAM_WIDTH_M, SEAM_SHARE = 0.03, 0.6
+"""Width of a seam where one casting ends and the next begins [m], and share of the ends that have one."""
+TYRE_MARKS = 0.15
+"""Mean number of tyre marks at one end of a lane."""
 TYRE_MARK_M, TYRE_WIDTH_M, TRACK_M = 30.0, 0.19, 1.5
 """Length before a road's end on which cars brake, width of a tyre's mark, and distance of the two [m]."""
 CRACK_M = 0.0022
@@ -49,7 +56,7 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
         draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
         fast = is_fast(roads[strip.road])
         painted = _painted_spans(roads[strip.road])
-        bands = _Bands(strip)
+        bands, ends = _Bands(strip), casting_ends(strip, seed)
         for lane in range(len(strip.lanes)):
             if (
                 strip.kind(lane) == "roadway"
@@ -61,6 +68,7 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
                     _covers(bands, strip, lane, painted, draw, taken)
                 _patches(bands, strip, lane, painted, draw, taken, fast=fast)
                 _cracks(bands, strip, lane, draw, DETAILS if fast else 1.0)
+                _seams(bands, strip, lane, ends, draw)
                 _tyre_marks(bands, strip, lane, draw, SURFACE if fast else Material.ASPHALT)
             _drains(bands, strip, lane, draw)
         bands.lay(out)
@@ -122,7 +130,7 @@ def _patches(
 def _covers(
     bands: _Bands, strip: Strip, lane: int, painted: Spans, draw: np.random.Generator, taken: list[Rectangle]
 ) -> None:
-    """Round covers, some of them set in a square of concrete."""
+    """Round covers, some of them set in a square of younger asphalt."""
     for start in _places(strip, COVER_STEP_M, draw):
         room = _width_at(strip, lane, start - 0.5, start + 0.5)
         across = float(draw.uniform(0.35, 0.65)) * room
@@ -138,12 +146,12 @@ def _covers(
             continue
         rings = cover_rings()
         bands.add(lane + 1, start + rings[:, 0], across + rings[:, 1], lay_cover)
-        if draw.random() < 0.5 and half + 0.1 < across < room - half - 0.1:
-            _sheet(bands, strip, lane, span, sides, PATCH_M, Material.CONCRETE, float(draw.uniform(150, 210)))
+        if draw.random() < COLLARS and half + 0.1 < across < room - half - 0.1:
+            _sheet(bands, strip, lane, span, sides, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY)))
 
 
 def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, share: float) -> None:
-    """Cracks sealed with bitumen: some wander along the lane, some are joints across it."""
+    """Cracks sealed with bitumen, wandering along the lane."""
     for start in _places(strip, CRACK_STEP_M / share, draw):
         length, width = float(draw.uniform(2.0, 9.0)), float(draw.uniform(0.035, 0.075))
         room = _width_at(strip, lane, start, start + length)
@@ -153,12 +161,15 @@ def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, s
         if room > 2.0 and start + length < strip.s_m[-1] - 0.3:
             across = np.clip(side + wander, 0.12, room - 0.12)
             _ribbon(bands, lane, start + steps, across, width, 6.0)
-    for start in _places(strip, JOINT_STEP_M, draw):
+
+
+def _seams(bands: _Bands, strip: Strip, lane: int, ends_m: Array, draw: np.random.Generator) -> None:
+    """Seams across a lane between castings."""
+    for start in ends_m[draw.random(len(ends_m)) < SEAM_SHARE]:
         room = _width_at(strip, lane, start - 0.3, start + 0.3)
         if room > 2.0:
-            _sheet(
-                bands, strip, lane, (start, start + 0.06), (0.02, room - 0.02), CRACK_M, Material.PLAIN, 7.0
-            )
+            span = (start - 0.5 * SEAM_WIDTH_M, start + 0.5 * SEAM_WIDTH_M)
+            _sheet(bands, strip, lane, span, (0.02, room - 0.02), CRACK_M, Material.PLAIN, 12.0)
 
 
 def _tyre_marks(
@@ -166,7 +177,7 @@ def _tyre_marks(
 ) -> None:
     """Pairs of dark streaks where cars brake before the road's end."""
     ahead = strip.lanes[lane].id < 0
-    for _ in range(int(draw.poisson(0.5))):
+    for _ in range(int(draw.poisson(TYRE_MARKS))):
         length, gone = float(draw.uniform(5.0, 14.0)), float(draw.uniform(1.0, TYRE_MARK_M - 14.0))
         far = strip.s_m[-1] - gone if ahead else strip.s_m[0] + gone
         start = far - length if ahead else far

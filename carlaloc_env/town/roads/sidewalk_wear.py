@@ -1,4 +1,4 @@
-"""Lids and mended places in sidewalks: what makes one stretch of slabs unlike the next."""
+"""Lids and mended places in sidewalks, as rare as on real ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.roads.road_wear import Rectangle
 from carlaloc_env.town.roads.sidewalks import FLARE_M, KERB_STONE_M, raised_runs, run_edges
 
-MENDED_M2, LID_M2 = 11.0, 14.0
+MENDED_M2, LID_M2 = 160.0, 70.0
 """Area of sidewalk for each mended place and for each lid [m²]."""
 SLAB_M = (0.6, 0.4)
 """Slabs across and along the sidewalk [m]; every second row lies half a slab aside."""

@@ -16,6 +16,7 @@ from carlaloc_env.town.ground.terrain import zone_areas
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import strip_polygon
+from carlaloc_env.town.roads.carriageways import casting_ends
 from carlaloc_env.town.roads.road_wear import add_road_details
 from carlaloc_env.town.roads.sidewalk_wear import SLAB_M, add_sidewalk_wear
 from carlaloc_env.town.street.street_furniture import Furnisher
@@ -55,19 +56,31 @@ def test_sidewalks_carry_what_they_should(name: str) -> None:
         assert len(feet) == len(furnisher.placed.yaws[key])
 
 
-def test_roads_have_their_history() -> None:
-    """Patches, sealed cracks, joints, tyre marks and covers: several for every 100 m of lane."""
+def test_roads_have_their_history_and_no_more() -> None:
+    """Patches, sealed cracks, seams, tyre marks, covers and drains: on some lanes, and under a fiftieth of them."""
     _, strips, network = furnished("Town03")
     out = MeshBuilder()
     add_road_details(out, strips, network.xodr.roads, 1)
     lane_m = sum(lane.length_m for lane in network.lanes if lane.type == "driving")
     details = out.build()
-    assert len(details.triangles) > 0.5 * lane_m
+    a, b, c = details.vertices_m[details.triangles].astype(np.float64).transpose(1, 0, 2)
+    area_m2 = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    assert 0.002 * 3.5 * lane_m < area_m2 < 0.02 * 3.5 * lane_m
     assert len(np.unique(details.material)) >= 3
 
 
+def test_roads_are_laid_in_castings() -> None:
+    """One ends every 45–140 m: nowhere else do the columns of a lane change their tone."""
+    _, strips, _ = furnished("Town03")
+    for strip in strips:
+        ends = casting_ends(strip, 1)
+        lengths = np.diff([strip.s_m[0], *ends, strip.s_m[-1]])
+        assert (lengths[:-1] >= 45.0).all()
+        assert (lengths <= 140.0 + 13.5).all()
+
+
 def test_sidewalks_have_lids_and_mended_places() -> None:
-    """One for every 20 m² or so: flat on the slabs, on no roadway, none over another."""
+    """One for every 60 m² or so: flat on the slabs, on no roadway, none over another."""
     _, strips, network = furnished("Town01")
     out = MeshBuilder()
     add_sidewalk_wear(out, strips, network.xodr.roads, 1)
@@ -84,7 +97,7 @@ def test_sidewalks_have_lids_and_mended_places() -> None:
     corners = corners[mesh.material[mesh.triangles[:, 0]] != Material.PLAIN]
     places = shapely.polygons(corners[..., :2])
     total = sum(area.area for area in walks)
-    assert total / 30.0 < 0.5 * len(places) < total / 5.0
+    assert total / 150.0 < 0.5 * len(places) < total / 40.0
     assert shapely.area(shapely.intersection(shapely.union_all(roadway), places)).sum() < 1e-3
     np.testing.assert_allclose(shapely.union_all(places).area, shapely.area(places).sum(), rtol=1e-3)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
