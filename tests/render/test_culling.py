@@ -225,16 +225,16 @@ def test_a_model_wears_as_the_town_does() -> None:
     assert np.mean(np.abs(model - town)) < 0.2 * np.mean(np.abs(wrong - town))
 
 
-def road_from_above(
-    *, shrink: float = 1.0, unit_m: float = 1.0
-) -> NDArray[np.float32]:
+def road_from_above(*, shrink: float = 1.0, unit_m: float = 1.0) -> NDArray[np.float32]:
     """Light [cd/m²] of a plane 12 m below the camera; all of it 1 : `shrink`."""
     try:
         create_context().release()
     except RenderError as no_opengl:
         pytest.skip(str(no_opengl))
     corners = np.array([[-30.0, -30.0, 0.0], [30.0, -30.0, 0.0], [30.0, 30.0, 0.0], [-30.0, 30.0, 0.0]])
-    road = make_mesh((corners / shrink).tolist(), [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD)
+    road = make_mesh(
+        (corners / shrink).tolist(), [[0, 1, 2], [0, 2, 3]], material=Material.ASPHALT, tag=Tag.ROAD
+    )
     down = np.array([[1.0, 0, 0, 0], [0, -1.0, 0, 0], [0, 0, -1.0, 12.0 / shrink], [0, 0, 0, 1.0]])
     library = ModelLibrary({})
     with SceneRenderer([road], library, quality="medium", albedo=plain_albedo(), unit_m=unit_m) as drawn:

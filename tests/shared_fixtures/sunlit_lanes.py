@@ -87,7 +87,11 @@ class SunlitLanes:
         return rgb, small, self._free(pinhole, pose, drawn.depth_m(), drawn.labels()[0])
 
     def _free(
-        self, pinhole: Pinhole, pose: NDArray[np.float64], depth_m: NDArray[np.float32], tag: NDArray[np.uint8]
+        self,
+        pinhole: Pinhole,
+        pose: NDArray[np.float64],
+        depth_m: NDArray[np.float32],
+        tag: NDArray[np.uint8],
     ) -> Mask:
         road = (tag == Tag.ROAD) & (depth_m > DEPTH_M[0]) & (depth_m < DEPTH_M[1])
         # A small pixel counts where all that it is made of is bare road, and its neighbours too.
@@ -97,7 +101,9 @@ class SunlitLanes:
         v = ((row + 0.5) * pinhole.height_px / SIZE_PX[1]).astype(int)
         u = ((column + 0.5) * pinhole.width_px / SIZE_PX[0]).astype(int)
         z = depth_m[v, u].astype(np.float64)
-        local = np.stack([(u - pinhole.cx_px) / pinhole.fx_px * z, (v - pinhole.cy_px) / pinhole.fy_px * z, z])
+        local = np.stack(
+            [(u - pinhole.cx_px) / pinhole.fx_px * z, (v - pinhole.cy_px) / pinhole.fy_px * z, z]
+        )
         points = (pose[:3, :3] @ local).T + pose[:3, 3]
         mask[row, column] = self._on_lane(points) & self._in_sun(points)
         return mask

@@ -48,9 +48,9 @@ void main() {
     float level = smoothstep(LEVEL_FROM, 0.97, v_normal.z);
     albedo *= 1.0 + mix(0.45, 0.20, level) * v_surface.y * wear;
     albedo *= slab_tone(band(footprint, 1.4) * level);
-    // Lawns dry out in places.
+    // Lawns and fields dry out in places.
     vec3 straw = mix(vec3(0.92, 0.96, 0.95), vec3(1.22, 1.06, 1.05), clamp(0.5 + 1.1 * wear, 0.0, 1.0));
-    albedo *= v_layer == float(GRASS) ? straw : vec3(1.0);
+    albedo *= v_layer == float(GRASS) || v_layer == float(CROP) ? straw : vec3(1.0);
 #endif
 #endif
     vec3 n = normalize(v_normal);

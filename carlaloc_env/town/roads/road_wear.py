@@ -147,7 +147,9 @@ def _covers(
         rings = cover_rings()
         bands.add(lane + 1, start + rings[:, 0], across + rings[:, 1], lay_cover)
         if draw.random() < COLLARS and half + 0.1 < across < room - half - 0.1:
-            _sheet(bands, strip, lane, span, sides, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY)))
+            _sheet(
+                bands, strip, lane, span, sides, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY))
+            )
 
 
 def _cracks(bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, share: float) -> None:
