@@ -162,7 +162,8 @@ def _cells(points: Sequence[cv2.KeyPoint], shape: tuple[int, ...]) -> set[tuple[
 def read(town: str, figures: dict[str, Found]) -> None:
     """Print what was found; how many keypoints a street bears is for reading, not a bar."""
     for weather, of in figures.items():
-        print(town, weather, *(f"{name} {getattr(of, name):.3g}" for name in Found.__slots__))
+        numbers = (f"{name} {getattr(of, name):.3g}" for name in Found.__slots__)
+        print(town, weather, *numbers)  # noqa: T201
 
 
 def judge(figures: dict[str, Found]) -> None:

@@ -36,7 +36,8 @@ def judge(found: list[LaneBrightness]) -> None:
     contrast = float(np.median([one.contrast for one in found]))
     bright_share = float(np.median([one.bright_share for one in found]))
     step = float(np.median([one.step for one in found]))
-    print(f"{len(found)} pictures: contrast {contrast:.4f}, bright {bright_share:.5f}, step {step:.4f}")
+    read = f"{len(found)} pictures: contrast {contrast:.4f}, bright {bright_share:.5f}, step {step:.4f}"
+    print(read)  # noqa: T201
     assert 0.02 <= contrast <= 0.07
     assert bright_share <= 0.001
     assert step <= 0.015

@@ -18,7 +18,7 @@ from carlaloc_env.render.textures.noise import (
 
 
 def asphalt(rng: np.random.Generator, size: int) -> Layer:
-    """Worn asphalt concrete: stones of 5–15 mm in bitumen. What is rarer, roads have by place, not by tile."""
+    """Worn asphalt concrete: stones of 5–15 mm in bitumen. Rarer things have their place on the road."""
     return layer((0.120, 0.118, 0.114), _aggregate(rng, size, 0.05, 0.15), 0.9)
 
 

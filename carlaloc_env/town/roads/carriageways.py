@@ -98,7 +98,7 @@ def _lane_surface(
 
 
 def _across(strip: Strip, lane: int, share: Array, ends_m: Array) -> tuple[Array, Array]:
-    """Stations (R,) and points (R, C, 3) of a lane at shares of its width, the ends of castings among them."""
+    """Stations (R,) and points (R, C, 3) of a lane at shares of its width, ends of castings among them."""
     left, right = strip.lane_edges(lane)
     s = np.union1d(strip.s_m, ends_m)
     a, b = (

@@ -57,7 +57,7 @@ def test_sidewalks_carry_what_they_should(name: str) -> None:
 
 
 def test_roads_have_their_history_and_no_more() -> None:
-    """Patches, sealed cracks, seams, tyre marks, covers and drains: on some lanes, and under a fiftieth of them."""
+    """Patches, sealed cracks, seams, tyre marks, covers and drains on less than a fiftieth of the lanes."""
     _, strips, network = furnished("Town03")
     out = MeshBuilder()
     add_road_details(out, strips, network.xodr.roads, 1)
