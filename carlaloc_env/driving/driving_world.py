@@ -60,7 +60,12 @@ class DrivingWorld:
         self.route: Route = town.route
         self.traffic_config = traffic
         self._tables = TrafficTables(town.network)
-        self._physics = PhysicsWorld(town.collision_vertices_m, town.collision_triangles, friction=friction)
+        self._physics = PhysicsWorld(
+            town.collision_vertices_m,
+            town.collision_triangles,
+            friction=friction,
+            roughness=town.roughness,
+        )
         self._ego = EgoCar(self._physics)
         self._listener: DriveListener | None = None
 

@@ -194,6 +194,7 @@ class EgoCar:
         bar_front = p.anti_roll_npm[0] * (fl.travel_m - fr.travel_m)
         bar_rear = p.anti_roll_npm[1] * (rl.travel_m - rr.travel_m)
         park = drive.handbrake_nm
+        rough = self._world.roughness
         for k, (wheel, steer, drive_nm, brake_nm, park_nm, bar) in enumerate(
             (
                 (fl, left, 0.0, front, 0.0, bar_front),
@@ -211,6 +212,7 @@ class EgoCar:
                 park_nm=park_nm,
                 anti_roll_n=bar,
                 mu=mu,
+                rough_m=rough.height(wheel.hub_m[0], wheel.hub_m[1]) if rough is not None else 0.0,
             )
 
     def _push(self) -> None:

@@ -46,6 +46,8 @@ class Wheel:
         self._damper = p.damper_nspm[axle]
         self._drop = p.wheel_radius_m - sqrt(p.wheel_radius_m**2 - p.envelope_m**2)
         self.tyre = Tyre(p, is_front=is_front)
+        self.hub_m = (0.0, 0.0, 0.0)
+        """Where the hub is in the world [m]."""
         self.force_x = self.force_y = self.force_spring = self.contact_z = 0.0
         self.settle(0.0)
 
@@ -74,7 +76,7 @@ class Wheel:
         hx = px + r11 * x + r12 * y + r13 * z
         hy = py + r21 * x + r22 * y + r23 * z
         hz = pz + r31 * x + r32 * y + r33 * z
-        self._hub_z = hz
+        self.hub_m = hx, hy, hz
         top, low = hz + _RAY_ABOVE_M, hz - _RAY_BELOW_M
         e = self._params.envelope_m
         ex, ey = e * r11, e * r21
@@ -92,6 +94,7 @@ class Wheel:
         park_nm: float,
         anti_roll_n: float,
         mu: float,
+        rough_m: float,
     ) -> None:
         """Advance by one tick and set the forces on the body.
 
@@ -104,6 +107,7 @@ class Wheel:
             park_nm: Handbrake torque, without slip control [N m].
             anti_roll_n: Force of the anti-roll bar, pushes the body up [N].
             mu: Friction factor.
+            rough_m: Height of the road under the tyre above the town's mesh [m].
         """
         _, _, _, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, wx, wy, wz = m
         p = self._params
@@ -118,7 +122,7 @@ class Wheel:
         nz = r13 * gx + r23 * gy + r33 * gz
         load = 0.0
         if height is not None:
-            squeeze = p.wheel_radius_m - (self._hub_z - height) * gz
+            squeeze = p.wheel_radius_m - (self.hub_m[2] - height - rough_m) * gz
             if squeeze > 0.0:
                 load = p.tyre_npm * squeeze - p.tyre_nspm * (ux * nx + uy * ny + uz * nz)
                 load = load if load > 0.0 else 0.0

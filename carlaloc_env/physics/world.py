@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
+from carlaloc_env.core.road_profile import Roughness
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog
 from carlaloc_env.physics.quiet_import import pybullet
@@ -39,18 +40,26 @@ class PhysicsWorld:
         collision_vertices_m: Corners of the drivable surface, kerbs and obstacles [m], world, (V, 3).
         collision_triangles: Corner indices, shape (T, 3).
         friction: Factor on the tyre friction, 1 = dry asphalt.
+        roughness: What wheels feel beyond the mesh; None: nothing.
 
     Raises:
         ConfigError: the mesh is empty, not finite or has wrong indices.
     """
 
     def __init__(
-        self, collision_vertices_m: ArrayLike, collision_triangles: ArrayLike, *, friction: float = 1.0
+        self,
+        collision_vertices_m: ArrayLike,
+        collision_triangles: ArrayLike,
+        *,
+        friction: float = 1.0,
+        roughness: Roughness | None = None,
     ) -> None:
         vertices = np.asarray(collision_vertices_m, dtype=np.float64)
         triangles = np.asarray(collision_triangles, dtype=np.int64)
         _check_mesh(vertices, triangles)
         self.set_friction(friction)
+        self.roughness = roughness
+        """What wheels feel beyond the mesh."""
         self._client: int = pybullet.connect(pybullet.DIRECT)
         # Also for a world that is dropped without being closed: PyBullet keeps it else.
         self._disconnect = weakref.finalize(self, pybullet.disconnect, physicsClientId=self._client)

@@ -1,4 +1,4 @@
-"""What the ego's wheels and pedals did, tick by tick: truth for odometry, CAN and motor vibration."""
+"""What the ego's wheels and pedals did, tick by tick: truth for odometry and CAN."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class CarTrack:
         if self._count == 0:
             raise EpisodeError(
                 "the drive has no record of its wheels and pedals; record it again with this version, or "
-                "leave wheels, can and motor vibration out of the rig"
+                "leave wheels and can out of the rig"
             )
         row = stamps // TICK_NS - self._first_tick
         if len(row) and not 0 <= row.min() <= row.max() < self._count:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from carlaloc_env.core.array_cache import Arrays, cached
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.road_profile import Relief, Roughness
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import TownConfig
@@ -13,6 +14,8 @@ from carlaloc_env.town.default_traffic import choose_traffic
 from carlaloc_env.town.default_zones import choose_zones
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive.reader import read_opendrive
+from carlaloc_env.town.roads.road_classes import road_levels
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.scenery import TownScenery, build_scenery
@@ -36,16 +39,21 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     """
     town = identify_town(name_or_path)
     name, key = town.name, town.content_hash
-    config = TownConfig(name=name) if town.toml is None else TownConfig.from_toml(town.toml)
-    network = build_network(town.source)
+    xodr = read_opendrive(town.source)
     if town.toml is None:
-        config = choose_traffic(network, choose_zones(network, config))
+        smooth = build_network(xodr)
+        config = choose_traffic(smooth, choose_zones(smooth, TownConfig(name=name)))
+    else:
+        config = TownConfig.from_toml(town.toml)
+    seed = int(key[:12], 16) if config.scenery_seed is None else config.scenery_seed
+    levels = road_levels(xodr.roads, config)
+    network = build_network(xodr, None if levels is None else Relief(seed, levels))
     route = _route(network, config)
     scenery = cached(
         name,
         "town",
         module=__name__,
-        make=lambda: _build(network, config, route, key),
+        make=lambda: _build(network, config, route, seed),
         to_arrays=_to_arrays,
         from_arrays=_from_arrays,
         content=key,
@@ -63,13 +71,13 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         collision_triangles=scenery.collision_triangles,
         lenses=scenery.lenses,
         lamps_m=scenery.lamps_m,
+        roughness=None if levels is None else Roughness(seed, levels),
         content_hash=key,
     )
 
 
-def _build(network: LaneNetwork, config: TownConfig, route: Route | None, key: str) -> TownScenery:
+def _build(network: LaneNetwork, config: TownConfig, route: Route | None, seed: int) -> TownScenery:
     route_m = None if route is None else route.position_m[:, :2]
-    seed = int(key[:12], 16) if config.scenery_seed is None else config.scenery_seed
     return build_scenery(network, config, seed, route_m)
 
 

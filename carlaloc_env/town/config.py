@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from carlaloc_env.core import config_mapping
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.rough_surface import ROAD_CLASSES
 from carlaloc_env.core.text_files import read_text
 
 if sys.version_info >= (3, 11):
@@ -131,10 +132,14 @@ class Zone:
     """One of `ZONE_KINDS`."""
     polygon: tuple[Point, ...]
     """Corners [m], world x and y."""
+    road_class: str = ""
+    """Roughness of its roads, a class of ISO 8608 from `A` (smooth) to `H`; empty: what suits each road."""
 
     def __post_init__(self) -> None:
         if self.kind not in ZONE_KINDS:
             raise ConfigError(unknown_name("zone kind", self.kind, ZONE_KINDS))
+        if self.road_class and self.road_class not in tuple(ROAD_CLASSES):
+            raise ConfigError(unknown_name("road class", self.road_class, tuple(ROAD_CLASSES)))
         if len(self.polygon) < 3:
             raise ConfigError(f"zone '{self.kind}' needs at least three corners in polygon")
         for corner in self.polygon:
@@ -178,6 +183,9 @@ class TownConfig:
     """One line for lists of towns."""
     default_zone: str = "small_town"
     """Scenery outside all zones, one of `ZONE_KINDS`."""
+    road_roughness: float = 1.0
+    """Factor on the heights of all roads' profiles, 1 as their classes say; 0: roads exactly as the map has
+    them."""
     scenery_seed: int | None = None
     """Number from which houses, trees and all else are drawn; None: the hash of the map and its town.toml."""
     geo: GeoReference | None = None
@@ -196,6 +204,8 @@ class TownConfig:
     def __post_init__(self) -> None:
         if self.default_zone not in ZONE_KINDS:
             raise ConfigError(unknown_name("zone kind", self.default_zone, ZONE_KINDS))
+        if not 0.0 <= self.road_roughness <= 8.0:
+            raise ConfigError(f"road_roughness is {self.road_roughness:g}; give 0 (smooth) to 8, 1 is usual")
 
     @staticmethod
     def from_toml(source: Path) -> TownConfig:
@@ -251,7 +261,7 @@ class TownConfig:
         )
 
 
-TOWN_KEYS = ("name", "description", "default_zone", "scenery_seed")
+TOWN_KEYS = ("name", "description", "default_zone", "road_roughness", "scenery_seed")
 """Keys of the section `[town]`."""
 _SECTIONS = ("town", "geo", "route", "traffic", "signals", "zone", "feature")
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.road_profile import Roughness
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import TownConfig
@@ -41,5 +42,7 @@ class Town:
     """Lens discs of the traffic lights."""
     lamps_m: NDArray[np.float64]
     """Light sources of the street lamps [m], shape (K, 3)."""
+    roughness: Roughness | None
+    """What wheels feel of the roads beyond their meshes; None where `road_roughness` is 0."""
     content_hash: str
     """Hash of the map, its `town.toml` and the version of the builder, 32 hexadecimal digits."""

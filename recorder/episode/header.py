@@ -17,6 +17,8 @@ HEADER_RECORD = "carlaloc_episode"
 """Name of the MCAP metadata record that holds the header."""
 FORMAT_VERSION = 3
 """Version of the episode format; a reader refuses others. 2: actors in fixed point. 3: they lean."""
+WORLD_VERSION = 2
+"""Version of the world that drives run in; a replay refuses others. 2: roads have profiles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,6 +29,8 @@ class EpisodeHeader:
     """Name of the town; never a path, which only a user may give."""
     map_hash: str = ""
     """Content hash of the town, so that a replay refuses a changed map."""
+    world_version: int = WORLD_VERSION
+    """Version of the roads and the car's physics, `WORLD_VERSION` when it was driven."""
     seed: int = 0
     """Seed of traffic and noise."""
     catalog: ActorCatalog = field(default_factory=empty_catalog)
@@ -91,6 +95,7 @@ class EpisodeHeader:
                 tint=np.array(catalog["tint"], dtype=np.uint8).reshape(count, 3),
             )
             values["history"] = tuple(values.get("history", ()))
+            values["world_version"] = int(values.get("world_version", 1))
             known = {f.name for f in fields(cls)}
             return cls(**{name: value for name, value in values.items() if name in known})
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:

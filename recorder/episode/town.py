@@ -9,6 +9,7 @@ from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.core.names import is_name
 from carlaloc_env.town.sources import TownId, find_town, identify_town
 from recorder.episode.episode import Episode
+from recorder.episode.header import WORLD_VERSION
 
 if TYPE_CHECKING:
     from carlaloc_env.town.town import Town
@@ -25,9 +26,15 @@ def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
 
     Raises:
         MapError: there is no such file.
-        EpisodeError: the town is not known by a name, or its map has changed since the drive.
+        EpisodeError: the town is not known by a name, or its map or the world has changed since the drive.
     """
     header = episode.header
+    if header.world_version != WORLD_VERSION:
+        raise EpisodeError(
+            f"{episode.path} was driven in world version {header.world_version}, this CarlaLoc has version "
+            f"{WORLD_VERSION}, whose roads have other heights; record it again, or install the version "
+            f"of CarlaLoc it was made with ({header.versions.get('carlaloc-env', 'unknown')})"
+        )
     if chosen is not None:
         town = identify_town(chosen)
     elif not is_name(header.map_name):
@@ -57,7 +64,7 @@ def town_of(episode: Episode, chosen: str | Path | None = None) -> Town:
 
     Raises:
         MapError: there is no such file, or it cannot be used.
-        EpisodeError: the town is not known by a name, or its map has changed since the drive.
+        EpisodeError: the town is not known by a name, or its map or the world has changed since the drive.
     """
     # Here, since what builds towns takes a second to import.
     from carlaloc_env.town.build import load_town

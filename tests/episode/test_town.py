@@ -9,7 +9,9 @@ from shared_fixtures.episodes import write_drive
 
 from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.town.sources import find_town, identify_town
+from recorder.drive.resimulate import resimulate
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
+from recorder.episode.header import WORLD_VERSION, _checksum
 from recorder.episode.town import town_id_of, town_of
 
 
@@ -24,8 +26,9 @@ def town(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def drive_in(town: Path, path: Path) -> Episode:
-    header = EpisodeHeader(map_name=town.name, map_hash=identify_town(town).content_hash)
+def drive_in(town: Path, path: Path, world_version: int = WORLD_VERSION) -> Episode:
+    key = identify_town(town).content_hash
+    header = EpisodeHeader(map_name=town.name, map_hash=key, world_version=world_version)
     with EpisodeWriter(path, header) as writer:
         write_drive(writer, 11, 0)
     return Episode.load(path)
@@ -60,3 +63,23 @@ def test_a_town_that_is_gone_is_a_named_error(town: Path, tmp_path: Path) -> Non
         town_id_of(episode)
     with pytest.raises(MapError, match="no file"):
         town_id_of(episode, town / "town.xodr")
+
+
+@pytest.mark.parametrize("version", [1, WORLD_VERSION + 1])
+def test_a_drive_in_another_world_is_refused(town: Path, tmp_path: Path, version: int) -> None:
+    """Also by whoever drives its controls again; the version survives the file."""
+    episode = drive_in(town, tmp_path / "a.mcap", version)
+    assert episode.header.world_version == version
+    for ask in (town_id_of, town_of):
+        with pytest.raises(EpisodeError, match=rf"world version {version}.* record it again"):
+            ask(episode)
+    with pytest.raises(EpisodeError, match="record it again"):
+        resimulate(tmp_path / "a.mcap")
+
+
+def test_drives_before_versions_were_of_the_first_world() -> None:
+    """Headers of old files name none."""
+    texts = EpisodeHeader(map_name="Town03").to_metadata()
+    texts.pop("world_version")
+    texts["crc32"] = str(_checksum(texts))
+    assert EpisodeHeader.from_metadata(texts).world_version == 1

@@ -35,11 +35,9 @@ pytest.importorskip("open3d", reason="open3d is not installed")
 STEPS = 24
 CONFIGS: dict[str, SensorConfig] = {
     "imu": ImuConfig(mount=Mount(position_m=(1.5, 0, 1.2), axes="paper_imu")),
-    "shaken": ImuConfig(
+    "consumer": ImuConfig(
         **ImuConfig.preset_values("consumer"),
-        name="shaken",
-        road_class="C",
-        motor_vibration_mps2=0.2,
+        name="consumer",
         orientation="truth",
         orientation_noise_rad=0.01,
     ),

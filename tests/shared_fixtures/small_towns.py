@@ -120,7 +120,10 @@ class Built:
                 station = np.arange(0.5, lane.length_m - 0.4, 1.0)
                 pose = self.network.pose([lane.index] * len(station), station)
                 width = self.network.width_m([lane.index] * len(station), station)
-                left = np.stack([-np.sin(pose.heading_rad), np.cos(pose.heading_rad), 0 * station], axis=-1)
+                number = np.full(len(station), lane.index)
+                bank = self.network.surface.lane_bank(number, self.network.s_m(number, station))
+                bank *= 1.0 if lane.forward else -1.0
+                left = np.stack([-np.sin(pose.heading_rad), np.cos(pose.heading_rad), bank], axis=-1)
                 found += [pose.position_m + (share * width)[:, None] * left for share in (-0.45, 0.0, 0.45)]
         return np.concatenate(found)
 

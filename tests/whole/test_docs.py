@@ -183,7 +183,7 @@ UNITLESS = {
     "name", "kind", "mount", "pinhole", "outputs", "axes", "columns", "drop_weak", "ego_returns", "sensor",
     "frame_id", "has_fix", "map", "out", "device", "seed", "traffic", "overwrite", "episode", "weathers",
     "rig", "formats", "topics", "quality", "workers", "preview", "fraction", "loop",
-    "ghosts", "weather", "rows", "rays_per_actor", "detections_max", "orientation", "road_class", "model",
+    "ghosts", "weather", "rows", "rays_per_actor", "detections_max", "orientation", "model",
     "constellations", "rtk", "solution", "satellites", "window", "tag_table",
     "lens", "lens_drops", "imager", "shutter", "events",
 }  # fmt: skip

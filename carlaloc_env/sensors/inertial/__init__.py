@@ -1,1 +1,1 @@
-"""The IMU: noise, bias, vibration."""
+"""The IMU: noise and bias."""

@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 from carlaloc_env.core import rng, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
-from carlaloc_env.core.ego_car import EGO_ROLLING_RADIUS_M
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World
 from carlaloc_env.sensors.inertial.stochastic_processes import Flicker, RandomWalk, WhiteSequence
-from carlaloc_env.sensors.inertial.vibration import ROAD_CLASSES, MotorVibration, RoadVibration
 from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
 
@@ -118,14 +116,6 @@ class ImuConfig(SensorConfig):
     """Largest specific force that can be read, per axis [m/s²]; 0 = unlimited."""
     gyro_range_radps: float = 0.0
     """Largest body rate that can be read, per axis [rad/s]; 0 = unlimited."""
-    road_class: str = ""
-    """Roughness of the road that shakes the car, ISO 8608 class ``A`` (smooth) … ``E``; empty: smooth."""
-    motor_vibration_mps2: float = 0.0
-    """Vibration of the motor at full throttle, RMS per axis [m/s²]."""
-    motor_orders: tuple[float, ...] = (1.0, 2.0, 4.0)
-    """Multiples of the motor's turning at which it shakes, falling as 1/k; 1 = once per turn."""
-    motor_ratio: float = 9.0
-    """Turns of the motor per turn of a wheel, 9 = a usual electric saloon."""
     orientation: str = "none"
     """Attitude in the sample: ``none``, or ``truth`` with `orientation_noise_rad`; world is ENU."""
     orientation_noise_rad: float = 0.0
@@ -136,16 +126,10 @@ class ImuConfig(SensorConfig):
         values = tuple(getattr(self, name) for name in _FIGURES)
         if not all(math.isfinite(v) and v >= 0 for v in values):
             raise ConfigError(f"IMU '{self.name}': noise figures {values}; give finite numbers ≥ 0")
-        if self.road_class not in ("", *ROAD_CLASSES):
-            raise ConfigError(
-                f"IMU '{self.name}': {unknown_name('road class', self.road_class, ROAD_CLASSES)}"
-            )
         if self.orientation not in ORIENTATIONS:
             raise ConfigError(
                 f"IMU '{self.name}': {unknown_name('orientation', self.orientation, ORIENTATIONS)}"
             )
-        if self.motor_vibration_mps2 and not self.motor_orders:
-            raise ConfigError(f"IMU '{self.name}': motor_vibration_mps2 needs motor_orders")
 
     def build(self, world: World) -> ImuSensor:
         """The IMU in a world."""
@@ -155,8 +139,7 @@ class ImuConfig(SensorConfig):
 _FIGURES = (
     "accel_noise_density", "gyro_noise_density", "accel_random_walk", "gyro_random_walk",
     "accel_bias_instability", "gyro_bias_instability", "accel_turn_on_bias", "gyro_turn_on_bias",
-    "scale_error", "misalignment_rad", "accel_range_mps2", "gyro_range_radps", "motor_vibration_mps2",
-    "motor_ratio", "orientation_noise_rad",
+    "scale_error", "misalignment_rad", "accel_range_mps2", "gyro_range_radps", "orientation_noise_rad",
 )  # fmt: skip
 """Fields of `ImuConfig` that must be finite and not negative."""
 
@@ -164,7 +147,7 @@ _FIGURES = (
 class ImuSensor(Sensor):
     """Reads the motion of its own mount; at rest its up axis shows +9.81 m/s².
 
-    Reading = clip(M·(truth + vibration) + bias + white noise), with M scale and tilt of the axes.
+    Reading = clip(M·truth + bias + white noise), with M scale and tilt of the axes.
     """
 
     config: ImuConfig
@@ -186,18 +169,6 @@ class ImuSensor(Sensor):
         self._mixing = _mixing(config, seed)
         limits = _six(config.accel_range_mps2, config.gyro_range_radps)
         self._limits = np.where(limits > 0, limits, np.inf)
-        self._road = RoadVibration(seed, name, config.road_class) if config.road_class else None
-        self._motor = (
-            MotorVibration(
-                seed,
-                name,
-                rms_mps2=config.motor_vibration_mps2,
-                orders=config.motor_orders,
-                ratio=config.motor_ratio,
-            )
-            if config.motor_vibration_mps2
-            else None
-        )
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """One row: specific force [m/s²] then body rate [rad/s]."""
@@ -217,8 +188,6 @@ class ImuSensor(Sensor):
             return []
         motion = timeline.ego_motion(stamps_ns).at_mount(self._T_base_imu)
         truth = ideal(motion)
-        if self._road is not None or self._motor is not None:
-            truth[:, :3] += self._vibration(timeline, stamps_ns)
         if self._mixing is not None:
             truth = np.concatenate(
                 [transforms.apply(transforms.from_rotation(M), truth[:, k : k + 3])
@@ -239,21 +208,6 @@ class ImuSensor(Sensor):
             )
             for stamp, row, attitude in zip(stamps_ns, rows, attitudes, strict=True)
         ]
-
-    def _vibration(self, timeline: Timeline, stamps_ns: Sequence[int]) -> Array:
-        """Acceleration by vibration in the IMU's axes [m/s²], shape (M, 3)."""
-        car = timeline.car.at(stamps_ns)
-        shake = np.zeros((len(stamps_ns), 3))
-        if self._motor is not None:
-            shake += self._motor.acceleration_mps2(car)
-        if self._road is not None:
-            distance, speed = (
-                0.5 * EGO_ROLLING_RADIUS_M * (rows[:, 2] + rows[:, 3])
-                for rows in (car.wheel_angle_rad, car.wheel_spin_radps)
-            )
-            up = self._T_base_imu[2, :3]
-            shake += self._road.acceleration_mps2(distance, speed)[:, None] * up
-        return shake
 
     def _attitudes(self, motion: Motion) -> list[Array | None]:
         if self.config.orientation == "none":

@@ -35,8 +35,8 @@ KERB_M = 0.15
 """Height of sidewalks and medians above the road where the map does not say [m]."""
 CHORD_M = 0.003
 """Largest distance between the surface and the straight edges of its triangles [m]."""
-LONGEST_STEP_M = 5.0
-"""Longest distance between stations [m]."""
+LONGEST_STEP_M, RELIEF_STEP_M = 5.0, 2.5
+"""Longest distance between stations, and on relief, whose shortest waves are four times as long [m]."""
 OVERLAP_M2 = 2.0
 """Roads of a junction that overlap by less than this lie side by side [m²]."""
 PARTING_RAD = 0.6
@@ -156,7 +156,8 @@ def _strip(road: Road, number: int, section: int, surface: RoadSurface) -> Strip
     inside = end - min(1e-6, (end - start) * 1e-3)
     ids = np.array([surface.edges.index[number, section, lane.id] for lane in lanes], dtype=np.int64)
     dense = np.linspace(start, inside, max(9, int((end - start) / SAMPLE_M) + 1))
-    s = _stations(dense, _edges(number, lanes, ids, dense, surface)[1])
+    longest = LONGEST_STEP_M if surface.relief is None else RELIEF_STEP_M
+    s = _stations(dense, _edges(number, lanes, ids, dense, surface)[1], longest)
     t, edges = _edges(number, lanes, ids, s, surface)
     return Strip(
         road=number,
@@ -190,11 +191,11 @@ def _edges(
     return t, points.reshape(len(t), count, 3)
 
 
-def _stations(dense: Array, edges: Array) -> Array:
+def _stations(dense: Array, edges: Array, longest_m: float) -> Array:
     """Stations whose chords stay within `CHORD_M` of every lane edge (sagitta = d²·curvature/8)."""
     step = dense[1] - dense[0]
     bend = np.linalg.norm(edges[:, 2:] - 2.0 * edges[:, 1:-1] + edges[:, :-2], axis=-1).max(axis=0) / step**2
-    bend = np.maximum(np.pad(bend, 1, mode="edge"), 8.0 * CHORD_M / LONGEST_STEP_M**2)
+    bend = np.maximum(np.pad(bend, 1, mode="edge"), 8.0 * CHORD_M / longest_m**2)
     bend = np.maximum(bend, np.maximum(np.roll(bend, 1), np.roll(bend, -1)))
     density = np.sqrt(bend / (8.0 * CHORD_M))
     total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * step)])

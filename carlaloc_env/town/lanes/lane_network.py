@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.road_profile import Relief
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.centre_lines import LanePose, LaneTables, build_tables
 from carlaloc_env.town.lanes.nearest_lane import LaneSearch, NearestLane
@@ -56,8 +57,8 @@ class LaneNetwork:
     `build_network` makes one with all that stands along its lanes; a bare one has lanes alone.
     """
 
-    def __init__(self, xodr: OpenDrive) -> None:
-        """Builds the lanes.
+    def __init__(self, xodr: OpenDrive, relief: Relief | None = None) -> None:
+        """Builds the lanes, on a relief where there is one.
 
         Raises:
             MapError: The map is too large, or a lane is not finite.
@@ -66,7 +67,7 @@ class LaneNetwork:
         self.road_index: dict[str, int] = {road.id: n for n, road in enumerate(xodr.roads)}
         """Road id → road number, as `surface` counts them."""
         with np.errstate(all="ignore"):
-            self.surface = RoadSurface(xodr.roads)
+            self.surface = RoadSurface(xodr.roads, relief)
             edges = self.surface.edges
             if not edges.lanes:
                 raise MapError(f"{xodr.source} has no lanes beside centre lanes; export its lanes")

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.road_profile import Relief
+from carlaloc_env.town.opendrive.crossfall import Crossfall
 from carlaloc_env.town.opendrive.cubic_tables import CubicTable
 from carlaloc_env.town.opendrive.lane_boundaries import Edge, LaneEdges
 from carlaloc_env.town.opendrive.records import Road, ShapeRecord
@@ -33,13 +35,21 @@ class SurfaceCurve(NamedTuple):
 class RoadSurface:
     """The roads of a map as surfaces; roads are numbered in file order."""
 
-    def __init__(self, roads: Sequence[Road]) -> None:
-        """Tabulates all profiles of the roads."""
+    def __init__(self, roads: Sequence[Road], relief: Relief | None = None) -> None:
+        """Tabulates all profiles of the roads.
+
+        With a `relief`, which lies on top of what the file says, roads that the file leaves level across
+        fall to their sides.
+        """
+        self.relief = relief
         self.plan_view = PlanView(roads)
         self.edges = LaneEdges(roads)
         self._elevation = CubicTable([road.elevation for road in roads])
         self._tilt = CubicTable([road.superelevation for road in roads])
         self._shapes = {n: LateralShape(road.shape) for n, road in enumerate(roads) if road.shape}
+        self._crossfall: Crossfall | None = None
+        if relief is not None:
+            self._crossfall = Crossfall(roads, self.plan_view, self.edges, self._elevation, self._tilt)
 
     def position(self, road: Index, s_m: Array, t_m: Array, h_m: Array | float = 0.0) -> NDArray[np.float64]:
         """World points (M, 3) of road coordinates.
@@ -57,7 +67,10 @@ class RoadSurface:
         across = t_m * np.cos(tilt) - h * np.sin(tilt)
         x = line.x_m - np.sin(line.heading_rad) * across
         y = line.y_m + np.cos(line.heading_rad) * across
-        return np.stack([x, y, z + t_m * np.sin(tilt) + h * np.cos(tilt)], axis=-1)
+        points = np.stack([x, y, z + t_m * np.sin(tilt) + h * np.cos(tilt)], axis=-1)
+        if self.relief is not None:
+            points[:, 2] += self.relief.heights(points)[:, 0]
+        return points
 
     def heading(self, road: Index, s_m: Array) -> Array:
         """Heading of the reference line [rad], (M,)."""
@@ -96,6 +109,11 @@ class RoadSurface:
             ],
             axis=-1,
         )
+        if self.relief is not None:
+            ground = self.relief.heights(position)
+            position[:, 2] += ground[:, 0]
+            ahead, left = self._slopes(ground, heading)
+            rise = rise + ahead * along + left * across1
         return SurfaceCurve(
             position, heading + np.arctan2(across1, along), rise / stretch, turn / stretch, stretch
         )
@@ -113,8 +131,13 @@ class RoadSurface:
         inner, outer, _, _ = self.edges.heights(lane, s_m)
         width = np.maximum(self.edges.width(lane, s_m), 0.05)
         own = self.edges.side[lane] * (outer - inner) / width
-        shape = self._shape(road, s_m, self.edges.centre(lane, s_m).t_m)[2]
-        return np.tan(self.tilt_rad(road, s_m) + np.arctan(shape + own))
+        centre = self.edges.centre(lane, s_m).t_m
+        shape = self._shape(road, s_m, centre)[2]
+        bank = np.tan(self.tilt_rad(road, s_m) + np.arctan(shape + own))
+        if self.relief is not None:
+            ground = self.relief.heights(self.position(road, s_m, centre))
+            bank += self._slopes(ground, self.heading(road, s_m))[1]
+        return bank
 
     def tilt_rad(self, road: Index, s_m: Array) -> Array:
         """Superelevation [rad], left side up positive, (M,)."""
@@ -124,8 +147,17 @@ class RoadSurface:
         """Rise of the reference line per metre of s, (M,)."""
         return self._elevation.evaluate(road, s_m)[1]
 
+    @staticmethod
+    def _slopes(ground: Array, heading_rad: Array) -> tuple[Array, Array]:
+        """Rise of the relief along the reference line and to its left, (M,) each."""
+        cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+        return cos * ground[:, 1] + sin * ground[:, 2], cos * ground[:, 2] - sin * ground[:, 1]
+
     def _shape(self, road: Index, s_m: Array, t_m: Array) -> tuple[Array, Array, Array]:
-        height, by_s, by_t = np.zeros(len(road)), np.zeros(len(road)), np.zeros(len(road))
+        if self._crossfall is None:
+            height, by_s, by_t = np.zeros(len(road)), np.zeros(len(road)), np.zeros(len(road))
+        else:
+            height, by_s, by_t = self._crossfall.evaluate(road, s_m, t_m)
         for number, shape in self._shapes.items():
             own = np.flatnonzero(road == number)
             if len(own):

@@ -198,9 +198,17 @@ def _away_from_kerb(strip: Strip, edge: int, width_m: float) -> float:
 
 def beside(strip: Strip, edge: int, s: Array, offset_m: Array | float) -> Array:
     """Points (K, 3) on the triangles of the road, `offset_m` [m] to the left of a lane edge."""
-    line = np.stack([np.interp(s, strip.s_m, strip.edges_m[edge, :, k]) for k in range(3)], axis=-1)
-    first, last = strip.edges_m[0], strip.edges_m[-1]
-    across = np.stack([np.interp(s, strip.s_m, (first - last)[:, k]) for k in range(3)], axis=-1)
-    length = np.sqrt(np.sum(across[:, :2] ** 2, axis=1, keepdims=True))
-    result: Array = line + across / np.maximum(length, 1e-6) * np.reshape(offset_m, (-1, 1))
-    return result
+    lines = np.stack(
+        [[np.interp(s, strip.s_m, row[:, k]) for k in range(3)] for row in strip.edges_m]
+    ).transpose(0, 2, 1)
+    across = (lines[0] - lines[-1])[:, :2]
+    left = across / np.maximum(np.sqrt(np.sum(across**2, axis=1, keepdims=True)), 1e-6)
+    offset = np.broadcast_to(np.asarray(offset_m, dtype=np.float64), s.shape)
+    # Lanes lean each by itself: the height is that between the two edges on whose sides a point lies.
+    aside = np.sum((lines - lines[edge])[..., :2] * left, axis=-1)
+    lane, row = np.sum(aside[1:-1] > offset, axis=0), np.arange(len(s))
+    start, end = aside[lane, row], aside[lane + 1, row]
+    share = np.clip((start - offset) / np.maximum(start - end, 1e-6), 0.0, 1.0)
+    z = lines[..., 2]
+    height = z[lane, row] + share * (z[lane + 1, row] - z[lane, row])
+    return np.column_stack([lines[edge, :, :2] + left * offset[:, None], height])

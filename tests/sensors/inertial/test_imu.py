@@ -154,9 +154,7 @@ def test_orientation_on_request(scenery: Any) -> None:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"road_class": "Z"}, "road class 'Z'"),
         ({"orientation": "thruth"}, "did you mean 'truth'"),
-        ({"motor_vibration_mps2": 1.0, "motor_orders": ()}, "motor_orders"),
         ({"scale_error": -0.1}, "≥ 0"),
     ],
 )

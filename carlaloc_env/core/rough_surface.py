@@ -1,0 +1,156 @@
+"""Random surfaces with the spectrum of ISO 8608, the same in every direction.
+
+A profile along any straight line has the one-sided spectrum G_d(n) = G_d(n₀)·(n/n₀)⁻²; profiles of
+two parallel tracks a distance B apart have the coherence 2πBn·K₁(2πBn) (Dodds and Robson, "The
+description of road surface roughness", J. Sound Vib. 31, 1973; Kamash and Robson, "The application
+of isotropy in road surface modelling", J. Sound Vib. 57, 1978).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core import rng
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.jit import compiled
+
+ROAD_CLASSES = "ABCDEFGH"
+"""Classes of ISO 8608, smooth to rough."""
+REFERENCE_CPM = 0.1
+"""Spatial frequency n₀ at which classes are defined [cycles/m]."""
+UNIT_M3 = 1e-6
+"""G_d(n₀) of a surface of level 1 [m³]."""
+_TURN = (1.0 + math.sqrt(5.0)) / 2.0
+"""Slope of the lattice against east: by the golden mean straight roads hardly meet their own past."""
+_GRAIN_M = 2.0**-30
+"""Coefficients lie on this grid [m], so that the last bit of a Fourier transform changes nothing."""
+
+
+def class_roughness_m3(road_class: str) -> float:
+    """G_d(n₀) of a class of ISO 8608, geometric mean [m³]: 16e-6 for A, four times more for each next."""
+    return 16e-6 * 4.0 ** ROAD_CLASSES.index(road_class)
+
+
+def class_level(road_class: str) -> float:
+    """Height of a class over that of the unit surface: 4 for A, 8 for B, 16 for C."""
+    return math.sqrt(class_roughness_m3(road_class) / UNIT_M3)
+
+
+class RoughSurface:
+    """One isotropic surface with G_d(n₀) = `UNIT_M3`, periodic, twice differentiable.
+
+    Args:
+        seed: Number from which it is drawn.
+        name: Name of its random stream.
+        waves_cpm: Lowest and highest spatial frequency in it [cycles/m].
+        spacing_m: Distance of its lattice's points, at most a third of the shortest wave [m].
+        size: Points along each side of its period.
+        blur_m: Standard deviation of the footprint over which heights are averaged [m].
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        name: str,
+        *,
+        waves_cpm: tuple[float, float],
+        spacing_m: float,
+        size: int,
+        blur_m: float = 0.0,
+    ) -> None:
+        n: Array = np.fft.fftfreq(size, spacing_m).astype(np.float64)
+        east, north = n[:, None], n[None, : size // 2 + 1]
+        radius = np.hypot(east, north)
+        inside = (radius >= waves_cpm[0]) & (radius < waves_cpm[1])
+        # A two-sided density K·ρ⁻³ in the plane integrates to 4K·n⁻² along a line.
+        density = 0.25 * UNIT_M3 * REFERENCE_CPM**2 * np.where(inside, radius, 1.0) ** -3.0
+        gain: Array = np.where(inside, np.sqrt(density), 0.0) / spacing_m
+        gain *= np.exp(-2.0 * (math.pi * blur_m * radius) ** 2)
+        gain /= _knot_gain(east * spacing_m) * _knot_gain(north * spacing_m)
+        white = rng.stream(seed, name).standard_normal((size, size))
+        heights = np.fft.irfft2(np.fft.rfft2(white) * gain, s=(size, size))
+        self._coefficients = (np.round(heights / _GRAIN_M) * _GRAIN_M).astype(np.float32)
+        turn = math.atan(_TURN)
+        self._to_lattice = (math.cos(turn) / spacing_m, math.sin(turn) / spacing_m)
+
+    def height(self, x_m: float, y_m: float) -> float:
+        """Height at one place [m]."""
+        return _value(self._coefficients, *self._to_lattice, x_m, y_m)
+
+    def heights(self, xy_m: Array) -> NDArray[np.float64]:
+        """Height [m] and its slopes towards east and north at places (M, 2), shape (M, 3)."""
+        out = np.empty((len(xy_m), 3))
+        _values(self._coefficients, *self._to_lattice, np.ascontiguousarray(xy_m[:, :2]), out)
+        return out
+
+
+def _knot_gain(cycles: Array) -> Array:
+    """What a cubic B-spline makes of its coefficients at its knots, by cycles per knot."""
+    gain: Array = (2.0 + np.cos(2.0 * math.pi * cycles)) / 3.0
+    return gain
+
+
+@compiled
+def _value(coefficients: NDArray[np.float32], cos: float, sin: float, x: float, y: float) -> float:
+    """Cubic B-spline on a periodic lattice, at one place."""
+    size = len(coefficients)
+    u, v = cos * x + sin * y, cos * y - sin * x
+    i, j = math.floor(u), math.floor(v)
+    f, g = u - i, v - j
+    total = 0.0
+    for a in range(4):
+        row = (i + a - 1) % size
+        wa = _weight(a, f)
+        for b in range(4):
+            total += wa * _weight(b, g) * coefficients[row, (j + b - 1) % size]
+    return total
+
+
+@compiled
+def _values(coefficients: NDArray[np.float32], cos: float, sin: float, xy: Array, out: Array) -> None:
+    """The same with both slopes, at many places."""
+    size = len(coefficients)
+    for m in range(len(xy)):
+        x, y = xy[m, 0], xy[m, 1]
+        u, v = cos * x + sin * y, cos * y - sin * x
+        i, j = math.floor(u), math.floor(v)
+        f, g = u - i, v - j
+        z, zu, zv = 0.0, 0.0, 0.0
+        for a in range(4):
+            row = (i + a - 1) % size
+            wa, da = _weight(a, f), _weight_slope(a, f)
+            for b in range(4):
+                c = coefficients[row, (j + b - 1) % size]
+                wb = _weight(b, g)
+                z += wa * wb * c
+                zu += da * wb * c
+                zv += wa * _weight_slope(b, g) * c
+        out[m, 0] = z
+        out[m, 1], out[m, 2] = cos * zu - sin * zv, sin * zu + cos * zv
+
+
+@compiled
+def _weight(k: int, f: float) -> float:
+    """Weight of the k-th of four knots, f past the second."""
+    if k == 0:
+        return (1.0 - f) ** 3 / 6.0
+    if k == 1:
+        return (3.0 * f**3 - 6.0 * f**2 + 4.0) / 6.0
+    if k == 2:
+        return (-3.0 * f**3 + 3.0 * f**2 + 3.0 * f + 1.0) / 6.0
+    return f**3 / 6.0
+
+
+@compiled
+def _weight_slope(k: int, f: float) -> float:
+    """Its derivative by f."""
+    if k == 0:
+        return -0.5 * (1.0 - f) ** 2
+    if k == 1:
+        return 1.5 * f**2 - 2.0 * f
+    if k == 2:
+        return -1.5 * f**2 + f + 0.5
+    return 0.5 * f**2
