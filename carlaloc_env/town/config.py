@@ -53,6 +53,7 @@ FEATURE_SIZES = {
     "construction_site": "width [m], depth [m]",
     "pier": "length [m]",
     "gatehouse": "width [m], depth [m], storeys",
+    "footbridge": "length [m]",
 }
 """Single things that can be asked for at a position, and the numbers that `size` of each may hold."""
 FEATURE_KINDS = tuple(FEATURE_SIZES)
@@ -125,6 +126,16 @@ class SignalTiming:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RoadsideConfig:
+    """What lines country roads and motorways."""
+
+    delineators: bool = True
+    """Whether reflecting posts stand along roads of the zones rural and highway."""
+    exit_signs: bool = True
+    """Whether direction signs and countdown markers lead to the exits of fast roads."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Zone:
     """An area with one kind of scenery."""
 
@@ -157,9 +168,9 @@ class Feature:
     heading_deg: float = 0.0
     """Where its front looks [deg], anticlockwise from east."""
     size: tuple[float, ...] = ()
-    """Viaduct, gantry, pier: length [m]; building, gatehouse: width [m], depth [m], storeys; car park, farm,
-    barn, construction site: width [m], depth [m]; silo: diameter [m], height [m]; billboard: width [m],
-    height [m]; empty for the usual ones."""
+    """Viaduct, gantry, pier, footbridge: length [m]; building, gatehouse: width [m], depth [m], storeys;
+    car park, farm, barn, construction site: width [m], depth [m]; silo: diameter [m], height [m]; billboard:
+    width [m], height [m]; empty for the usual ones."""
 
     def __post_init__(self) -> None:
         if self.kind not in FEATURE_KINDS:
@@ -196,6 +207,8 @@ class TownConfig:
     """Numbers of others."""
     signals: SignalTiming = field(default_factory=SignalTiming)
     """Phase times."""
+    roadside: RoadsideConfig = field(default_factory=RoadsideConfig)
+    """What lines country roads and motorways."""
     zones: tuple[Zone, ...] = ()
     """Areas of scenery; where two overlap the later one holds."""
     features: tuple[Feature, ...] = ()
@@ -256,6 +269,7 @@ class TownConfig:
             route=section(RouteConfig, "route"),
             traffic=section(TrafficCounts, "traffic"),
             signals=section(SignalTiming, "signals"),
+            roadside=section(RoadsideConfig, "roadside"),
             zones=tables(Zone, "zone"),
             features=tables(Feature, "feature"),
         )
@@ -263,7 +277,7 @@ class TownConfig:
 
 TOWN_KEYS = ("name", "description", "default_zone", "road_roughness", "scenery_seed")
 """Keys of the section `[town]`."""
-_SECTIONS = ("town", "geo", "route", "traffic", "signals", "zone", "feature")
+_SECTIONS = ("town", "geo", "route", "traffic", "signals", "roadside", "zone", "feature")
 
 
 def _check_finite(name: str, values: tuple[float, ...], unit: str) -> None:

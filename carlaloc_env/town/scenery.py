@@ -52,7 +52,7 @@ def build_scenery(
     out.solid.quads(lot_boxes(plots.lots, plots.bases_m), material=Material.PLAIN, tag=Tag.BUILDING)
     ids = InstanceIds()
     buildings = plots.buildings(seed, ids)
-    dressing = dress(out, network, work, plots, route_m, seed, ids)
+    dressing = dress(out, network, work, plots, config, route_m, seed, ids)
     firm = out.raised.build()
     vertices, triangles = weld([out.solid.build(), firm])
     near = [out.lanes.build(), firm, dressing.cover, out.paint.build(), *buildings]

@@ -9,6 +9,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar.config import LidarConfig
@@ -68,7 +69,8 @@ def route_localizability(
         points = aimed[seen] * hits.range_m[seen, None].astype(np.float64)
         normal = normals[seen].astype(np.float64)
         every = localizability(points, normal)
-        firm = localizability(points, np.where((hits.tag[seen] == Tag.VEGETATION)[:, None], 0.0, normal))
+        loose = (hits.tag[seen] == Tag.VEGETATION) & (hits.material[seen] != Material.BARK)
+        firm = localizability(points, np.where(loose[:, None], 0.0, normal))
         found[k] = every.least, firm.least, abs(firm.weakest @ T[:3, 0])
         if progress is not None:
             progress(k + 1, len(station))

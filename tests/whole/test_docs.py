@@ -24,6 +24,7 @@ from carlaloc_env.town.config import (
     TOWN_KEYS,
     ZONE_KINDS,
     Feature,
+    RoadsideConfig,
     RouteConfig,
     SignalTiming,
     TrafficCounts,
@@ -45,6 +46,7 @@ SECTIONS = {
     "[route]": RouteConfig,
     "[traffic]": TrafficCounts,
     "[signals]": SignalTiming,
+    "[roadside]": RoadsideConfig,
     "[[zone]]": Zone,
     "[[feature]]": Feature,
 }

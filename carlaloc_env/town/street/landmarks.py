@@ -30,6 +30,9 @@ from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, box_quads
 from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 from carlaloc_env.town.street.car_parks import BAY_M, DEPTH_M, CarPark
+from carlaloc_env.town.structures.footbridges import CLEAR_M as FOOTBRIDGE_CLEAR_M
+from carlaloc_env.town.structures.footbridges import LENGTH_M as FOOTBRIDGE_M
+from carlaloc_env.town.structures.footbridges import footbridge, stair_length_m
 from carlaloc_env.town.structures.gantries_and_jetties import gantry, pier
 
 EXTENTS_M: dict[str, tuple[float, float]] = {
@@ -48,6 +51,7 @@ EXTENTS_M: dict[str, tuple[float, float]] = {
     "construction_site": (28.0, 40.0),
     "pier": (60.0, 6.0),
     "gatehouse": (DEPTH_OVER_M, WIDTH_OVER_M),
+    "footbridge": (FOOTBRIDGE_M, 3.0),
 }
 """Usual size of each kind along its heading and across it [m]."""
 PAVED_KINDS = ("filling_station", "farm")
@@ -107,12 +111,20 @@ def roofed_sites(taken: Sequence[Site]) -> Area:
     return shapely.union_all([site.ground for site in taken if site.feature.kind == "gatehouse"])
 
 
+def spanning_sites(taken: Sequence[Site]) -> Area:
+    """Ground below features that span roads, where no mast stands."""
+    spans = ("footbridge", "gantry", "viaduct", "gatehouse")
+    return shapely.union_all([site.ground for site in taken if site.feature.kind in spans])
+
+
 def _extent(feature: Feature) -> tuple[float, float]:
     """Size [m] along the heading and across it."""
     along, across = EXTENTS_M[feature.kind]
     size = feature.size
     if feature.kind in ("viaduct", "gantry", "pier"):
         return (size[0] if size else along), across
+    if feature.kind == "footbridge":
+        return (size[0] if size else along) + 2.0 * stair_length_m(FOOTBRIDGE_CLEAR_M + 1.0), across
     if feature.kind == "silo":
         return (size[0] + 1.0, size[0] + 1.0) if size else (along, across)
     if feature.kind == "billboard":
@@ -232,6 +244,7 @@ WORLD_MAKERS: dict[str, Callable[[Feature, Area, HeightOf], Mesh]] = {
     "gantry": gantry,
     "pier": pier,
     "gatehouse": gatehouse,
+    "footbridge": footbridge,
 }
 """Features that follow the ground below them: from the feature, everything paved and the heights."""
 LOCAL_MAKERS: dict[str, Callable[[Feature, np.random.Generator], Mesh]] = {

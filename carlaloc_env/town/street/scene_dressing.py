@@ -15,6 +15,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.ground_plan import Groundwork
 from carlaloc_env.town.ground.land_raster import Land, Raster
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -23,7 +24,7 @@ from carlaloc_env.town.meshing.instance_ids import InstanceIds
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, polygons_of
 from carlaloc_env.town.roads.surfaces import Surfaces
-from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roofed_sites
+from carlaloc_env.town.street.landmarks import feature_lamps, feature_mesh, roofed_sites, spanning_sites
 from carlaloc_env.town.street.roadside import Roadside, RoadsideSite, line_roads
 from carlaloc_env.town.street.signals_and_signs import add_signals, add_signs
 from carlaloc_env.town.street.site_plan import Plots
@@ -59,6 +60,7 @@ def dress(
     network: LaneNetwork,
     work: Groundwork,
     plots: Plots,
+    config: TownConfig,
     route_m: Array | None,
     seed: int,
     ids: InstanceIds,
@@ -66,7 +68,7 @@ def dress(
     """Place everything; solid things also go to `out`."""
     lights, lenses, light_feet = add_signals(network, work.floor_height, ids)
     signs, sign_feet = add_signs(network, work.floor_height, ids)
-    roadside = line_roads(out.solid, _roadside_site(network, work, plots, seed), ids)
+    roadside = line_roads(out.solid, _roadside_site(network, work, plots, config, seed), ids)
     clear = [light_feet[:, :2], sign_feet[:, :2], *(walk.polygon_m[:, :2] for walk in network.crosswalks)]
     furnisher = _furnish(work, plots, roadside, np.concatenate(clear), route_m, seed)
     cover = MeshBuilder()
@@ -86,8 +88,12 @@ def dress(
     )
 
 
-def _roadside_site(network: LaneNetwork, work: Groundwork, plots: Plots, seed: int) -> RoadsideSite:
+def _roadside_site(
+    network: LaneNetwork, work: Groundwork, plots: Plots, config: TownConfig, seed: int
+) -> RoadsideSite:
     return RoadsideSite(
+        network=network,
+        config=config.roadside,
         strips=work.strips,
         roads=work.roads,
         edges=plots.edges,
@@ -96,7 +102,9 @@ def _roadside_site(network: LaneNetwork, work: Groundwork, plots: Plots, seed: i
         crosswalks=network.crosswalks,
         ground=work.ground,
         blocked=shapely.union_all([plots.reserved, *plots.footprints()]),
+        built=shapely.union_all([*(site.ground for site in plots.features), *plots.footprints()]),
         overhead=work.overhead,
+        spans=spanning_sites(plots.features),
         car_parks=plots.car_parks,
         seed=seed,
     )

@@ -6,9 +6,8 @@ import numpy as np
 import shapely
 
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, tube
+from carlaloc_env.assets.street.direction_signs import BOARD_M, CLEAR_M, direction_board
 from carlaloc_env.assets.street.furniture import bench, bollard, lamp
-from carlaloc_env.assets.street.traffic_signs import board
-from carlaloc_env.assets.texture_atlas import cell_corners, street_name_uv
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -18,18 +17,13 @@ from carlaloc_env.town.ground.height_fields import HeightOf
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_copies import copies, poses
 
-GANTRY_CLEAR_M = 5.7
-"""Free height under the boards of a gantry [m]."""
 LONGEST_GANTRY_M = 45.0
 """Farthest that a gantry reaches to each side of its place [m]."""
 POST_CLEAR_M = 1.0
 """Distance of its posts from everything paved [m]."""
-BOARD_M = (4.4, 2.9)
-"""Width and height of a direction board [m]."""
 PIER_WIDTH_M, SMALL_PIER_M = 6.0, 40.0
 """Width of a pier [m]; shorter ones are half as wide."""
 _STEEL = Look(Material.METAL_GALVANISED, Tag.POLE, (195, 198, 200))
-_GREEN = Look(Material.METAL_PAINTED, Tag.TRAFFIC_SIGN, (2, 46, 22))
 _WOOD = Look(Material.WOOD, Tag.STATIC, (200, 190, 175))
 
 
@@ -43,7 +37,7 @@ def gantry(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     feet = np.array([centre + reach[0] * right, centre - reach[1] * right])
     across = centre + np.linspace(-reach[1], reach[0], 15)[:, None] * right
     low = float(floor(across).max())
-    z = low + GANTRY_CLEAR_M + 0.3
+    z = low + CLEAR_M + 0.3
     parts = []
     for y, foot in ((reach[0], feet[0]), (-reach[1], feet[1])):
         base = float(floor(foot[None])[0])
@@ -58,7 +52,7 @@ def gantry(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
         span = reach[0] if side > 0 else reach[1]
         for k, share in enumerate((0.38, 0.72) if span > 2.4 * BOARD_M[0] else (0.55,)):
             at = (0.12 * np.cos(yaw) - 0.2, side * share * span, z + 1.2)
-            parts.append(placed(_direction_board(names[k], names[k + 1]), at, yaw))
+            parts.append(placed(direction_board(names[k], names[k + 1]), at, yaw))
     T = poses([(*centre, 0.0)], heading)
     return copies(merge(parts), T, 0)
 
@@ -69,20 +63,6 @@ def _reach(centre: Array, direction: Array, paved: Area) -> float:
     distance = shapely.distance(paved, shapely.points(centre + way[:, None] * direction))
     free = np.flatnonzero(distance > POST_CLEAR_M)
     return float(way[free[0]]) if len(free) else LONGEST_GANTRY_M
-
-
-def _direction_board(first: int, second: int) -> Mesh:
-    """Two names over a white rim, face along +x, centred on the origin."""
-    width, height = BOARD_M
-    white = Look(Material.SIGN, Tag.TRAFFIC_SIGN, (235, 235, 232))
-    parts = [
-        box(white, (0.06, width, height), (0.0, 0.0, 0.0)),
-        box(_GREEN, (0.064, width - 0.12, height - 0.12), (0.0, 0.0, 0.0)),
-    ]
-    for index, z in ((first, 0.62), (second, -0.62)):
-        plate = board("rectangle", width - 0.5, 1.05, cell_corners(street_name_uv(index)))
-        parts.append(placed(plate, (0.042, 0.0, z)))
-    return merge(parts)
 
 
 def pier(feature: Feature, _: Area, floor: HeightOf) -> Mesh:

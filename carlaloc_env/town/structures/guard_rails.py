@@ -31,10 +31,11 @@ MEDIAN_RAIL_AWAY_M = 1.3
 """The same on wide medians [m]: lanes that begin at a median's edge keep clear of the rail."""
 SHORTEST_M = 10.0
 """Shorter rails are left out [m]."""
-DELINEATOR_STEP_M, DELINEATOR_AWAY_M = 50, 0.95
-"""Distance of reflecting posts along a straight road and from its edge, behind any rail [m]."""
 STEP_M = 4.0
-"""Distance of the rail's cross-sections and posts [m]."""
+"""Length of a beam, and distance of the posts of a simple rail (ESP 4.0) [m]."""
+FAST_POST_M, SPACER_M = 2.0, 0.16
+"""Distance of the posts of rails beside fast roads (EDSP 2.0), and how far a spacer holds the beam off
+them [m]; the German rules RPS ask for such rails on motorways."""
 BEAM = ((0.0, 0.44), (-0.08, 0.50), (0.0, 0.595), (-0.08, 0.69), (0.0, 0.75))
 """Cross-section of a W-beam: distance from its plane away from the road, and height [m]."""
 BARRIER = (
@@ -74,7 +75,8 @@ def add_guard_rails(
                 xy = foot[a:b]
                 z = np.maximum(ground.height(xy), edge.line_m[a:b, 2] - 0.1)
                 lines.append(xy)
-                _rail(out, solid, np.column_stack([xy, z]), edge.right[a:b])
+                fast = edge.limit_mps >= FAST_MPS or edge.road_type == "motorway"
+                _rail(out, solid, np.column_stack([xy, z]), edge.right[a:b], fast=fast)
     parts = [shapely.buffer(shapely.LineString(line), 0.5) for line in lines]
     return shapely.union_all(parts) if parts else shapely.MultiPolygon()
 
@@ -103,36 +105,8 @@ def add_medians(
                 for line, side in ((left[a:b], away), (right[a:b], -away)):
                     foot = line.copy()
                     foot[:, :2] += MEDIAN_RAIL_AWAY_M * side
-                    _rail(out, solid, foot, side)
+                    _rail(out, solid, foot, side, fast=True)
     return middles
-
-
-def delineator_feet(
-    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], paved: Area, ground: Terrain
-) -> tuple[Array, Array]:
-    """Feet (N, 3) [m] of reflecting posts along country roads and motorways, and where they look [rad].
-
-    They stand 50 m apart, 25 m where the road bends, much as the German guideline HLB has them.
-    """
-    country = shapely.union_all([area for kind, area in zones if kind in ("rural", "highway")])
-    for area in (country, paved):
-        shapely.prepare(area)
-    feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
-    for edge in edges:
-        if edge.sidewalk or len(edge.line_m) < DELINEATOR_STEP_M:
-            continue
-        turn = np.abs(np.sum(edge.right[0] * edge.right[-1]))
-        step = DELINEATOR_STEP_M if turn > np.cos(0.35) else DELINEATOR_STEP_M / 2
-        rows = np.arange(int(step / 2), len(edge.line_m) - 3, int(step))
-        xy = edge.line_m[rows, :2] + DELINEATOR_AWAY_M * edge.right[rows]
-        free = shapely.distance(paved, shapely.points(xy)) > 0.6 * DELINEATOR_AWAY_M
-        free &= shapely.contains_xy(country, xy[:, 0], xy[:, 1]) & (edge.state[rows] == State.GROUND)
-        rows, xy = rows[free], xy[free]
-        if len(rows):
-            feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
-            # Traffic keeps to the right: it comes along the line, whose free side is on its right.
-            yaws.append(np.arctan2(edge.right[rows, 0], -edge.right[rows, 1]))
-    return np.concatenate(feet), np.concatenate(yaws)
 
 
 def median_edges(strip: Strip) -> list[tuple[Array, Array]]:
@@ -147,7 +121,7 @@ def median_edges(strip: Strip) -> list[tuple[Array, Array]]:
     return found
 
 
-def _rail(out: MeshBuilder, solid: MeshBuilder, foot: Array, away: Array) -> None:
+def _rail(out: MeshBuilder, solid: MeshBuilder, foot: Array, away: Array, *, fast: bool) -> None:
     """A W-beam on posts; its face looks against `away` (N, 2)."""
     rows = _even(len(foot), STEP_M)
     p, n = foot[rows], np.column_stack([away[rows], np.zeros(len(rows))])
@@ -161,20 +135,30 @@ def _rail(out: MeshBuilder, solid: MeshBuilder, foot: Array, away: Array) -> Non
     look: dict[str, Any] = {"material": Material.METAL_GALVANISED, "tag": Tag.GUARD_RAIL, "colour": _STEEL}
     out.grid(grid[:, ::side], uv_m=uv[:, ::side], **look)
     out.grid(back[:, ::-side], uv_m=uv[:, [0, -1]], **look)
-    box = box_quads([-0.05, -0.06, -0.4], [0.05, 0.06, 0.72])
-    along = np.stack([-n[:, 1], n[:, 0]], axis=-1)
-    centre = p + 0.08 * n
-    posts = np.zeros((len(p), *box.shape))
-    posts[..., :2] = (
-        centre[:, None, None, :2]
-        + box[None, ..., :1] * n[:, None, None, :2]
-        + box[None, ..., 1:2] * along[:, None, None]
-    )
-    posts[..., 2] = centre[:, None, None, 2] + box[None, ..., 2]
-    out.quads(posts.reshape(-1, 4, 3), **look)
+    _posts(out, foot, away, fast, look)
     up = np.array([0.0, 0.0, 0.8])
     wall = np.stack([p[:-1], p[1:], p[1:] + up, p[:-1] + up], axis=1)
     solid.quads(np.concatenate([wall, wall[:, ::-1]]), material=Material.PLAIN, tag=Tag.GUARD_RAIL)
+
+
+def _posts(out: MeshBuilder, foot: Array, away: Array, fast: bool, look: dict[str, Any]) -> None:
+    """Posts behind the beam; of fast roads, twice as many with spacers before them."""
+    rows = _even(len(foot), FAST_POST_M if fast else STEP_M)
+    behind = SPACER_M if fast else 0.03
+    boxes = [box_quads([behind, -0.06, -0.4], [behind + 0.1, 0.06, 0.72])]
+    if fast:
+        # Sides and top; its ends lie on the beam and on the post.
+        boxes.append(box_quads([0.02, -0.04, 0.5], [behind, 0.04, 0.69])[[0, 2, 4]])
+    box, n = np.concatenate(boxes), away[rows]
+    along = np.stack([-n[:, 1], n[:, 0]], axis=-1)
+    posts = np.zeros((len(rows), *box.shape))
+    posts[..., :2] = (
+        foot[rows, None, None, :2]
+        + box[None, ..., :1] * n[:, None, None]
+        + box[None, ..., 1:2] * along[:, None, None]
+    )
+    posts[..., 2] = foot[rows, None, None, 2] + box[None, ..., 2]
+    out.quads(posts.reshape(-1, 4, 3), **look)
 
 
 def _road_on_left(p: Array, n: Array) -> bool:

@@ -20,6 +20,8 @@ PARAPET_M, HANDRAIL_M = 0.8, 1.1
 """Height of the concrete parapet and of the rail on it above the road's edge [m]."""
 RAIL_KERB_M, OPEN_RAILS_M = 0.25, (0.46, 0.67, 0.88, 1.08)
 """Over water, railings that one looks through: height of the kerb below them and of their rails [m]."""
+POST_HALF_M = 0.035
+"""Half the side of a railing's post [m]."""
 _END_M = 2.2
 
 
@@ -107,14 +109,26 @@ def _railing(
         half = 0.05 if height == heights_m[-1] else 0.025
         low, high = line + up * (height - half), line + up * (height + half)
         faces.append(np.stack([low[a], low[b], high[b], high[a]], axis=1))
-    posts = a[::2]
-    step = line[after[posts]] - line[posts]
-    step *= 0.04 / np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-6)[:, None]
-    foot, head = line[posts] + up * (base_m - 0.02), line[posts] + up * heights_m[-1]
-    faces.append(np.stack([foot - step, foot + step, head + step, head - step], axis=1))
     front = np.concatenate(faces)
-    both = np.concatenate([front, front[:, ::-1]])
+    both = np.concatenate([front, front[:, ::-1], _rail_posts(line, a[::2], after, base_m, heights_m[-1])])
     out.quads(both, material=Material.METAL_GALVANISED, tag=Tag.GUARD_RAIL, colour=(190, 192, 194))
+
+
+def _rail_posts(
+    line: Array, rows: NDArray[np.int64], after: NDArray[np.int64], base_m: float, top_m: float
+) -> Array:
+    """Sides of square posts every two metres, as drawn for German bridges (RIZ-ING Gel)."""
+    along = line[after[rows]] - line[rows]
+    along *= POST_HALF_M / np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-6)[:, None]
+    across = np.stack([along[:, 1], -along[:, 0], np.zeros(len(rows))], axis=-1)
+    ring = np.stack(
+        [line[rows] + i * along + j * across for i, j in ((-1, -1), (-1, 1), (1, 1), (1, -1))], axis=1
+    )
+    up = np.array([0.0, 0.0, 1.0])
+    low, high = ring + (base_m - 0.02) * up, ring + top_m * up
+    sides = np.stack([low, np.roll(low, -1, axis=1), np.roll(high, -1, axis=1), high], axis=2)
+    quads: Array = sides.reshape(-1, 4, 3)
+    return quads
 
 
 def at_end(points: Array, ends: cKDTree | None) -> Mask:

@@ -28,6 +28,8 @@ DECK_LAMP_M, DECK_ARM_M = 7.0, 1.6
 """The same of lamps on parapets [m]."""
 AWAY_M = 1.6
 """Distance of masts from the road's edge, behind the rail [m]."""
+SPAN_CLEAR_M = 2.0
+"""Distance of masts from what spans a road [m]."""
 RIM_M = 0.5
 """Lamps stand on parapets only this near to the deck's rim [m]."""
 _UNLIT = ("rural", "park")
@@ -38,6 +40,7 @@ def mast_meshes(
     medians: Sequence[Array],
     zones: Sequence[tuple[str, Area]],
     paved: Area,
+    spans: Area,
     ground: Terrain,
     overhead: Area,
     ids: InstanceIds,
@@ -49,13 +52,14 @@ def mast_meshes(
         medians: Lines (N, 3) along the medians of fast roads on which masts stand.
         zones: Kinds of scenery with their areas.
         paved: Everything paved, on which no mast stands.
+        spans: Ground below what spans roads, on which none stands.
         ground: Heights of the ground.
         overhead: Raised roads, along whose rims the parapets stand.
         ids: Gives each mast an instance id.
     """
     shapely.prepare(paved)
-    double, yaw_double = _on_medians(medians)
-    single, yaw_single = _beside(edges, double, zones, paved, ground)
+    double, yaw_double = _outside(spans, *_on_medians(medians))
+    single, yaw_single = _outside(spans, *_beside(edges, double, zones, paved, ground))
     deck, yaw_deck = _on_parapets(edges, overhead)
     one = furniture.lamp(MAST_M, ARM_M)
     kinds = (
@@ -72,6 +76,13 @@ def mast_meshes(
             offset = np.stack([np.cos(yaw) * arm, np.sin(yaw) * arm, np.full(len(yaw), height)], axis=-1)
             lights.append(feet + offset)
     return meshes, np.concatenate(lights), np.concatenate([double, single, deck])
+
+
+def _outside(spans: Area, feet: Array, yaws: Array) -> tuple[Array, Array]:
+    if spans.is_empty or not len(feet):
+        return feet, yaws
+    free = shapely.distance(spans, shapely.points(feet[:, :2])) > SPAN_CLEAR_M
+    return feet[free], yaws[free]
 
 
 def _on_medians(medians: Sequence[Array]) -> tuple[Array, Array]:

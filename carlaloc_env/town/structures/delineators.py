@@ -1,0 +1,93 @@
+"""Reflecting posts along country roads and motorways."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.town.ground.grade_levels import State
+from carlaloc_env.town.ground.road_edges import RoadEdge
+from carlaloc_env.town.ground.terrain import Terrain
+from carlaloc_env.town.meshing.polygons import Area
+
+SPACING_M = ((20.0, 3.0), (50.0, 5.0), (100.0, 10.0), (300.0, 20.0), (600.0, 50.0))
+"""Radius of a bend and the distance of posts in it [m], after the German notes on delineators (HLB); the last
+distance holds on straights."""
+AWAY_M = 0.95
+"""Distance from the road's edge, behind any rail [m]."""
+ZONES = ("rural", "highway")
+"""Zones whose roads have them."""
+SMOOTH_M = 21
+"""Length over which a bend's radius is taken [m]."""
+
+
+def delineator_feet(
+    edges: Sequence[RoadEdge], zones: Sequence[tuple[str, Area]], paved: Area, ground: Terrain
+) -> tuple[Array, Array]:
+    """Feet (N, 3) [m] of posts, and the direction of the traffic on their side [rad].
+
+    Both sides of a road have them; of a road of one direction the right side alone. Their distances go on
+    from one section of a road to the next.
+
+    Args:
+        edges: Edges of all roads.
+        zones: Kinds of scenery with their areas.
+        paved: Everything paved or built, on which none stands.
+        ground: Heights of the ground.
+    """
+    country = shapely.union_all([area for kind, area in zones if kind in ZONES])
+    for area in (country, paved):
+        shapely.prepare(area)
+    feet, yaws = [np.zeros((0, 3))], [np.zeros(0)]
+    passed: dict[tuple[int, bool], float] = {}
+    for edge in _in_driving_order(edges):
+        key = edge.strip.road, edge.name.endswith("right")
+        count = passed.get(key, 0.5) + np.concatenate([[0.0], np.cumsum(1.0 / spacing_m(edge.line_m))])
+        passed[key] = float(count[-1])
+        if edge.sidewalk or against_traffic(edge):
+            continue
+        rows = np.flatnonzero(np.diff(np.floor(count)) > 0)
+        xy = edge.line_m[rows, :2] + AWAY_M * edge.right[rows]
+        free = shapely.distance(paved, shapely.points(xy)) > 0.6 * AWAY_M
+        free &= shapely.contains_xy(country, xy[:, 0], xy[:, 1]) & (edge.state[rows] == State.GROUND)
+        rows, xy = rows[free], xy[free]
+        if len(rows):
+            feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
+            # Traffic keeps to the right: it comes along the line, whose free side is on its right.
+            yaws.append(np.arctan2(edge.right[rows, 0], -edge.right[rows, 1]))
+    return np.concatenate(feet), np.concatenate(yaws)
+
+
+def spacing_m(line_m: Array) -> Array:
+    """Distance of posts [m] at every metre of a line (N, 3) with a point per metre, shape (N − 1,)."""
+    step = np.diff(line_m[:, :2], axis=0)
+    turn = np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
+    if len(turn) < 3:
+        return np.full(len(step), SPACING_M[-1][1])
+    width = min(SMOOTH_M, len(turn))
+    curvature = np.abs(np.convolve(turn, np.ones(width) / width, mode="same"))
+    curvature = np.concatenate([curvature[:1], curvature])
+    radius, distance = np.array(SPACING_M).T
+    found: Array = np.interp(1.0 / np.maximum(curvature, 1e-9), radius, distance)
+    return found
+
+
+def against_traffic(edge: RoadEdge) -> bool:
+    """Whether the road is of one direction and the edge lies on its left, where the median or a gore is."""
+    forward = {lane.id < 0 for lane in edge.strip.lanes if lane.type == "driving"}
+    return len(forward) == 1 and edge.name.endswith("left") == forward.pop()
+
+
+def _in_driving_order(edges: Sequence[RoadEdge]) -> list[RoadEdge]:
+    """Sections of each road in the order in which traffic on the edge's side meets them."""
+    return sorted(
+        edges,
+        key=lambda e: (
+            e.strip.road,
+            e.name.endswith("left"),
+            e.strip.section * (-1) ** e.name.endswith("left"),
+        ),
+    )
