@@ -40,7 +40,7 @@ LEAST_SKY = 0.12
 """Share of a picture that is sky, so that none shows the inside of an underpass."""
 
 
-def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
+def draw(name: str, folder: Path = GALLERY, quality: str = "medium") -> Path:
     """Write a town's sheet as a JPEG, as good as `LARGEST_BYTES` allow.
 
     Args:
@@ -52,7 +52,7 @@ def draw(name: str, folder: Path = GALLERY, quality: str = "high") -> Path:
     return _write(sheet, folder / f"{name}.jpg")
 
 
-def draw_weathers(names: list[str], folder: Path = GALLERY, quality: str = "high") -> Path:
+def draw_weathers(names: list[str], folder: Path = GALLERY, quality: str = "medium") -> Path:
     """Write one street of every town in three weathers, a row per town."""
     rows = [np.hstack(street_in_weathers(name, quality)) for name in names]
     return _write(cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), folder / "weathers.jpg")
@@ -128,7 +128,7 @@ if __name__ == "__main__":
     )
     parser.add_argument("towns", nargs="*", help="all when left out")
     parser.add_argument("--out", type=Path, default=GALLERY, help="folder of the pictures")
-    parser.add_argument("--quality", default="high", help="low, medium or high")
+    parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--weathers", action="store_true", help="every town in three weathers instead")
     arguments = parser.parse_args()
     if arguments.weathers:

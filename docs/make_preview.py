@@ -118,7 +118,7 @@ if __name__ == "__main__":
     )
     parser.add_argument("episode", type=Path, nargs="?", help="a recorded drive (.mcap)")
     parser.add_argument("--at", type=float, help="instant to draw [s]; else the busiest")
-    parser.add_argument("--quality", default="high", help="low, medium or high")
+    parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--out", type=Path, default=PICTURE, help="the picture")
     arguments = parser.parse_args()
     main(arguments.episode, arguments.at, arguments.quality, arguments.out)

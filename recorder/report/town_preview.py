@@ -41,7 +41,7 @@ _CLEAR_M = 14.0
 """No vehicle stands nearer before a street view's eye [m]."""
 
 
-def draw_town(town: Town, out: Path, *, quality: str = "high", overwrite: bool = False) -> Path:
+def draw_town(town: Town, out: Path, *, quality: str = "medium", overwrite: bool = False) -> Path:
     """Write a town's sheet.
 
     Args:
@@ -68,7 +68,7 @@ def draw_town(town: Town, out: Path, *, quality: str = "high", overwrite: bool =
     return part.replace(out)
 
 
-def town_sheet(town: Town, *, quality: str = "high") -> U8:
+def town_sheet(town: Town, *, quality: str = "medium") -> U8:
     """View from above with its legend, and four street views beside it, sRGB, shape (1080, 1840, 3).
 
     Args:
