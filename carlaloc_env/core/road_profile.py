@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.road_events import RoadEvents
 from carlaloc_env.core.rough_surface import RoughSurface
 
 LONGEST_WAVE_M, SPLIT_WAVE_M, SHORTEST_WAVE_M = 50.0, 10.0, 0.25
@@ -96,15 +97,17 @@ class Relief:
 
 
 class Roughness:
-    """Waves of 10 m down to a tyre's footprint, as the tyre's patch on the road averages them.
+    """Waves of 10 m down to a tyre's footprint, and events, as the tyre's patch on the road averages them.
 
     Args:
-        seed: Number from which they are drawn.
+        seed: Number from which the waves are drawn.
         level: How rough roads are.
+        events: Covers, repairs and joints, columns of `road_events`, shape (N, 7); None: none.
     """
 
-    def __init__(self, seed: int, level: LevelGrid) -> None:
+    def __init__(self, seed: int, level: LevelGrid, events: Array | None = None) -> None:
         self._level = level
+        self._events = None if events is None or not len(events) else RoadEvents(events, FOOTPRINT_M)
         self._surface = RoughSurface(
             seed,
             "road/roughness",
@@ -116,4 +119,5 @@ class Roughness:
 
     def height(self, x_m: float, y_m: float) -> float:
         """Height under a tyre at one place of the world [m]."""
-        return self._level.at(x_m, y_m) * self._surface.height(x_m, y_m)
+        waves = self._level.at(x_m, y_m) * self._surface.height(x_m, y_m)
+        return waves if self._events is None else waves + self._events.height(x_m, y_m)

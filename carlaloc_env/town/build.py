@@ -71,7 +71,7 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         collision_triangles=scenery.collision_triangles,
         lenses=scenery.lenses,
         lamps_m=scenery.lamps_m,
-        roughness=None if levels is None else Roughness(seed, levels),
+        roughness=None if levels is None else Roughness(seed, levels, scenery.road_events),
         content_hash=key,
     )
 
@@ -85,6 +85,7 @@ def _to_arrays(scenery: TownScenery) -> Arrays:
     arrays: Arrays = {
         "collision_vertices_m": scenery.collision_vertices_m,
         "collision_triangles": scenery.collision_triangles,
+        "road_events": scenery.road_events,
         "lamps_m": scenery.lamps_m,
         "lens_signal": scenery.lenses.signal,
         "lens_state": scenery.lenses.state,
@@ -106,6 +107,7 @@ def _from_arrays(arrays: Arrays) -> TownScenery:
             T_world_lens=arrays["T_world_lens"],
             instance=arrays.get("lens_instance"),
         ),
+        road_events=arrays["road_events"],
         lamps_m=arrays["lamps_m"],
     )
 

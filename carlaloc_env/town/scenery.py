@@ -38,6 +38,8 @@ class TownScenery:
     """Corner indices, shape (T, 3)."""
     lenses: SignalLenses
     """Lenses of the traffic lights."""
+    road_events: Array
+    """What wheels feel beside the meshes, columns of `core.road_events`, shape (N, 7)."""
     lamps_m: Array
     """Light sources of the street lamps [m], shape (K, 3)."""
 
@@ -62,6 +64,7 @@ def build_scenery(
         collision_vertices_m=vertices,
         collision_triangles=triangles,
         lenses=dressing.lenses,
+        road_events=np.concatenate(out.events),
         lamps_m=np.concatenate([dressing.lamps_m, tunnel_lamps]),
     )
 

@@ -9,6 +9,7 @@ import shapely
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.road_events import no_events
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.height_fields import JunctionField
@@ -16,15 +17,18 @@ from carlaloc_env.town.ground.paved_areas import JunctionArea
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, areas_only, triangulate
 from carlaloc_env.town.roads.carriageways import is_gutter
+from carlaloc_env.town.roads.felt_events import felt
 from carlaloc_env.town.roads.junction_surfaces import unpaved_junction
 from carlaloc_env.town.roads.motorways import DETAILS, SURFACE
 from carlaloc_env.town.roads.patches_and_covers import (
     COLLAR_GREY,
     COLLAR_M,
     COLLARS,
+    COVER_RADIUS_M,
     PATCH_M,
     SEAL_M,
     SEAL_WIDTH_M,
+    SQUARE,
     cover_rings,
     lay_cover,
     repair_surface,
@@ -42,14 +46,20 @@ _CELL_M = 1.5
 
 def add_junction_details(
     out: MeshBuilder, junction: JunctionArea, field: JunctionField, seed: int, *, fast: bool
-) -> None:
-    """What roads and traffic have left on one junction; `fast` where only fast roads meet."""
+) -> Array:
+    """What roads and traffic have left on one junction, `fast` where only fast roads meet.
+
+    Returns:
+        What wheels feel of it, shape (N, 7).
+    """
+    events = [no_events()]
     if unpaved_junction(junction):
-        return
+        return events[0]
     _gutters(out, junction, field)
     inner = areas_only(shapely.buffer(junction.roadway, -MARGIN_M), 4.0)
     if inner.is_empty or inner.area < 40.0:
-        return
+        return events[0]
+    heights = rng.stream(seed, f"felt/junction/{junction.id}")
     draw = rng.stream(seed, f"junction details/{junction.id}")
     number = inner.area / AREA_M2 * (DETAILS if fast else 1.0)
     sheets = _Sheets(inner)
@@ -57,6 +67,8 @@ def add_junction_details(
         rings = point + cover_rings() @ _turned(draw)
         if shapely.contains_xy(inner, *rings[:12].T).all():
             sheets.add(rings, lay_cover)
+            lid = COVER_RADIUS_M * SQUARE * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]])
+            events.append(felt("cover", point + lid, heights))
             collar = shapely.Point(*point).buffer(0.5 * COLLAR_M, cap_style="square")
             if draw.random() < COLLARS:
                 sheets.lay(collar, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY)))
@@ -67,11 +79,14 @@ def add_junction_details(
         rim = shapely.buffer(patch, SEAL_WIDTH_M, join_style="mitre")
         if sheets.free(rim):
             sheets.lay(patch, PATCH_M, material, grey)
+            if shapely.contains(inner, patch):
+                events.append(felt("patch", shapely.get_coordinates(patch)[:3], heights))
             if sealed:
                 sheets.lay(rim, SEAL_M, Material.PLAIN, 7.0)
     cracks = [_crack(point, draw) for point in _points(inner, draw.poisson(number), draw)]
     sheets.lay(shapely.union_all(cracks), CRACK_M, Material.PLAIN, 6.0)
     sheets.build(out, field)
+    return np.concatenate(events)
 
 
 class _Sheets:

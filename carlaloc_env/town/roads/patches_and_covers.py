@@ -19,6 +19,8 @@ COVER_RADIUS_M, COLLAR_M = 0.33, 1.1
 """Radius of a cover, and edge of the square that some are set in [m]."""
 COLLARS, COLLAR_GREY = 0.3, (150.0, 190.0)
 """Share of covers that are set in a square of younger asphalt, and its brightness."""
+SQUARE = 0.886
+"""Half the side of a square over the radius of a disc of the same area."""
 REPAIRS: tuple[tuple[Material, tuple[float, float], float, float], ...] = (
     (Material.ASPHALT, (150.0, 205.0), 0.65, 0.3),
     (Material.ASPHALT_OLD, (200.0, 235.0), 0.35, 0.6),

@@ -8,28 +8,34 @@ import numpy as np
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.road_events import no_events
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.roads.carriageways import casting_ends
+from carlaloc_env.town.roads.felt_events import felt_on
 from carlaloc_env.town.roads.motorways import DETAILS, SURFACE, is_fast
 from carlaloc_env.town.roads.patches_and_covers import (
     COLLAR_GREY,
     COLLAR_M,
     COLLARS,
     COVER_M,
+    COVER_RADIUS_M,
     PATCH_M,
     SEAL_M,
     SEAL_WIDTH_M,
+    SQUARE,
     cover_rings,
     lay_cover,
     repair_surface,
 )
 from carlaloc_env.town.roads.road_markings import beside
 
-Spans = list[tuple[float, float]]
+Interval = tuple[float, float]
+"""From and to [m]."""
+Spans = list[Interval]
 """From and to along the road [m]."""
 Rectangle = tuple[float, float, float, float]
 """From and to along the road [m], from and to across a lane or sidewalk from its right edge [m]."""
@@ -48,15 +54,16 @@ CRACK_M = 0.0022
 """Height of cracks and tyre marks above the road [m]."""
 
 
-def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> None:
-    """Details of all roads outside junctions."""
+def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[Road], seed: int) -> Array:
+    """Details of all roads outside junctions; those that wheels feel, shape (N, 7)."""
+    events = [no_events()]
     for strip in strips:
         if strip.junction_id is not None or strip.s_m[-1] - strip.s_m[0] < 8.0:
             continue
         draw = rng.stream(seed, f"details/{strip.road_id}/{strip.section}")
         fast = is_fast(roads[strip.road])
         painted = _painted_spans(roads[strip.road])
-        bands, ends = _Bands(strip), casting_ends(strip, seed)
+        bands, ends = _Bands(strip, seed), casting_ends(strip, seed)
         for lane in range(len(strip.lanes)):
             if (
                 strip.kind(lane) == "roadway"
@@ -72,18 +79,27 @@ def add_road_details(out: MeshBuilder, strips: Sequence[Strip], roads: Sequence[
                 _tyre_marks(bands, strip, lane, draw, SURFACE if fast else Material.ASPHALT)
             _drains(bands, strip, lane, draw)
         bands.lay(out)
+        events += bands.events
+    return np.concatenate(events)
 
 
 class _Bands:
     """Thin bands and plates on one strip, gathered so that the road's table is looked at once per edge."""
 
-    def __init__(self, strip: Strip) -> None:
+    def __init__(self, strip: Strip, seed: int) -> None:
         self._strip = strip
+        self._draw = rng.stream(seed, f"felt/{strip.road_id}/{strip.section}")
+        self.events: list[Array] = []
+        """What wheels feel of them, (1, 7) each."""
         self._found: list[tuple[int, Array, Array, Callable[[MeshBuilder, Array], None]]] = []
 
     def add(self, edge: int, s: Array, offset_m: Array, lay: Callable[[MeshBuilder, Array], None]) -> None:
         """Points at stations (K,), `offset_m` (K,) to the left of an edge; `lay` gets them (K, 3)."""
         self._found.append((edge, s, offset_m, lay))
+
+    def feel(self, edge: int, kind: str, span_m: Interval, across_m: Interval) -> None:
+        """Let wheels feel a rectangle, from and to along the road and to the left of an edge."""
+        self.events.append(felt_on(self._strip, edge, kind, span_m, across_m, self._draw))
 
     def lay(self, out: MeshBuilder) -> None:
         """Lay everything in the order in which it came."""
@@ -125,6 +141,7 @@ def _patches(
         if sealed:
             _sheet(bands, strip, lane, rim, wide, SEAL_M, Material.PLAIN, 7.0)
         _sheet(bands, strip, lane, span, across, PATCH_M, material, grey)
+        bands.feel(lane + 1, "patch", span, across)
 
 
 def _covers(
@@ -146,6 +163,8 @@ def _covers(
             continue
         rings = cover_rings()
         bands.add(lane + 1, start + rings[:, 0], across + rings[:, 1], lay_cover)
+        lid = COVER_RADIUS_M * SQUARE
+        bands.feel(lane + 1, "cover", (start - lid, start + lid), (across - lid, across + lid))
         if draw.random() < COLLARS and half + 0.1 < across < room - half - 0.1:
             _sheet(
                 bands, strip, lane, span, sides, PATCH_M, Material.ASPHALT, float(draw.uniform(*COLLAR_GREY))
@@ -172,6 +191,7 @@ def _seams(bands: _Bands, strip: Strip, lane: int, ends_m: Array, draw: np.rando
         if room > 2.0:
             span = (start - 0.5 * SEAM_WIDTH_M, start + 0.5 * SEAM_WIDTH_M)
             _sheet(bands, strip, lane, span, (0.02, room - 0.02), CRACK_M, Material.PLAIN, 12.0)
+            bands.feel(lane + 1, "seam", span, (0.02, room - 0.02))
 
 
 def _tyre_marks(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shapely
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.road_events import no_events
 from carlaloc_env.town.ground.grade_graph import grown
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
 from carlaloc_env.town.ground.ground_plan import Groundwork
@@ -15,6 +16,7 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder
 from carlaloc_env.town.meshing.polygons import Area, areas_only
 from carlaloc_env.town.roads.carriageways import add_plain_lanes, add_roads
+from carlaloc_env.town.roads.felt_events import add_bridge_joints
 from carlaloc_env.town.roads.junction_surfaces import add_corners, add_islands, add_junction_surface
 from carlaloc_env.town.roads.junction_wear import add_junction_details
 from carlaloc_env.town.roads.motorways import is_fast_junction
@@ -42,13 +44,16 @@ class Surfaces:
         """Solid, but not seen."""
         self.paint = MeshBuilder()
         """Seen only."""
+        self.events: list[Array] = [no_events()]
+        """What wheels feel beside the meshes, (N, 7) each."""
 
 
 def add_surfaces(out: Surfaces, network: LaneNetwork, work: Groundwork, seed: int) -> Array:
     """Everything flat; gives the places of lamps below roofs [m], shape (K, 3)."""
     add_roads(out.lanes, work.strips, work.roads, seed)
     add_plain_lanes(out.solid, work.strips)
-    add_road_details(out.lanes, work.strips, work.roads, seed)
+    out.events.append(add_road_details(out.lanes, work.strips, work.roads, seed))
+    out.events.append(add_bridge_joints(out.lanes, work.strips, work.levels, seed))
     add_sidewalks(out.raised, work.strips, work.roads, seed)
     add_sidewalk_wear(out.lanes, work.strips, work.roads, seed)
     _add_junctions(out, work, seed)
@@ -69,7 +74,7 @@ def _add_junctions(out: Surfaces, work: Groundwork, seed: int) -> None:
         surface = JunctionField(junction.strips, work.surface)
         fast = is_fast_junction(junction, work.roads)
         add_junction_surface(out.raised, junction, surface, seed, fast=fast)
-        add_junction_details(out.lanes, junction, surface, seed, fast=fast)
+        out.events.append(add_junction_details(out.lanes, junction, surface, seed, fast=fast))
         add_corners(out.raised, junction, work.areas, work.kerb if deck is None else deck)
 
 
