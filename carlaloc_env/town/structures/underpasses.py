@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.cuttings import ROOF_M
 from carlaloc_env.town.ground.grade_graph import grown, runs
 from carlaloc_env.town.ground.grade_levels import WALL_M, Levels, Stretch
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
+from carlaloc_env.town.structures.underpass_fittings import add_fittings
 
 PARAPET_M = 0.95
 """Height of walls and rails above the ground beside a cut [m]."""
@@ -56,13 +57,15 @@ def _underpass(out: MeshBuilder, stretch: Stretch) -> Array:
     lamps = [np.zeros((0, 3))]
     for a, b in runs(stretch.detached):
         if b - a > 1:
-            lamps.append(_roof(out, stretch, roof_z, a, b))
+            _roof(out, stretch, roof_z, a, b)
+            at = _buttress_rows(len(roof_z))
+            lamps.append(add_fittings(out, stretch, roof_z, slice(a, b), outward, at))
     return np.concatenate(lamps)
 
 
 def _buttresses(out: MeshBuilder, stretch: Stretch, foot: Array, head: Array, sign: float) -> None:
     """Shallow buttresses before a retaining wall: what a LiDAR can hold on to along a smooth cut."""
-    rows = np.arange(int(BUTTRESS_STEP_M / 2), len(foot) - 1, int(BUTTRESS_STEP_M))
+    rows = _buttress_rows(len(foot))
     rows = rows[head[rows, 2] - foot[rows, 2] > 1.0]
     along = _ahead(stretch) * 0.5 * _BUTTRESS_WIDTH_M
     inward = -sign * _outward(stretch) * _BUTTRESS_DEPTH_M
@@ -73,6 +76,10 @@ def _buttresses(out: MeshBuilder, stretch: Stretch, foot: Array, head: Array, si
         _face(out, low, high, sign, Material.CONCRETE, Tag.WALL)
         lid = high if sign > 0 else high[::-1]
         out.quads(lid[None], material=Material.CONCRETE, tag=Tag.WALL, colour=_GREY)
+
+
+def _buttress_rows(count: int) -> Index:
+    return np.arange(int(BUTTRESS_STEP_M / 2), count - 1, int(BUTTRESS_STEP_M))
 
 
 def _beams(out: MeshBuilder, stretch: Stretch, left: Array, right: Array, a: int) -> None:
@@ -92,7 +99,7 @@ def _beams(out: MeshBuilder, stretch: Stretch, left: Array, right: Array, a: int
     out.quads(np.concatenate(faces), material=Material.CONCRETE, tag=Tag.BRIDGE, colour=_GREY)
 
 
-def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> Array:
+def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> None:
     left, right = stretch.left_m[a:b].copy(), stretch.right_m[a:b].copy()
     left[:, 2], right[:, 2] = roof_z[a:b], roof_z[a:b]
     out.grid(
@@ -116,16 +123,6 @@ def _roof(out: MeshBuilder, stretch: Stretch, roof_z: Array, a: int, b: int) -> 
         faces = np.stack([front, back, lid, soffit])
         faces = faces if sign < 0 else faces[:, ::-1]
         out.quads(faces, material=Material.CONCRETE, tag=Tag.BRIDGE, colour=_GREY)
-    middle = 0.5 * (left + right)[2:-2:9]
-    along = _ahead(stretch)[a:b][2:-2:9] * 0.9
-    side = 0.12 * _outward(stretch)[a:b][2:-2:9]
-    drop = np.array([0.0, 0.0, 0.03])
-    tubes = np.stack(
-        [middle - along + side, middle + along + side, middle + along - side, middle - along - side], axis=1
-    )
-    out.quads(tubes - drop, material=Material.LAMP_WHITE, tag=Tag.STATIC)
-    lamps: Array = middle - 10 * drop
-    return lamps
 
 
 def _face(out: MeshBuilder, low: Array, high: Array, sign: float, material: Material, tag: Tag) -> None:
