@@ -59,15 +59,30 @@ def trees(draw: st.DrawFn, seed: Any) -> Any:
     return tree
 
 
+Splices = list[tuple[int, int, bytes]]
+"""Edits of bytes, one after the other: beginning and end of what goes, and what comes in its place.
+
+What is drawn is kept for the whole hunt, so that whole files would fill the memory.
+"""
+
+
+def spliced(data: bytes, splices: Splices) -> bytes:
+    """The bytes after some edits."""
+    for begin, end, put in splices:
+        data = data[:begin] + put + data[end:]
+    return data
+
+
 @st.composite
-def damaged(draw: st.DrawFn, seed: bytes) -> bytes:
-    """The bytes with one to four pieces overwritten, inserted, cut out, or without their end."""
-    data = seed
+def damages(draw: st.DrawFn, seed: bytes) -> Splices:
+    """One to four pieces overwritten, inserted, cut out, or the end lost."""
+    splices: Splices = []
     for _ in range(draw(st.integers(1, 4))):
-        at, gone = draw(st.integers(0, max(len(data) - 1, 0))), draw(st.integers(0, 40))
-        put = draw(st.binary(max_size=12))
-        data = data[:at] + put + data[at + gone :]
-    return data[: draw(st.integers(0, len(data)))] if draw(st.integers(0, 9)) == 0 else data
+        at, gone = draw(st.integers(0, max(len(seed) - 1, 0))), draw(st.integers(0, 40))
+        splices.append((at, at + gone, draw(st.binary(max_size=12))))
+    if draw(st.integers(0, 9)) == 0:
+        splices.append((draw(st.integers(0, len(seed))), len(seed) + 100, b""))
+    return splices
 
 
 @st.composite
@@ -93,13 +108,14 @@ def lines(draw: st.DrawFn, seed: str) -> str:
 
 
 @st.composite
-def attributes(draw: st.DrawFn, seed: bytes) -> bytes:
-    """The XML text with one to three attributes changed to other words or numbers."""
-    data = seed
+def attributes(draw: st.DrawFn, seed: bytes) -> Splices:
+    """One to three attributes of an XML text changed to other words or numbers."""
+    data, splices = seed, list[tuple[int, int, bytes]]()
     for _ in range(draw(st.integers(1, 3))):
         found = list(re.finditer(rb'="([^"]*)"', data))
         match = found[draw(st.integers(0, len(found) - 1))]
         words = st.one_of(st.sampled_from([*NUMBERS, *TEXTS]), st.floats(-1e4, 1e4), st.text(max_size=9))
         put = str(draw(words)).replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
-        data = data[: match.start(1)] + put.encode("utf-8", "replace") + data[match.end(1) :]
-    return data
+        splices.append((match.start(1), match.end(1), put.encode("utf-8", "replace")))
+        data = spliced(data, splices[-1:])
+    return splices

@@ -14,7 +14,7 @@ from typing import Any
 import hypothesis.strategies as st
 import yaml
 from robustness.command_lines import command_lines
-from robustness.mutations import attributes, damaged, lines, trees
+from robustness.mutations import Splices, attributes, damages, lines, spliced, trees
 
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.rigs.presets import rig_by_name
@@ -86,13 +86,13 @@ def _read_whole(path: Path) -> None:
 
 
 def _episode_bytes(seeds: Seeds, work: Path) -> Target:
-    path = work / "damaged.mcap"
+    path, seed = work / "damaged.mcap", seeds.episode.read_bytes()
 
-    def read(data: bytes) -> None:
-        path.write_bytes(data)
+    def read(splices: Splices) -> None:
+        path.write_bytes(spliced(seed, splices))
         _read_whole(path)
 
-    return damaged(seeds.episode.read_bytes()), read
+    return damages(seed), read
 
 
 def _episode_forged(seeds: Seeds, work: Path) -> Target:
@@ -156,11 +156,11 @@ def _town_toml() -> Target:
 def _map() -> Target:
     seed = (ROOT / "tests/town/data/crossing.xodr").read_bytes()
 
-    def read(data: bytes) -> None:
-        xodr = read_opendrive(data)
+    def read(splices: Splices) -> None:
+        xodr = read_opendrive(spliced(seed, splices))
         report(xodr, build_network(xodr))
 
-    return st.one_of(attributes(seed), attributes(seed), damaged(seed)), read
+    return st.one_of(attributes(seed), attributes(seed), damages(seed)), read
 
 
 def _tum(seeds: Seeds, work: Path) -> Target:
@@ -175,14 +175,14 @@ def _tum(seeds: Seeds, work: Path) -> Target:
 
 
 def _bag(seeds: Seeds, work: Path) -> Target:
-    path = work / "scans.bag"
+    path, seed = work / "scans.bag", seeds.bag.read_bytes()
 
-    def read(data: bytes) -> None:
-        path.write_bytes(data)
+    def read(splices: Splices) -> None:
+        path.write_bytes(spliced(seed, splices))
         for _ in read_scans(path, "/lidar/points"):
             pass
 
-    return damaged(seeds.bag.read_bytes()), read
+    return damages(seed), read
 
 
 def _command_line(seeds: Seeds, work: Path) -> Target:

@@ -61,8 +61,11 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def guard(work: Path) -> Iterator[WriteGuard]:
-    guard = WriteGuard((work, default_cache_dir()))
+def guard(work: Path, seeds: Seeds) -> Iterator[WriteGuard]:
+    # `carlaloc info --repair` writes beside the episode when it is not told where to.
+    beside = ("drive_repaired.mcap", ".drive_repaired.mcap.part")
+    repaired = [seeds.episode.with_name(name) for name in beside]
+    guard = WriteGuard((work, default_cache_dir(), *repaired))
     guard.install()
     yield guard
     guard.active = False
