@@ -82,7 +82,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     | `map` | town, or path of an OpenDRIVE file | `"Town03"` |
     | `rig` | a name of `carlaloc list rigs`, a YAML file, a `SensorRig` | `"paper"` |
     | `weather` | a preset, `WeatherParameters`, a `WeatherSchedule` or its YAML file | `"ClearNoon"` |
-    | `traffic` | `"dynamic"`, `"static"` or a fraction of the town's traffic | `"dynamic"` |
+    | `traffic` | `"dynamic"`, `"static"` (parked cars), `"empty"` (not even these), fraction | `"dynamic"` |
     | `quality` | `"low"`, `"medium"`, `"high"`: effort per picture | `"medium"` |
     | `render_mode` | `"rgb_array"`: a 640×360 picture from the driver's seat | `None` |
     | `visibility` | whether `info["objects"]` tells how much of each can be seen, by casting rays | `False` |
@@ -120,8 +120,9 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.rig_config = rig if isinstance(rig, SensorRig) else rig_by_name(rig)
         check_memory(self.rig_config, quality=check_quality(quality))
         self.weather = weather_of(weather)
-        self.town = load_town(map)
-        self.world = DrivingWorld(self.town, traffic_of_town(self.town, traffic, 0))
+        town = load_town(map)
+        self.world = DrivingWorld(town, traffic_of_town(town, traffic, 0))
+        self.town = self.world.town
         self.stage = SensorStage(self.town, seed=0, weather=self.weather, quality=quality)
         self._rig = self.rig_config.build(self.stage)
         self._observer = Observer(self._rig)

@@ -24,6 +24,7 @@ from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
+from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.traffic_tables import TrafficTables
@@ -56,13 +57,13 @@ class DrivingWorld:
     def __init__(self, town: Town, traffic: TrafficConfig, *, friction: float = 1.0) -> None:
         if town.route is None:
             raise ConfigError(f"town '{town.name}' has no route; add [route] points to its town.toml")
-        self.town = town
+        self.town = town if traffic.parked_cars else without_parked_cars(town)
         self.route: Route = town.route
         self.traffic_config = traffic
-        self._tables = TrafficTables(town.network)
+        self._tables = TrafficTables(town.network, town.route)
         self._physics = PhysicsWorld(
-            town.collision_vertices_m,
-            town.collision_triangles,
+            self.town.collision_vertices_m,
+            self.town.collision_triangles,
             friction=friction,
             roughness=town.roughness,
         )

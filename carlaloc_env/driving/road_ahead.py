@@ -15,6 +15,7 @@ from carlaloc_env.physics.ego import EgoState
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
+from carlaloc_env.traffic.stop_lines import stop_lines
 
 SIGHT_M = 100.0
 """How far ahead a driver looks for others and for lights [m]."""
@@ -40,7 +41,7 @@ class RoadAhead:
 
     def __init__(self, network: LaneNetwork, route: Route) -> None:
         self._route = route
-        self._stop_s_m, self._stop_heads = _stop_lines(network, route)
+        self._stop_s_m, self._stop_heads = stop_lines(network, route)
         self.progress_m = 0.0
         self.offset_m = 0.0
         self._sight: _Sight | None = None
@@ -153,23 +154,3 @@ class RoadAhead:
         first = int(np.argmin(gap))
         speed = float(actors.speed_mps[index[first]]) * float(np.cos(angle[first]))
         return float(gap[first]), max(speed, 0.0)
-
-
-def _stop_lines(network: LaneNetwork, route: Route) -> tuple[Array, list[list[int]]]:
-    """Stations of the route [m] at which lights must be obeyed, and the heads that count there."""
-    found: dict[float, list[int]] = {}
-    for index, head in enumerate(network.signals):
-        for lane, stop in zip(head.lanes, head.stop_station_m, strict=True):
-            on_lane = np.flatnonzero(route.lane == lane)
-            if not len(on_lane):
-                continue
-            # A closed route may pass a lane twice; each run of samples is one passing.
-            for run in np.split(on_lane, np.flatnonzero(np.diff(on_lane) > 1) + 1):
-                onward = int(route.lane[(run[-1] + 1) % len(route.lane)])
-                if head.junction_lanes and onward not in head.junction_lanes:
-                    continue
-                k = run[np.argmin(np.abs(route.lane_station_m[run] - stop))]
-                s = float(k * route.step_m + (stop - route.lane_station_m[k]))
-                found.setdefault(round(s, 2), []).append(index)
-    stops = sorted(found)
-    return np.array(stops), [found[s] for s in stops]

@@ -69,6 +69,7 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         chunks=scenery.chunks,
         collision_vertices_m=scenery.collision_vertices_m,
         collision_triangles=scenery.collision_triangles,
+        collision_tags=scenery.collision_tags,
         lenses=scenery.lenses,
         lamps_m=scenery.lamps_m,
         roughness=None if levels is None else Roughness(seed, levels, scenery.road_events),
@@ -86,6 +87,7 @@ def _to_arrays(scenery: TownScenery) -> Arrays:
         "collision_vertices_m": scenery.collision_vertices_m,
         "collision_triangles": scenery.collision_triangles,
         "road_events": scenery.road_events,
+        "collision_tags": scenery.collision_tags,
         "lamps_m": scenery.lamps_m,
         "lens_signal": scenery.lenses.signal,
         "lens_state": scenery.lenses.state,
@@ -101,6 +103,7 @@ def _from_arrays(arrays: Arrays) -> TownScenery:
         chunks=mesh_arrays.from_arrays(arrays),
         collision_vertices_m=arrays["collision_vertices_m"],
         collision_triangles=arrays["collision_triangles"],
+        collision_tags=arrays["collision_tags"],
         lenses=SignalLenses(
             signal=arrays["lens_signal"],
             state=arrays["lens_state"],

@@ -107,6 +107,8 @@ class SignalTiming:
 
     green_s: float = 18.0
     """Green of each phase [s]."""
+    main_green_s: float | None = None
+    """Green of phases that let main streets pass, those of the route [s]; None: like `green_s`."""
     left_green_s: float = 7.0
     """Green of phases that hold protected left turns alone, at most `green_s` [s]."""
     yellow_s: float = 3.0
@@ -115,9 +117,13 @@ class SignalTiming:
     """Red for everybody between two phases [s]."""
     offset_s: float = 0.0
     """How much later the cycles of all junctions begin [s]."""
+    green_wave: bool = True
+    """Whether the cycles along the route form a green wave for a car that sets out at time 0."""
 
     def __post_init__(self) -> None:
         _check_positive("green_s", self.green_s, "s")
+        if self.main_green_s is not None:
+            _check_positive("main_green_s", self.main_green_s, "s")
         _check_positive("left_green_s", self.left_green_s, "s")
         for name, value in (("yellow_s", self.yellow_s), ("all_red_s", self.all_red_s)):
             if not 0.0 <= value < math.inf:

@@ -36,6 +36,8 @@ class TownScenery:
     """Corners of all that is solid [m], shape (V, 3)."""
     collision_triangles: NDArray[np.int32]
     """Corner indices, shape (T, 3)."""
+    collision_tags: NDArray[np.uint8]
+    """Semantic `Tag` of each of these triangles, shape (T,)."""
     lenses: SignalLenses
     """Lenses of the traffic lights."""
     road_events: Array
@@ -56,13 +58,14 @@ def build_scenery(
     buildings = plots.buildings(seed, ids)
     dressing = dress(out, network, work, plots, config, route_m, seed, ids)
     firm = out.raised.build()
-    vertices, triangles = weld([out.solid.build(), firm])
+    vertices, triangles, tags = weld([out.solid.build(), firm])
     near = [out.lanes.build(), firm, dressing.cover, out.paint.build(), *buildings]
     far = _far_town(work, seed, ids)
     return TownScenery(
         chunks=split_chunks(merge([*near, *dressing.meshes])) + split_chunks(merge(far), FAR_CHUNK_M),
         collision_vertices_m=vertices,
         collision_triangles=triangles,
+        collision_tags=tags,
         lenses=dressing.lenses,
         road_events=np.concatenate(out.events),
         lamps_m=np.concatenate([dressing.lamps_m, tunnel_lamps]),

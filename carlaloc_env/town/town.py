@@ -38,6 +38,8 @@ class Town:
     """Corners of everything solid, coarser than the scenery [m], shape (V, 3)."""
     collision_triangles: NDArray[np.int32]
     """Corner indices, shape (T, 3)."""
+    collision_tags: NDArray[np.uint8]
+    """Semantic `Tag` of each of these triangles, shape (T,)."""
     lenses: SignalLenses
     """Lens discs of the traffic lights."""
     lamps_m: NDArray[np.float64]

@@ -13,8 +13,8 @@ from carlaloc_env.traffic.tables.vehicle_state import DriverParameters
 if TYPE_CHECKING:
     from carlaloc_env.town.town import Town
 
-LEVELS = {"dynamic": 1.0, "static": 0.0}
-"""Named levels of traffic, as fractions of the town's own numbers."""
+LEVELS = {"dynamic": 1.0, "static": 0.0, "empty": 0.0}
+"""Named levels of traffic, as fractions of the town's own numbers; `empty` leaves out parked cars, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +27,8 @@ class TrafficConfig:
     """Number of walkers."""
     seed: int = 0
     """Seed of positions, models, drivers and turns; CARLA's ``set_random_device_seed``."""
+    parked_cars: bool = True
+    """Whether cars are parked in the town."""
     warm_up_s: float = 10.0
     """Time that traffic runs before the drive begins [s]."""
     timing: SignalTiming = field(default_factory=SignalTiming)
@@ -88,16 +90,17 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
 
     Args:
         town: The town; its town.toml counts vehicles and walkers.
-        level: ``dynamic`` (all of it), ``static`` (none) or a fraction, e.g. ``0.5``; followed, if wanted,
-            by options of `TrafficConfig`: ``"dynamic,ignore_lights_percentage=20"``. Or a mapping with
-            those options and ``level``.
+        level: ``dynamic`` (all of it), ``static`` (none but parked cars), ``empty`` (not even these) or a
+            fraction, e.g. ``0.5``; followed, if wanted, by options of `TrafficConfig`:
+            ``"dynamic,ignore_lights_percentage=20"``. Or a mapping with those options and ``level``.
         seed: Seed of the traffic.
 
     Raises:
         ConfigError: neither a known word nor a number ≥ 0, or an option that is unknown or wrong.
     """
     options = _options_of(level)
-    fraction = _fraction(options.pop("level", "dynamic"))
+    level = options.pop("level", "dynamic")
+    fraction = _fraction(level)
     for name in options:
         if name not in _OPTIONS:
             raise ConfigError(unknown_name("traffic option", name, _OPTIONS))
@@ -106,6 +109,7 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
         "vehicles": round(fraction * counts.vehicles),
         "walkers": round(fraction * counts.walkers),
         "seed": seed,
+        "parked_cars": level != "empty",
         "timing": town.config.signals,
     }
     return TrafficConfig(**(settings | options))

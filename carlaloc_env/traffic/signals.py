@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route
+from carlaloc_env.traffic.stop_lines import arrival_times_s, stop_lines
+from carlaloc_env.traffic.tables.demand import MAIN_STREET_DEMAND, lane_demand
 from carlaloc_env.traffic.tables.lane_tables import Roads
 
 _LEFT_RAD = 0.5
 """Change of heading along a junction lane from which it is a left turn [rad]."""
+_INTO_GREEN = 0.5
+"""Where in its green a car of the green wave arrives: the queue before it has left, and some time remains."""
+_WAVE_STEP_S = 0.25
+"""Step in which the beginning of a cycle is looked for [s]."""
 
 
 class SignalState(IntEnum):
@@ -31,7 +38,8 @@ class SignalPlan:
 
     Heads of one controller show the same; controllers of a junction with the same sequence number
     are green together; phases follow each other in the order of that number. Heads without a
-    controller form one phase per direction of approach.
+    controller form one phase per direction of approach. Cycles along a route form a green wave for a car
+    that sets out at time 0.
     """
 
     def __init__(
@@ -47,9 +55,19 @@ class SignalPlan:
         self._yellow_ns = round(yellow_s * 1e9)
 
     @classmethod
-    def from_network(cls, network: LaneNetwork, timing: SignalTiming | None = None) -> SignalPlan:
-        """Plan of all heads of `network.signals`, in their order."""
+    def from_network(
+        cls, network: LaneNetwork, timing: SignalTiming | None = None, route: Route | None = None
+    ) -> SignalPlan:
+        """Plan of all heads of `network.signals`, in their order.
+
+        Args:
+            network: The lanes.
+            timing: Durations; the usual ones when left out.
+            route: Route of the green wave, if `timing` wants one; None for none.
+        """
         timing = timing or SignalTiming()
+        passings = {} if route is None else _passings(network, route)
+        main = set(passings) if route is None else set(passings) | _main_heads(network, route)
         count = len(network.signals)
         start, green = np.zeros(count, np.int64), np.zeros(count, np.int64)
         cycle = np.ones(count, np.int64)
@@ -58,15 +76,23 @@ class SignalPlan:
             groups[head.junction_id or f"signal {head.id}"].append(index)
         for junction, heads in groups.items():
             phases = _phases(network, junction, heads)
-            durations = _green_durations(network, heads, phases, timing)
+            durations = _green_durations(network, heads, phases, timing, main)
             clear_s = timing.yellow_s + timing.all_red_s
             begins = np.cumsum([0.0, *(duration + clear_s for duration in durations)])
             total = round(float(begins[-1]) * 1e9)
             offset = int.from_bytes(hashlib.blake2b(junction.encode(), digest_size=4).digest(), "big")
+            begin = offset % 1000 * total // 1000
+            met = [
+                (arrival_s, phases[heads.index(head)])
+                for head in heads
+                for arrival_s in passings.get(head, ())
+            ]
+            if met and timing.green_wave:
+                begin = _wave_begin_ns(met, begins[:-1], durations, total)
             for index, phase in zip(heads, phases, strict=True):
                 cycle[index], green[index] = total, round(durations[phase] * 1e9)
                 start[index] = round(float(begins[phase]) * 1e9)
-                start[index] += offset % 1000 * total // 1000 + round(timing.offset_s * 1e9)
+                start[index] += begin + round(timing.offset_s * 1e9)
         return cls(start, green, cycle, timing.yellow_s)
 
     def state_at(self, stamp_ns: int) -> NDArray[np.uint8]:
@@ -95,6 +121,48 @@ class SignalPlan:
         return fraction
 
 
+def _passings(network: LaneNetwork, route: Route) -> dict[int, list[float]]:
+    """When a car on the route comes to the stop line of each head [s], for heads that count there."""
+    lines = stop_lines(network, route)
+    found: dict[int, list[float]] = defaultdict(list)
+    for arrival_s, heads in zip(arrival_times_s(route, lines.s_m).tolist(), lines.heads, strict=True):
+        found[heads[0]].append(arrival_s)
+    return found
+
+
+def _main_heads(network: LaneNetwork, route: Route) -> set[int]:
+    """Heads that straight traffic of main streets obeys."""
+    demand = lane_demand(network, route.position_m)
+    return {
+        index
+        for index, head in enumerate(network.signals)
+        if head.lanes
+        and max(demand[lane] for lane in head.lanes) > 0.5 * MAIN_STREET_DEMAND
+        and not all(_turns_left(network, lane) for lane in head.junction_lanes)
+    }
+
+
+def _wave_begin_ns(
+    met: list[tuple[float, int]], begins_s: NDArray[np.float64], durations_s: list[float], cycle_ns: int
+) -> int:
+    """Beginning of a junction's cycle with which cars arrive nearest to `_INTO_GREEN` of their greens [ns].
+
+    Args:
+        met: Arrival [s] and phase of each passing of the junction.
+        begins_s: When each phase's green begins in the cycle [s].
+        durations_s: How long it lasts [s].
+        cycle_ns: The cycle [ns].
+    """
+    cycle_s = cycle_ns / 1e9
+    begin_s = np.arange(0.0, cycle_s, _WAVE_STEP_S)
+    miss = np.zeros(len(begin_s))
+    for arrival_s, phase in met:
+        ideal_s = arrival_s - _INTO_GREEN * durations_s[phase]
+        away_s = np.mod(begin_s + begins_s[phase] - ideal_s + 0.5 * cycle_s, cycle_s) - 0.5 * cycle_s
+        miss += away_s * away_s
+    return round(float(begin_s[np.argmin(miss)]) * 1e9)
+
+
 def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:
     """Phase number of each head of one junction, counted from 0."""
     sequence = {
@@ -115,15 +183,18 @@ def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[in
 
 
 def _green_durations(
-    network: LaneNetwork, heads: list[int], phases: list[int], timing: SignalTiming
+    network: LaneNetwork, heads: list[int], phases: list[int], timing: SignalTiming, main: set[int]
 ) -> list[float]:
     """Green of each phase [s]; a lone phase is followed by one in which nobody may drive."""
     durations = []
     for phase in range(1 + max(phases)):
-        members = [network.signals[k] for k, own in zip(heads, phases, strict=True) if own == phase]
-        lanes = [lane for head in members for lane in head.junction_lanes]
+        numbers = [k for k, own in zip(heads, phases, strict=True) if own == phase]
+        lanes = [lane for k in numbers for lane in network.signals[k].junction_lanes]
         left = bool(lanes) and all(_turns_left(network, lane) for lane in lanes)
-        durations.append(min(timing.left_green_s, timing.green_s) if left else timing.green_s)
+        if main.intersection(numbers):
+            durations.append(timing.main_green_s or timing.green_s)
+        else:
+            durations.append(min(timing.left_green_s, timing.green_s) if left else timing.green_s)
     return durations if len(durations) > 1 else [*durations, timing.green_s]
 
 

@@ -7,6 +7,8 @@ import numpy as np
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route
+from carlaloc_env.traffic.tables.demand import lane_demand, weighted_order
 from carlaloc_env.traffic.tables.lane_tables import build_roads
 from carlaloc_env.traffic.tables.sidewalks import build_walker_network
 from carlaloc_env.traffic.vehicles.ego_agent import build_cells
@@ -23,12 +25,20 @@ _NARROWEST_M = 2.5
 
 
 class TrafficTables:
-    """Tables that are computed once per town and shared by all drives in it."""
+    """Tables that are computed once per town and shared by all drives in it.
 
-    def __init__(self, network: LaneNetwork) -> None:
+    Args:
+        network: The lanes.
+        route: The town's route: its streets are the town's main streets, and green waves run along it.
+    """
+
+    def __init__(self, network: LaneNetwork, route: Route | None = None) -> None:
         self.network = network
-        self.roads = build_roads(network)
+        self.route = route
+        self.route_m = None if route is None else route.position_m
+        self.roads = build_roads(network, self.route_m)
         self.walker_network = build_walker_network(network, self.roads)
+        self._demand = lane_demand(network, self.route_m)
         driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
         self.cells = build_cells(self.roads, driving)
         after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]
@@ -38,7 +48,8 @@ class TrafficTables:
     def starting_positions(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:
         """Lanes and stations [m] at which vehicles may start, in the order in which they are taken.
 
-        They lie outside junctions, on lanes that lead into no dead end.
+        They lie outside junctions, on lanes that lead into no dead end; those of main streets come first more
+        often, by their lanes' demand.
 
         Args:
             seed: Seed of the traffic.
@@ -50,11 +61,12 @@ class TrafficTables:
             room = float(self.roads.lane.length_m[lane]) - 2 * _END_ROOM_M
             for k in range(int(room // SPACING_M) + 1 if room > 0 else 0):
                 slots.append((lane, _END_ROOM_M + k * SPACING_M))
-        order = rng.stream(seed, "traffic/place").permutation(len(slots))
-        lanes = np.array([slots[k][0] for k in order], np.int64)
-        stations = np.array([slots[k][1] for k in order])
+        lanes = np.array([lane for lane, _ in slots], np.int64)
+        stations = np.array([station for _, station in slots])
         if not len(lanes):
             return lanes, stations
+        order = weighted_order(rng.stream(seed, "traffic/place"), self._demand[lanes])
+        lanes, stations = lanes[order], stations[order]
         keep = self.network.width_m(lanes, stations) > _NARROWEST_M
         if len(keep_clear_m):
             where = self.network.pose(lanes, stations).position_m

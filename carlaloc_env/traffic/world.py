@@ -34,9 +34,9 @@ class TrafficWorld:
     ) -> None:
         self._network = network
         self._config = config
-        self.signal_plan = SignalPlan.from_network(network, config.timing)
         names, tints = draw_vehicles(config)
         self._tables = tables or TrafficTables(network)
+        self.signal_plan = SignalPlan.from_network(network, config.timing, self._tables.route)
         drivers, open_fraction = (
             draw_drivers(names, config),
             self.signal_plan.open_fraction(self._tables.roads),
@@ -57,7 +57,11 @@ class TrafficWorld:
             raise ConfigError(f"{config.vehicles} vehicles do not fit on this map; at most {len(lane)} do")
         self._vehicles.reset(lane[: config.vehicles], station[: config.vehicles])
         self._walkers = Walkers(
-            self._tables.walker_network, config.walkers, config.seed, self._vehicles.drivers
+            self._tables.walker_network,
+            config.walkers,
+            config.seed,
+            self._vehicles.drivers,
+            self._tables.route_m,
         )
         self._taken = np.zeros(len(self._tables.roads.crossing.lane), np.uint8)
         self._step = -round(config.warm_up_s * 1e9) // STEP_NS

@@ -1,7 +1,8 @@
-"""What an episode holds: length, duration, loop, actors, collisions, device, health.
+"""What an episode holds: length, duration, loop, actors, collisions, device, health; a sequence: its movers.
 
 Examples:
   carlaloc info drive.mcap
+  carlaloc info data/Town03/ClearNoon_dynamic
   carlaloc info --repair drive.mcap.recording
   carlaloc info --repair drive.mcap.recording --out whole.mcap
 """
@@ -19,7 +20,7 @@ from recorder.cli.arguments import OutputFile, force_option, input_path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc info`."""
-    parser.add_argument("episode", type=input_path, help="episode (.mcap)")
+    parser.add_argument("episode", type=input_path, help="episode (.mcap), or a sequence's folder")
     parser.add_argument("--repair", action="store_true", help="make a whole file of a cut-off recording")
     parser.add_argument(
         "--out", type=OutputFile(EPISODE_SUFFIX), help="where the whole file goes; else beside the recording"
@@ -28,9 +29,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Look at, or repair, an episode."""
+    """Look at an episode or a sequence, or repair an episode."""
     if arguments.out is not None and not arguments.repair:
         raise UsageError("--out says where a repaired episode goes; add --repair")
+    from recorder.generation.sequence_summary import is_sequence, summarise_sequence
+
+    if is_sequence(arguments.episode):
+        if arguments.repair:
+            raise UsageError("--repair is for recordings of drives; replay a broken sequence anew")
+        return asdict(summarise_sequence(arguments.episode))
     from recorder.episode.episode import open_episode
     from recorder.episode.repair import repair_episode
     from recorder.episode.summary import summarise
@@ -44,6 +51,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def show(result: dict[str, Any]) -> None:
     """Print the summary."""
+    if "movers" in result:
+        _show_sequence(result)
+        return
     print(f"{result['path']}")
     print(f"  map        {result['map']} ({result['map_hash'][:12]})")
     print(f"  drive      {result['duration_s']:.1f} s, {result['length_m']:.1f} m by {result['device']}")
@@ -58,3 +68,11 @@ def show(result: dict[str, Any]) -> None:
             f"  table      {verdict} the paper's: {result['table_length_m']:.0f} m within 1 %, and its loop"
         )
     print(f"  health     {result['health']}")
+
+
+def _show_sequence(result: dict[str, Any]) -> None:
+    print(f"{result['path']}")
+    print(f"  sequence   {result['name']}, rig {result['rig']}")
+    print(f"  samples    {', '.join(f'{name} {count}' for name, count in result['samples'].items())}")
+    shares = ", ".join(f"{name} {100 * share:.1f} %" for name, share in result["movers"].items())
+    print(f"  movers     {shares or 'not counted: the rig has no labelled stream'}")

@@ -1,4 +1,4 @@
-"""List what can be named: weathers, rigs, formats, topics, methods, devices.
+"""List what can be named: weathers, traffic levels, rigs, formats, topics, methods, devices.
 
 Examples:
   carlaloc list weathers
@@ -37,6 +37,12 @@ def _weathers() -> dict[str, str]:
         f"fog {w.fog_density:g} %, wetness {w.wetness:g} %"
         for name, w in PRESETS.items()
     }
+
+
+def _traffic() -> dict[str, str]:
+    from recorder.episode.traffic_level import LEVEL_WORDS
+
+    return dict(LEVEL_WORDS)
 
 
 def _rigs() -> dict[str, str]:
@@ -82,6 +88,7 @@ def _devices() -> dict[str, str]:
 
 KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "weathers": _weathers,
+    "traffic": _traffic,
     "rigs": _rigs,
     "formats": _formats,
     "topics": _topics,

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--leaf-wind", type=seconds, default=0.0, metavar="M/S", help="wind that sways leaves [m/s]"
     )
     parser.add_argument(
-        "--traffic", type=names, default=("dynamic",), metavar="A,B", help="static, dynamic, fractions"
+        "--traffic", type=names, default=("dynamic",), metavar="A,B", help="dynamic, static, empty, fractions"
     )
     parser.add_argument(
         "--rig",

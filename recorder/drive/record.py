@@ -18,6 +18,7 @@ from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
+from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.town import Town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
@@ -58,7 +59,7 @@ class RecordConfig:
     seed: int = 0
     """Seed of the traffic and of the scripted driver."""
     traffic: str = "dynamic"
-    """Fraction of the town's traffic: ``static``, ``dynamic`` or a fraction."""
+    """Level of the town's traffic: ``dynamic``, ``static``, ``empty`` or a fraction."""
     overwrite: bool = False
     """Whether an older episode of this name is replaced."""
     window: bool | None = None
@@ -154,6 +155,8 @@ class _Drive:
         weather = weather_of(config.weather)
         town = load_town(config.map)
         traffic = traffic_of_town(town, config.traffic, config.seed)
+        if not traffic.parked_cars:
+            town = without_parked_cars(town)
         with ThreadPoolExecutor(1) as pool:
             shown = None if show is None else pool.submit(show, town, weather)
             self.world = DrivingWorld(town, traffic)

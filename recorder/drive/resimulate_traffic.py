@@ -16,6 +16,7 @@ from carlaloc_env.core.transforms import quat_to_matrix
 from carlaloc_env.driving.driving_world import ego_view
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 from recorder.episode.edit import rewrite_traffic
@@ -59,7 +60,7 @@ def change_traffic(
     header = episode.header
     town = town_of(episode, map)
     config = replace(from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"), seed=seed)
-    world = TrafficWorld(town.network, config)
+    world = TrafficWorld(town.network, config, TrafficTables(town.network, town.route))
     contacts = _ContactCounter(world.catalog)
     count = len(episode.steps)
     signals = np.stack([world.signals(step * STEP_NS) for step in range(count)])

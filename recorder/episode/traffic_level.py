@@ -10,15 +10,27 @@ import numpy as np
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.timeline.timeline import Timeline
 
+LEVELS = {"dynamic": 1.0, "static": 0.0, "empty": 0.0}
+"""Named levels, as fractions of the recorded actors; `empty` leaves out parked cars, too."""
+LEVEL_WORDS = {
+    "dynamic": "all that was recorded, and parked cars",
+    "static": "nothing that moves, but parked cars",
+    "empty": "nothing movable, not even parked cars, as in the paper's static sequences",
+    "0.5": "any fraction of what was recorded, and parked cars",
+}
+"""What each level shows."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrafficLevel:
     """How many of the recorded actors a replay shows; the ego's motion never depends on it."""
 
     name: str
-    """``static``, ``dynamic`` or ``trafficNN`` (per cent)."""
+    """``dynamic``, ``static``, ``empty`` or ``trafficNN`` (per cent)."""
     fraction: float
     """Fraction of the actors that stay, 0–1."""
+    parked_cars: bool = True
+    """Whether cars are parked in the town."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.fraction <= 1.0:
@@ -41,17 +53,16 @@ class TrafficLevel:
 
 
 def traffic_level(text: str) -> TrafficLevel:
-    """Level of a name or number: ``static``, ``dynamic`` or a fraction such as ``0.5``.
+    """Level of a name (one of `LEVELS`) or a fraction such as ``0.5``.
 
     Raises:
         ConfigError: neither a known name nor a number from 0 to 1.
     """
-    named = {"static": 0.0, "dynamic": 1.0}
-    if text in named:
-        return TrafficLevel(name=text, fraction=named[text])
+    if text in LEVELS:
+        return TrafficLevel(name=text, fraction=LEVELS[text], parked_cars=text != "empty")
     try:
         fraction = float(text)
     except ValueError:
-        message = unknown_name("traffic level", text, [*named, "a fraction such as 0.5"])
+        message = unknown_name("traffic level", text, [*LEVELS, "a fraction such as 0.5"])
         raise ConfigError(message) from None
     return TrafficLevel(name=f"traffic{round(100 * fraction):02d}", fraction=fraction)

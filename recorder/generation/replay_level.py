@@ -22,6 +22,7 @@ from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
+from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.weather.schedule import Weather
 from recorder.episode.episode import Episode
 from recorder.episode.traffic_level import TrafficLevel
@@ -60,7 +61,7 @@ def replay_level(job: LevelJob, report: Callable[[float], None]) -> None:
     config = without_unwritten(rig_of(job.config), job.config.formats, job.config.topics)
     # Nobody else holds the town here, so that the stage can let its meshes go.
     stage = SensorStage(
-        load_town(job.town),
+        load_town(job.town) if job.level.parked_cars else without_parked_cars(load_town(job.town)),
         seed=job.seed,
         weather=job.sequences[0].condition.weather,
         quality=job.config.quality,

@@ -47,7 +47,7 @@ class ReplayConfig:
     weathers: tuple[str, ...] = ("ClearNoon",)
     """Names of weathers, or paths of schedules (``.yaml``)."""
     traffic: tuple[str, ...] = ("dynamic",)
-    """Traffic levels: ``static``, ``dynamic``, fractions."""
+    """Traffic levels: ``dynamic``, ``static``, ``empty``, fractions."""
     rig: str = "paper"
     """Name of a rig, or a YAML file."""
     formats: tuple[str, ...] = ("rosbag1", "euroc")

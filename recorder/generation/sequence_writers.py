@@ -18,6 +18,7 @@ from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.generation.conditions import Condition
 from recorder.generation.dataset_manifest import as_yaml, checksums
+from recorder.generation.mover_share import MoverShare
 from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, write_text
 from recorder.writers.calibration.files import write_calibration
 from recorder.writers.formats.dsec import DsecWriter
@@ -126,6 +127,7 @@ class WriterGroup:
         self._writers = writers
         self._summary = summary
         self._counts: dict[str, int] = {}
+        self._movers = MoverShare()
 
     def open(self) -> None:
         """Start writing."""
@@ -136,6 +138,7 @@ class WriterGroup:
     def write(self, sample: Sample) -> None:
         """Give a sample to every writer."""
         self._counts[sample.sensor] = self._counts.get(sample.sensor, 0) + 1
+        self._movers.count(sample)
         for writer in self._writers:
             writer.write(sample)
 
@@ -144,7 +147,12 @@ class WriterGroup:
         for writer in self._writers:
             writer.close()
         part = self._sequence.part
-        summary = {**self._summary, "samples": dict(sorted(self._counts.items())), "sha256": checksums(part)}
+        summary = {
+            **self._summary,
+            "samples": dict(sorted(self._counts.items())),
+            "movers": self._movers.shares(),
+            "sha256": checksums(part),
+        }
         write_text(part / "sequence.yaml", as_yaml(summary))
         part.rename(self._sequence.folder)
 

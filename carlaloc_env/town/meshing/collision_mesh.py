@@ -27,8 +27,8 @@ def posts(feet_m: Array, radius_m: Array, height_m: Array) -> Array:
     return quads.reshape(-1, 4, 3)
 
 
-def weld(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Corners and triangles of several meshes with equal corners made one (to 0.1 mm)."""
+def weld(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.uint8]]:
+    """Corners, triangles and their tags of several meshes with equal corners made one (to 0.1 mm)."""
     corners = np.concatenate([mesh.vertices_m[mesh.triangles].reshape(-1, 3) for mesh in meshes])
     key = np.round(corners.astype(np.float64) * 1e4).astype(np.int64)
     _, first, inverse = unique_rows(key)
@@ -38,4 +38,5 @@ def weld(meshes: Sequence[Mesh]) -> tuple[NDArray[np.float64], NDArray[np.int32]
         & (triangles[:, 1] != triangles[:, 2])
         & (triangles[:, 2] != triangles[:, 0])
     )
-    return corners[first].astype(np.float64), triangles[real].astype(np.int32)
+    tags = np.concatenate([mesh.tag[mesh.triangles[:, 0]] for mesh in meshes])
+    return corners[first].astype(np.float64), triangles[real].astype(np.int32), tags[real]

@@ -10,6 +10,7 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
 from carlaloc_env.traffic.tables.crosswalk_tables import Crossings, find_crossings
+from carlaloc_env.traffic.tables.demand import lane_demand, stretch_demand
 from carlaloc_env.traffic.tables.lane_reachability import GoalPaths, find_goal_paths, road_ends
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.speed_profile import allowed_speeds
@@ -45,6 +46,8 @@ class Lanes:
     """Number of the stretch between two junctions that the lane belongs to."""
     stretch_m: Array
     """Length of all lanes of that stretch together [m]."""
+    demand: Array
+    """How much more often drivers choose that stretch than a side street."""
     rank: Index
     """Rank of a junction lane: the higher goes first."""
     stop_m: Array
@@ -109,8 +112,13 @@ class Roads(NamedTuple):
     """Lanes on which vehicles come into the map that have left it elsewhere."""
 
 
-def build_roads(network: LaneNetwork) -> Roads:
-    """Tables of a lane network."""
+def build_roads(network: LaneNetwork, route_m: Array | None = None) -> Roads:
+    """Tables of a lane network.
+
+    Args:
+        network: The lanes.
+        route_m: Points of the town's route [m], (K, 3), world, whose streets are its main streets.
+    """
     tables, links = network.tables, _Links(network)
     length = tables.length_m.astype(np.float64)
     sides = (links.junction, links.left, links.right)
@@ -147,6 +155,7 @@ def build_roads(network: LaneNetwork) -> Roads:
         leaves=leaves,
         stretch=stretch,
         stretch_m=np.bincount(stretch, weights=length)[stretch],
+        demand=stretch_demand(lane_demand(network, route_m), stretch, length),
         rank=rules.rank,
         stop_m=rules.stop_m,
         stop_sign=rules.stop_sign,

@@ -44,7 +44,7 @@ def find_goal_path(roads: Roads, lane: int, goal: int) -> int:
 def choose_goal(roads: Roads, density: Array, lane: int, station_m: float, uniform: float, stay: bool) -> int:
     """Junction lane to head for from a lane, −1 where there is none.
 
-    Paths without lane changes count more, U-turns, crowded roads and long queues less.
+    Paths without lane changes and main streets count more, U-turns, crowded roads and long queues less.
 
     Args:
         roads: The roads.
@@ -74,6 +74,7 @@ def choose_goal(roads: Roads, density: Array, lane: int, station_m: float, unifo
                 if (roads.lane.after_first[goal] < roads.lane.after_end[goal])
                 else goal
             )
+            weight *= roads.lane.demand[exit_lane]
             fullness = density[roads.lane.stretch[exit_lane]] / _CROWDED
             weight /= 1.0 + fullness * fullness * fullness * fullness
             queue = density[goal] / _QUEUE

@@ -191,8 +191,6 @@ class ScriptedDriver:
 
     def _drives_off(self, view: DriverView, stop_m: float | None) -> bool:
         """Whether the standing car starts now: the way is free and the driver has taken note."""
-        if view.tick < round(STANDSTILL_S * TICK_HZ):
-            return False
         leader = self._leader
         blocked = stop_m is not None and stop_m < 1.5
         if leader is not None and leader.gap_m < self._speed.style.gap_m + 1.0:
@@ -204,7 +202,8 @@ class ScriptedDriver:
             self._free_since = view.tick
             reaction_s = 0.7 + 0.15 * float(self._random.normal())
             self._go_tick = view.tick + round(min(1.2, max(0.4, reaction_s)) * TICK_HZ)
-        if view.tick < self._go_tick:
+        # At the beginning the driver waits, ready to go.
+        if view.tick < max(self._go_tick, round(STANDSTILL_S * TICK_HZ)):
             return False
         self._standing, self._is_launching = False, True
         return True

@@ -28,15 +28,15 @@ class SpeedStyle:
 
     brake_from_mps2: float = 1.3
     """Braking for something ahead begins when its peak would exceed this."""
-    accelerate_mps2: float = 1.5
+    accelerate_mps2: float = 1.7
     """Comfortable acceleration in town."""
-    jerk_up_mps3: float = 0.9
+    jerk_up_mps3: float = 1.05
     """Greatest rise of acceleration."""
     jerk_down_mps3: float = 1.6
     """Greatest fall of acceleration in normal driving."""
     hardest_mps2: float = 3.0
     """Greatest braking in normal driving."""
-    headway_s: float = 1.5
+    headway_s: float = 1.4
     """Time behind a leader."""
     gap_m: float = 2.8
     """Distance kept from a standing leader."""

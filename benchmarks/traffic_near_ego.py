@@ -1,0 +1,127 @@
+"""How much of the traffic the ego meets on its route, and how it gets on: one row per town and seed.
+
+``python -m benchmarks.traffic_near_ego Town03 Town05 Town10`` drives these routes among the paper's counts
+with the scripted driver and prints the mean number of actors that move within 50 m and within 25 m.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+
+from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_HZ
+from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.build import load_town
+from carlaloc_env.traffic.world import traffic_of_town
+from recorder.devices.scripted.driver import ScriptedDriver
+from recorder.drive.traffic_rules import RuleMonitor
+
+TOWNS = ("Town03", "Town05", "Town10")
+"""Towns whose routes are driven if none is named."""
+MOVES_MPS = 0.5
+"""Slower actors wait [m/s]."""
+STANDS_MPS = 0.3
+"""A slower ego stands [m/s]."""
+_SAME_LEVEL_M = 8.0
+"""Actors farther above or below are on another road [m]."""
+_PAST_NS = 2_000_000_000
+"""How much of the past is kept [ns]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NearTraffic:
+    """What a drive was like."""
+
+    duration_s: float
+    """Length of the drive [s]."""
+    length_m: float
+    """Way along the route [m]."""
+    moving_50: float
+    """Mean number of actors within 50 m that move."""
+    moving_25: float
+    """The same within 25 m."""
+    actors_50: float
+    """Mean number of actors within 50 m, those that wait included."""
+    walkers_50: float
+    """Mean number of walkers within 50 m."""
+    standing: float
+    """Fraction of time for which the ego stood."""
+    collisions: int
+    """Ticks in which the ego touched somebody."""
+    violations: tuple[str, ...]
+    """Rules that it broke."""
+
+    @property
+    def speed_mps(self) -> float:
+        """Mean speed of the ego, from the first tick to the last [m/s]."""
+        return self.length_m / self.duration_s
+
+
+def drive(town_name: str, seed: int = 0, duration_s: float = 600.0) -> NearTraffic:
+    """Drive a town's route once, or until the time is over, and count who is near."""
+    town = load_town(town_name)
+    world, driver = DrivingWorld(town, traffic_of_town(town, "dynamic", seed)), ScriptedDriver(seed)
+    rules = RuleMonitor(town.network)
+    try:
+        world.reset(seed)
+        walker = world.timeline.catalog.tag == Tag.PEDESTRIAN
+        rows, violations, collisions = [], [], 0
+        end_m = world.route.length_m - (0.5 if world.route.closed else 3.0)
+        while world.route_s_m < end_m and world.tick_count < duration_s * TICK_HZ:
+            view = world.driver_view()
+            contacts = world.tick(driver.read(view))
+            collisions += any(contact.actor_id is not None for contact in contacts)
+            if world.tick_count % STEP_TICKS == 0:
+                violations += rules.update(world.driver_view())
+                rows.append(_near(world, walker))
+                world.forget_before(world.now_ns - _PAST_NS)
+        length_m, seconds = world.route_s_m, world.tick_count / TICK_HZ
+    finally:
+        world.close()
+    mean = np.mean(rows, axis=0)
+    return NearTraffic(
+        duration_s=seconds,
+        length_m=length_m,
+        moving_50=float(mean[0]),
+        moving_25=float(mean[1]),
+        actors_50=float(mean[2]),
+        walkers_50=float(mean[3]),
+        standing=float(mean[4]),
+        collisions=collisions,
+        violations=tuple(violations),
+    )
+
+
+def _near(world: DrivingWorld, walker: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[int, ...]:
+    """Moving actors within 50 m and 25 m, all actors and walkers within 50 m, and whether the ego stands."""
+    frame = world.timeline.actors_at(world.tick_count // STEP_TICKS * STEP_NS)
+    away = frame.position_m - world.state.position_m
+    distance_m = np.hypot(away[:, 0], away[:, 1])
+    near = (distance_m < 50.0) & (np.abs(away[:, 2]) < _SAME_LEVEL_M)
+    moving = near & (frame.speed_mps > MOVES_MPS)
+    return (
+        int(moving.sum()),
+        int((moving & (distance_m < 25.0)).sum()),
+        int(near.sum()),
+        int((near & walker).sum()),
+        int(world.state.speed_mps < STANDS_MPS),
+    )
+
+
+if __name__ == "__main__":
+    print(
+        f"{'town':8} {'seed':>4} {'s':>5} {'m':>6} {'m/s':>5} {'standing':>8} {'moving 50 m':>11} "
+        f"{'25 m':>5} {'all 50 m':>8} {'walkers':>7} {'collisions':>10}  violations"
+    )
+    for name in sys.argv[1:] or TOWNS:
+        for number in (0, 1):
+            r = drive(name, number)
+            print(
+                f"{name:8} {number:4} {r.duration_s:5.0f} {r.length_m:6.0f} {r.speed_mps:5.1f} "
+                f"{100 * r.standing:6.0f} % {r.moving_50:11.1f} {r.moving_25:5.1f} {r.actors_50:8.1f} "
+                f"{r.walkers_50:7.1f} {r.collisions:10}  {', '.join(r.violations) or 'none'}",
+                flush=True,
+            )

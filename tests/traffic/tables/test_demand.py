@@ -1,0 +1,72 @@
+"""Demand for lanes: main streets are those of the route, and the stream runs towards it."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from carlaloc_env.core import rng
+from carlaloc_env.town.lanes.build_network import build_network
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route, plan_route
+from carlaloc_env.town.sources import find_town
+from carlaloc_env.traffic.tables.demand import (
+    MAIN_STREET_DEMAND,
+    ROUTE_DEMAND,
+    STREET_REACH_M,
+    lane_demand,
+    weighted_order,
+)
+
+
+@pytest.fixture(scope="module")
+def network() -> LaneNetwork:
+    """Town05's lanes: a grid, with a ring on stilts."""
+    return build_network(find_town("Town05"))
+
+
+@pytest.fixture(scope="module")
+def route(network: LaneNetwork) -> Route:
+    """Along one street of the grid, 200 m to the west."""
+    return plan_route(network, [(250.0, 67.75), (60.0, 67.75)])
+
+
+def test_the_stream_runs_towards_the_route(network: LaneNetwork, route: Route) -> None:
+    """Lanes of the street against the route carry more than lanes with it, and other streets as before."""
+    demand = lane_demand(network, route.position_m)
+    assert (demand >= 1.0).all()
+    assert (demand <= MAIN_STREET_DEMAND).all()
+    kinds = set()
+    for index, lane in enumerate(network.lanes):
+        if lane.type != "driving" or lane.junction_id is not None:
+            continue
+        rows = slice(network.tables.first[index], network.tables.first[index] + network.tables.count[index])
+        points, heading = network.tables.position_m[rows], network.tables.heading_rad[rows]
+        away = np.linalg.norm(points[:, None] - route.position_m[None, ::4], axis=-1).min(axis=1)
+        if away.min() > STREET_REACH_M + 1.0:
+            assert demand[index] == pytest.approx(1.0)
+            kinds.add("elsewhere")
+        elif away.max() < STREET_REACH_M - 9.0:
+            against = np.cos(heading).mean() > 0.9  # the route heads west
+            assert demand[index] == pytest.approx(MAIN_STREET_DEMAND if against else ROUTE_DEMAND)
+            kinds.add("against" if against else "along")
+    assert kinds == {"elsewhere", "against", "along"}
+
+
+def test_without_a_route_no_street_is_a_main_street(network: LaneNetwork) -> None:
+    assert (lane_demand(network, None) == 1.0).all()
+
+
+def test_weighted_order_follows_its_theory() -> None:
+    """Plackett and Luce: a thing comes first by its share of all weights, then by its share of the rest."""
+    weight = np.array([1.0, 2.0, 5.0])
+    draw = rng.stream(3, "order")
+    count = 20_000
+    orders = [tuple(weighted_order(draw, weight).tolist()) for _ in range(count)]
+    for order in itertools.permutations(range(3)):
+        a, b, _ = order
+        expected = weight[a] / 8.0 * weight[b] / (8.0 - weight[a])
+        share = orders.count(order) / count
+        assert share == pytest.approx(expected, abs=4.0 * np.sqrt(expected / count))
