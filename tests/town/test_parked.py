@@ -32,6 +32,7 @@ def town_of(built: Built) -> Town:
         collision_tags=scenery.collision_tags,
         lenses=scenery.lenses,
         lamps_m=scenery.lamps_m,
+        roughness=None,
         content_hash="0" * 32,
     )
 
