@@ -9,7 +9,7 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags
 
-MAIN_STREET_DEMAND = 9.0
+MAIN_STREET_DEMAND = 6.0
 """How much more often drivers choose a main street than a side street, as long as it is not crowded."""
 ROUTE_DEMAND = 1.0
 """The same for the direction in which the route runs: the stream comes towards it, as in rush hours."""

@@ -30,7 +30,7 @@ STREET = CrossSection(lanes=1, lane_m=3.5, sidewalk_m=3.0)
 LANE = CrossSection(lanes=1, lane_m=3.2, sidewalk_m=2.0)
 """Lanes."""
 
-LIMIT_KMH = 50
+LIMIT_KMH = 30
 """Speed limit [km/h]: with junctions every 105 m, slower traffic flows better."""
 PITCH = 105.8
 """Distance of the three rows and columns [m], chosen for a drive of 1115 m."""

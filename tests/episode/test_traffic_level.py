@@ -1,0 +1,28 @@
+"""Traffic levels as users write them."""
+
+from __future__ import annotations
+
+import pytest
+
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.traffic import config
+from recorder.episode.traffic_level import LEVEL_WORDS, LEVELS, traffic_level
+
+
+def test_levels_of_drives_and_replays_are_the_same() -> None:
+    assert LEVELS == config.LEVELS
+    assert set(LEVELS) < set(LEVEL_WORDS)
+
+
+@pytest.mark.parametrize(
+    ("text", "fraction", "parked"),
+    [("dynamic", 1.0, True), ("static", 0.0, True), ("empty", 0.0, False), ("0.25", 0.25, True)],
+)
+def test_only_empty_leaves_out_parked_cars(text: str, fraction: float, parked: bool) -> None:
+    level = traffic_level(text)
+    assert (level.fraction, level.parked_cars) == (fraction, parked)
+
+
+def test_a_misspelt_level_is_answered_with_the_nearest() -> None:
+    with pytest.raises(ConfigError, match="empty"):
+        traffic_level("emtpy")
