@@ -29,7 +29,7 @@ ROWS = (
     ("tests/robustness", "test_killed_at_random_moments"),
     ("tests/robustness", "test_disk_fills_up_at_random_places"),
     ("tests/drive", "test_killed_at_fifty_random_moments"),
-    ("tests/env", "soak"),
+    ("tests/env", "a_row or resets"),
 )
 """Folders and names of the long tests that are told."""
 

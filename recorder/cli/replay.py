@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rig",
         default="paper",
-        help="a name of `carlaloc list rigs`, or a .yaml file (default: paper)",
+        help="paper, flu, real, minimal, lidar, state, or a .yaml file (default: paper)",
     )
     parser.add_argument(
         "--format",
