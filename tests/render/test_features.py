@@ -167,9 +167,11 @@ def read(town: str, figures: dict[str, Found]) -> None:
 
 
 def judge(figures: dict[str, Found]) -> None:
-    """What weather must do to a SLAM system: fog hides what is far."""
-    clear, fog = (figures[weather] for weather in WEATHERS[:2])
-    assert fog.depth_m <= 0.6 * clear.depth_m
+    """What weather must do to a SLAM system: fog hides what is far, night blurs and grains."""
+    clear, fog, night = (figures[weather] for weather in WEATHERS)
+    assert fog.depth_m <= 0.5 * clear.depth_m
+    assert night.matches < clear.matches
+    assert night.error_px > clear.error_px
 
 
 def test_orb_in_town03() -> None:
