@@ -47,15 +47,19 @@ def test_a_dropped_interrupt_is_raised_again(number: signal.Signals) -> None:
 
 
 def test_nothing_is_raised_unasked() -> None:
+    before = signal.getsignal(signal.SIGINT)
     raise_again()
     with ended_as_by_ctrl_c():
+        assert signal.getsignal(signal.SIGINT) is not before
         raise_again()
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_what_is_ignored_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with ended_as_by_ctrl_c():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
             signal.raise_signal(signal.SIGHUP)
             raise_again()
     finally:
