@@ -14,7 +14,7 @@ from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.gbuffer import GBuffer, TargetPool
 from carlaloc_env.render.geometry.geometry_pass import GeometryPass, distance_m
 from carlaloc_env.render.geometry.projection import CameraView
-from carlaloc_env.render.gl.context import Programs, create_context
+from carlaloc_env.render.gl.kept_contexts import give_back, take_programs
 from carlaloc_env.render.lighting.shader_constants import shader_constants
 from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.render.shading import Shader
@@ -31,7 +31,7 @@ ACTOR_SHADOW_RANGE_M = 90.0
 
 
 class SceneRenderer:
-    """Draws a static scene and movable models; owns an OpenGL context of its own.
+    """Draws a static scene and movable models in an OpenGL context of its own.
 
     The same call gives the same bytes, whatever was drawn before.
     """
@@ -64,9 +64,9 @@ class SceneRenderer:
         """
         self.quality = check_quality(quality)
         self._subsamples = 2 if quality == "high" else 1
-        self._context = create_context()
+        self._programs = take_programs(shader_constants())
+        self._context = self._programs.context
         with self._context:
-            self._programs = Programs(self._context, shader_constants())
             self._pool = TargetPool(self._context)
             self._geometry_pass = GeometryPass(
                 self._context,
@@ -307,8 +307,7 @@ class SceneRenderer:
             self._shader.release()
             self._pool.release()
             self._geometry_pass.release()
-            self._programs.release()
-        self._context.release()
+        give_back(self._programs)
 
     def __enter__(self) -> SceneRenderer:
         return self

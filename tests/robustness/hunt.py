@@ -6,7 +6,6 @@ folders given, no answer takes longer than `DEADLINE_S`, and memory does not gro
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import sys
@@ -18,14 +17,17 @@ from pathlib import Path
 from typing import Any
 
 import hypothesis.strategies as st
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from shared_fixtures.lifecycles import Held
 
 from carlaloc_env.core.errors import CarlaLocError
 
 DEADLINE_S = 30
 """Longest time for an answer [s]."""
+BLOCK = 1000
+"""Inputs drawn by one call of hypothesis."""
 GROWTH_MAX_MB = 60.0
-"""Most that memory may grow over a hunt, after its first tenth [MB]."""
+"""Most that memory may grow over a hunt, after its first block [MB]."""
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _CHANGES = ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.link", "os.symlink", "os.truncate")
 
@@ -43,7 +45,7 @@ class Tally:
     slowest_s: float = 0.0
     """Longest answer [s]."""
     growth_mb: float = 0.0
-    """Growth of memory after the first tenth [MB]."""
+    """Growth of memory after the first block [MB]."""
 
 
 @dataclass(slots=True, eq=False)
@@ -126,13 +128,7 @@ def hunt(
         Exception: whatever a reader lets through.
     """
     tally = Tally(name)
-    early_mb = [0.0]
 
-    @settings(
-        max_examples=count, deadline=None, database=None, derandomize=True, report_multiple_bugs=False,
-        suppress_health_check=list(HealthCheck), phases=(Phase.generate, Phase.shrink),
-    )  # fmt: skip
-    @given(inputs)
     def one(value: Any) -> None:
         start = time.monotonic()
         guard.active = True
@@ -143,16 +139,16 @@ def hunt(
             tally.slowest_s = max(tally.slowest_s, time.monotonic() - start)
         tally.tried += 1
         assert not guard.astray, guard.astray
-        if tally.tried == max(count // 10, 1):
-            early_mb[0] = _resident_mb()
 
-    one()
-    tally.growth_mb = _resident_mb() - (early_mb[0] or _resident_mb())
+    early: Held | None = None
+    # In blocks: hypothesis keeps a tree of all that one call has drawn, which is not ours to count.
+    for number, begin in enumerate(range(0, count, BLOCK)):
+        drawn = settings(
+            max_examples=min(BLOCK, count - begin), deadline=None, database=None, report_multiple_bugs=False,
+            suppress_health_check=list(HealthCheck), phases=(Phase.generate, Phase.shrink),
+        )(given(inputs)(one))  # fmt: skip
+        seed(number)(drawn)()
+        early = early or Held.now()
+    tally.growth_mb = Held.now().memory_mb - (early or Held.now()).memory_mb
     assert tally.growth_mb < GROWTH_MAX_MB, f"memory grew by {tally.growth_mb:.0f} MB"
     return tally
-
-
-def _resident_mb() -> float:
-    gc.collect()
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6

@@ -100,7 +100,7 @@ class GeometryPass:
         self._radius_m = np.array(reach, dtype=np.float64)
         bounds = [mesh.bounds_m if len(mesh.vertices_m) else np.zeros((2, 3)) for mesh in library.meshes]
         self._low_m, self._high_m = np.moveaxis(np.array(bounds, np.float64).reshape(-1, 2, 3), 1, 0)
-        self._textures = upload_textures(context, albedo, trilinear=not is_software(context))
+        self._textures = upload_textures(programs, albedo, trilinear=not is_software(context))
         self._surface = surface_table()
         self._flush_target = context.simple_framebuffer((1, 1))
 
@@ -283,9 +283,11 @@ class GeometryPass:
         """Free the buffers and textures."""
         self.scenery.release()
         self._library.release()
-        self._poses.buffer.release()
+        self._poses.release()
         self._textures.release()
-        self._flush_target.release()
+        target = self._flush_target
+        for part in (target, *target.color_attachments, target.depth_attachment):
+            part.release()
 
 
 def _turn(away_m: Array) -> Index:

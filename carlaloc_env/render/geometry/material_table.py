@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.render.gl.context import shader_source
+from carlaloc_env.render.gl.context import Programs
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
 
@@ -34,17 +34,18 @@ def surface_table() -> NDArray[np.float32]:
 
 
 def upload_textures(
-    context: moderngl.Context, albedo: NDArray[np.float16], *, trilinear: bool
+    programs: Programs, albedo: NDArray[np.float16], *, trilinear: bool
 ) -> moderngl.TextureArray:
     """Texture array with one layer per material and mip-maps: square root of the albedo, and roughness.
 
     Bytes take half as long to fetch as half floats. Mip-maps are averaged in linear light first.
 
     Args:
-        context: Where it is drawn.
+        programs: Shader programs of the context that it is for.
         albedo: Linear albedo and roughness, shape (M, S, S, 4).
         trilinear: Blend between mip levels; on a CPU it costs as much as the fetch itself.
     """
+    context = programs.context
     layers, height, width = albedo.shape[:3]
     linear = context.texture_array(
         (width, height, layers), 4, np.ascontiguousarray(albedo, np.float16).tobytes(), dtype="f2"
@@ -54,14 +55,13 @@ def upload_textures(
     array = context.texture_array((width, height, layers), 4)
     array.repeat_x = array.repeat_y = True
     array.build_mipmaps()
-    program = context.compute_shader(shader_source("roots.comp"))
+    program = programs.compute("roots.comp")
     linear.use(0)
     for level in range(max(width, height).bit_length()):
         array.bind_to_image(0, read=False, write=True, level=level)
         program["u_level"] = level
         program.run(-(-max(width >> level, 1) // 8), -(-max(height >> level, 1) // 8), layers)
     context.memory_barrier()
-    program.release()
     linear.release()
     array.filter = (
         moderngl.LINEAR_MIPMAP_LINEAR if trilinear else moderngl.LINEAR_MIPMAP_NEAREST,

@@ -12,6 +12,7 @@ from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
 from carlaloc_env.render.gl.context import is_software
+from carlaloc_env.render.gl.growing_buffer import GrowingBuffer
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, merge
@@ -139,7 +140,7 @@ class MeshBuffers:
         indices = whole.triangles.astype(np.uint32) if len(whole.triangles) else np.zeros(3, np.uint32)
         self.vertices = context.buffer(vertices.tobytes())
         self.indices = context.buffer(indices.tobytes())
-        self._commands = context.buffer(reserve=20 * (len(self.count) + 1), dynamic=True)
+        self._commands = GrowingBuffer(context, 20 * (len(self.count) + 1))
         self._arrays: dict[tuple[int, int, int], moderngl.VertexArray] = {}
         # A graphics card is done with a triangle sooner than a CPU has found out that it does not show.
         self._body: Body | None = None
@@ -148,7 +149,7 @@ class MeshBuffers:
             if models:
                 solid &= np.repeat(_closed(whole, counts), counts)
             self._body = Body(vertices_m=whole.vertices_m, triangles=whole.triangles, solid=solid)
-            self._picked = context.buffer(reserve=12, dynamic=True)
+            self._picked = GrowingBuffer(context, 12)
 
     def draw(
         self,
@@ -196,12 +197,8 @@ class MeshBuffers:
             picked, kept = culler.keep(body, self.first[model], self.count[model], instances.rows)
         if not len(picked):
             return
-        if picked.nbytes > self._picked.size:
-            # The old buffer stays alive in the vertex arrays that name it.
-            self._picked = self._context.buffer(reserve=2 * picked.nbytes, dynamic=True)
-        self._picked.orphan()
         self._picked.write(picked)
-        array = self._array(program, self._picked, False, instances)
+        array = self._array(program, self._picked.buffer, False, instances)
         if instances is None:
             array.render(moderngl.TRIANGLES, vertices=len(picked))
             return
@@ -213,12 +210,8 @@ class MeshBuffers:
         self._run(array, commands[kept > 0])
 
     def _run(self, array: moderngl.VertexArray, commands: NDArray[np.uint32]) -> None:
-        data = commands.tobytes()
-        if len(data) > self._commands.size:
-            self._commands = self._context.buffer(reserve=2 * len(data), dynamic=True)
-        self._commands.orphan()
-        self._commands.write(data)
-        array.render_indirect(self._commands, mode=moderngl.TRIANGLES, count=len(commands))
+        self._commands.write(commands.tobytes())
+        array.render_indirect(self._commands.buffer, mode=moderngl.TRIANGLES, count=len(commands))
 
     def _array(
         self,
@@ -239,8 +232,9 @@ class MeshBuffers:
         """Free the buffers."""
         for array in self._arrays.values():
             array.release()
-        for buffer in (self.vertices, self.indices, self._commands):
-            buffer.release()
+        self.vertices.release()
+        self.indices.release()
+        self._commands.release()
         if self._body is not None:
             self._picked.release()
 
@@ -249,8 +243,7 @@ class InstanceBuffer:
     """Instances sorted by model in a buffer, with each model's range; rewritten for every drawing."""
 
     def __init__(self, context: moderngl.Context, models: int) -> None:
-        self._context = context
-        self.buffer = context.buffer(reserve=256 * INSTANCE.itemsize, dynamic=True)
+        self._rows = GrowingBuffer(context, 256 * INSTANCE.itemsize)
         self.number = np.zeros(models, dtype=np.int64)
         """Instances of each model, shape (M,)."""
         self.begin = np.zeros(models, dtype=np.int64)
@@ -259,6 +252,11 @@ class InstanceBuffer:
         """Model of each row, shape (N,)."""
         self.rows = np.zeros((0, 3, 4), dtype=np.float32)
         """Pose of each row, shape (N, 3, 4)."""
+
+    @property
+    def buffer(self) -> moderngl.Buffer:
+        """The instances as shaders read them."""
+        return self._rows.buffer
 
     @property
     def used(self) -> NDArray[np.intp]:
@@ -276,12 +274,11 @@ class InstanceBuffer:
         out["rows"][: len(order)] = self.rows
         out["tint"][: len(order), :3] = instances.tint[order]
         out["id"][: len(order)] = instances.instance[order]
-        data = out.tobytes()
-        if len(data) > self.buffer.size:
-            # The old buffer stays alive in the vertex arrays that name it.
-            self.buffer = self._context.buffer(reserve=2 * len(data), dynamic=True)
-        self.buffer.orphan()
-        self.buffer.write(data)
+        self._rows.write(out.tobytes())
+
+    def release(self) -> None:
+        """Free the buffer."""
+        self._rows.release()
 
 
 def seen_from_front(*, models: bool = False) -> NDArray[np.bool_]:

@@ -75,10 +75,12 @@ class Programs:
 
     def __init__(self, context: moderngl.Context, constants: tuple[str, ...] = ()) -> None:
         """Make ready; every program has the constants, a name and a value each, defined."""
-        self._context = context
+        self.context = context
+        self.constants = constants
         self._head = "#version 430 core\n" + "".join(f"#define {constant}\n" for constant in constants)
         self._hoists = is_software(context)
         self._programs: dict[tuple[str, str, tuple[str, ...]], moderngl.Program] = {}
+        self._compute: dict[str, moderngl.ComputeShader] = {}
 
     def get(self, vertex: str, fragment: str, *features: str) -> moderngl.Program:
         """Program of two shader files with some features defined."""
@@ -89,16 +91,16 @@ class Programs:
             sources = shader_source(vertex), shader_source(fragment)
             if self._hoists:
                 sources = hoisted(*sources, {feature.split()[0] for feature in features})
-            self._programs[key] = self._context.program(
+            self._programs[key] = self.context.program(
                 vertex_shader=head + common + sources[0], fragment_shader=head + common + sources[1]
             )
         return self._programs[key]
 
-    def release(self) -> None:
-        """Free all programs."""
-        for program in self._programs.values():
-            program.release()
-        self._programs.clear()
+    def compute(self, name: str) -> moderngl.ComputeShader:
+        """Compute shader of a file."""
+        if name not in self._compute:
+            self._compute[name] = self.context.compute_shader(shader_source(name))
+        return self._compute[name]
 
 
 def set_uniforms(program: moderngl.Program, **values: object) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.render.gl.context import set_uniforms
+from carlaloc_env.render.gl.growing_buffer import GrowingBuffer
 from carlaloc_env.render.lighting.light_tiles.screen_tiles import TILE, TILE_PX
 
 
@@ -15,15 +16,12 @@ class TileQuads:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._tiles = context.buffer(reserve=4096 * TILE.itemsize, dynamic=True)
+        self._tiles = GrowingBuffer(context, 4096 * TILE.itemsize)
         self._command = context.buffer(reserve=20, dynamic=True)
         self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
 
     def hold(self, tiles: NDArray[np.void]) -> None:
         """Keep `TILE` rows for the next passes."""
-        if tiles.nbytes > self._tiles.size:
-            self._tiles = self._context.buffer(reserve=tiles.nbytes, dynamic=True)
-        self._tiles.orphan()
         self._tiles.write(tiles.tobytes())
 
     def draw(self, program: moderngl.Program, first: int, count: int) -> None:
@@ -35,12 +33,13 @@ class TileQuads:
             self._array(program).render_indirect(self._command, mode=moderngl.POINTS, count=1)
 
     def _array(self, program: moderngl.Program) -> moderngl.VertexArray:
-        key = (program.glo, self._tiles.glo)
+        tiles = self._tiles.buffer
+        key = (program.glo, tiles.glo)
         if key not in self._arrays:
             names = ("in_cell", "in_lamps", "in_beams", "in_glows")
             layout = " ".join("2u4" if name in program else "8x" for name in names)
             used = [name for name in names if name in program]
-            self._arrays[key] = self._context.vertex_array(program, [(self._tiles, f"{layout}/i", *used)])
+            self._arrays[key] = self._context.vertex_array(program, [(tiles, f"{layout}/i", *used)])
         return self._arrays[key]
 
     def release(self) -> None:
