@@ -128,7 +128,7 @@ MATERIALS: dict[Material, MaterialInfo] = {
     Material.ROOF_TILE: _info(2.0, 0.80, 0.7, 0.30),
     Material.ROOF_FLAT: _info(4.0, 0.90, 0.7, 0.25),
     Material.BARK: _info(1.0, 0.90, 0.5, 0.35),
-    Material.LEAF: _info(1.0, 0.50, 0.1, 0.50),
+    Material.LEAF: _info(2.0, 0.50, 0.1, 0.50),
     Material.METAL_GALVANISED: _info(1.0, 0.45, 0.0, 0.40),
     Material.METAL_PAINTED: _info(1.0, 0.40, 0.0, 0.35),
     Material.CAR_PAINT: _info(1.0, 0.10, 0.0, 0.40),

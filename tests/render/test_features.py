@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -35,24 +35,26 @@ except RenderError as no_opengl:
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
 GRID = (8, 5)
 
+Choice = Callable[[NDArray[Any]], list[cv2.KeyPoint]]
+"""Chooses the keypoints of a grey picture."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Found:
-    """Medians over some pictures of one weather."""
+    """What ORB made of some pictures of one weather, for one way to choose 1200 keypoints."""
 
     keypoints: float
-    strongest_occupy: float
-    """Share of the cells of an 8×5 grid that hold one of the strongest 1200 keypoints; a mean."""
+    """Mean per picture."""
     occupied: float
-    """The same for 1200 keypoints taken evenly from all cells, as SLAM systems do."""
+    """Share of the cells of an 8×5 grid that hold a keypoint, a mean."""
     matches: float
-    """Mutual nearest stereo matches within 1 px of the true disparity, in the same row within 1 px."""
+    """Mutual nearest stereo matches within 1 px of a true disparity, in the same row within 1 px, a mean."""
     right_share: float
-    """Share of the mutual nearest matches that are right."""
+    """Share of all mutual nearest matches that are right."""
     depth_m: float
-    """Median depth of right matches [m]."""
+    """Median depth of all right matches [m]."""
     error_px: float
-    """Deviation of the disparities from the true ones, of matches within 3 px [px]; a mean."""
+    """Deviation of all disparities from the true ones, of matches within 3 px and off outlines [px]."""
 
 
 def stereo_poses(town: Town, share: float) -> tuple[Pinhole, list[NDArray[np.float64]], NDArray[np.float64]]:
@@ -66,12 +68,12 @@ def stereo_poses(town: Town, share: float) -> tuple[Pinhole, list[NDArray[np.flo
     return cameras[0].pinhole, [T @ camera.mount.T_base_sensor for camera in cameras], T
 
 
-def found(name: str, images: int) -> dict[str, Found]:
-    """Figures of every weather over pictures spread along a town's route, empty of traffic."""
+def found(name: str, images: int) -> dict[tuple[str, str], Found]:
+    """Figures by weather and choice over pictures spread along a town's route, empty of traffic."""
     town = load_town(name)
     stage = SensorStage(town, seed=1, weather=PRESETS["ClearNoon"])
     renderer = stage.renderer()
-    rows: dict[str, list[tuple[float, ...]]] = {weather: [] for weather in WEATHERS}
+    rows: dict[tuple[str, str], list[Matched]] = {}
     states = np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8)
     for k in range(images):
         pinhole, poses, T_world_base = stereo_poses(town, (k + 0.4) / images)
@@ -81,57 +83,85 @@ def found(name: str, images: int) -> dict[str, Found]:
         disparity = disparity_px(drawn[0].depth_m(), pinhole, poses)
         for weather in WEATHERS:
             pair = [renderer.shade(g, PRESETS[weather], stamp_ns=k * 10**9, seed=1) for g in drawn]
-            rows[weather].append(orb(pair, disparity, pinhole.fx_px * 0.4))
+            grey = [cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) for picture in pair]
+            for choice, choose in CHOICES.items():
+                rows.setdefault((weather, choice), []).append(matched(grey, disparity, choose))
     stage.close()
-    figures = {}
-    for weather, row in rows.items():
-        numbers = np.array(row)
-        of = dict(zip(Found.__slots__, np.nanmedian(numbers, axis=0), strict=True))
-        for name in ("strongest_occupy", "error_px"):
-            of[name] = np.nanmean(numbers[:, Found.__slots__.index(name)])
-        figures[weather] = Found(**{name: float(value) for name, value in of.items()})
-    return figures
+    return {key: summary(row, pinhole.fx_px * 0.4) for key, row in rows.items()}
 
 
 def disparity_px(
     depth_m: NDArray[np.float32], pinhole: Pinhole, poses: list[NDArray[np.float64]]
-) -> NDArray[np.float64]:
-    """True disparity of every pixel of the left picture; NaN in the sky."""
+) -> NDArray[np.float32]:
+    """True disparity of every pixel of the left picture, 0 in the sky."""
     baseline = float(np.linalg.norm(poses[1][:3, 3] - poses[0][:3, 3]))
-    return np.where(depth_m > 0, pinhole.fx_px * baseline / np.maximum(depth_m, 1e-3), np.nan)
+    true = np.where(depth_m > 0, pinhole.fx_px * baseline / np.maximum(depth_m, 1e-3), 0.0)
+    return np.asarray(true, dtype=np.float32)
 
 
-def orb(
-    pair: list[NDArray[np.uint8]], disparity: NDArray[np.float64], focal_baseline: float
-) -> tuple[float, ...]:
-    """Row of `Found` of one stereo pair."""
-    detector = cv2.ORB_create(nfeatures=1200, nlevels=8, scaleFactor=1.2)  # type: ignore[attr-defined]
-    grey = [cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) for picture in pair]
-    left, right = (detector.detectAndCompute(picture, None) for picture in grey)
-    occupied = [
-        len(_cells(points, disparity.shape)) / (GRID[0] * GRID[1]) for points in (left[0], spread(grey[0]))
-    ]
-    a, b = _stereo_matches(left, right)
-    true = disparity[np.rint(a[:, 1]).astype(int), np.rint(a[:, 0]).astype(int)]
-    right_ones = (np.abs(a[:, 1] - b[:, 1]) <= 1.0) & (np.abs(a[:, 0] - b[:, 0] - true) <= 1.0)
-    depth = focal_baseline / true[right_ones]
-    error = a[:, 0] - b[:, 0] - true
-    error = error[np.abs(error) <= 3.0]
-    return (
-        float(len(left[0])),
-        *occupied,
-        float(right_ones.sum()),
-        float(right_ones.mean()),
-        float(np.median(depth)) if len(depth) else np.nan,
-        float(error.std()) if len(error) > 20 else np.nan,
+class Matched(NamedTuple):
+    """Matches of one pair."""
+
+    cells: int
+    """Cells of the grid that hold a keypoint."""
+    keypoints: int
+    disparity_px: NDArray[np.float64]
+    """Of each match, shape (N,)."""
+    error_px: NDArray[np.float64]
+    """Its deviation from the true one, shape (N,); NaN on outlines, where either side may be meant."""
+    right: NDArray[np.bool_]
+
+
+def matched(grey: Sequence[NDArray[Any]], disparity: NDArray[np.float32], choose: Choice) -> Matched:
+    """Match the chosen keypoints of a pair and judge them.
+
+    A corner on an outline is found on either side of it, up to the radius of FAST's circle, 3 px of
+    its octave; what it shows moves with what is nearest there. True is thus the disparity of its own
+    pixel or of the nearest surface within that circle.
+    """
+    left, right = ((points := choose(picture)) and ORB.compute(picture, points) for picture in grey)
+    if not left or not right:
+        nothing = np.zeros(0)
+        return Matched(0, len(left[0]) if left else 0, nothing, nothing, nothing > 0)
+    a, b, octave = _stereo_matches(left, right)
+    columns, rows = np.rint(a).astype(int).T
+    nearest = np.stack([cv2.dilate(disparity, _disc(3.0 * 1.2**k)) for k in range(8)])
+    measured = a[:, 0] - b[:, 0]
+    own = measured - disparity[rows, columns]
+    outline = measured - nearest[octave, rows, columns]
+    error = np.where(np.abs(own) < np.abs(outline), own, outline)
+    sky = nearest[octave, rows, columns] == 0.0
+    ok = (np.abs(a[:, 1] - b[:, 1]) <= 1.0) & (np.abs(error) <= 1.0) & (measured > 0.0) & ~sky
+    error = np.where(np.abs(own - outline) < 1.0, own, np.nan)
+    return Matched(len(_cells(left[0], disparity.shape)), len(left[0]), measured, error, ok)
+
+
+def _disc(radius: float) -> NDArray[np.uint8]:
+    reach = np.arange(-round(radius), round(radius) + 1)
+    return np.asarray(np.hypot(*np.meshgrid(reach, reach)) <= radius + 0.5, dtype=np.uint8)
+
+
+def summary(rows: list[Matched], focal_baseline: float) -> Found:
+    """Figures over all pairs of one weather and choice."""
+    disparity, error, right = (
+        np.concatenate([getattr(row, name) for row in rows]) for name in ("disparity_px", "error_px", "right")
+    )
+    return Found(
+        keypoints=float(np.mean([row.keypoints for row in rows])),
+        occupied=float(np.mean([row.cells for row in rows])) / (GRID[0] * GRID[1]),
+        matches=float(right.sum()) / len(rows),
+        right_share=float(right.mean()),
+        depth_m=float(np.median(focal_baseline / disparity[right])),
+        error_px=float(error[np.abs(error) <= 3.0].std()),
     )
 
 
-def _stereo_matches(left: Any, right: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Mutual nearest descriptors of a rectified pair: rows within 2 px, disparity from 0 to 160 px."""
+def _stereo_matches(
+    left: Any, right: Any
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    """Mutual nearest descriptors of a rectified pair and their octaves: rows within 2 px, shift 0–160 px."""
     a, b = (np.array([p.pt for p in side[0]]).reshape(-1, 2) for side in (left, right))
-    if not len(a) or not len(b):
-        return a[:0], b[:0]
+    octave = np.array([p.octave for p in left[0]], dtype=np.int64)
     bits = [np.unpackbits(side[1], axis=1).astype(np.float32) for side in (left, right)]
     # Hamming distance: ones of both less twice the common ones.
     far = bits[0].sum(axis=1)[:, None] + bits[1].sum(axis=1)[None] - 2.0 * (bits[0] @ bits[1].T)
@@ -140,10 +170,15 @@ def _stereo_matches(left: Any, right: Any) -> tuple[NDArray[np.float64], NDArray
     best, back = far.argmin(axis=1), far.argmin(axis=0)
     rows = np.arange(len(a))
     good = (back[best] == rows) & np.isfinite(far[rows, best])
-    return a[good], b[best[good]]
+    return a[good], b[best[good]], octave[good]
 
 
-def spread(grey: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
+def strongest(grey: NDArray[Any]) -> list[cv2.KeyPoint]:
+    """OpenCV's own choice: the 1200 strongest of the picture."""
+    return list(ORB.detect(grey))
+
+
+def spread(grey: NDArray[Any]) -> list[cv2.KeyPoint]:
     """The strongest keypoints of every cell, 1200 at most, FAST threshold 7 (ORB-SLAM's lower one)."""
     detector = cv2.ORB_create(nfeatures=30000, nlevels=8, scaleFactor=1.2, fastThreshold=7)  # type: ignore[attr-defined]
     cells: dict[tuple[int, int], list[cv2.KeyPoint]] = {}
@@ -154,28 +189,34 @@ def spread(grey: NDArray[np.uint8]) -> list[cv2.KeyPoint]:
     return [point for points in cells.values() if len(points) >= 3 for point in points[:most]]
 
 
+ORB = cv2.ORB_create(nfeatures=1200, nlevels=8, scaleFactor=1.2)  # type: ignore[attr-defined]
+CHOICES: dict[str, Choice] = {"strongest": strongest, "spread": spread}
+
+
 def _cells(points: Sequence[cv2.KeyPoint], shape: tuple[int, ...]) -> set[tuple[int, int]]:
     height, width = shape[:2]
     return {(int(p.pt[0] * GRID[0] / width), int(p.pt[1] * GRID[1] / height)) for p in points}
 
 
-def read(town: str, figures: dict[str, Found]) -> None:
+def read(town: str, figures: dict[tuple[str, str], Found]) -> None:
     """Print what was found; how many keypoints a street bears is for reading, not a bar."""
-    for weather, of in figures.items():
+    for key, of in figures.items():
         numbers = (f"{name} {getattr(of, name):.3g}" for name in Found.__slots__)
-        print(town, weather, *numbers)  # noqa: T201
+        print(town, *key, *numbers)  # noqa: T201
 
 
-def judge(figures: dict[str, Found]) -> None:
+def judge(figures: dict[tuple[str, str], Found]) -> None:
     """What weather must do to a SLAM system: fog hides what is far, night blurs and grains."""
-    clear, fog, night = (figures[weather] for weather in WEATHERS)
-    assert fog.depth_m <= 0.5 * clear.depth_m
-    assert night.matches < clear.matches
-    assert night.error_px > clear.error_px
+    for choice in CHOICES:
+        clear, night = figures["ClearNoon", choice], figures["RainyNight", choice]
+        assert night.matches < clear.matches
+        assert night.error_px > clear.error_px
+    # Keypoints from every cell lie near by in any weather: half of them on the road.
+    assert figures["FoggyNoon", "strongest"].depth_m <= 0.5 * figures["ClearNoon", "strongest"].depth_m
 
 
 def test_orb_in_town03() -> None:
-    figures = found("Town03", 4)
+    figures = found("Town03", 12)
     read("Town03", figures)
     judge(figures)
 

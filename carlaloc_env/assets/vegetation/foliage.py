@@ -35,6 +35,8 @@ CLUMP_AREA = 9.5745
 """Surface of that icosahedron."""
 TRIANGLE_AREA = 0.4330
 """Area of an equilateral triangle with unit edge."""
+LONG = 1.3
+"""How much longer than equilateral leaf triangles are, and how much narrower."""
 
 
 def directions(rng: np.random.Generator, count: int) -> Array:
@@ -67,9 +69,10 @@ def leaf_triangles(
     across = _unit(cross(normal, directions(rng, count)))
     other = cross(normal, across)
     angle = 2 * np.pi * np.arange(3) / 3
-    corner = np.cos(angle)[None, :, None] * across[:, None] + np.sin(angle)[None, :, None] * other[:, None]
+    corner = LONG * np.cos(angle)[None, :, None] * across[:, None]
+    corner = corner + np.sin(angle)[None, :, None] * other[:, None] / LONG
     vertices = points[:, None] + 0.577 * size[:, None, None] * corner
-    bent = _unit(0.3 * normal + 0.7 * out)
+    bent = _unit(0.5 * normal + 0.5 * out)
     light = rng.uniform(0.72, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.06, (count, 3)), 0.8, 1.2)
     light = light * np.broadcast_to(shade, (count,))[:, None]
     colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)

@@ -32,7 +32,7 @@ def hedge(
     y = np.where(on_side, np.where(side < 0.5 * share, -0.5, 0.5), rng.uniform(-0.5, 0.5, count)) * (
         width_m - 0.06
     )
-    z = np.where(on_side, rng.uniform(0.02, 1, count), 1.0) * (height_m - 0.05)
+    z = np.where(on_side, rng.uniform(0.06, 1, count), 1.0) * (height_m - 0.05)
     x = rng.uniform(0.0, length_m, count)
     points = np.stack([x, y, z], -1) + rng.normal(0, 0.02, (count, 3))
     out = np.stack([np.zeros(count), np.where(on_side, np.sign(y), 0.0), np.where(on_side, 0.2, 1.0)], -1)
@@ -49,10 +49,10 @@ def shrub(seed: int = 0, detail: str = "high", tint: tuple[int, int, int] = (215
     centres[:, 2] += np.linspace(-0.1, 0.2, 7) * height
     size = 0.6 * radius
     used = centres if high else centres[::3]
-    radii = np.full(len(used), size if high else 1.4 * size)
+    radii = np.full(len(used), size if high else 1.15 * size)
     middle = np.array([0.0, 0.0, 0.35 * height])
     body = clumps(rng, used, radii, middle, tint, squash=0.85)
-    count, edge = (90, 0.14) if high else (12, 0.34)
+    count, edge = (220, 0.15) if high else (56, 0.28)
     out = directions(rng, count)
     out[:, 2] = np.abs(out[:, 2])
     points = out * np.array([radius, radius, 0.62 * height]) * rng.uniform(0.85, 1.15, (count, 1))

@@ -31,7 +31,7 @@ class TreeForm:
     bark: tuple[int, int, int] = (235, 235, 235)
     """Tint of the trunk."""
     clumps: int = 44
-    """Leaf clumps of the crown at high detail; low detail has two fifths of them."""
+    """Leaf clumps of the crown at high detail; three fifths of them are drawn there, fewer farther off."""
 
 
 FORMS: dict[str, TreeForm] = {

@@ -26,11 +26,11 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
 
-_CORE_FRACTION = {"high": 0.78, "low": 0.90, "far": 0.95}
+_CORE_FRACTION = {"high": 0.30, "low": 0.20, "far": 0.25}
 """Part of the leaf area that clumps have."""
-_CLUMP_FRACTION = {"high": 1.0, "low": 0.34, "far": 0.15}
+_CLUMP_FRACTION = {"high": 0.6, "low": 0.18, "far": 0.12}
 """Part of the clumps that is kept; they grow to keep their area."""
-_LEAF_SCALE = {"high": 1.0, "low": 2.2, "far": 3.5}
+_LEAF_SCALE = {"high": 1.4, "low": 3.3, "far": 4.6}
 """How many times larger leaves are."""
 
 
@@ -40,7 +40,7 @@ def tree(kind: str = "plane", seed: int = 0, detail: str = "high") -> Mesh:
     Args:
         kind: A key of `FORMS`.
         seed: Chooses size and branching; the same tree at both levels of detail.
-        detail: ``high`` (1–4 k triangles), ``low`` (a sixth) or ``far`` (a twentieth), same leaf area.
+        detail: ``high`` (1–4 k triangles), ``low`` (a quarter) or ``far`` (a tenth), same leaf area.
 
     Raises:
         ConfigError: unknown kind or detail.
@@ -176,15 +176,19 @@ def _crown(
     body = clumps(rng, chosen, radii, middle, form.tint, squash=squash, ragged=ragged)
     size = form.leaf_m * _LEAF_SCALE[detail]
     count = max(int((area_m2 - _area_m2(body)) / (TRIANGLE_AREA * size**2)), 8)
-    owner = rng.integers(0, len(chosen), count)
+    # Sprays of leaves hang about every twig, clumps fill the crown behind them.
+    owner = rng.integers(0, len(points), count)
     away = directions(rng, count)
-    reach = radii[owner, None] * rng.uniform(0.8, 1.25, (count, 1))
-    spots = chosen[owner] + away * reach * np.array([1.0, 1.0, squash])
+    bough = np.sqrt(area_m2 / (CLUMP_AREA * len(points)))
+    reach = bough * rng.uniform(0.25, 1.0, (count, 1)) ** 0.5 * 1.35
+    spots = points[owner] + away * reach * np.array([1.0, 1.0, squash])
     spots[:, 2] = np.maximum(spots[:, 2], 0.3)
     out = spots - middle
     out = 0.5 * out / np.maximum(np.sqrt(np.sum(out * out, axis=-1, keepdims=True)), 1e-6) + 0.5 * away
     out = out / np.maximum(np.sqrt(np.sum(out * out, axis=-1, keepdims=True)), 1e-6)
-    shade = np.clip(0.85 + 0.2 * out[:, 2], 0.6, 1.0)
+    span = np.sqrt(np.max(np.sum((points - middle) ** 2, axis=-1))) + bough
+    depth = np.sqrt(np.sum((spots - middle) ** 2, axis=-1)) / span
+    shade = np.clip(0.42 + 0.5 * depth + 0.2 * out[:, 2], 0.4, 1.0)
     leaves = leaf_triangles(rng, spots, out, size * rng.uniform(0.8, 1.2, count), form.tint, shade)
     return [body, leaves]
 

@@ -92,7 +92,7 @@ def bark(rng: np.random.Generator, size: int) -> Layer:
 
 
 def leaf(rng: np.random.Generator, size: int) -> Layer:
-    """Foliage: leaves of 4–8 cm over one another, dark between them, some yellowish, some turned over."""
+    """Foliage: leaves of 8–16 cm over one another in sprays, dark between them, some yellowish."""
     count = 2600
     centre = rng.random((count, 2)) * size
     length = rng.uniform(0.020, 0.042, count) * size
@@ -110,10 +110,11 @@ def leaf(rng: np.random.Generator, size: int) -> Layer:
                 x, y = centre[k, 0] + du, centre[k, 1] + dv
                 if -reach < x < size + reach and -reach < y < size + reach:
                     cv2.ellipse(canvas, (round(x), round(y)), axes, float(turn[k]), 0, 360, value, -1)
-    log = canvas[..., 0] + 0.10 * fbm(rng, size, 0.15, 0.01, 0.8)
+    sprays = fbm(rng, size, 0.16, 0.05, 0.8)
+    log = 1.3 * canvas[..., 0] + 0.34 * sprays - 0.5 * smoothstep(0.4, 1.2, -sprays)
     warm = canvas[..., 1]
     tint = np.stack([log + warm, log, log - 0.5 * warm], axis=-1)
-    return layer((0.130, 0.180, 0.045), tint, 0.85)
+    return layer((0.135, 0.162, 0.058), tint, 1.0)
 
 
 def wood(rng: np.random.Generator, size: int) -> Layer:
