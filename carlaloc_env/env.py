@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,14 +10,11 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import ArrayLike, NDArray
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
 
-from carlaloc_env.actors.instances import instances_at
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import STEP_TICKS
-from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ActionError, ClosedError, ConfigError, unknown_name
-from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation, quat_to_matrix, rpy_to_quat
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.observation import Observation, Observer
 from carlaloc_env.physics.contacts import Contact
@@ -27,10 +23,11 @@ from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample, SampleList
+from carlaloc_env.seat_view import view_from_seat
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
-from carlaloc_env.timeline.snapshot import Snapshot
+from carlaloc_env.task.actions import controls_of
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
@@ -43,7 +40,7 @@ LOST_OFFSET_M = 12.0
 """Distance from the route at which the episode ends [m]."""
 
 
-class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
+class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
     """Drive a car through a town among traffic, seen by a SLAM sensor suite.
 
     ## Description
@@ -113,6 +110,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
         visibility: bool = False,
     ) -> None:
+        EzPickle.__init__(self, map, rig, weather, traffic, quality, render_mode, visibility)
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(unknown_name("render mode", str(render_mode), self.metadata["render_modes"]))
         self.render_mode = render_mode
@@ -193,12 +191,7 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             return None
         if not self._began:
             raise ActionError("render before reset; call reset() first")
-        renderer, now = self.stage.renderer(), self.world.now_ns
-        snapshot = Snapshot.of(self.world.timeline, now)
-        instances = instances_at(self.stage.library, self.stage.lenses, snapshot)
-        pose = snapshot.T_world_base @ _T_BASE_SEAT
-        picture = renderer.draw(Pinhole.from_fov(640, 360, 90.0), pose, instances)
-        return renderer.shade(picture, self.weather.at(now), stamp_ns=now, seed=self.stage.seed)
+        return view_from_seat(self.stage, self.world, self.weather)
 
     def close(self) -> None:
         """Give physics and GPU memory back; may be called twice."""
@@ -223,9 +216,6 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         }
 
 
-_T_BASE_SEAT = from_rotation(quat_to_matrix(rpy_to_quat(0.0, 0.03, 0.0)) @ R_FLU_OPTICAL, (1.8, 0.0, 1.65))
-
-
 def check_reset(seed: object, options: Mapping[str, object] | None) -> None:
     """Refuse a seed or options that `CarlaLocEnv.reset` does not take.
 
@@ -240,24 +230,3 @@ def check_reset(seed: object, options: Mapping[str, object] | None) -> None:
         raise ConfigError(
             f"reset has no option '{next(iter(options))}', nor any other; gymnasium.make() takes {settings}"
         )
-
-
-def controls_of(action: ArrayLike) -> Controls:
-    """Controls of an action vector (5,): steer, throttle, brake, reverse, handbrake.
-
-    Raises:
-        ActionError: not five numbers, or a switch out of range; pedals and steering are the car's to check.
-    """
-    try:
-        values = np.asarray(action, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ActionError(f"action {action!r} is not numeric; give 5 numbers") from error
-    if values.shape != (5,):
-        raise ActionError(
-            f"action of shape {values.shape}; give 5 numbers: steer, throttle, brake, reverse, handbrake"
-        )
-    for name, value in zip(("reverse", "handbrake"), values[3:], strict=True):
-        if not 0.0 <= value <= 1.0:
-            raise ActionError(f"{name} is {value}; give a finite number from 0 to 1")
-    controls = Controls(steer=float(values[0]), throttle=float(values[1]), brake=float(values[2]))
-    return replace(controls, reverse=bool(values[3] > 0.5), handbrake=bool(values[4] > 0.5))

@@ -27,6 +27,7 @@ from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.stop_lines import StopLines
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
@@ -70,15 +71,32 @@ class DrivingWorld:
         self._ego = EgoCar(self._physics)
         self._listener: DriveListener | None = None
 
-    def reset(self, seed: int | None = None, listener: DriveListener | None = None) -> None:
+    def reset(
+        self,
+        seed: int | None = None,
+        listener: DriveListener | None = None,
+        *,
+        route: Route | None = None,
+        traffic: TrafficConfig | None = None,
+    ) -> None:
         """Stand the ego at the start of the route, let traffic run in, and begin time at 0.
 
         Args:
             seed: New seed of the traffic; the last one when left out.
             listener: Called at every tick and step from now on.
+            route: Route of the ego from now on; the last one when left out.
+            traffic: Traffic from now on, with cars parked as before; the last one when left out.
+
+        Raises:
+            ConfigError: cars would be parked that are not there, or the other way round.
         """
+        if traffic is not None:
+            if traffic.parked_cars != self.traffic_config.parked_cars:
+                raise ConfigError("parked cars are part of the town; make a new world for them")
+            self.traffic_config = traffic
         if seed is not None:
             self.traffic_config = replace(self.traffic_config, seed=seed)
+        self.route = route if route is not None else self.route
         self._listener = listener
         start = self.route.at(0.0)
         self._ego.reset(start.position_m[0], float(start.heading_rad[0]))
@@ -141,6 +159,19 @@ class DrivingWorld:
             self._add_step(self._traffic.step(self._ego_view()))
             self._road.follow(self.state.position_m)
         return contacts
+
+    @property
+    def stop_lines(self) -> StopLines:
+        """Stop lines of the route at which lights must be obeyed."""
+        return self._road.stop_lines
+
+    def signals(self) -> NDArray[np.uint8]:
+        """What every signal head of the town shows now (`SignalState`), shape (S,)."""
+        return self.timeline.signals_at(self.now_ns)
+
+    def actors(self) -> ActorFrame:
+        """All other road users at the last whole step."""
+        return self.timeline.actors_at(self.now_ns // STEP_NS * STEP_NS)
 
     def driver_view(self) -> DriverView:
         """What a driver sees now."""

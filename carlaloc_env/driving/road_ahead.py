@@ -41,7 +41,8 @@ class RoadAhead:
 
     def __init__(self, network: LaneNetwork, route: Route) -> None:
         self._route = route
-        self._stop_s_m, self._stop_heads = stop_lines(network, route)
+        self.stop_lines = stop_lines(network, route)
+        self._stop_s_m, self._stop_heads = self.stop_lines
         self.progress_m = 0.0
         self.offset_m = 0.0
         self._sight: _Sight | None = None

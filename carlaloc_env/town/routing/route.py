@@ -87,6 +87,12 @@ class Route:
             self.lane[row],
         )
 
+    def row_at(self, s_m: float) -> int:
+        """Number of the last sample at or before a distance from the start [m]."""
+        row = int(s_m / self.step_m)
+        number = len(self.position_m)
+        return row % number if self.closed else min(max(row, 0), number - 1)
+
     def project(self, position_m: ArrayLike, near_s_m: float | None = None) -> tuple[float, float]:
         """Distance from the start and offset to the left [m] of a point (2|3,).
 

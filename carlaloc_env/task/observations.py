@@ -1,0 +1,112 @@
+"""What agents see: the state vector, the bird's-eye view, or the sensors of a rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+from gymnasium import spaces
+
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.observation import Observer
+from carlaloc_env.rigs.memory import check_memory
+from carlaloc_env.rigs.presets import RIGS, rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples import Sample
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.task.birds_eye_view import BirdsEyeView, birds_eye_space
+from carlaloc_env.task.state_vector import StateVector, state_space
+
+
+class AgentView(Protocol):
+    """What an agent sees of a drive."""
+
+    space: spaces.Space[Any]
+    """Space of the observations."""
+    samples: list[Sample]
+    """Samples of sensors in the last step."""
+
+    def reset(self, world: DrivingWorld) -> Any:
+        """The first observation of a drive."""
+
+    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
+        """The observation after one more step of 50 ms."""
+
+    def moved(self, world: DrivingWorld, stage: SensorStage) -> AgentView:
+        """The same in another world."""
+
+
+class StateView:
+    """The state vector alone (`rig="state"`), or with the bird's-eye view (`rig="bev"`)."""
+
+    def __init__(self, world: DrivingWorld, *, from_above: bool) -> None:
+        self.samples: list[Sample] = []
+        self._above = BirdsEyeView(world.town.network) if from_above else None
+        self.space: spaces.Space[Any] = state_space()
+        if from_above:
+            self.space = spaces.Dict({"state": state_space(), "bev": birds_eye_space()})
+        self._state: StateVector | None = None
+
+    def reset(self, world: DrivingWorld) -> Any:
+        """The first observation of a drive."""
+        self._state = StateVector(world)
+        return self.observe(world, 0.0)
+
+    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
+        """The observation after one more step of 50 ms."""
+        assert self._state is not None
+        state = self._state.observe(standing_s)
+        return state if self._above is None else {"state": state, "bev": self._above.draw(world)}
+
+    def moved(self, world: DrivingWorld, stage: SensorStage) -> StateView:
+        """The same in another world."""
+        return StateView(world, from_above=self._above is not None)
+
+
+class SensorView:
+    """The newest samples of a rig's sensors."""
+
+    def __init__(self, rig: SensorRig, stage: SensorStage) -> None:
+        self.samples: list[Sample] = []
+        self._config, self._stage = rig, stage
+        self._rig = rig.build(stage)
+        self._observer = Observer(self._rig)
+        self.space: spaces.Space[Any] = self._observer.space
+        self._before_ns = -1
+
+    def reset(self, world: DrivingWorld) -> Any:
+        """The first observation of a drive."""
+        self._rig = self._config.build(self._stage)
+        self._observer.reset()
+        self._before_ns = -1
+        return self.observe(world, 0.0)
+
+    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
+        """The observation after one more step of 50 ms."""
+        self.samples = self._rig.measure(world.timeline, self._before_ns, world.now_ns)
+        self._before_ns = world.now_ns
+        return self._observer.observe(self.samples)
+
+    def moved(self, world: DrivingWorld, stage: SensorStage) -> SensorView:
+        """The same in another world."""
+        return SensorView(self._config, stage)
+
+
+def agent_view(rig: str | Path | SensorRig, world: DrivingWorld, stage: SensorStage) -> AgentView:
+    """What an agent sees with a rig: `state`, `bev`, a rig's name, its YAML file, or a `SensorRig`.
+
+    Raises:
+        ConfigError: there is no such rig, or it needs more memory than there is.
+    """
+    if rig in ("state", "bev"):
+        return StateView(world, from_above=rig == "bev")
+    if isinstance(rig, SensorRig):
+        config = rig
+    else:
+        known = {*RIGS, "bev"}
+        if str(rig) not in known and Path(rig).suffix not in (".yaml", ".yml"):
+            raise ConfigError(unknown_name("rig", str(rig), known) + ", or a .yaml file")
+        config = rig_by_name(rig)
+    check_memory(config)
+    return SensorView(config, stage)
