@@ -147,7 +147,8 @@ def _day_sky(weather: WeatherParameters, directions: Array) -> Array:
     overcast = zenith * (1.0 + 2.0 * directions[..., 2:]) / 3.0 * (grey / np.sum(grey * _LUMA))
     cover = _clouds(weather.cloudiness / 100.0, directions)[..., None]
     tops = (0.75 * overcast + 0.10 * _sun_lx(weather) / math.pi) * (0.8 + 0.4 * cover)
-    broken = clear * (1.0 - cover) + tops * cover
+    # Towards the sun clouds shine through: they are never darker there than the bright air behind them.
+    broken = clear * (1.0 - cover) + np.maximum(tops, 1.04 * clear) * cover
     hidden = overcast * weather.overcast * (0.94 + 0.12 * cover)
     return np.asarray(broken * (1.0 - weather.overcast) + hidden, dtype=np.float64)
 
@@ -228,18 +229,24 @@ def _zenith_chroma(table: tuple[tuple[float, ...], ...], turbidity: float, theta
 
 
 def _clouds(cover: float, directions: Array) -> Array:
-    """Density 0–1 of a cloud layer on a plane overhead, fading out below 8° (S, S)."""
+    """Density 0–1 of a layer of cumulus on a plane overhead, in haze below 8°, shape (S, S).
+
+    A share `cover` of the sky as it is drawn lies in them, however few: fair weather has small ones.
+    """
     up = np.maximum(directions[..., 2], 0.03)
     x, y = directions[..., 0] / up * 1.1, directions[..., 1] / up * 1.1
     field = np.zeros(up.shape)
     weight, total = 1.0, 0.0
-    for octave in range(5):
+    for octave in range(6):
         field += weight * _value_noise(x * 2.0**octave, y * 2.0**octave, octave)
         total += weight
         weight *= 0.55
-    edge = np.clip((field / total - (0.82 - 0.72 * cover)) / 0.25, 0.0, 1.0)
-    fade = np.clip((directions[..., 2] - 0.05) / 0.12, 0.0, 1.0)
-    return np.asarray(edge * edge * (3.0 - 2.0 * edge) * fade, dtype=np.float64)
+    field /= total
+    # Heaped clouds have sharp edges, a closed cover has none.
+    soft = 0.10 + 0.15 * cover
+    edge = np.clip((field - float(np.quantile(field, 1.0 - cover)) + 0.5 * soft) / soft, 0.0, 1.0)
+    fade = np.clip((directions[..., 2] - 0.03) / 0.12, 0.0, 1.0)
+    return np.asarray(edge * edge * (3.0 - 2.0 * edge) * fade * min(20.0 * cover, 1.0), dtype=np.float64)
 
 
 def _value_noise(x: Array, y: Array, octave: int) -> Array:
