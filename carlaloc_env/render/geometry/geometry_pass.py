@@ -257,6 +257,7 @@ class GeometryPass:
             f"CLOTH {int(Material.CLOTH)}u",
             f"SKY_ID {SKY_ID}u",
             f"LEAF {int(Material.LEAF)}u",
+            f"CURTAIN_WALL {int(Material.CURTAIN_WALL)}u",
             f"CROP {int(Material.CROP)}u",
             f"GRASS {int(Material.GRASS)}u",
             f"PAVEMENT {int(Material.PAVEMENT)}u",

@@ -231,7 +231,7 @@ def _zenith_chroma(table: tuple[tuple[float, ...], ...], turbidity: float, theta
 def _clouds(cover: float, directions: Array) -> Array:
     """Density 0–1 of a layer of cumulus on a plane overhead, in haze below 8°, shape (S, S).
 
-    A share `cover` of the sky as it is drawn lies in them, however few: fair weather has small ones.
+    A share `cover` of the half-sphere lies in them, however few: fair weather has small ones.
     """
     up = np.maximum(directions[..., 2], 0.03)
     x, y = directions[..., 0] / up * 1.1, directions[..., 1] / up * 1.1
@@ -244,9 +244,18 @@ def _clouds(cover: float, directions: Array) -> Array:
     field /= total
     # Heaped clouds have sharp edges, a closed cover has none.
     soft = 0.10 + 0.15 * cover
-    edge = np.clip((field - float(np.quantile(field, 1.0 - cover)) + 0.5 * soft) / soft, 0.0, 1.0)
+    edge = np.clip((field - _exceeded_by(field, cover)) / soft + 0.5, 0.0, 1.0)
     fade = np.clip((directions[..., 2] - 0.03) / 0.12, 0.0, 1.0)
     return np.asarray(edge * edge * (3.0 - 2.0 * edge) * fade * min(20.0 * cover, 1.0), dtype=np.float64)
+
+
+def _exceeded_by(field: Array, share: float) -> float:
+    """What a field over the sky map exceeds in a share of the half-sphere."""
+    _, solid_angle_sr = hemisphere()
+    order = np.argsort(field, axis=None)
+    below = np.cumsum(solid_angle_sr.ravel()[order])
+    at = np.searchsorted(below, (1.0 - share) * below[-1])
+    return float(field.ravel()[order[min(at, len(order) - 1)]])
 
 
 def _value_noise(x: Array, y: Array, octave: int) -> Array:

@@ -54,6 +54,14 @@ void main() {
 #endif
 #endif
     vec3 n = normalize(v_normal);
+#ifndef WORN
+    // No two bays of a glass wall are furnished alike, nor do their panes stand quite in one plane.
+    ivec2 bay = ivec2(floor(v_uv));
+    uint h = mix_bits(uint(bay.x) * 0x9e3779b1u ^ uint(bay.y) * 0x85ebca77u ^ v_id);
+    bool panes = v_layer == float(CURTAIN_WALL);
+    albedo *= panes ? 0.70 + 0.55 * float(h & 255u) / 255.0 : 1.0;
+    n += panes ? 0.024 * (vec3((uvec3(h) >> uvec3(8, 16, 24)) & 255u) / 255.0 - 0.5) : vec3(0.0);
+#endif
     // Leaves let half of the light through, and throw it to their neighbours: both sides are lit alike.
     bool leaf = v_layer == float(LEAF);
     albedo *= leaf ? 1.35 : 1.0;

@@ -167,6 +167,8 @@ void main() {
     vec3 direction = offset * per_length;
     vec3 v = -direction;
     float f0 = 0.04;
+    // Double panes throw back four times as much of the sky as one face; water is as smooth, but lies level.
+    float panes = 0.12 * smoothstep(0.095, 0.07, roughness) * smoothstep(0.9, 0.7, abs(n.z));
 
     float brightest = max(albedo.r, max(albedo.g, max(albedo.b, 0.02)));
     vec3 emitted = albedo * (1.0 / brightest);
@@ -266,7 +268,7 @@ void main() {
 #endif
 
     float smooth_part = (1.0 - roughness) * (1.0 - roughness);
-    float fresnel = f0 * (1.0 - roughness) + smooth_part * fifth(1.0 - nv);
+    float fresnel = (f0 + panes) * (1.0 - roughness) + smooth_part * fifth(1.0 - nv);
     vec3 mirror = reflect(direction, n);
     vec3 root = textureLod(u_sheen, sky_uv(mirror), roughness * 6.0).rgb;
     vec3 above = root * root * u_brightest;

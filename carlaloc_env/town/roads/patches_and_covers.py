@@ -44,9 +44,9 @@ def cover_rings() -> Array:
 
 
 def lay_cover(out: MeshBuilder, rings: Array) -> None:
-    """A cover: its frame and the boss in its middle are worn bright; points (36, 3) of `cover_rings`."""
+    """A cover: its frame and the boss in its middle are worn blank; points (36, 3) of `cover_rings`."""
     fan = np.stack([np.zeros(10, int), np.arange(1, 11), np.arange(2, 12)], axis=-1)
-    for k, grey in enumerate((74.0, 13.0, 62.0)):
+    for k, grey in enumerate((40.0, 20.0, 28.0)):
         ring = rings[12 * k : 12 * k + 12] + np.array([0.0, 0.0, COVER_M + 0.0004 * k])
         out.triangles(
             ring, fan[:, ::-1], material=Material.PLAIN, tag=Tag.ROAD, colour=(grey, 0.97 * grey, 0.93 * grey)

@@ -58,8 +58,8 @@ def test_fast_roads_are_mended_less_and_have_no_covers() -> None:
         a, b, c = mesh.vertices_m[mesh.triangles].astype(np.float64).transpose(1, 0, 2)
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
         per_m2[fast] = area.sum() / driving_m2(strips)
-        # The boss in the middle of a cover is the only thing on a road that is 62 bright.
-        rounds[fast] = int((mesh.colour[mesh.triangles[:, 0], 0] == 62).sum())
+        # The boss in the middle of a cover is the only thing on a road that is 28 bright.
+        rounds[fast] = int((mesh.colour[mesh.triangles[:, 0], 0] == 28).sum())
     assert per_m2[False] > 0.01
     assert per_m2[True] < 0.35 * per_m2[False]
     assert rounds[False] > 100
