@@ -14,6 +14,7 @@ from carlaloc_env.render.lighting.light_table import LIST_COLUMNS, TEXELS
 from carlaloc_env.render.lighting.light_tiles.surface_light_culling import RETROREFLECTION
 from carlaloc_env.render.lighting.light_tiles.tiled_lights import SKY_M
 from carlaloc_env.render.lighting.uniforms import FOG_FLOOR_M
+from carlaloc_env.render.lighting.wet_reflections import SMEAR
 
 TONE_SHOULDER, TONE_ROOM = 0.6, 0.4
 """Exposed light up to which the tone curve is straight, and what lies between it and white."""
@@ -25,6 +26,7 @@ def shader_constants() -> tuple[str, ...]:
     values: dict[str, ArrayLike] = {
         "LAMP_COLOUR": LAMP_COLOUR,
         "LAMP_LEAST_M2": LAMP_LEAST_M**2,
+        "MIRROR_SMEAR": SMEAR,
         "LOG_SCALE": LOG_SCALE,
         "LOW_BEAM_DEGREES": low_beam.DEGREES,
         "LOW_BEAM_LEAST_AHEAD": low_beam.LEAST_AHEAD,

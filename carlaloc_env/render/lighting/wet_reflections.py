@@ -16,6 +16,10 @@ from carlaloc_env.render.gl.context import Programs
 
 COLUMN_PX, ROW_PX = 3, 3
 """Pixels of the picture for one of the mirror's."""
+SMEAR = 9.0
+"""Level of the mirror by the roughness of the ground: film on asphalt smears it over about a degree."""
+LEVELS = 5
+"""Halvings of the mirror, which stand for smears of rough ground."""
 _MARGIN = 0.03
 """How far above the horizon ground is still looked for, as a share of the picture's height."""
 
@@ -59,12 +63,14 @@ class Mirror:
             framebuffer.scissor = (0, top, texture.width, texture.height - top)
             triangle(program)
             framebuffer.scissor = (0, 0, texture.width, texture.height)
+        texture.build_mipmaps(max_level=LEVELS)
         return texture
 
     def _target(self, size_px: tuple[int, int]) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         if size_px not in self._targets:
             texture = self._context.texture(size_px, 4, dtype="f2")
-            texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
+            texture.build_mipmaps(max_level=LEVELS)
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             texture.repeat_x = texture.repeat_y = False
             self._targets[size_px] = (texture, self._context.framebuffer([texture]))
         return self._targets[size_px]

@@ -24,9 +24,10 @@ void main() {
     float up = decode_normal(texture(u_normal, uv).xy).z;
     vec3 p = v_ray * depth;
     vec3 ray = normalize(v_ray) * vec3(1.0, 1.0, -1.0);
-    // Grains of the asphalt scatter the mirrored ray up and down; the world holds them, not the screen.
+    // Waves of the water bend the mirrored ray up and down; the world holds them, not the screen. Grains of
+    // the asphalt are finer than pixels: they smear what is seen, see shade.frag.
     vec2 ground = (p + u_eye).xy;
-    ray.z = abs(ray.z) + (noise(ground * 9.0 + u_ripples * 7.0) - 0.5) * 0.10 * min(6.0 / max(depth, 1.0), 1.0);
+    ray.z = abs(ray.z) + (noise(ground * 9.0 + u_ripples * 7.0) - 0.5) * 0.02 * min(6.0 / max(depth, 1.0), 1.0);
     vec3 a = transpose(u_rotation) * p;
     vec3 b = transpose(u_rotation) * ray;
     float s = 0.5;
@@ -43,6 +44,18 @@ void main() {
         hit = found ? s : hit;
         s *= 1.38;
     }
+    // Where between the last two steps.
+    float low = hit / 1.38, high = hit;
+    for (int i = 0; i < 3; ++i) {
+        float mid = 0.5 * (low + high);
+        vec3 q = a + b * mid;
+        vec2 place = ((q.xy / max(q.z, 0.1) - u_unproject.zw) / u_unproject.xy + 0.5) / u_size;
+        float there = texture(u_depth, place).x;
+        bool behind = there > 0.0 && there < q.z;
+        at = behind && hit > 0.0 ? place : at;
+        high = behind ? mid : high;
+        low = behind ? low : mid;
+    }
     vec4 base = texture(u_albedo, at);
     vec4 surface = texture(u_surface, at);
     vec3 albedo = base.rgb * base.rgb / max(base.a * base.a, 0.05);
@@ -53,5 +66,5 @@ void main() {
 #endif
     exposed = through_air(exposed, ray, hit);
     float level = smoothstep(0.90, 0.97, up) * float(depth > 0.0);
-    o_mirror = vec4(exposed, hit > 0.0 ? 1.0 : 0.0) * level;
+    o_mirror = vec4(exposed, 1.0) * (hit > 0.0 ? level : 0.0);
 }

@@ -275,7 +275,8 @@ void main() {
     // Walls across the street stand before the lowest part of the sky.
     vec3 reflection = mix(u_ground, above, smoothstep(-0.05, 0.30, mirror.z)) * open;
 #ifdef MIRROR
-    vec4 seen = texture(u_mirror, uv);
+    // Level by the width of what grains mirror from: a third of the picture's pixels at level 0.
+    vec4 seen = textureLod(u_mirror, uv, MIRROR_SMEAR * roughness);
     reflection = reflection * (1.0 - seen.a) + seen.rgb;
 #endif
 
