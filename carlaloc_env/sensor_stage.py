@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
 from carlaloc_env.town.town import SignalLenses, Town
@@ -73,6 +74,7 @@ class SensorStage:
                 self._scenery(), self.library, lamps_m=self._lamps_m, quality=self._quality
             )
             self._drop_scenery()
+            give_back_freed_memory()
         return self._renderer
 
     def rays(self) -> RayScene:
@@ -86,6 +88,7 @@ class SensorStage:
 
             self._rays = RayScene(self._scenery(), self.library)
             self._drop_scenery()
+            give_back_freed_memory()
         return self._rays
 
     def _scenery(self) -> tuple[Mesh, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shared_fixtures.render_scenes import (
@@ -81,7 +83,8 @@ def test_level_ground_shows_albedo_times_illuminance() -> None:
 
 def test_sun_throws_a_shadow_where_the_ray_to_it_is_blocked() -> None:
     """A plate above the ground darkens exactly the points whose ray to the sun meets it."""
-    sunny = PRESETS["ClearNoon"]
+    # Clouds light shadows: the sky has none here.
+    sunny = replace(PRESETS["ClearNoon"], cloudiness=0.0)
     plate = quad([[8, -2, 3], [8, 2, 3], [6, 2, 3], [6, -2, 3]], Material.LEAF, Tag.STATIC)
     high = transforms.from_rotation(np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]]), (2.0, 0.0, 30.0))
     camera = Pinhole(width_px=240, height_px=160, fx_px=400.0, fy_px=400.0, cx_px=120.0, cy_px=80.0)

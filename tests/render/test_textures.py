@@ -123,7 +123,7 @@ def test_contrast_at_fine_and_coarse_scale(albedo: NDArray[np.float32], material
     """Blocks, blades and clods show near and far: at full size, and still after shrinking eight times."""
     log = brightness(albedo[material])
     assert 0.12 < log.std() < 0.50
-    assert coarse(log, 8).std() > 0.04
+    assert coarse(log, 8).std() > 0.05
 
 
 @pytest.mark.parametrize("material", [m for m in Material if m.name.startswith("ASPHALT")])

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.render.textures.noise import Layer, with_roughness
+from carlaloc_env.render.textures.typeface import face
 
 Rgb = tuple[int, int, int]
 """sRGB colour 0–255."""
@@ -83,8 +84,7 @@ class Canvas:
         width: float,
         height: float,
         colour: Rgb,
-        weight: float = 0.16,
-        font: int = cv2.FONT_HERSHEY_DUPLEX,
+        letters: str = "condensed",
     ) -> None:
         """Words centred on a point, as large as fits into width and height (shares of the picture).
 
@@ -95,16 +95,18 @@ class Canvas:
             width: Room for the words.
             height: Room for the capitals.
             colour: Colour.
-            weight: Width of the strokes as a share of the letters' height.
-            font: One of OpenCV's fonts.
+            letters: A key of `typeface.FACES`.
         """
-        (w, h), _ = cv2.getTextSize(words, font, 10.0, 1)
-        letter = min(height * self._height, width * self._width * h / w / (1 + 0.8 * weight))
-        scale = 10.0 * letter / h
-        stroke = max(round(weight * letter), 1)
-        (w, h), _ = cv2.getTextSize(words, font, scale, stroke)
-        cx, cy = self._pixel(x, y)
-        cv2.putText(self._image, words, (cx - w // 2, cy + h // 2), font, scale, colour, stroke, cv2.LINE_AA)
+        drawn = face(letters)
+        em = min(height * self._height / drawn.capital, width * self._width / max(drawn.width(words), 1e-6))
+        left = x * self._width - 0.5 * em * drawn.width(words)
+        foot = (1.0 - y) * self._height + 0.5 * em * drawn.capital
+        # Sixteenths of a pixel, so that stems of one letter are equally wide.
+        rings = [
+            np.rint(16.0 * (ring * (em, -em) + (left, foot))).astype(np.int32) for ring in drawn.rings(words)
+        ]
+        if rings:
+            cv2.fillPoly(self._image, rings, colour, cv2.LINE_AA, 4)
 
     def cell(self, rng: np.random.Generator, wear: float = 0.05) -> Layer:
         """The finished square cell, row 0 at the bottom, with a little grain."""

@@ -31,7 +31,7 @@ def number_plates(rng: np.random.Generator, size: int) -> Layer:
 def _plate(index: int, width_px: int, rng: np.random.Generator, height_px: int) -> Layer:
     c = Canvas(width_px, PLATE_SIZE_M[0] / PLATE_SIZE_M[1], _GROUNDS[index % PLATE_COLUMNS])
     c.rectangle(0.0, 0.0, 0.075, 1.0, (18, 58, 150))
-    c.text(plate_text(index), 0.535, 0.5, 0.86, 0.62, _INK, 0.17)
+    c.text(plate_text(index), 0.535, 0.5, 0.86, 0.62, _INK)
     for y in (0.0, 0.95):
         c.rectangle(0.0, y, 1.0, y + 0.05, _INK)
     for x in (0.0, 0.992):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from carlaloc_env.assets.texture_atlas import BILLBOARDS, SHOP_NAMES
@@ -16,14 +15,8 @@ _PAIRS: tuple[tuple[Rgb, Rgb], ...] = (
     ((60, 38, 26), (238, 214, 170)), ((224, 90, 24), (255, 250, 240)),
 )  # fmt: skip
 """Colours of a sign's board and letters, sRGB."""
-_FONTS = (
-    cv2.FONT_HERSHEY_DUPLEX,
-    cv2.FONT_HERSHEY_TRIPLEX,
-    cv2.FONT_HERSHEY_COMPLEX,
-    cv2.FONT_HERSHEY_SIMPLEX,
-    cv2.FONT_HERSHEY_SCRIPT_COMPLEX,
-)
-"""Fonts of signs."""
+_FONTS = ("bold", "condensed", "black", "medium", "italic")
+"""Faces of signs."""
 
 
 def shop_signs(rng: np.random.Generator, size: int) -> Layer:
@@ -52,17 +45,17 @@ def _sign(number: int, name: str, line: str, rng: np.random.Generator, size: int
     c = Canvas(size // 2, 7.0, ground)
     layout = number % 4
     if layout == 0:
-        c.text(name, 0.5, 0.5, 0.90, 0.56, ink, 0.15, font)
+        c.text(name, 0.5, 0.5, 0.90, 0.56, ink, font)
     elif layout == 1:
         _mark(c, number, 0.075, ink, ground)
-        c.text(name, 0.56, 0.5, 0.80, 0.54, ink, 0.15, font)
+        c.text(name, 0.56, 0.5, 0.80, 0.54, ink, font)
     elif layout == 2:
-        c.text(name, 0.36, 0.52, 0.62, 0.50, ink, 0.15, font)
+        c.text(name, 0.36, 0.52, 0.62, 0.50, ink, font)
         c.rectangle(0.705, 0.15, 0.715, 0.85, ink)
-        c.text(line, 0.855, 0.5, 0.25, 0.30, ink, 0.13)
+        c.text(line, 0.855, 0.5, 0.25, 0.30, ink)
     else:
-        c.text(name, 0.5, 0.64, 0.88, 0.40, ink, 0.16, font)
-        c.text(line, 0.5, 0.20, 0.80, 0.17, ink, 0.13)
+        c.text(name, 0.5, 0.64, 0.88, 0.40, ink, font)
+        c.text(line, 0.5, 0.20, 0.80, 0.17, ink)
     if number % 3 == 0:
         for y in (0.03, 0.91):
             c.rectangle(0.0, y, 1.0, y + 0.06, ink)
@@ -89,10 +82,10 @@ def _billboard(
     _scene(c, motif, ground, ink, rng)
     left = number % 2 == 0
     x = 0.30 if left else 0.70
-    c.text(head, x, 0.66, 0.50, 0.20, ink, 0.19, _FONTS[number % 3])
-    c.text(line, x, 0.40, 0.46, 0.095, ink, 0.15)
+    c.text(head, x, 0.66, 0.50, 0.20, ink, _FONTS[number % 3])
+    c.text(line, x, 0.40, 0.46, 0.095, ink)
     c.rectangle(x - 0.22, 0.12, x + 0.22, 0.27, ink)
-    c.text("CALL 555 0" + str(100 + 37 * number), x, 0.195, 0.40, 0.085, ground, 0.17)
+    c.text("CALL 555 0" + str(100 + 37 * number), x, 0.195, 0.40, 0.085, ground)
     return c.patch(rng, size // 2, size // (len(BILLBOARDS) // 2), 0.03)
 
 

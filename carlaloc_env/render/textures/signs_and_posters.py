@@ -80,22 +80,22 @@ def _stop(size: int) -> Canvas:
     angle = np.pi / 8 + np.pi / 4 * np.arange(8)
     rim = np.stack([np.cos(angle), np.sin(angle)], axis=-1) / np.cos(np.pi / 8)
     c.polygon(0.5 + 0.465 * rim, _RED)
-    c.text("STOP", 0.5, 0.5, 0.82, 0.34, _WHITE, 0.20)
+    c.text("STOP", 0.5, 0.5, 0.82, 0.34, _WHITE)
     return c
 
 
 def _yield(size: int) -> Canvas:
     c = Canvas(size, 1.12, _RED)
     c.polygon([(0.5, 0.20), (0.83, 0.90), (0.17, 0.90)], _WHITE)
-    c.text("YIELD", 0.5, 0.78, 0.42, 0.13, _RED, 0.2)
+    c.text("YIELD", 0.5, 0.78, 0.42, 0.13, _RED)
     return c
 
 
 def _speed(size: int, limit: str) -> Canvas:
     c = _board(size, 0.8, _WHITE, _BLACK)
-    c.text("SPEED", 0.5, 0.85, 0.74, 0.12, _BLACK, 0.18)
-    c.text("LIMIT", 0.5, 0.68, 0.74, 0.12, _BLACK, 0.18)
-    c.text(limit, 0.5, 0.33, 0.78, 0.38, _BLACK, 0.19)
+    c.text("SPEED", 0.5, 0.85, 0.74, 0.12, _BLACK)
+    c.text("LIMIT", 0.5, 0.68, 0.74, 0.12, _BLACK)
+    c.text(limit, 0.5, 0.33, 0.78, 0.38, _BLACK)
     return c
 
 
@@ -112,7 +112,7 @@ def _one_way(size: int) -> Canvas:
         [(0.04, 0.26), (0.80, 0.26), (0.80, 0.08), (0.97, 0.5), (0.80, 0.92), (0.80, 0.74), (0.04, 0.74)],
         _WHITE,
     )
-    c.text("ONE WAY", 0.43, 0.5, 0.66, 0.30, _BLACK, 0.2)
+    c.text("ONE WAY", 0.43, 0.5, 0.66, 0.30, _BLACK)
     return c
 
 
@@ -129,8 +129,8 @@ def _crossing(size: int) -> Canvas:
 
 def _parking(size: int) -> Canvas:
     c = _board(size, 0.75, _BLUE, _WHITE)
-    c.text("P", 0.5, 0.62, 0.7, 0.44, _WHITE, 0.2)
-    c.text("2 HOURS", 0.5, 0.18, 0.74, 0.10, _WHITE, 0.16)
+    c.text("P", 0.5, 0.62, 0.7, 0.44, _WHITE)
+    c.text("2 HOURS", 0.5, 0.18, 0.74, 0.10, _WHITE)
     return c
 
 
@@ -141,15 +141,15 @@ def _bus_stop(size: int) -> Canvas:
         c.rectangle(x, 0.66, x + 0.14, 0.80, _WHITE)
     for x in (0.32, 0.68):
         c.disc(x, 0.49, 0.055, _BLACK)
-    c.text("BUS", 0.5, 0.33, 0.7, 0.14, _GREEN, 0.2)
-    c.text("12  47", 0.5, 0.14, 0.7, 0.10, _BLACK, 0.18)
+    c.text("BUS", 0.5, 0.33, 0.7, 0.14, _GREEN)
+    c.text("12  47", 0.5, 0.14, 0.7, 0.10, _BLACK)
     return c
 
 
 def _plate(size: int) -> Canvas:
     c = _board(size, 4.6, (232, 232, 224), (40, 40, 40))
     c.rectangle(0.01, 0.06, 0.085, 0.94, _BLUE)
-    c.text("CL 4729", 0.54, 0.5, 0.82, 0.60, (24, 24, 26), 0.18)
+    c.text("CL 4729", 0.54, 0.5, 0.82, 0.60, (24, 24, 26))
     return c
 
 
@@ -167,7 +167,7 @@ def _street_names(size: int, first: int) -> Canvas:
         y = k / 4
         c.rectangle(0.0, y, 1.0, y + 0.25, _WHITE)
         c.rectangle(0.012, y + 0.012, 0.988, y + 0.238, _GREEN)
-        c.text(name, 0.5, y + 0.125, 0.90, 0.13, _WHITE, 0.19)
+        c.text(name, 0.5, y + 0.125, 0.90, 0.13, _WHITE)
     return c
 
 
@@ -186,9 +186,9 @@ def _bill(cell: PosterCell, rng: np.random.Generator, size: int) -> Layer:
     c = Canvas(size, 0.68, ground)
     _motif(c, motif, ground, ink, rng)
     c.rectangle(0.0, 0.74, 1.0, 0.97, ground)
-    c.text(headline, 0.5, 0.855, 0.90, 0.16, ink, 0.20)
+    c.text(headline, 0.5, 0.855, 0.90, 0.16, ink)
     c.rectangle(0.0, 0.05, 1.0, 0.19, ink)
-    c.text(line, 0.5, 0.12, 0.90, 0.075, ground, 0.18)
+    c.text(line, 0.5, 0.12, 0.90, 0.075, ground)
     c.rectangle(0.0, 0.725, 1.0, 0.74, ink)
     return c.cell(rng, 0.03)
 

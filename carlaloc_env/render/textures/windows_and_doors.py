@@ -205,18 +205,18 @@ def _shop(cell: str, rng: np.random.Generator, size: int) -> Layer:
     c.shade(0.0, 0.0, 1.0, 0.10, (92, 90, 86), (110, 106, 100))
     c.rectangle(0.0, 0.82, 1.0, 1.0, board, 0.4)
     c.rectangle(0.0, 0.82, 1.0, 0.832, letters)
-    c.text(name, 0.5, 0.915, 0.86, 0.085, letters, 0.20)
+    c.text(name, 0.5, 0.915, 0.86, 0.085, letters)
     c.shade(0.04, 0.10, 0.70, 0.80, (64, 56, 48), (108, 98, 80), _GLASS_ROUGHNESS)
     _goods(c, cell, rng)
     c.shade(0.76, 0.02, 0.96, 0.80, (42, 40, 40), (78, 76, 74), _GLASS_ROUGHNESS)
     c.rectangle(0.80, 0.24, 0.92, 0.34, (206, 40, 34))
-    c.text("OPEN", 0.86, 0.29, 0.10, 0.06, (250, 250, 240), 0.2)
+    c.text("OPEN", 0.86, 0.29, 0.10, 0.06, (250, 250, 240))
     c.rectangle(0.775, 0.36, 0.785, 0.50, (190, 180, 150))
     for x in (0.04, 0.37, 0.70, 0.76, 0.96):
         c.rectangle(x - 0.012, 0.0, x + 0.012, 0.82, board, 0.4)
     for y in (0.10, 0.80):
         c.rectangle(0.03, y - 0.012, 0.71, y + 0.012, board, 0.4)
-    c.text(line, 0.20, 0.70, 0.28, 0.04, (240, 236, 220), 0.14)
+    c.text(line, 0.20, 0.70, 0.28, 0.04, (240, 236, 220))
     for k in range(14):
         c.polygon(
             [
@@ -285,7 +285,7 @@ def _panelled(rng: np.random.Generator, size: int) -> Layer:
             c.rectangle(x0, y0, x1, y1, (30, 46, 42))
             c.rectangle(x0 + 0.03, y0 + 0.012, x1 - 0.03, y1 - 0.012, (60, 88, 82))
     c.shade(0.14, 0.74, 0.86, 0.93, (50, 54, 58), (86, 92, 98), _GLASS_ROUGHNESS)
-    c.text("24", 0.5, 0.70, 0.2, 0.035, (210, 190, 120), 0.2)
+    c.text("24", 0.5, 0.70, 0.2, 0.035, (210, 190, 120))
     c.disc(0.86, 0.37, 0.022, (206, 180, 96))
     c.rectangle(0.40, 0.505, 0.60, 0.525, (206, 180, 96))
     c.rectangle(0.06, 0.0, 0.94, 0.035, (34, 34, 34))
@@ -309,7 +309,7 @@ def _steel(rng: np.random.Generator, size: int) -> Layer:
     for y in np.arange(0.10, 0.34, 0.035):
         c.rectangle(0.24, float(y), 0.76, float(y) + 0.016, (60, 64, 68))
     c.rectangle(0.30, 0.66, 0.70, 0.78, (226, 190, 30))
-    c.text("EXIT", 0.5, 0.72, 0.34, 0.05, (20, 20, 20), 0.2)
+    c.text("EXIT", 0.5, 0.72, 0.34, 0.05, (20, 20, 20))
     c.rectangle(0.80, 0.43, 0.90, 0.46, (40, 40, 42))
     for y in (0.12, 0.50, 0.88):
         c.rectangle(0.04, y, 0.08, y + 0.05, (70, 74, 78))
