@@ -20,6 +20,8 @@ _SCAN_M = 2.0
 _SHORTEST_S = 1.6
 _STOP_RESERVE_M = 1.0
 _LATENCY_S = 0.3
+_ANOTHER_STOP_M = 3.0
+"""A place to stand that lies so much farther than the last is another one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,9 +30,9 @@ class SpeedStyle:
 
     brake_from_mps2: float = 1.3
     """Braking for something ahead begins when its peak would exceed this."""
-    accelerate_mps2: float = 1.7
+    accelerate_mps2: float = 2.0
     """Comfortable acceleration in town."""
-    jerk_up_mps3: float = 1.05
+    jerk_up_mps3: float = 1.4
     """Greatest rise of acceleration."""
     jerk_down_mps3: float = 1.6
     """Greatest fall of acceleration in normal driving."""
@@ -69,6 +71,7 @@ class DriverSpeed:
         self.style = style if style is not None else SpeedStyle()
         self._bends: list[_Bend] = []
         self._stopping = False
+        self._stop_s_m = inf
         self._target_mps = 0.0
         self.wanted_mps2 = 0.0
         """Acceleration wanted now [m/s²]."""
@@ -107,7 +110,7 @@ class DriverSpeed:
         jerk = self._cruise(v)
         for bend in self._bends:
             jerk = min(jerk, self._jerk_to(bend.speed_mps, bend.s_m - s_m, v))
-        jerk = min(jerk, self._stop(stop_m, v))
+        jerk = min(jerk, self._stop(stop_m, s_m, v))
         danger = 0.0
         if leader is not None:
             jerk = min(jerk, self._follow(leader, v))
@@ -175,10 +178,13 @@ class DriverSpeed:
         seconds = max(_SHORTEST_S, seconds)
         return 2.0 * (3.0 * change - 2.0 * a * seconds) / (seconds * seconds)
 
-    def _stop(self, stop_m: float | None, v: float) -> float:
+    def _stop(self, stop_m: float | None, s_m: float, v: float) -> float:
         if stop_m is None:
             self._stopping = False
             return inf
+        if s_m + stop_m > self._stop_s_m + _ANOTHER_STOP_M:
+            self._stopping = False
+        self._stop_s_m = s_m + stop_m
         distance = max(stop_m, 0.05)
         later, used = self._after_lifting(v)
         if 0.75 * later * later / max(distance - used, 0.05) > self.style.brake_from_mps2:
