@@ -12,16 +12,13 @@ from numpy.typing import NDArray
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
-from carlaloc_env.traffic.stop_lines import arrival_times_s, stop_lines
+from carlaloc_env.traffic.green_wave import Passings, wave_begins_s
+from carlaloc_env.traffic.stop_lines import StopLines, stop_lines, travel_times_s
 from carlaloc_env.traffic.tables.demand import MAIN_STREET_DEMAND, lane_demand
 from carlaloc_env.traffic.tables.lane_tables import Roads
 
 _LEFT_RAD = 0.5
 """Change of heading along a junction lane from which it is a left turn [rad]."""
-_INTO_GREEN = 0.5
-"""Where in its green a car of the green wave arrives: the queue before it has left, and some time remains."""
-_WAVE_STEP_S = 0.25
-"""Step in which the beginning of a cycle is looked for [s]."""
 
 
 class SignalState(IntEnum):
@@ -66,11 +63,13 @@ class SignalPlan:
             route: Route of the green wave, if `timing` wants one; None for none.
         """
         timing = timing or SignalTiming()
-        passings = {} if route is None else _passings(network, route)
-        main = set(passings) if route is None else set(passings) | _main_heads(network, route)
+        lines = StopLines(np.zeros(0), []) if route is None else stop_lines(network, route)
+        passed = {heads[0] for heads in lines.heads}
+        main = passed if route is None else passed | _main_heads(network, route)
         count = len(network.signals)
         start, green = np.zeros(count, np.int64), np.zeros(count, np.int64)
         cycle = np.ones(count, np.int64)
+        offset_ns = np.zeros(count, np.int64)
         groups: dict[str, list[int]] = defaultdict(list)
         for index, head in enumerate(network.signals):
             groups[head.junction_id or f"signal {head.id}"].append(index)
@@ -80,19 +79,15 @@ class SignalPlan:
             clear_s = timing.yellow_s + timing.all_red_s
             begins = np.cumsum([0.0, *(duration + clear_s for duration in durations)])
             total = round(float(begins[-1]) * 1e9)
-            offset = int.from_bytes(hashlib.blake2b(junction.encode(), digest_size=4).digest(), "big")
-            begin = offset % 1000 * total // 1000
-            met = [
-                (arrival_s, phases[heads.index(head)])
-                for head in heads
-                for arrival_s in passings.get(head, ())
-            ]
-            if met and timing.green_wave:
-                begin = _wave_begin_ns(met, begins[:-1], durations, total)
+            digest = int.from_bytes(hashlib.blake2b(junction.encode(), digest_size=4).digest(), "big")
             for index, phase in zip(heads, phases, strict=True):
                 cycle[index], green[index] = total, round(durations[phase] * 1e9)
                 start[index] = round(float(begins[phase]) * 1e9)
-                start[index] += begin + round(timing.offset_s * 1e9)
+                offset_ns[index] = digest % 1000 * total // 1000
+        if route is not None and timing.green_wave and passed:
+            travel_s = travel_times_s(route, lines.s_m)
+            _join_wave(lines, travel_s, list(groups.values()), start, green, cycle, offset_ns)
+        start += offset_ns + round(timing.offset_s * 1e9)
         return cls(start, green, cycle, timing.yellow_s)
 
     def state_at(self, stamp_ns: int) -> NDArray[np.uint8]:
@@ -121,13 +116,36 @@ class SignalPlan:
         return fraction
 
 
-def _passings(network: LaneNetwork, route: Route) -> dict[int, list[float]]:
-    """When a car on the route comes to the stop line of each head [s], for heads that count there."""
-    lines = stop_lines(network, route)
-    found: dict[int, list[float]] = defaultdict(list)
-    for arrival_s, heads in zip(arrival_times_s(route, lines.s_m).tolist(), lines.heads, strict=True):
-        found[heads[0]].append(arrival_s)
-    return found
+def _join_wave(
+    lines: StopLines,
+    travel_s: NDArray[np.float64],
+    groups: list[list[int]],
+    start_ns: NDArray[np.int64],
+    green_ns: NDArray[np.int64],
+    cycle_ns: NDArray[np.int64],
+    offset_ns: NDArray[np.int64],
+) -> None:
+    """Write the offsets of the green wave into the junctions that a route passes, (S,).
+
+    Args:
+        lines: Stop lines of the route.
+        travel_s: Time to each at a pace of 1 [s].
+        groups: Heads of each junction.
+        start_ns: When the green of each head begins in its junction's cycle [ns], (S,).
+        green_ns: How long it lasts [ns], (S,).
+        cycle_ns: The cycle [ns], (S,).
+        offset_ns: When cycles begin [ns], (S,), changed in place.
+    """
+    head = np.array([heads[0] for heads in lines.heads])
+    junction = np.zeros(len(start_ns), np.int64)
+    for number, members in enumerate(groups):
+        junction[members] = number
+    passings = Passings(
+        travel_s, junction[head], start_ns[head] / 1e9, green_ns[head] / 1e9, cycle_ns[head] / 1e9
+    )
+    begins_s = wave_begins_s(passings, np.array([offset_ns[members[0]] / 1e9 for members in groups]))
+    on_route = np.isin(junction, passings.junction)
+    offset_ns[on_route] = np.round(begins_s[junction[on_route]] * 1e9).astype(np.int64)
 
 
 def _main_heads(network: LaneNetwork, route: Route) -> set[int]:
@@ -140,27 +158,6 @@ def _main_heads(network: LaneNetwork, route: Route) -> set[int]:
         and max(demand[lane] for lane in head.lanes) > 0.5 * MAIN_STREET_DEMAND
         and not all(_turns_left(network, lane) for lane in head.junction_lanes)
     }
-
-
-def _wave_begin_ns(
-    met: list[tuple[float, int]], begins_s: NDArray[np.float64], durations_s: list[float], cycle_ns: int
-) -> int:
-    """Beginning of a junction's cycle with which cars arrive nearest to `_INTO_GREEN` of their greens [ns].
-
-    Args:
-        met: Arrival [s] and phase of each passing of the junction.
-        begins_s: When each phase's green begins in the cycle [s].
-        durations_s: How long it lasts [s].
-        cycle_ns: The cycle [ns].
-    """
-    cycle_s = cycle_ns / 1e9
-    begin_s = np.arange(0.0, cycle_s, _WAVE_STEP_S)
-    miss = np.zeros(len(begin_s))
-    for arrival_s, phase in met:
-        ideal_s = arrival_s - _INTO_GREEN * durations_s[phase]
-        away_s = np.mod(begin_s + begins_s[phase] - ideal_s + 0.5 * cycle_s, cycle_s) - 0.5 * cycle_s
-        miss += away_s * away_s
-    return round(float(begin_s[np.argmin(miss)]) * 1e9)
 
 
 def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:

@@ -10,10 +10,6 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
 
-DEPARTURE_S = 3.0
-"""When a drive gets going: it begins with two seconds of rest [s]."""
-PACE = 0.75
-"""Speed of a car in traffic over what limits and bends allow, junctions included."""
 _LATERAL_MPS2 = 2.4
 """Lateral acceleration that a driver accepts in bends [m/s²]."""
 _SPEED_UP_MPS2 = 1.5
@@ -49,8 +45,8 @@ def stop_lines(network: LaneNetwork, route: Route) -> StopLines:
     return StopLines(np.array(stops), [found[s] for s in stops])
 
 
-def arrival_times_s(route: Route, s_m: Array) -> Array:
-    """When a car that sets out with the drive comes to distances along its route [s], (L,)."""
+def travel_times_s(route: Route, s_m: Array) -> Array:
+    """How long a car needs on a free street to come to distances along its route [s], (L,)."""
     step = route.step_m
     bend_mps = np.sqrt(_LATERAL_MPS2 / np.maximum(np.abs(route.curvature_radpm), 1e-4))
     speed = np.minimum(route.speed_limit_mps, bend_mps)
@@ -60,6 +56,6 @@ def arrival_times_s(route: Route, s_m: Array) -> Array:
         speed[k] = min(speed[k], np.sqrt(speed[k - 1] ** 2 + gain))
     for k in range(len(speed) - 2, -1, -1):
         speed[k] = min(speed[k], np.sqrt(speed[k + 1] ** 2 + gain))
-    time_s = DEPARTURE_S + np.concatenate([[0.0], np.cumsum(step / (PACE * speed))[:-1]])
+    time_s = np.concatenate([[0.0], np.cumsum(step / speed)[:-1]])
     times: Array = np.interp(s_m, np.arange(len(speed)) * step, time_s)
     return times
