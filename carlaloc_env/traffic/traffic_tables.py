@@ -18,6 +18,10 @@ SPACING_M = 12.0
 """Least distance between two vehicles at the start [m]."""
 KEEP_CLEAR_M = 20.0
 """Distance from the ego's start that stays empty [m]."""
+PLATOON = 5
+"""Vehicles that start one behind the other where roads are fast."""
+_FAST_MPS = 70.0 / 3.6
+"""Speed limit from which on traffic comes in platoons [m/s]."""
 _END_ROOM_M = 7.0
 """Distance from both ends of a lane that stays empty at the start [m]."""
 _NARROWEST_M = 2.5
@@ -49,7 +53,8 @@ class TrafficTables:
         """Lanes and stations [m] at which vehicles may start, in the order in which they are taken.
 
         They lie outside junctions, on lanes that lead into no dead end; those of main streets come first more
-        often, by their lanes' demand.
+        often, by their lanes' demand. On fast roads they are taken by `PLATOON`, with the road between left
+        empty.
 
         Args:
             seed: Seed of the traffic.
@@ -65,7 +70,11 @@ class TrafficTables:
         stations = np.array([station for _, station in slots])
         if not len(lanes):
             return lanes, stations
-        order = weighted_order(rng.stream(seed, "traffic/place"), self._demand[lanes])
+        slot = np.round((stations - _END_ROOM_M) / SPACING_M).astype(np.int64)
+        fast = self.network.speed_limit_mps(lanes, stations) > _FAST_MPS - 0.1
+        first_of_platoon = np.arange(len(lanes)) - slot % PLATOON
+        group = np.where(fast, np.maximum(first_of_platoon, 0), np.arange(len(lanes)))
+        order = weighted_order(rng.stream(seed, "traffic/place"), self._demand[lanes], group)
         lanes, stations = lanes[order], stations[order]
         keep = self.network.width_m(lanes, stations) > _NARROWEST_M
         if len(keep_clear_m):

@@ -19,6 +19,7 @@ from carlaloc_env.timeline.timeline import LIGHT_LEFT, LIGHT_LOW_BEAM, LIGHT_RIG
 from carlaloc_env.town.config import SignalTiming, TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.traffic_tables import TrafficTables
@@ -41,6 +42,13 @@ def town_timing(town: str) -> SignalTiming:
     return TownConfig.from_toml(find_town(town).with_name("town.toml")).signals
 
 
+def town_route(town: str, network: LaneNetwork) -> Route:
+    """The route of a town's town.toml, whose streets are the busy ones."""
+    wanted = TownConfig.from_toml(find_town(town).with_name("town.toml")).route
+    route = plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m, for_car=True)
+    return route.starting_at(wanted.start) if wanted.start is not None else route
+
+
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town03's lanes."""
@@ -49,8 +57,8 @@ def network() -> LaneNetwork:
 
 @pytest.fixture(scope="module")
 def tables(network: LaneNetwork) -> TrafficTables:
-    """What traffic knows of Town03."""
-    return TrafficTables(network)
+    """What traffic knows of Town03, its main streets busy as in every drive."""
+    return TrafficTables(network, town_route("Town03", network))
 
 
 @pytest.fixture(scope="module")
@@ -188,7 +196,8 @@ def test_ten_minutes_of_every_town(town: str) -> None:
         pytest.skip(f"{town} is not there yet")
     vehicles, walkers = PAPER_COUNTS[town]
     config = TrafficConfig(vehicles=vehicles, walkers=walkers, seed=1, timing=town_timing(town))
-    report = audit_traffic(build_network(source), config, 600.0)
+    network = build_network(source)
+    report = audit_traffic(network, config, 600.0, TrafficTables(network, town_route(town, network)))
     check(report)
     assert report.speed_fraction > 0.35
     assert report.step_ms[0] < 2.0

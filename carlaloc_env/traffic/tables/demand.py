@@ -13,6 +13,8 @@ MAIN_STREET_DEMAND = 6.0
 """How much more often drivers choose a main street than a side street, as long as it is not crowded."""
 ROUTE_DEMAND = 1.0
 """The same for the direction in which the route runs: the stream comes towards it, as in rush hours."""
+WALKER_DEMAND = 25.0
+"""How much more often walkers set out beside a main street: shops, stops and offices lie there."""
 STREET_REACH_M = 20.0
 """Lanes this close to the route belong to the same street [m], as do its sidewalks."""
 _HEIGHT_M = 4.0
@@ -56,10 +58,19 @@ def along_route(points_m: Array, tangents: Array, route_m: Array) -> tuple[Flags
     return near, np.sum(direction * tangents, axis=1) > 0.0
 
 
-def weighted_order(draw: np.random.Generator, weight: Array) -> Index:
+def weighted_order(draw: np.random.Generator, weight: Array, group: Index | None = None) -> Index:
     """A random order in which heavier things come first more often, (N,).
 
     Efraimidis & Spirakis, "Weighted random sampling with a reservoir" (2006): by falling u^(1/w).
+
+    Args:
+        draw: Where random numbers come from.
+        weight: Weight of each thing, (N,).
+        group: Number of the group, from 0, to which each belongs, (N,): those of a group with one weight come
+            one after the other; None: each is a group of its own.
     """
-    order: Index = np.argsort(np.log(draw.random(len(weight))) / weight, kind="stable")[::-1]
+    uniform = draw.random(len(weight))
+    order: Index = np.argsort(np.log(uniform if group is None else uniform[group]) / weight, kind="stable")[
+        ::-1
+    ]
     return order

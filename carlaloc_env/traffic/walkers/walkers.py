@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.traffic.tables.demand import MAIN_STREET_DEMAND, along_route, weighted_order
+from carlaloc_env.traffic.tables.demand import WALKER_DEMAND, along_route, weighted_order
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.record_arrays import columns
@@ -106,7 +106,7 @@ class Walkers:
         step = (np.array([station for _, station in slots]) / path.row_step_m[own]).astype(np.int64)
         rows = path.row_first[own] + np.minimum(step, path.row_count[own] - 1)
         near, _ = along_route(row.position_m[rows], row.tangent[rows], route_m)
-        return np.where(near, MAIN_STREET_DEMAND, 1.0)
+        return np.where(near, WALKER_DEMAND, 1.0)
 
     def see_vehicles(self, fleet: Fleet, poses: VehiclePoses, ego: EgoBox) -> None:
         """Take over where vehicles, (N,) poses, and the ego are now."""
