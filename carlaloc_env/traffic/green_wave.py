@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.traffic.tables.record_arrays import Flags
 
 DEPARTURE_S = 3.0
 """When a drive gets going: it begins with two seconds of rest [s]."""
@@ -36,6 +37,16 @@ class Passings(NamedTuple):
     cycle_s: Array
     """The junction's cycle [s], (L,)."""
 
+    def rows(self, chosen: Flags) -> Passings:
+        """Some of the passings, by flags (L,)."""
+        return Passings(
+            self.travel_s[chosen],
+            self.junction[chosen],
+            self.green_begins_s[chosen],
+            self.green_s[chosen],
+            self.cycle_s[chosen],
+        )
+
 
 def wave_begins_s(passings: Passings, begins_s: Array) -> Array:
     """Beginnings of the cycles of J junctions with which cars of all `PACES` wait least [s], (J,).
@@ -56,8 +67,7 @@ def wave_begins_s(passings: Passings, begins_s: Array) -> Array:
             candidate_s = np.arange(0.0, cycle_s, _STEP_S)
             trial = np.repeat(begins_s[:, None], len(candidate_s), axis=1)
             trial[junction] = candidate_s
-            known = Passings(*(column[counts] for column in passings))
-            begins_s[junction] = candidate_s[np.argmin(_cost_s(known, trial))]
+            begins_s[junction] = candidate_s[np.argmin(_cost_s(passings.rows(counts), trial))]
     return begins_s
 
 
