@@ -74,7 +74,10 @@ class WriteGuard:
         else:
             return
         where = Path(os.fsdecode(path)).resolve()
-        if where.parts[1:2] != ("dev",) and not any(where.is_relative_to(folder) for folder in self.allowed):
+        # Python and numba keep compiled code in these folders, whatever the command was.
+        if "__pycache__" in where.parts or where.parts[1:2] == ("dev",):
+            return
+        if not any(where.is_relative_to(folder) for folder in self.allowed):
             self.astray.append(f"{event} {where}")
 
 
