@@ -8,18 +8,42 @@ wheels feel. Together they are one isotropic surface of the classes of ISO 8608.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.road_events import RoadEvents
-from carlaloc_env.core.rough_surface import RoughSurface
+from carlaloc_env.core.jit import compiled
+from carlaloc_env.core.road_events import EventTable, event_height, event_table, no_events
+from carlaloc_env.core.rough_surface import RoughSurface, WaveTable, wave_height
 
 LONGEST_WAVE_M, SPLIT_WAVE_M, SHORTEST_WAVE_M = 50.0, 10.0, 0.25
 """Wavelengths at which relief begins, roughness takes over, and roughness ends [m]."""
 FOOTPRINT_M = 0.15
 """Length and width of the patch on which a tyre stands, over which it levels out the road [m]."""
+
+
+class LevelTable(NamedTuple):
+    """How rough roads are by place, for compiled functions."""
+
+    level: Array
+    """Level at each point, east then north, shape (I, J)."""
+    low_m: tuple[float, float]
+    """World x and y of the first point [m]."""
+    cell_m: float
+    """Distance of the points [m]."""
+
+
+class RoughTable(NamedTuple):
+    """A `Roughness` for compiled functions."""
+
+    level: LevelTable
+    """How rough roads are."""
+    waves: WaveTable
+    """Waves at a level of 1."""
+    events: EventTable
+    """Covers, repairs and joints."""
 
 
 class LevelGrid:
@@ -34,24 +58,17 @@ class LevelGrid:
     def __init__(self, low_m: tuple[float, float], cell_m: float, level: Array) -> None:
         self._low, self._cell = low_m, cell_m
         self._level = np.ascontiguousarray(level, dtype=np.float64)
-        self._rows: list[list[float]] = self._level.tolist()
         self._last: tuple[float, float] = (len(level) - 1.001, len(level[0]) - 1.001)
+
+    @property
+    def table(self) -> LevelTable:
+        """The grid for compiled functions."""
+        return LevelTable(self._level, (float(self._low[0]), float(self._low[1])), float(self._cell))
 
     @classmethod
     def uniform(cls, level: float) -> LevelGrid:
         """The same level everywhere."""
         return cls((0.0, 0.0), 1.0, np.full((2, 2), level))
-
-    def at(self, x_m: float, y_m: float) -> float:
-        """Level at one place; the border's level outside the grid."""
-        u = min(max((x_m - self._low[0]) / self._cell, 0.0), self._last[0])
-        v = min(max((y_m - self._low[1]) / self._cell, 0.0), self._last[1])
-        i, j = int(u), int(v)
-        f, g = u - i, v - j
-        low, high = self._rows[i], self._rows[i + 1]
-        before: float = (1 - g) * low[j] + g * low[j + 1]
-        after: float = (1 - g) * high[j] + g * high[j + 1]
-        return (1 - f) * before + f * after
 
     def levels(self, xy_m: Array) -> NDArray[np.float64]:
         """Level and its slopes [1/m] towards east and north at places (M, 2), shape (M, 3)."""
@@ -106,9 +123,7 @@ class Roughness:
     """
 
     def __init__(self, seed: int, level: LevelGrid, events: Array | None = None) -> None:
-        self._level = level
-        self._events = None if events is None or not len(events) else RoadEvents(events, FOOTPRINT_M)
-        self._surface = RoughSurface(
+        surface = RoughSurface(
             seed,
             "road/roughness",
             waves_cpm=(1.0 / SPLIT_WAVE_M, 1.0 / SHORTEST_WAVE_M),
@@ -116,8 +131,37 @@ class Roughness:
             size=1024,
             blur_m=FOOTPRINT_M / math.sqrt(12.0),
         )
+        found = event_table(no_events() if events is None else events, FOOTPRINT_M)
+        self.table = RoughTable(level.table, surface.table, found)
+        """The same for compiled functions."""
 
     def height(self, x_m: float, y_m: float) -> float:
         """Height under a tyre at one place of the world [m]."""
-        waves = self._level.at(x_m, y_m) * self._surface.height(x_m, y_m)
-        return waves if self._events is None else waves + self._events.height(x_m, y_m)
+        return rough_height(self.table, x_m, y_m)
+
+
+def no_roughness() -> RoughTable:
+    """Roads without roughness."""
+    level = LevelTable(np.zeros((2, 2)), (0.0, 0.0), 1.0)
+    waves = WaveTable(np.zeros((4, 4), np.float32), (1.0, 0.0))
+    return RoughTable(level, waves, event_table(no_events(), FOOTPRINT_M))
+
+
+@compiled
+def level_at(table: LevelTable, x_m: float, y_m: float) -> float:
+    """Level at one place; the border's level outside the grid."""
+    level = table.level
+    u = min(max((x_m - table.low_m[0]) / table.cell_m, 0.0), len(level) - 1.001)
+    v = min(max((y_m - table.low_m[1]) / table.cell_m, 0.0), level.shape[1] - 1.001)
+    i, j = int(u), int(v)
+    f, g = u - i, v - j
+    before = (1 - g) * level[i, j] + g * level[i, j + 1]
+    after = (1 - g) * level[i + 1, j] + g * level[i + 1, j + 1]
+    return float((1 - f) * before + f * after)
+
+
+@compiled
+def rough_height(table: RoughTable, x_m: float, y_m: float) -> float:
+    """Height under a tyre at one place of the world [m]."""
+    waves = level_at(table.level, x_m, y_m) * wave_height(table.waves, x_m, y_m)
+    return float(waves + event_height(table.events, x_m, y_m))

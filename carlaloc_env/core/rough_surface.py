@@ -9,6 +9,7 @@ of isotropy in road surface modelling", J. Sound Vib. 57, 1978).
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,15 @@ def class_roughness_m3(road_class: str) -> float:
 def class_level(road_class: str) -> float:
     """Height of a class over that of the unit surface: 4 for A, 8 for B, 16 for C."""
     return math.sqrt(class_roughness_m3(road_class) / UNIT_M3)
+
+
+class WaveTable(NamedTuple):
+    """A `RoughSurface` for compiled functions."""
+
+    coefficients: NDArray[np.float32]
+    """Of the B-spline, shape (K, K)."""
+    to_lattice: tuple[float, float]
+    """Cosine and sine of the turn from the world to the lattice, over its spacing [1/m]."""
 
 
 class RoughSurface:
@@ -78,7 +88,12 @@ class RoughSurface:
 
     def height(self, x_m: float, y_m: float) -> float:
         """Height at one place [m]."""
-        return _value(self._coefficients, *self._to_lattice, x_m, y_m)
+        return wave_height(self.table, x_m, y_m)
+
+    @property
+    def table(self) -> WaveTable:
+        """The surface for compiled functions."""
+        return WaveTable(self._coefficients, self._to_lattice)
 
     def heights(self, xy_m: Array) -> NDArray[np.float64]:
         """Height [m] and its slopes towards east and north at places (M, 2), shape (M, 3)."""
@@ -94,8 +109,9 @@ def _knot_gain(cycles: Array) -> Array:
 
 
 @compiled
-def _value(coefficients: NDArray[np.float32], cos: float, sin: float, x: float, y: float) -> float:
-    """Cubic B-spline on a periodic lattice, at one place."""
+def wave_height(table: WaveTable, x: float, y: float) -> float:
+    """Height [m] at one place [m]: a cubic B-spline on a periodic lattice."""
+    coefficients, (cos, sin) = table
     size = len(coefficients)
     u, v = cos * x + sin * y, cos * y - sin * x
     i, j = math.floor(u), math.floor(v)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan, cos, sin, sqrt, tan
+from math import cos, sin, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +13,14 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.road_profile import no_roughness
+from carlaloc_env.physics.ground_heights import highest_below
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain
 from carlaloc_env.physics.quiet_import import pybullet
-from carlaloc_env.physics.wheel import BodyMotion, Wheel, wet_at_speed
-from carlaloc_env.physics.world import PhysicsWorld, Vector3
+from carlaloc_env.physics.wheel import PLACES, BodyMotion, Drive, advance_wheels, wet_at_speed
+from carlaloc_env.physics.wheel_table import car_record, settle, wheel_table
+from carlaloc_env.physics.world import PhysicsWorld
 
 _SETTLE_TICKS = 400
 """Ticks after which the car rests on its springs."""
@@ -72,9 +75,10 @@ class EgoCar:
         self._params = p = params if params is not None else VehicleParams()
         self._offset = (-p.cog_x_m, 0.0, -p.cog_z_m)
         self._powertrain = Powertrain(p)
-        self._wheels = tuple(
-            Wheel(p, is_front=front, is_left=left) for front in (True, False) for left in (True, False)
-        )
+        self._wheels, self._car = wheel_table(p), car_record(p)
+        self._rough = no_roughness() if world.roughness is None else world.roughness.table
+        self._hits = np.zeros((4, PLACES, 5))
+        self._pushed = np.zeros(6)
         self._body = -1
         self._steer_rad = 0.0
         self._is_braking = False
@@ -104,8 +108,7 @@ class EgoCar:
         self._renew_body(com, quat)
         self._powertrain.release()
         self._steer_rad = 0.0
-        for wheel in self._wheels:
-            wheel.settle(0.0)
+        settle(self._wheels)
         self._read()
         for _ in range(_SETTLE_TICKS):
             self.tick(_PARKED)
@@ -119,19 +122,18 @@ class EgoCar:
             ActionError: a control is not finite or out of range; nothing has moved then.
         """
         controls.checked()
-        p = self._params
-        m = self._motion
-        wheels = self._wheels
+        p, m = self._params, self._motion
         self._turn_wheels(controls.steer)
-        self._powertrain.update(controls, m[12])
-        slowing_n = -self._powertrain.motor_n if m[12] > 0.0 else self._powertrain.motor_n
+        power = self._powertrain
+        power.update(controls, m[12])
+        slowing_n = -power.motor_n if m[12] > 0.0 else power.motor_n
         self._is_braking = controls.brake > 0.0 or slowing_n > _BRAKE_LIGHT_MPS2 * p.mass_kg
-        starts: list[Vector3] = []
-        ends: list[Vector3] = []
-        for wheel in wheels:
-            wheel.add_rays(m, starts, ends)
-        hits = self._world.cast_down(starts, ends)
-        self._update_wheels(hits)
+        mu = wet_at_speed(self._world.friction, m[12])
+        how = Drive(self._steer_rad, power.motor_n, power.brake_n, power.handbrake_nm, mu)
+        drag = 0.5 * p.air_kgpm3 * p.drag_area_m2 * sqrt(m[12] * m[12] + m[13] * m[13] + m[14] * m[14])
+        self._pushed[:] = (-drag * m[12], -drag * m[13], 0.0, 0.0, 0.0, 0.0)
+        ground = self._world.ground
+        advance_wheels(self._wheels, self._car, m, ground, self._rough, how, self._hits, self._pushed)
         self._push()
         self._speed_before_mps = m[12] + m[16] * self._offset[2]
         self._world.step()
@@ -142,7 +144,7 @@ class EgoCar:
         px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, wx, wy, wz = self._motion
         ox, oy, oz = self._offset
         bx, by, bz = vx + wy * oz - wz * oy, vy + wz * ox - wx * oz, vz + wx * oy - wy * ox
-        fl, fr, rl, rr = self._wheels
+        wheels = self._wheels
         return EgoState(
             position_m=np.array(
                 (
@@ -164,9 +166,9 @@ class EgoCar:
             acceleration_mps2=(bx - self._speed_before_mps) / TICK_S,
             heading_rad=float(np.arctan2(r21, r11)),
             road_wheel_rad=self._steer_rad,
-            wheel_spin_radps=(fl.spin_radps, fr.spin_radps, rl.spin_radps, rr.spin_radps),
-            wheel_travel_m=(fl.travel_m, fr.travel_m, rl.travel_m, rr.travel_m),
-            wheel_load_n=(fl.load_n, fr.load_n, rl.load_n, rr.load_n),
+            wheel_spin_radps=tuple(wheels["spin_radps"].tolist()),
+            wheel_travel_m=tuple(wheels["travel_m"].tolist()),
+            wheel_load_n=tuple(wheels["load_n"].tolist()),
             is_braking=self._is_braking,
         )
 
@@ -176,58 +178,10 @@ class EgoCar:
         change = steer * p.steer_max_rad - self._steer_rad
         self._steer_rad += max(-most, min(most, change))
 
-    def _update_wheels(self, hits: tuple[tuple[object, ...], ...]) -> None:
-        p, m, drive = self._params, self._motion, self._powertrain
-        fl, fr, rl, rr = self._wheels
-        mu = wet_at_speed(self._world.friction, m[12])
-        radius = p.wheel_radius_m - 0.02
-        # Ackermann: all wheels turn about one point on the rear axle's line.
-        slope = tan(self._steer_rad)
-        half = 0.5 * p.track_m * slope / p.wheelbase_m
-        left, right = atan(slope / (1.0 - half)), atan(slope / (1.0 + half))
-        front = 0.5 * p.brake_front * drive.brake_n * radius
-        rear = 0.5 * (1.0 - p.brake_front) * drive.brake_n * radius
-        motor = 0.5 * drive.motor_n * radius
-        if motor * m[12] < 0.0 and abs(m[12]) > 0.5:
-            # A motor that slows the car can stop a wheel, not turn it back.
-            rear, motor = rear + abs(motor), 0.0
-        bar_front = p.anti_roll_npm[0] * (fl.travel_m - fr.travel_m)
-        bar_rear = p.anti_roll_npm[1] * (rl.travel_m - rr.travel_m)
-        park = drive.handbrake_nm
-        rough = self._world.roughness
-        for k, (wheel, steer, drive_nm, brake_nm, park_nm, bar) in enumerate(
-            (
-                (fl, left, 0.0, front, 0.0, bar_front),
-                (fr, right, 0.0, front, 0.0, -bar_front),
-                (rl, 0.0, motor, rear, park, bar_rear),
-                (rr, 0.0, motor, rear, park, -bar_rear),
-            )
-        ):
-            wheel.update(
-                m,
-                hits[3 * k : 3 * k + 3],
-                steer_rad=steer,
-                drive_nm=drive_nm,
-                brake_nm=brake_nm,
-                park_nm=park_nm,
-                anti_roll_n=bar,
-                mu=mu,
-                rough_m=rough.height(wheel.hub_m[0], wheel.hub_m[1]) if rough is not None else 0.0,
-            )
-
     def _push(self) -> None:
         p = self._params
-        px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, vx, vy, vz, *_ = self._motion
-        drag = 0.5 * p.air_kgpm3 * p.drag_area_m2 * sqrt(vx * vx + vy * vy + vz * vz)
-        fx, fy, fz = -drag * vx, -drag * vy, 0.0
-        tx = ty = tz = 0.0
-        for w in self._wheels:
-            x, y, z = w.x, w.y, w.contact_z
-            wfx, wfy, wfz = w.force_x, w.force_y, w.force_spring
-            fx, fy, fz = fx + wfx, fy + wfy, fz + wfz
-            tx += y * wfz - z * wfy
-            ty += z * wfx - x * wfz
-            tz += x * wfy - y * wfx
+        px, py, pz, r11, r12, r13, r21, r22, r23, r31, r32, r33, *_ = self._motion
+        fx, fy, fz, tx, ty, tz = self._pushed.tolist()
         # PyBullet's body has the whole mass; the springs carry the sprung part of it.
         fz *= p.mass_kg / p.sprung_kg
         force = (
@@ -277,17 +231,16 @@ class EgoCar:
         """Pose of `base_link` whose four wheels touch the road."""
         p = self._params
         c, s = cos(heading_rad), sin(heading_rad)
-        feet = [(w.x + p.cog_x_m, w.y) for w in self._wheels]
+        feet = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
         ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in feet]
-        hits = self._world.cast_down(
-            [(x, y, wanted_m[2] + 2.0) for x, y in ground], [(x, y, wanted_m[2] - 4.0) for x, y in ground]
-        )
-        if any(hit[0] < 0 for hit in hits):
+        high_m, low_m = float(wanted_m[2]) + 2.0, float(wanted_m[2]) - 4.0
+        hits = [highest_below(self._world.ground, float(x), float(y), high_m, low_m) for x, y in ground]
+        if any(number < 0 for number, _ in hits):
             raise ConfigError(
                 f"no road under the ego at ({wanted_m[0]:.1f}, {wanted_m[1]:.1f}, {wanted_m[2]:.1f}) m; "
                 "start it on a driving lane"
             )
-        fl, fr, rl, rr = (hit[3][2] for hit in hits)
+        fl, fr, rl, rr = (height for _, height in hits)
         forward = np.array([c * p.wheelbase_m, s * p.wheelbase_m, 0.5 * (fl + fr - rl - rr)])
         left = np.array([-s * p.track_m, c * p.track_m, 0.5 * (fl + rl - fr - rr)])
         x_axis = forward / np.sqrt(np.sum(forward * forward))

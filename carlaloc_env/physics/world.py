@@ -6,7 +6,6 @@ import itertools
 import weakref
 from collections.abc import Iterator
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,11 +16,12 @@ from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.core.road_profile import Roughness
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog
+from carlaloc_env.physics.ground_heights import ground_table
 from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
 GROUP_STATIC, GROUP_EGO, GROUP_ACTOR = 1, 2, 4
-"""Collision groups; actors touch nothing but the ego, wheel rays see nothing but the town."""
+"""Collision groups; actors touch nothing but the ego."""
 _MESH_TRIANGLES = 100_000
 """Triangles of one collision mesh at most."""
 _CONTACT_ERP = 0.05
@@ -73,6 +73,8 @@ class PhysicsWorld:
             physicsClientId=self._client,
         )
         pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self._client)
+        self.ground = ground_table(vertices, triangles)
+        """The mesh as wheels feel for it; PyBullet has it for the body."""
         for part in _mesh_parts(vertices, triangles):
             self._add_static(vertices, part)
         self._actors = ActorPool(self._client, GROUP_ACTOR, GROUP_EGO)
@@ -176,12 +178,6 @@ class PhysicsWorld:
         self._contacts.take()
         return body
 
-    def cast_down(self, starts_m: list[Vector3], ends_m: list[Vector3]) -> Any:
-        """Rays against the town alone: PyBullet's tuples (body, link, fraction, position, normal)."""
-        return pybullet.rayTestBatch(
-            starts_m, ends_m, collisionFilterMask=GROUP_STATIC, physicsClientId=self._client
-        )
-
     def step(self) -> None:
         """Advance by one tick."""
         self._actors.advance()
@@ -224,7 +220,6 @@ class PhysicsWorld:
         pybullet.changeDynamics(
             body, -1, lateralFriction=_BODY_FRICTION, restitution=0.0, physicsClientId=self._client
         )
-        # PyBullet's rays belong to group 1 and must be in the mask of what they shall hit.
         pybullet.setCollisionFilterGroupMask(
             body, -1, GROUP_STATIC, GROUP_STATIC | GROUP_EGO, physicsClientId=self._client
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from carlaloc_env.core.road_events import RoadEvents, no_events
+from carlaloc_env.core.road_events import event_height, event_table, no_events
 from carlaloc_env.core.road_profile import LevelGrid, Roughness
 
 FOOT_M = 0.15
@@ -16,14 +16,14 @@ def test_a_tyre_feels_the_mean_over_its_footprint() -> None:
     turn = 0.7
     cos, sin = np.cos(turn), np.sin(turn)
     rows = np.array([[3.9, -7.95, cos, sin, 0.3, 0.2, -0.01], [40.0, 3.0, cos, sin, 0.05, 1.7, 0.004]])
-    events = RoadEvents(rows, FOOT_M)
+    events = event_table(rows, FOOT_M)
     u, v = np.meshgrid(*2 * [FOOT_M * ((np.arange(20) + 0.5) / 20 - 0.5)])
     rng = np.random.default_rng(0)
     for x, y, _, _, length, width, height in rows:
         for a, b in rng.uniform(-1.5, 1.5, (40, 2)) * (length, width):
             on = (np.abs(a + u) < length) & (np.abs(b + v) < width)
             at = x + cos * a - sin * b, y + sin * a + cos * b
-            assert events.height(*at) == pytest.approx(height * on.mean(), abs=0.06 * abs(height))
+            assert event_height(events, *at) == pytest.approx(height * on.mean(), abs=0.06 * abs(height))
 
 
 def test_elsewhere_the_road_is_as_without() -> None:

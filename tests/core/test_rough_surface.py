@@ -10,7 +10,7 @@ from scipy.signal import csd, welch
 from scipy.special import k1
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.road_profile import LevelGrid, Relief, Roughness
+from carlaloc_env.core.road_profile import LevelGrid, Relief, Roughness, level_at
 from carlaloc_env.core.rough_surface import ROAD_CLASSES, RoughSurface, class_level, class_roughness_m3
 
 TRACK_M = 1.58
@@ -80,7 +80,7 @@ def test_levels_run_between_their_points() -> None:
     at = np.array([[10.0, 20.0], [12.5, 22.5], [15.0, 20.0], [-9.0, 20.0]])
     found = grid.levels(at)[:, 0]
     assert found == pytest.approx([4.0, 10.0, 12.0, 4.0], abs=0.02)
-    assert [grid.at(x, y) for x, y in at] == pytest.approx(found)
+    assert [level_at(grid.table, x, y) for x, y in at] == pytest.approx(found)
 
 
 def test_classes_are_those_of_iso_8608() -> None:

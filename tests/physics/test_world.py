@@ -14,6 +14,7 @@ from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ActionError, ConfigError
 from carlaloc_env.physics.ego import EgoCar
+from carlaloc_env.physics.ground_heights import ground_table, highest_below
 from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, empty_catalog, empty_frame
@@ -201,7 +202,7 @@ def test_closed_and_dropped_worlds_are_let_go() -> None:
 
 
 def test_the_mesh_is_where_its_vertices_are() -> None:
-    """Rays fall to the height of every vertex of a rough mesh."""
+    """PyBullet's rays fall to the height of every vertex of a rough mesh; wheels find what they find."""
     side = np.arange(31.0)
     x, y = (axis.ravel() for axis in np.meshgrid(side, side))
     z = np.random.default_rng(0).uniform(-1.0, 1.0, len(x))
@@ -214,9 +215,28 @@ def test_the_mesh_is_where_its_vertices_are() -> None:
     )
     with PhysicsWorld(np.stack([x, y, z], axis=1), triangles) as world:
         inside = np.flatnonzero((x % 30 > 0) & (y % 30 > 0))
-        starts = [(x[k], y[k], 10.0) for k in inside]
-        hits = world.cast_down(starts, [(a, b, -10.0) for a, b, _ in starts])
-    np.testing.assert_allclose([hit[3][2] for hit in hits], z[inside], atol=1e-6)
+        anywhere = np.random.default_rng(1).uniform(0.5, 29.5, (400, 2))
+        places = np.concatenate([np.stack([x[inside], y[inside]], axis=1), anywhere]).tolist()
+        starts = [(a, b, 10.0) for a, b in places]
+        hits = pybullet.rayTestBatch(starts, [(a, b, -10.0) for a, b in places], physicsClientId=world.client)
+        found = [highest_below(world.ground, a, b, 10.0, -10.0) for a, b in places]
+        normals = [world.ground.normal[number] for number, _ in found]
+    np.testing.assert_allclose([hit[3][2] for hit in hits[: len(inside)]], z[inside], atol=1e-6)
+    np.testing.assert_allclose([height for _, height in found], [hit[3][2] for hit in hits], atol=1e-6)
+    np.testing.assert_allclose(normals[len(inside) :], [hit[4] for hit in hits[len(inside) :]], atol=1e-6)
+
+
+def test_wheels_find_the_road_below_a_bridge_and_on_it() -> None:
+    """Of two roads above each other the highest between both ends of a look; nothing where there is none."""
+    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    vertices = np.concatenate([np.insert(square, 2, height, axis=1) for height in (0.0, 6.0)])
+    # The deck's triangles look down, as the underside of a bridge does.
+    table = ground_table(vertices, np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]]))
+    assert highest_below(table, 1.0, 2.0, 9.0, -9.0)[1] == 6.0
+    assert highest_below(table, 1.0, 2.0, 5.0, -9.0)[1] == 0.0
+    assert table.normal[highest_below(table, 1.0, 2.0, 9.0, 1.0)[0]].tolist() == [0.0, 0.0, 1.0]
+    for x, y, high_m, low_m in ((1.0, 2.0, 5.0, 1.0), (-1.0, 2.0, 9.0, -9.0), (900.0, 2.0, 9.0, -9.0)):
+        assert highest_below(table, x, y, high_m, low_m)[0] == -1
 
 
 def test_a_thousand_renewed_egos_are_let_go() -> None:

@@ -15,6 +15,7 @@ from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.shortest_paths import LanePosition, path_through
+from carlaloc_env.town.routing.projection import Line, project_on
 from carlaloc_env.town.routing.smoothing import RouteLine, trace
 from carlaloc_env.town.routing.tight_turns import fit_turns
 
@@ -101,21 +102,11 @@ class Route:
             near_s_m: Where the answer was a moment ago: only 20 m back to 40 m on are searched, so that
                 a route that crosses itself stays on its own branch.
         """
-        x, y = np.asarray(position_m, dtype=np.float64)[:2]
-        rows = self._window(near_s_m)
-        dx, dy = x - self.position_m[rows, 0], y - self.position_m[rows, 1]
-        nearest = int(rows[np.argmin(dx * dx + dy * dy)])
-        s = nearest * self.step_m
-        offset = 0.0
-        for _ in range(3):
-            pose = self.at(s)
-            c, w = np.cos(pose.heading_rad[0]), np.sin(pose.heading_rad[0])
-            ex, ey = x - pose.position_m[0, 0], y - pose.position_m[0, 1]
-            offset = float(c * ey - w * ex)
-            bend = max(1.0 - float(pose.curvature_radpm[0]) * offset, 0.3)
-            s += float(np.clip((c * ex + w * ey) / bend, -1.0, 1.0))
-            s = s % self.length_m if self.closed else min(max(s, 0.0), self.length_m)
-        return s, offset
+        x, y = (float(value) for value in np.asarray(position_m, dtype=np.float64)[:2])
+        low, count = self._window(near_s_m)
+        line = Line(self.position_m, self.heading_rad, self.curvature_radpm, self.step_m, self.closed)
+        s, offset = project_on(line, x, y, low, count, self.length_m)
+        return float(s), float(offset)
 
     def starting_at(self, position_m: ArrayLike) -> Route:
         """The same closed route, begun at its sample nearest to a point (2,).
@@ -158,16 +149,17 @@ class Route:
         row = np.minimum(at.astype(np.int64), number - 2)
         return row, row + 1, at - row
 
-    def _window(self, near_s_m: float | None) -> Index:
+    def _window(self, near_s_m: float | None) -> tuple[int, int]:
+        """First sample to look at, and how many; those of a closed route go round."""
         number = len(self.position_m)
         if near_s_m is None or (self.closed and self.length_m < _BEHIND_M + _AHEAD_M):
-            return np.arange(number)
+            return 0, number
         low = int((near_s_m - _BEHIND_M) / self.step_m)
         high = int((near_s_m + _AHEAD_M) / self.step_m) + 1
         if self.closed:
-            return np.arange(low, high) % number
+            return low, high - low
         low = min(max(low, 0), number - 1)
-        return np.arange(low, min(max(high, low + 1), number))
+        return low, min(max(high, low + 1), number) - low
 
 
 def plan_route(
