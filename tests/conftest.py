@@ -7,6 +7,7 @@ import pytest
 pytest_plugins = [
     "shared_fixtures.scenes",
     "shared_fixtures.sticks",
+    "shared_fixtures.straight_drives",
     "shared_fixtures.drives",
     "shared_fixtures.lifecycles",
     "shared_fixtures.meshes",

@@ -61,6 +61,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
+    parser.add_argument(
+        "--unit",
+        type=positive_seconds,
+        default=10.0,
+        metavar="S",
+        help="seconds of the drive that a worker makes at a time (default: 10)",
+    )
     parser.add_argument("--no-preview", action="store_true", help="make no films")
 
 
@@ -83,6 +91,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         seed=arguments.seed,
         quality=arguments.quality,
         workers=arguments.workers,
+        cluster=arguments.cluster,
+        unit_s=arguments.unit,
         preview=not arguments.no_preview,
         lens_drops=arguments.lens_drops,
         leaf_wind_mps=arguments.leaf_wind,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
 import os
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,8 +19,10 @@ from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.sources import TownId
 from recorder.episode.episode import Episode
 from recorder.episode.town import town_id_of
+from recorder.generation.code_digest import code_digest
 from recorder.generation.conditions import Condition, conditions_of
 from recorder.generation.dataset_manifest import is_begun, origin_of
+from recorder.generation.units import Unit, units_of
 from recorder.writers.topics import profile_by_name
 
 FORMATS = {
@@ -68,6 +68,10 @@ class ReplayConfig:
     """Quality of images: ``low``, ``medium``, ``high``."""
     workers: int | None = None
     """Processes; None: one per core."""
+    cluster: str | None = None
+    """Address of a Dask scheduler whose workers do the work in place of processes of this machine."""
+    unit_s: float = 10.0
+    """Length of the stretch that a worker makes at a time [s]; no byte depends on it."""
     preview: bool = True
     """Whether a film of each sequence is made."""
     lens_drops: bool = False
@@ -85,6 +89,8 @@ class ReplayConfig:
             raise ConfigError("start must not be negative and duration must be above zero")
         if self.workers is not None and self.workers < 1:
             raise ConfigError(f"{self.workers} workers; give at least 1")
+        if self.unit_s < STEP_NS / 1e9:
+            raise ConfigError(f"units of {self.unit_s:g} s; give at least {STEP_NS / 1e9:g} s")
         if self.seed is not None and self.seed < 0:
             raise ConfigError(f"seed {self.seed}; give a number that is not negative")
 
@@ -125,11 +131,32 @@ class ReplayPlan:
         return tuple(path_below(self.town_dir, condition.name) for condition in self.conditions)
 
     @property
-    def request(self) -> str:
-        """Hash of all that decides about the bytes that are written."""
-        config = replace(self.config, workers=None, out=Path(), episode=Path())
-        text = repr((dataclasses.asdict(config), self.origin))
-        return hashlib.sha256(text.encode()).hexdigest()
+    def processes(self) -> int:
+        """How many processes of this machine can share the work."""
+        return min(self.config.workers or os.cpu_count() or 1, len(self.units))
+
+    @property
+    def units(self) -> tuple[Unit, ...]:
+        """Units of work, traffic level by traffic level."""
+        levels = tuple(dict.fromkeys(condition.traffic for condition in self.conditions))
+        return units_of(levels, self.span_ns, round(self.config.unit_s * 1e9) // STEP_NS * STEP_NS)
+
+    @property
+    def request(self) -> dict[str, str]:
+        """All that decides about the bytes that are written, by names that a person knows."""
+        config = self.config
+        return {
+            "town": f"{self.town.name} {self.town.content_hash}",
+            "episode": self.origin["episode"]["sha256"],
+            "rig": repr(self.rig),
+            "stretch": repr((self.span_ns, self.camera_ns)),
+            "set of conditions": repr(self.conditions),
+            "set of formats": repr((config.formats, config.topics, config.preview)),
+            "seed": repr(self.seed),
+            "quality": config.quality,
+            "length of units": repr(config.unit_s),
+            "version of CarlaLoc": code_digest(),
+        }
 
     def check_room(self) -> bool:
         """Whether the dataset is begun already, so that sequences are added to it.
@@ -165,15 +192,8 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     timeline = episode.timeline()
     span, cameras = _spans(config, timeline)
     rig = rig_of(config)
-    levels = len({condition.traffic for condition in conditions})
-    check_memory(
-        rig,
-        quality=config.quality,
-        weathers=len(conditions) // levels,
-        processes=min(config.workers or os.cpu_count() or 1, levels),
-    )
     seed = episode.header.seed if config.seed is None else config.seed
-    return ReplayPlan(
+    plan = ReplayPlan(
         config=config,
         conditions=conditions,
         rig=rig,
@@ -185,6 +205,11 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         seed=seed,
         origin=origin_of(town, episode, rig, seed=seed, span_ns=span, topics=config.topics),
     )
+    if config.cluster is None:
+        levels = len({condition.traffic for condition in conditions})
+        weathers = len(conditions) // levels
+        check_memory(rig, quality=config.quality, weathers=weathers, processes=plan.processes)
+    return plan
 
 
 def rig_of(config: ReplayConfig) -> SensorRig:

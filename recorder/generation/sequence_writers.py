@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.output_paths import path_below
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.samples import Events, Sample
+from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.generation.conditions import Condition
 from recorder.generation.dataset_manifest import as_yaml, checksums
-from recorder.generation.mover_share import MoverShare
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, write_text
+from recorder.generation.sample_counts import SampleCounts
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, write_text
 from recorder.writers.calibration.files import write_calibration
 from recorder.writers.formats.dsec import DsecWriter
 from recorder.writers.formats.euroc import EurocWriter
@@ -119,38 +119,88 @@ def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> Se
     return replace(rig, sensors=sensors)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceConfig:
+    """What the writers of all sequences of a drive are made of."""
+
+    rig: SensorRig
+    """The sensors."""
+    formats: tuple[str, ...]
+    """Names of dataset formats."""
+    topics: str
+    """Topic profile of bags."""
+    preview: bool
+    """Whether a film is made."""
+    seed: int
+    """Seed of the noise; EuRoC's table of states holds the IMU's true biases."""
+
+
+def writers_of(
+    config: SequenceConfig, streams: tuple[str, ...], folder: Path, *, caption: str
+) -> list[Writer]:
+    """Writers of one sequence, always in the same order.
+
+    Args:
+        config: What they are made of.
+        streams: Names of all streams that will come.
+        folder: Folder of the sequence; its name is that of bags.
+        caption: What the film calls itself.
+
+    Raises:
+        WriterError: a format needs a sensor that the rig has not.
+    """
+    calibration = RigCalibration.from_configs(config.rig.sensors)
+    context = _WriterContext(
+        folder=folder,
+        name=folder.name.removeprefix(".").removesuffix(".part"),
+        calibration=calibration,
+        streams=streams,
+        topics=config.topics,
+        imu=_imu_sensor(config.rig, config.seed),
+    )
+    writers: list[Writer] = []
+    for name in dict.fromkeys(config.formats):
+        made = _WRITERS[name](context)
+        writers += made if isinstance(made, list) else [made]
+    if config.preview and calibration.cameras:
+        camera = calibration.cameras[0]
+        film = folder / "preview.mp4"
+        writers.append(PreviewWriter(film, camera=camera.name, rate_hz=camera.rate_hz, caption=caption))
+    return writers
+
+
 class WriterGroup:
     """All writers of one sequence, as one; the folder gets its final name when all are whole."""
 
-    def __init__(self, sequence: DatasetSequence, writers: list[Writer], summary: dict[str, Any]) -> None:
-        self._sequence = sequence
-        self._writers = writers
-        self._summary = summary
-        self._counts: dict[str, int] = {}
-        self._movers = MoverShare()
+    def __init__(self, sequence: DatasetSequence, config: SequenceConfig, streams: tuple[str, ...]) -> None:
+        self._sequence, self._rig = sequence, config.rig.name
+        caption = sequence.condition.name.replace("_", ", ")
+        self._writers = writers_of(config, streams, sequence.part, caption=caption)
 
     def open(self) -> None:
-        """Start writing."""
-        self._sequence.part.mkdir(parents=True, exist_ok=True)
+        """Start writing; what a killed run has left is removed."""
+        shutil.rmtree(self._sequence.part, ignore_errors=True)
+        self._sequence.part.mkdir(parents=True)
         for writer in self._writers:
             writer.open()
 
-    def write(self, sample: Sample) -> None:
-        """Give a sample to every writer."""
-        self._counts[sample.sensor] = self._counts.get(sample.sensor, 0) + 1
-        self._movers.count(sample)
-        for writer in self._writers:
-            writer.write(sample)
+    def place(self, number: int, piece: Piece) -> None:
+        """Give a piece to the writer of a number."""
+        self._writers[number].place(piece)
 
-    def close(self) -> None:
+    def close(self, counts: SampleCounts) -> None:
         """Complete all files, note their checksums, and give the folder its final name."""
         for writer in self._writers:
             writer.close()
-        part = self._sequence.part
+        part, condition = self._sequence.part, self._sequence.condition
         summary = {
-            **self._summary,
-            "samples": dict(sorted(self._counts.items())),
-            "movers": self._movers.shares(),
+            "name": self._sequence.folder.name,
+            "weather": {"name": condition.weather_name, **condition.weather.to_mapping()},
+            "traffic": asdict(condition.traffic),
+            "rig": self._rig,
+            "epoch_ns": DEFAULT_EPOCH_NS,
+            "samples": counts.samples(),
+            "movers": counts.shares(),
             "sha256": checksums(part),
         }
         write_text(part / "sequence.yaml", as_yaml(summary))
@@ -160,60 +210,7 @@ class WriterGroup:
         """Remove what was written."""
         for writer in self._writers:
             writer.abort()
-
-
-def sequence_writers(
-    sequence: DatasetSequence,
-    rig: SensorRig,
-    streams: tuple[str, ...],
-    *,
-    formats: Sequence[str],
-    topics: str,
-    preview: bool,
-    seed: int,
-) -> WriterGroup:
-    """Writers of one sequence.
-
-    Args:
-        sequence: Where to.
-        rig: The sensors.
-        streams: Names of all streams that will come.
-        formats: Names of dataset formats.
-        topics: Topic profile of bags.
-        preview: Whether a film is made.
-        seed: Seed of the noise; EuRoC's table of states holds the IMU's true biases.
-    """
-    calibration = RigCalibration.from_configs(rig.sensors)
-    context = _WriterContext(
-        folder=sequence.part,
-        name=sequence.folder.name,
-        calibration=calibration,
-        streams=streams,
-        topics=topics,
-        imu=_imu_sensor(rig, seed),
-    )
-    writers: list[Writer] = []
-    for name in dict.fromkeys(formats):
-        made = _WRITERS[name](context)
-        writers += made if isinstance(made, list) else [made]
-    if preview and calibration.cameras:
-        camera = calibration.cameras[0]
-        writers.append(
-            PreviewWriter(
-                sequence.part / "preview.mp4",
-                camera=camera.name,
-                rate_hz=camera.rate_hz,
-                caption=sequence.condition.name.replace("_", ", "),
-            )
-        )
-    summary = {
-        "name": sequence.folder.name,
-        "weather": {"name": sequence.condition.weather_name, **sequence.condition.weather.to_mapping()},
-        "traffic": asdict(sequence.condition.traffic),
-        "rig": rig.name,
-        "epoch_ns": DEFAULT_EPOCH_NS,
-    }
-    return WriterGroup(sequence, writers, summary)
+        shutil.rmtree(self._sequence.part, ignore_errors=True)
 
 
 def write_shared(

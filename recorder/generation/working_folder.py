@@ -1,9 +1,8 @@
-"""The working folder of a replay: all is written there and takes its final names when all is whole.
+"""The working folder of a replay: units and sequences lie there until all is whole and takes its final names.
 
-``OUT/.carlaloc-partial/run-…/`` holds ``run.json``, which says what run it is, and the town's folder as
-it will stand in the dataset. The run holds a lock on ``run.json`` that the kernel lets go of however the
-process ends, so that the next run knows what was left behind: what was not whole it removes, and what
-was whole it gives the names that the killed run had no time to give.
+``OUT/.carlaloc-partial`` holds ``run.json``, which says what run it is; ``units``, what workers have
+made; and the town's folder as it will stand in the dataset. A run holds a lock on ``run.json`` that the
+kernel lets go of however the process ends. From what a killed or failed run leaves, the same run goes on.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import secrets
 from collections.abc import Mapping
 from pathlib import Path
 from shutil import rmtree
@@ -34,6 +32,8 @@ MARKER = "run.json"
 """File that says what run it is; locked while the run lives."""
 WHOLE = "whole\n"
 """Second line of that file, once all that the run writes is whole."""
+UNITS = "units"
+"""Folder of finished units."""
 SHARED = ("calibration", "ground_truth")
 """What all sequences of a town share."""
 
@@ -41,43 +41,107 @@ _log = logging.getLogger(__name__)
 
 
 class WorkingFolder:
-    """Where one run writes; as a context manager it leaves nothing behind when the run fails.
+    """Where one run works; as a context manager it keeps finished units when the run fails, and no more.
 
     Args:
         out: Folder of the dataset.
         town: Name of the town's folder in it.
         origin: What all sequences of the dataset share.
-        request: What identifies the run among others into the same folder.
+        request: All that decides about the bytes of the run, as plain values by name.
     """
 
-    def __init__(self, out: Path, town: str, origin: Mapping[str, Any], request: str) -> None:
+    def __init__(self, out: Path, town: str, origin: Mapping[str, Any], request: Mapping[str, str]) -> None:
         self._out, self._town = out, town
-        self._marks = {"request": request, "town": town, "origin": dict(origin)}
-        self._whole = False
+        self._request = dict(request)
+        self._marks = {"request": dict(request), "town": town, "origin": dict(origin)}
         self._made = [folder for folder in (out, *out.parents) if not folder.exists()]
         self._lock: IO[str] | None = None
-        self.path = out / FOLDER / f"run-{secrets.token_hex(6)}"
-        """Folder of the run."""
+        self.is_done = False
+        """Whether a run before has done all that was asked for; nothing is left to do."""
+        self.path = path_below(out, FOLDER)
+        """The folder."""
 
     @property
     def town_dir(self) -> Path:
         """Folder of the town while it is being written."""
         return self.path / self._town
 
+    @property
+    def units_dir(self) -> Path:
+        """Folder of units."""
+        return self.path / UNITS
+
     def __enter__(self) -> WorkingFolder:
-        # Under its final name the folder is locked from the beginning.
-        new = self.path.with_name(f"new-{self.path.name}")
         try:
-            new.mkdir(parents=True)
-            self._lock = (new / MARKER).open("x", encoding="utf-8")
-            _take(self._lock)
-            self._lock.write(json.dumps(self._marks) + "\n")
-            self._lock.flush()
-            new.rename(self.path)
+            self._lock = self._locked()
+            found = self._lock.read()
+            if found:
+                self._resume(found)
+            else:
+                self._lock.write(json.dumps(self._marks) + "\n")
+                self._lock.flush()
+            self.units_dir.mkdir(exist_ok=True)
         except OSError as error:
             self._leave()
             raise WriterError(f"cannot write {self._out}: {error.strerror}; choose another --out") from error
+        except BaseException:
+            self._unlock()
+            raise
         return self
+
+    def _locked(self) -> IO[str]:
+        """The marker, locked."""
+        while True:
+            self.path.mkdir(parents=True, exist_ok=True)
+            marker = (self.path / MARKER).open("a+", encoding="utf-8")
+            if not _take(marker):
+                marker.close()
+                raise WriterError(
+                    f"another run is at work in {self._out}; wait until it has ended, or choose another --out"
+                )
+            # A run that has just ended may have removed the file meanwhile.
+            if (self.path / MARKER).exists() and os.path.samestat(
+                os.fstat(marker.fileno()), (self.path / MARKER).stat()
+            ):
+                marker.seek(0)
+                return marker
+            marker.close()
+
+    def _resume(self, found: str) -> None:
+        """Go on with what an earlier run has left, or refuse it."""
+        first, _, rest = found.partition("\n")
+        try:
+            marks: dict[str, Any] = json.loads(first)
+            theirs: dict[str, str] = marks["request"]
+        except (ValueError, KeyError, TypeError):
+            # Killed within its first millisecond.
+            self._restart()
+            return
+        if rest == WHOLE:
+            _give_names(self._out, self.path, marks)
+            _log.warning("finished what a replay that was killed had written whole in %s", self._out)
+            self.is_done = theirs == self._request
+            if not self.is_done:
+                self._restart()
+            return
+        other = [name for name, value in self._request.items() if theirs.get(name) != value]
+        if other:
+            raise WriterError(
+                f"{self._out} holds an unfinished run with another {' and '.join(other[:2])}; finish it with "
+                f"its own command, choose another --out, or delete {self.path}"
+            )
+        self._sweep()
+        (self.units_dir / "stop").unlink(missing_ok=True)
+
+    def _restart(self) -> None:
+        assert self._lock is not None
+        for old in self.path.iterdir():
+            if old.is_dir():
+                rmtree(old)
+        self._lock.seek(0)
+        self._lock.truncate()
+        self._lock.write(json.dumps(self._marks) + "\n")
+        self._lock.flush()
 
     def publish(self) -> None:
         """Give everything its final name; from here on a killed run is finished by the next one.
@@ -94,53 +158,44 @@ class WorkingFolder:
         self._lock.write(WHOLE)
         self._lock.flush()
         os.fsync(self._lock.fileno())
-        self._whole = True
         _give_names(self._out, self.path, self._marks)
+        self.is_done = True
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._leave()
 
+    def kept(self) -> int:
+        """How many finished units and sequences another run can go on from."""
+        units = sum("." not in path.name for path in self.units_dir.glob("*") if path.is_dir())
+        return units + sum(path.name not in SHARED for path in self.town_dir.glob("[!.]*"))
+
+    def _sweep(self) -> None:
+        """Remove what workers had in hand when they were killed."""
+        for half in (*self.units_dir.glob("*.part"), *self.town_dir.glob(".*.part")):
+            rmtree(half, ignore_errors=True)
+        for stale in self.units_dir.glob("*.progress"):
+            stale.unlink(missing_ok=True)
+
     def _leave(self) -> None:
-        if self._lock is not None:
-            self._lock.close()
-        if not self._whole:
+        if self._lock is None:
+            for folder in (self.path, *self._made):
+                _remove_if_empty(folder)
+            return
+        # Removed while it is locked, so that nobody takes it up in between.
+        if self.is_done or not self.kept():
             rmtree(self.path, ignore_errors=True)
-            rmtree(self.path.with_name(f"new-{self.path.name}"), ignore_errors=True)
-        for folder in (self.path.parent, *self._made):
+        else:
+            self._sweep()
+        self._unlock()
+        for folder in self._made:
             _remove_if_empty(folder)
 
-
-def settle_killed_runs(out: Path) -> list[str]:
-    """Remove what killed runs left unfinished, and give its names to what they left whole.
-
-    Returns:
-        The requests of the runs that are finished by this.
-
-    Raises:
-        WriterError: what was whole cannot be given its names.
-    """
-    finished = []
-    for run in sorted((out / FOLDER).glob("*run-*")):
-        path_below(out, run.relative_to(out))
-        try:
-            marker = (run / MARKER).open("r+", encoding="utf-8")
-        except OSError:
-            marker = None
-        if marker is None or not _take(marker):
-            continue
-        with marker:
-            marks = _read_whole(marker)
-            if marks is not None:
-                _give_names(out, run, marks)
-                finished.append(str(marks["request"]))
-                _log.warning("finished what a replay that was killed had written whole in %s", out)
-            else:
-                _log.warning("removed what a replay that was killed left unfinished in %s", run)
-        rmtree(run, ignore_errors=True)
-    _remove_if_empty(out / FOLDER)
-    return finished
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
 
 
 def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
@@ -158,16 +213,6 @@ def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
     except OSError as error:
         raise WriterError(f"cannot give {error.filename} its final name: {error.strerror}") from error
     write_record(out, dict(marks["origin"]))
-    rmtree(run, ignore_errors=True)
-
-
-def _read_whole(marker: IO[str]) -> dict[str, Any] | None:
-    """What a run said of itself, if all that it wrote is whole."""
-    first, _, rest = marker.read().partition("\n")
-    if rest != WHOLE:
-        return None
-    marks: dict[str, Any] = json.loads(first)
-    return marks
 
 
 def _take(marker: IO[str]) -> bool:

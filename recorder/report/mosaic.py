@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import cv2
 import numpy as np
 
@@ -13,6 +15,8 @@ DEPTH_RANGE_M = (2.0, 200.0)
 """Depths shown from black to white on a logarithmic scale [m]."""
 LIDAR_REACH_M = 42.0
 """Half the width of the view from above [m]."""
+PANELS = {"rgb": "RGB", "depth": "depth", "semantic": "semantic", "cloud": "LiDAR from above"}
+"""Labels of a mosaic's panels, by name, in their order."""
 
 
 def depth_image(depth: DepthImage) -> U8:
@@ -52,16 +56,28 @@ def mosaic(
     caption: str = "",
 ) -> U8:
     """Four panels, 16:9 each, sRGB (width · 9/16, width, 3); a missing one stays black."""
-    panel = (width_px // 2, width_px * 9 // 32)
-    images = [
-        rgb.rgb if rgb is not None else None,
-        depth_image(depth) if depth is not None else None,
-        semantic_image(semantic) if semantic is not None else None,
-        lidar_image(cloud, *panel) if cloud is not None else None,
-    ]
-    labels = ["RGB", "depth", "semantic", "LiDAR from above"]
-    panels = [_panel(p, panel, text) for p, text in zip(images, labels, strict=True)]
-    image = np.vstack([np.hstack(panels[:2]), np.hstack(panels[2:])])
+    samples = dict(zip(PANELS, (rgb, depth, semantic, cloud), strict=True))
+    panels = {name: panel_of(one, width_px=width_px) for name, one in samples.items() if one is not None}
+    return joined(panels, width_px=width_px, caption=caption)
+
+
+def panel_of(sample: Image | DepthImage | SemanticImage | PointCloud, *, width_px: int = 1280) -> U8:
+    """The panel of one sample in a mosaic of a width, sRGB (width · 9/32, width / 2, 3)."""
+    size_px = (width_px // 2, width_px * 9 // 32)
+    if isinstance(sample, Image):
+        return _panel(sample.rgb, size_px, PANELS["rgb"])
+    if isinstance(sample, DepthImage):
+        return _panel(depth_image(sample), size_px, PANELS["depth"])
+    if isinstance(sample, SemanticImage):
+        return _panel(semantic_image(sample), size_px, PANELS["semantic"])
+    return _panel(lidar_image(sample, *size_px), size_px, PANELS["cloud"])
+
+
+def joined(panels: Mapping[str, U8], *, width_px: int = 1280, caption: str = "") -> U8:
+    """A mosaic of panels by their names in `PANELS`; a missing one stays black."""
+    size_px = (width_px // 2, width_px * 9 // 32)
+    four = [panels[name] if name in panels else _panel(None, size_px, text) for name, text in PANELS.items()]
+    image = np.vstack([np.hstack(four[:2]), np.hstack(four[2:])])
     if caption:
         _label(image, caption, (12, image.shape[0] - 12))
     return image

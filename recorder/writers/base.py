@@ -1,4 +1,8 @@
-"""What every dataset writer has: it takes samples in time order and ends with a whole file or with none."""
+"""What every dataset writer has: it takes samples in time order and ends with a whole file or with none.
+
+A writer has two halves. `encode` makes pieces of a sample and remembers nothing, so that stretches of a
+drive can be encoded on any machine and in any order; `place` puts pieces into the file, in their order.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import sqlite3
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, cast
@@ -28,6 +33,20 @@ It is fixed so that the same drive always gives the same bytes, and far from 0, 
 
 _FAILURES = (OSError, sqlite3.Error)
 """What libraries raise when a disk takes no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """What a format makes of a sample, or of a part of it."""
+
+    stamp_ns: int
+    """Stamp of the sample [ns]."""
+    place: str
+    """Where it goes: a topic, a table, a file; each format has names of its own."""
+    kind: str
+    """What it is, where the place does not tell: a type of message."""
+    data: bytes
+    """Content as it will stand in the file, or nearly so."""
 
 
 class Writer(ABC):
@@ -79,18 +98,41 @@ class Writer(ABC):
         Raises:
             WriterError: the writer is closed, the stamp is older than the one before, or the disk is full.
         """
-        if not self._is_open:
-            raise WriterError(f"{self.target} is not open; call open() before write()")
-        if self._last_ns is not None and sample.stamp_ns < self._last_ns:
-            raise WriterError(
-                f"{self.target}: {sample.sensor} at {sample.stamp_ns} ns comes after {self._last_ns} ns; "
-                "write samples in the order of their stamps"
-            )
-        self._last_ns = sample.stamp_ns
+        self._check(sample.stamp_ns, sample.sensor)
+        for piece in self.encode(sample):
+            self.place(piece)
+
+    @abstractmethod
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Pieces of a sample; none of a kind that the format does not hold.
+
+        They depend on the sample alone, never on those before it, and no file is touched.
+
+        Raises:
+            WriterError: the sample does not fit the calibration.
+        """
+
+    def place(self, piece: Piece) -> None:
+        """Add a piece that `encode` of a writer with the same settings has made; stamps never go back.
+
+        Raises:
+            WriterError: the writer is closed, the stamp is older than the one before, or the disk is full.
+        """
+        self._check(piece.stamp_ns, piece.place)
+        self._last_ns = piece.stamp_ns
         try:
-            self._put(sample)
+            self._place(piece)
         except _FAILURES as error:
             raise WriterError(f"cannot write {self.target}: {_reason(error)}") from error
+
+    def _check(self, stamp_ns: int, name: str) -> None:
+        if not self._is_open:
+            raise WriterError(f"{self.target} is not open; call open() before write()")
+        if self._last_ns is not None and stamp_ns < self._last_ns:
+            raise WriterError(
+                f"{self.target}: {name} at {stamp_ns} ns comes after {self._last_ns} ns; "
+                "write samples in the order of their stamps"
+            )
 
     def close(self) -> None:
         """Complete the target and give it its final name; a second call does nothing.
@@ -124,8 +166,8 @@ class Writer(ABC):
         """Create the file or folder `part`."""
 
     @abstractmethod
-    def _put(self, sample: Sample) -> None:
-        """Write one sample, or pass over a kind that the format does not hold."""
+    def _place(self, piece: Piece) -> None:
+        """Put one piece into the file."""
 
     @abstractmethod
     def _finish(self) -> None:

@@ -187,7 +187,7 @@ UNITLESS = {
     "rig", "formats", "topics", "quality", "workers", "preview", "fraction", "loop",
     "ghosts", "weather", "rows", "rays_per_actor", "detections_max", "orientation", "model",
     "constellations", "rtk", "solution", "satellites", "window", "tag_table",
-    "lens", "lens_drops", "imager", "shutter", "events", "parked_cars", "green_wave",
+    "lens", "lens_drops", "imager", "shutter", "events", "parked_cars", "green_wave", "cluster",
 }  # fmt: skip
 """Fields that are names, choices, counts or shares."""
 MEASURE = re.compile(r"\[[^\]]+\]|shape \(|\d[.\d]* (?:is|=) |10 / ")

@@ -14,8 +14,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from carlaloc_env.samples import Events, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+from carlaloc_env.samples import EVENT, Events, Sample
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer
 
 _CHUNK = 1 << 18
 """Events in one compressed piece of the file."""
@@ -59,21 +59,28 @@ class DsecWriter(Writer):
                 f"events/{name}", (0,), kind, maxshape=(None,), chunks=(_CHUNK,), **self._filter
             )
 
-    def _put(self, sample: Sample) -> None:
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Events of a sample of this stream, after three numbers: width, height, period."""
         if not isinstance(sample, Events) or sample.sensor != self._stream:
-            return
+            return []
+        about = np.array([sample.width_px, sample.height_px, sample.period_ns], "<i8")
+        return [Piece(sample.stamp_ns, "events", "", about.tobytes() + sample.events.tobytes())]
+
+    def _place(self, piece: Piece) -> None:
+        width_px, height_px, period_ns = np.frombuffer(piece.data, "<i8", 3).tolist()
+        events = np.frombuffer(piece.data, EVENT, offset=24)
         if self._begin_ns is None:
-            self._begin_ns = sample.stamp_ns - (sample.period_ns if len(sample.events) else 0)
-            self._file.attrs["width"], self._file.attrs["height"] = sample.width_px, sample.height_px
-        t_us = (sample.events["t"] - self._begin_ns) // 1000
-        rows = {"t": t_us, **{name: sample.events[name] for name in "xyp"}}
+            self._begin_ns = piece.stamp_ns - (period_ns if len(events) else 0)
+            self._file.attrs["width"], self._file.attrs["height"] = width_px, height_px
+        t_us = (events["t"] - self._begin_ns) // 1000
+        rows = {"t": t_us, **{name: events[name] for name in "xyp"}}
         end = self._count + len(t_us)
         for name, values in rows.items():
             column = self._file[f"events/{name}"]
             column.resize((end,))
             column[self._count :] = values.astype(_COLUMNS[name])
         # Milliseconds that end with this period; later events cannot be earlier.
-        end_ms = (sample.stamp_ns - self._begin_ns) // 1_000_000
+        end_ms = (piece.stamp_ns - self._begin_ns) // 1_000_000
         edges_us = 1000 * np.arange(self._next_ms, end_ms + 1)
         self._ms_to_idx.append((self._count + np.searchsorted(t_us, edges_us)).astype("<u8"))
         self._next_ms, self._count = max(end_ms + 1, self._next_ms), end

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, close_unfinished, grey
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, close_unfinished, grey
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuCalibration, RigCalibration
 from recorder.writers.yaml_text import real, rows
@@ -84,26 +84,37 @@ class EurocWriter(Writer):
         self._tables[name] = (part / name / "data.csv").open("x", encoding="utf-8")
         self._tables[name].write(header + "\n")
 
-    def _put(self, sample: Sample) -> None:
+    def encode(self, sample: Sample) -> list[Piece]:
+        """A line of a table, or an image as PNG."""
         unix_ns = self.unix_ns(sample.stamp_ns)
         if isinstance(sample, Imu) and sample.sensor == self._imu.name:
             values = [*sample.angular_rate_radps.tolist(), *sample.specific_force_mps2.tolist()]
-            self._tables["imu0"].write(f"{unix_ns}," + ",".join(repr(v) for v in values) + "\n")
-        elif isinstance(sample, Image) and sample.sensor in self._cameras:
-            self._put_image(self._cameras[sample.sensor], unix_ns, sample)
-        elif isinstance(sample, Odometry):
-            self._tables["state_groundtruth_estimate0"].write(self._state(unix_ns, sample) + "\n")
+            line = f"{unix_ns}," + ",".join(repr(v) for v in values)
+            return [Piece(sample.stamp_ns, "imu0", "line", line.encode())]
+        if isinstance(sample, Image) and sample.sensor in self._cameras:
+            return [Piece(sample.stamp_ns, self._cameras[sample.sensor], "png", self._png(sample))]
+        if isinstance(sample, Odometry):
+            line = self._state(unix_ns, sample)
+            return [Piece(sample.stamp_ns, "state_groundtruth_estimate0", "line", line.encode())]
+        return []
 
-    def _put_image(self, camera: str, unix_ns: int, sample: Image) -> None:
+    def _place(self, piece: Piece) -> None:
+        if piece.kind == "line":
+            self._tables[piece.place].write(piece.data.decode() + "\n")
+            return
+        unix_ns = self.unix_ns(piece.stamp_ns)
         name = f"{unix_ns}.png"
+        (self._part / piece.place / "data" / name).write_bytes(piece.data)
+        self._tables[piece.place].write(f"{unix_ns},{name}\n")
+        if piece.place == "cam0":
+            self._tables[TIMES_FILE].write(f"{unix_ns}\n")
+
+    def _png(self, sample: Image) -> bytes:
         pixels = cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR) if self._colour else grey(sample)
         done, png = cv2.imencode(".png", pixels, _PNG)
         if not done:
-            raise WriterError(f"OpenCV cannot write {name} as PNG; install opencv-python-headless again")
-        (self._part / camera / "data" / name).write_bytes(png.tobytes())
-        self._tables[camera].write(f"{unix_ns},{name}\n")
-        if camera == "cam0":
-            self._tables[TIMES_FILE].write(f"{unix_ns}\n")
+            raise WriterError(f"OpenCV cannot write {sample.sensor}; install opencv-python-headless again")
+        return png.tobytes()
 
     def _state(self, unix_ns: int, sample: Odometry) -> str:
         """State of the IMU frame; truth of `base_link` is moved there, lever arm included."""

@@ -9,6 +9,7 @@ time of the frame: each is moved from its own time to the beginning of its sweep
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
@@ -20,7 +21,7 @@ from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer, close_unfinished
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, close_unfinished
 from recorder.writers.formats.kitti_labels import MOVING_FROM_MPS, semantic_kitti_labels
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 
@@ -29,6 +30,28 @@ T_LIDAR_CAMERA_AXES: Array = np.array(
 )
 """A camera's axes (right, down, forward) at the LiDAR, for rigs without a camera."""
 _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+
+
+_ROW = np.dtype(
+    [("xyz", "<f4", 3), ("intensity", "<f4"), ("offset_ns", "<u4"), ("tag", "u1"), ("instance", "<u4")]
+)
+"""A point before it is moved to the beginning of its sweep."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Pose:
+    stamp_ns: int
+    values: Array
+    """Position [m] and quaternion xyzw of `base_link`, shape (7,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Sweep:
+    stamp_ns: int
+    sweep_ns: int
+    rows: NDArray[np.void]
+    moving: NDArray[np.uint32]
+    """Instance ids of what moves."""
 
 
 class KittiWriter(Writer):
@@ -53,8 +76,8 @@ class KittiWriter(Writer):
         self._calibration = calibration
         self._lidar = calibration.lidar
         self._images = {camera.stream: f"image_{2 + k}" for k, camera in enumerate(calibration.cameras[:2])}
-        self._poses: deque[Odometry] = deque()
-        self._waiting: deque[tuple[PointCloud, NDArray[np.uint32]]] = deque()
+        self._poses: deque[_Pose] = deque()
+        self._waiting: deque[_Sweep] = deque()
         self._moving = np.zeros(0, np.uint32)
         self._frames: dict[int, int] = {}
         self._T_first: Array | None = None
@@ -74,56 +97,63 @@ class KittiWriter(Writer):
         for name in ("times.txt", "poses.txt"):
             self._tables[name] = (part / name).open("x", encoding="utf-8")
 
-    def _put(self, sample: Sample) -> None:
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Images as PNG; clouds, poses and what moves as rows of numbers, to be put together in order."""
+        stamp_ns = sample.stamp_ns
         if isinstance(sample, ObjectList):
             speed = np.linalg.norm(sample.velocity_mps, axis=1)
-            self._moving = sample.id[speed > MOVING_FROM_MPS]
-        elif isinstance(sample, Odometry) and sample.frame_id == BASE_FRAME:
-            self._poses.append(sample)
-            self._flush(sample.stamp_ns)
-        elif isinstance(sample, PointCloud) and sample.frame_id == self._lidar.name:
-            if sample.tag is None:
-                # The plain cloud; the same points come with labels.
-                return
-            self._frames[sample.stamp_ns] = len(self._frames)
-            self._waiting.append((sample, self._moving))
-        elif isinstance(sample, Image) and sample.sensor in self._images:
-            self._put_image(sample)
+            moving = sample.id[speed > MOVING_FROM_MPS].astype("<u4")
+            return [Piece(stamp_ns, "moving", "", moving.tobytes())]
+        if isinstance(sample, Odometry) and sample.frame_id == BASE_FRAME:
+            pose = np.concatenate([sample.position_m, sample.quat_xyzw]).astype("<f8")
+            return [Piece(stamp_ns, "pose", "", pose.tobytes())]
+        if isinstance(sample, PointCloud) and sample.frame_id == self._lidar.name and sample.tag is not None:
+            # The plain cloud has the same points, without labels.
+            rows = np.empty(len(sample.tag), _ROW)
+            rows["xyz"], rows["intensity"] = sample.points_xyz_m, sample.intensity
+            rows["offset_ns"], rows["tag"], rows["instance"] = sample.offset_ns, sample.tag, sample.instance
+            return [Piece(stamp_ns, "cloud", str(sample.sweep_ns), rows.tobytes())]
+        if isinstance(sample, Image) and sample.sensor in self._images:
+            return [Piece(stamp_ns, self._images[sample.sensor], "png", _png(sample))]
+        return []
 
-    def _put_image(self, sample: Image) -> None:
-        if sample.stamp_ns not in self._frames:
-            # Of an instant at which no sweep begins; KITTI has no place for it.
-            return
-        name = f"{self._frames[sample.stamp_ns]:06d}.png"
-        done, png = cv2.imencode(".png", cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), _PNG)
-        if not done:
-            raise WriterError(f"OpenCV cannot write {name} as PNG; install opencv-python-headless again")
-        (self._part / self._images[sample.sensor] / name).write_bytes(png.tobytes())
+    def _place(self, piece: Piece) -> None:
+        if piece.place == "moving":
+            self._moving = np.frombuffer(piece.data, "<u4")
+        elif piece.place == "pose":
+            self._poses.append(_Pose(piece.stamp_ns, np.frombuffer(piece.data, "<f8")))
+            self._flush(piece.stamp_ns)
+        elif piece.place == "cloud":
+            self._frames[piece.stamp_ns] = len(self._frames)
+            rows = np.frombuffer(piece.data, _ROW)
+            self._waiting.append(_Sweep(piece.stamp_ns, int(piece.kind), rows, self._moving))
+        elif piece.stamp_ns in self._frames:
+            # KITTI has no place for an image of an instant at which no sweep begins.
+            name = f"{self._frames[piece.stamp_ns]:06d}.png"
+            (self._part / piece.place / name).write_bytes(piece.data)
 
     def _flush(self, known_ns: int) -> None:
         """Write the clouds whose whole sweep lies before a time [ns]."""
-        while self._waiting and self._waiting[0][0].stamp_ns + self._waiting[0][0].sweep_ns <= known_ns:
-            cloud, moving = self._waiting.popleft()
-            while len(self._poses) > 1 and self._poses[1].stamp_ns <= cloud.stamp_ns:
+        while self._waiting and self._waiting[0].stamp_ns + self._waiting[0].sweep_ns <= known_ns:
+            sweep = self._waiting.popleft()
+            while len(self._poses) > 1 and self._poses[1].stamp_ns <= sweep.stamp_ns:
                 self._poses.popleft()
-            self._put_cloud(cloud, moving)
+            self._put_cloud(sweep)
 
-    def _put_cloud(self, cloud: PointCloud, moving: NDArray[np.uint32]) -> None:
+    def _put_cloud(self, cloud: _Sweep) -> None:
         frame = self._frames[cloud.stamp_ns]
-        position, quat = self._base_at(cloud.stamp_ns + cloud.offset_ns.astype(np.int64))
+        position, quat = self._base_at(cloud.stamp_ns + cloud.rows["offset_ns"].astype(np.int64))
         start_position, start_quat = (row[0] for row in self._base_at(np.array([cloud.stamp_ns])))
         T_world_base = np.eye(4)
         T_world_base[:3, :3], T_world_base[:3, 3] = transforms.quat_to_matrix(start_quat), start_position
         T_base_lidar = self._lidar.T_base_lidar
-        in_base = transforms.apply(T_base_lidar, cloud.points_xyz_m.astype(np.float64))
+        in_base = transforms.apply(T_base_lidar, cloud.rows["xyz"].astype(np.float64))
         in_world = transforms.quat_rotate(quat, in_base) + position
         in_lidar = transforms.apply(np.linalg.inv(T_world_base @ T_base_lidar), in_world)
         rows = np.empty((len(in_lidar), 4), "<f4")
-        rows[:, :3], rows[:, 3] = in_lidar, cloud.intensity / np.float32(255.0)
+        rows[:, :3], rows[:, 3] = in_lidar, cloud.rows["intensity"] / np.float32(255.0)
         (self._part / "velodyne" / f"{frame:06d}.bin").write_bytes(rows.tobytes())
-        assert cloud.tag is not None
-        assert cloud.instance is not None
-        labels = semantic_kitti_labels(cloud.tag, cloud.instance, moving)
+        labels = semantic_kitti_labels(cloud.rows["tag"], cloud.rows["instance"], cloud.moving)
         (self._part / "labels" / f"{frame:06d}.label").write_bytes(labels.astype("<u4").tobytes())
         T_world_camera = T_world_base @ self._T_base_camera
         if self._T_first is None:
@@ -135,8 +165,8 @@ class KittiWriter(Writer):
     def _base_at(self, stamp_ns: NDArray[np.int64]) -> tuple[Array, Array]:
         """Position [m] and attitude of `base_link` at times [ns], shapes (N, 3) and (N, 4)."""
         times = np.array([pose.stamp_ns for pose in self._poses])
-        positions = np.stack([pose.position_m for pose in self._poses])
-        quats = np.stack([pose.quat_xyzw for pose in self._poses])
+        positions = np.stack([pose.values[:3] for pose in self._poses])
+        quats = np.stack([pose.values[3:] for pose in self._poses])
         after = np.clip(np.searchsorted(times, stamp_ns, side="right"), 1, len(times) - 1)
         fraction = (stamp_ns - times[after - 1]) / (times[after] - times[after - 1])
         position = positions[after - 1] + fraction[:, None] * (positions[after] - positions[after - 1])
@@ -161,8 +191,8 @@ class KittiWriter(Writer):
 
     def _finish(self) -> None:
         # The last sweep may end after the last pose; a frame without truth is none.
-        for cloud, _ in self._waiting:
-            name = f"{self._frames[cloud.stamp_ns]:06d}.png"
+        for sweep in self._waiting:
+            name = f"{self._frames[sweep.stamp_ns]:06d}.png"
             for folder in self._images.values():
                 (self._part / folder / name).unlink(missing_ok=True)
         self._waiting.clear()
@@ -171,6 +201,13 @@ class KittiWriter(Writer):
 
     def _drop(self) -> None:
         close_unfinished(self._tables.values())
+
+
+def _png(sample: Image) -> bytes:
+    done, png = cv2.imencode(".png", cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), _PNG)
+    if not done:
+        raise WriterError(f"OpenCV cannot write {sample.sensor}; install opencv-python-headless again")
+    return png.tobytes()
 
 
 def _numbers(values: Array) -> str:

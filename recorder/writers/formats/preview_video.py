@@ -8,15 +8,19 @@ from pathlib import Path
 
 import av
 import cv2
+import numpy as np
 from av.container import OutputContainer
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
-from recorder.report.mosaic import mosaic
-from recorder.writers.base import Writer
+from recorder.report.mosaic import joined, panel_of
+from recorder.writers.base import Piece, Writer
 
 _STILL_EVERY = 60
+_PANEL_OF = {Image: "rgb", DepthImage: "depth", SemanticImage: "semantic"}
+_PANEL_SHAPE = (360, 640, 3)
+"""Shape of a panel of a film 1280 pixels wide."""
 _X264 = {"crf": "23", "preset": "veryfast", "threads": "1"}
 """Quality and effort of the encoder; one thread, since every level has a process of its own."""
 
@@ -35,37 +39,41 @@ class PreviewWriter(Writer):
         self._rate_hz = rate_hz
         self._caption = caption
         self._film: _Film | None = None
-        self._shown: dict[str, Sample] = {}
-        self._cloud: PointCloud | None = None
+        self._shown: dict[str, U8] = {}
+        self._cloud: U8 | None = None
         self._still: U8 | None = None
         self._count = 0
 
     def _begin(self, part: Path) -> None:
         self._film = None
 
-    def _put(self, sample: Sample) -> None:
-        if isinstance(sample, PointCloud) and (sample.tag is not None or self._cloud is None):
-            self._cloud = sample
-        elif isinstance(sample, (Image, DepthImage, SemanticImage)) and sample.sensor.endswith(
+    def encode(self, sample: Sample) -> list[Piece]:
+        """The sample's panel of the film."""
+        if isinstance(sample, PointCloud):
+            kind = "plain" if sample.tag is None else "labelled"
+            return [Piece(sample.stamp_ns, "cloud", kind, panel_of(sample).tobytes())]
+        if isinstance(sample, (Image, DepthImage, SemanticImage)) and sample.sensor.endswith(
             f"_{self._camera}"
         ):
-            if isinstance(sample, Image):
-                self._show()
-                self._shown.clear()
-            self._shown[type(sample).__name__] = sample
+            return [Piece(sample.stamp_ns, _PANEL_OF[type(sample)], "", panel_of(sample).tobytes())]
+        return []
+
+    def _place(self, piece: Piece) -> None:
+        panel = np.frombuffer(piece.data, np.uint8).reshape(_PANEL_SHAPE)
+        if piece.place == "cloud":
+            if piece.kind == "labelled" or self._cloud is None:
+                self._cloud = panel
+            return
+        if piece.place == "rgb":
+            self._show()
+            self._shown.clear()
+        self._shown[piece.place] = panel
 
     def _show(self) -> None:
-        rgb = self._shown.get("Image")
-        depth, semantic = self._shown.get("DepthImage"), self._shown.get("SemanticImage")
-        if not isinstance(rgb, Image):
+        if "rgb" not in self._shown:
             return
-        image = mosaic(
-            rgb,
-            depth if isinstance(depth, DepthImage) else None,
-            semantic if isinstance(semantic, SemanticImage) else None,
-            self._cloud,
-            caption=self._caption,
-        )
+        panels = self._shown if self._cloud is None else {**self._shown, "cloud": self._cloud}
+        image = joined(panels, caption=self._caption)
         if self._film is None:
             self._film = _Film(self._part, image.shape[1], image.shape[0], self._rate_hz)
         self._film.add(image)

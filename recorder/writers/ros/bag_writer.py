@@ -10,7 +10,7 @@ from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Events, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Writer
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.ros.message_parts import Message, make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
@@ -58,43 +58,50 @@ class BagWriter(Writer):
         self._maker = MessageMaker(self._typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses)
         self._clock_due_ns: int | None = None
 
-    def _put(self, sample: Sample) -> None:
-        if self._clock_due_ns is None:
-            self._write_tf_static(sample.stamp_ns)
-            self._clock_due_ns = sample.stamp_ns
-        if self._profile.clock and sample.stamp_ns >= self._clock_due_ns:
-            self._clock_due_ns = sample.stamp_ns + _CLOCK_PERIOD_NS
-            clock = self._maker.clock(sample.stamp_ns)
-            self._add("/clock", "rosgraph_msgs/msg/Clock", sample.stamp_ns, clock)
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Messages of a sample, by their topics."""
+        pieces = []
         for route in self._profile.routes(type(sample), sample.sensor, self._streams):
-            message = self._maker.make(route.message, sample, route.topic, route.frame_id)
-            events = sample if isinstance(sample, Events) else None
-            self._add(route.topic, ENCODERS[route.message][0], sample.stamp_ns, message, events=events)
+            # Without a topic the message is not counted: that is for `_add`, which knows those before it.
+            message = self._maker.make(route.message, sample, "", route.frame_id)
+            kind = ENCODERS[route.message][0]
+            data = self._serialise(message, kind)
+            if isinstance(sample, Events):
+                data = self._with_events(data, sample)
+            pieces.append(Piece(sample.stamp_ns, route.topic, kind, data))
+        return pieces
+
+    def _place(self, piece: Piece) -> None:
+        if self._clock_due_ns is None:
+            self._write_tf_static(piece.stamp_ns)
+            self._clock_due_ns = piece.stamp_ns
+        if self._profile.clock and piece.stamp_ns >= self._clock_due_ns:
+            self._clock_due_ns = piece.stamp_ns + _CLOCK_PERIOD_NS
+            kind = "rosgraph_msgs/msg/Clock"
+            clock = self._serialise(self._maker.clock(piece.stamp_ns), kind)
+            self._add(Piece(piece.stamp_ns, "/clock", kind, clock))
+        self._add(piece)
 
     def _write_tf_static(self, stamp_ns: int) -> None:
         frames = self._calibration.frames
         if self._profile.tf_static and frames:
-            message = self._maker.tf_static(BASE_FRAME, frames, stamp_ns)
-            self._add("/tf_static", "tf2_msgs/msg/TFMessage", stamp_ns, message, latched=True)
+            kind = "tf2_msgs/msg/TFMessage"
+            data = self._serialise(self._maker.tf_static(BASE_FRAME, frames, stamp_ns), kind)
+            self._add(Piece(stamp_ns, "/tf_static", kind, data), latched=True)
 
     @abstractmethod
-    def _add(
-        self,
-        topic: str,
-        type_name: str,
-        stamp_ns: int,
-        message: Message,
-        *,
-        latched: bool = False,
-        events: Events | None = None,
-    ) -> None:
+    def _serialise(self, message: Message, kind: str) -> bytes:
+        """A message of a type, e.g. ``sensor_msgs/msg/Imu``, as it stands in the bag."""
+
+    @abstractmethod
+    def _with_events(self, empty: bytes, sample: Events) -> bytes:
+        """A serialised message without events, and with those of a sample."""
+
+    @abstractmethod
+    def _add(self, piece: Piece, *, latched: bool = False) -> None:
         """Append a message.
 
         Args:
-            topic: Its topic.
-            type_name: Its type, e.g. ``sensor_msgs/msg/Imu``.
-            stamp_ns: Time since the drive began [ns].
-            message: Object of the type store.
+            piece: Its topic, type, time since the drive began, and bytes.
             latched: Whether those who subscribe later get it too.
-            events: Events that stand in the message in place of its empty list.
         """

@@ -54,7 +54,7 @@ def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
 class MessageParts:
     """Makes the parts that messages of one type store consist of.
 
-    A header's `seq`, which ROS 1 has and ROS 2 has not, counts per maker and topic.
+    A header's `seq`, which ROS 1 has and ROS 2 has not, counts per maker and topic; without a topic it is 0.
     """
 
     def __init__(
@@ -99,7 +99,8 @@ class MessageParts:
         values: dict[str, Any] = {"stamp": self.time(stamp_ns), "frame_id": frame_id}
         if self._has_seq:
             values["seq"] = self._seq.get(topic, 0)
-            self._seq[topic] = values["seq"] + 1
+            if topic:
+                self._seq[topic] = values["seq"] + 1
         return self.new("std_msgs/Header", **values)
 
     def image(self, header: Message, pixels: NDArray[Any], encoding: str) -> Message:

@@ -12,7 +12,7 @@ from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
-from recorder.writers.base import DEFAULT_EPOCH_NS, close_unfinished
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, close_unfinished
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.bag_writer import BagWriter
 from recorder.writers.ros.event_messages import ros1_with_events
@@ -64,6 +64,7 @@ class Rosbag1Writer(BagWriter):
             raise WriterError(unknown_name("bag compression", compression, COMPRESSIONS))
         self._compression = compression
         self._connections: dict[str, Connection] = {}
+        self._counts: dict[str, int] = {}
 
     def _begin(self, part: Path) -> None:
         self._bag = BagFile(part)
@@ -73,24 +74,27 @@ class Rosbag1Writer(BagWriter):
             self._bag.compressor = compress_lz4_for_ros
         self._bag.open()
 
-    def _add(
-        self,
-        topic: str,
-        type_name: str,
-        stamp_ns: int,
-        message: Message,
-        *,
-        latched: bool = False,
-        events: Events | None = None,
-    ) -> None:
-        if topic not in self._connections:
-            self._connections[topic] = self._bag.add_connection(
-                topic, type_name, typestore=self._typestore, latching=1 if latched else None
+    def _serialise(self, message: Message, kind: str) -> bytes:
+        return bytes(self._typestore.serialize_ros1(message, kind))
+
+    def _with_events(self, empty: bytes, sample: Events) -> bytes:
+        return ros1_with_events(empty, sample, self.epoch_ns)
+
+    def _add(self, piece: Piece, *, latched: bool = False) -> None:
+        if piece.place not in self._connections:
+            self._connections[piece.place] = self._bag.add_connection(
+                piece.place, piece.kind, typestore=self._typestore, latching=1 if latched else None
             )
-        data = bytes(self._typestore.serialize_ros1(message, type_name))
-        if events is not None:
-            data = ros1_with_events(data, events, self.epoch_ns)
-        self._bag.write(self._connections[topic], self.unix_ns(stamp_ns), data)
+        data = piece.data
+        if self._has_header(piece.kind):
+            # Its first field is `seq`, the number of the message on its topic.
+            seq = self._counts.get(piece.place, 0)
+            self._counts[piece.place] = seq + 1
+            data = seq.to_bytes(4, "little") + data[4:]
+        self._bag.write(self._connections[piece.place], self.unix_ns(piece.stamp_ns), data)
+
+    def _has_header(self, kind: str) -> bool:
+        return self._maker.fields_of(kind.replace("/msg/", "/"))[0] == "header"
 
     def _finish(self) -> None:
         self._bag.close()

@@ -23,7 +23,7 @@ from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
-from recorder.writers.base import DEFAULT_EPOCH_NS
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.bag_writer import BagWriter
 from recorder.writers.ros.event_messages import cdr_with_events
@@ -98,24 +98,19 @@ class Rosbag2Writer(BagWriter):
             self._bag.set_custom_data(name, text)
         self._bag.open()
 
-    def _add(
-        self,
-        topic: str,
-        type_name: str,
-        stamp_ns: int,
-        message: Message,
-        *,
-        latched: bool = False,
-        events: Events | None = None,
-    ) -> None:
+    def _serialise(self, message: Message, kind: str) -> bytes:
+        return bytes(self._typestore.serialize_cdr(message, kind))
+
+    def _with_events(self, empty: bytes, sample: Events) -> bytes:
+        return cdr_with_events(empty, sample, self.epoch_ns)
+
+    def _add(self, piece: Piece, *, latched: bool = False) -> None:
+        topic = piece.place
         if topic not in self._connections:
             self._connections[topic] = self._bag.add_connection(
-                topic, type_name, typestore=self._typestore, offered_qos_profiles=[_qos(latched=latched)]
+                topic, piece.kind, typestore=self._typestore, offered_qos_profiles=[_qos(latched=latched)]
             )
-        data = bytes(self._typestore.serialize_cdr(message, type_name))
-        if events is not None:
-            data = cdr_with_events(data, events, self.epoch_ns)
-        self._bag.write(self._connections[topic], self.unix_ns(stamp_ns), data)
+        self._bag.write(self._connections[topic], self.unix_ns(piece.stamp_ns), piece.data)
 
     def _finish(self) -> None:
         self._bag.close()

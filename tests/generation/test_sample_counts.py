@@ -11,7 +11,7 @@ import pytest
 from carlaloc_env.samples import PointCloud, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from recorder.cli.main import main
-from recorder.generation.mover_share import MoverShare
+from recorder.generation.sample_counts import SampleCounts
 
 SEQUENCE = """\
 name: ClearNoon_dynamic
@@ -38,7 +38,7 @@ def cloud(instance: list[int] | None) -> PointCloud:
 
 def test_points_and_pixels_on_traffic_are_counted() -> None:
     """Neither scenery, parked cars and the ego itself, nor clouds without labels."""
-    share = MoverShare()
+    share = SampleCounts()
     share.count(cloud([0, 17, EGO_INSTANCE, EGO_INSTANCE + 1]))
     share.count(cloud([EGO_INSTANCE + 3, EGO_INSTANCE + 1, 5, 5]))
     share.count(cloud(None))

@@ -1,0 +1,51 @@
+"""Units of work: a stretch of a drive under one traffic level, with all its weathers and formats.
+
+A unit needs the episode and nothing else. No byte of a dataset depends on how its drive is cut into units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from carlaloc_env.core.clock import STEP_NS
+from recorder.episode.traffic_level import TrafficLevel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unit:
+    """A stretch of a drive under one traffic level."""
+
+    level: TrafficLevel
+    """Traffic."""
+    span_ns: tuple[int, int]
+    """First stamp and end (not included) [ns]."""
+
+    @property
+    def name(self) -> str:
+        """Name of its folder: level and beginning [ms]."""
+        return f"{self.level.name}-{self.span_ns[0] // 1_000_000:09d}"
+
+    @property
+    def length_s(self) -> float:
+        """Length of the stretch [s]."""
+        return (self.span_ns[1] - self.span_ns[0]) / 1e9
+
+
+def units_of(levels: Sequence[TrafficLevel], span_ns: tuple[int, int], unit_ns: int) -> tuple[Unit, ...]:
+    """Units of a stretch, level by level, in the order of time.
+
+    Borders lie one step after multiples of the length: event cameras begin anew at such multiples, and the
+    first picture after one needs nothing older.
+
+    Args:
+        levels: Traffic levels.
+        span_ns: First stamp and end of the stretch [ns].
+        unit_ns: Length of a unit [ns], a multiple of 50 ms.
+    """
+    first, end = span_ns
+    borders = [first, *range((first // unit_ns + 1) * unit_ns + STEP_NS, end, unit_ns), end]
+    return tuple(
+        Unit(level=level, span_ns=(begin, until)) for level in levels for begin, until in pairwise(borders)
+    )

@@ -1,0 +1,73 @@
+"""A drive of two seconds on a map that stands in a moment, a rig of small sensors, and commands over them."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recorder.drive.record import RecordConfig, record
+from recorder.generation.replay_plan import ReplayConfig
+
+RIG = """\
+name: small
+sensors:
+- {kind: lidar, name: lidar, columns: 200, outputs: [cloud, semantic]}
+- {kind: imu}
+- {kind: gnss}
+- kind: camera
+  name: left
+  mount: {position_m: [0.3, 0.2, 1.6], axes: optical}
+  pinhole: {width_px: 160, height_px: 90, fx_px: 80, fy_px: 80, cx_px: 80, cy_px: 45}
+  outputs: [rgb, depth, semantic, events]
+- kind: camera
+  name: right
+  mount: {position_m: [0.3, -0.2, 1.6], axes: optical}
+  pinhole: {width_px: 160, height_px: 90, fx_px: 80, fy_px: 80, cx_px: 80, cy_px: 45}
+  outputs: [rgb]
+"""
+STATE_RIG = "name: few\nsensors:\n- {kind: imu}\n- {kind: gnss}\n"
+
+
+@dataclass(frozen=True)
+class StraightDrive:
+    """Files of the drive."""
+
+    episode: Path
+    town: Path
+    rig: Path
+    state_rig: Path
+
+    def config(self, out: Path, **changes: Any) -> ReplayConfig:
+        """A replay by the rig without cameras, in four units of one traffic level."""
+        settings: dict[str, Any] = {
+            "episode": self.episode, "map": self.town, "rig": str(self.state_rig), "out": out,
+            "formats": ("rosbag1", "euroc"), "unit_s": 0.5, "workers": 1,
+        }  # fmt: skip
+        return ReplayConfig(**{**settings, **changes})
+
+    def command(self, out: Path, *words: str, rig: Path | None = None) -> list[str]:
+        """The command for the same."""
+        return [
+            sys.executable, "-m", "recorder.cli.main", "replay", str(self.episode), "--out", str(out),
+            "--map", str(self.town), "--rig", str(rig or self.state_rig), "--unit", "0.5", *words,
+        ]  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def straight_drive(tmp_path_factory: pytest.TempPathFactory, straight_map: Path) -> StraightDrive:
+    """Two seconds among a few others; never write to these files."""
+    folder = tmp_path_factory.mktemp("straight_drive")
+    drive = StraightDrive(
+        folder / "drive.mcap", folder / "straight.xodr", folder / "rig.yaml", folder / "state_rig.yaml"
+    )
+    shutil.copy(straight_map, drive.town)
+    traffic = "dynamic,vehicles=5,walkers=0"
+    record(RecordConfig(map=str(drive.town), out=drive.episode, duration_s=2.0, seed=5, traffic=traffic))
+    drive.rig.write_text(RIG)
+    drive.state_rig.write_text(STATE_RIG)
+    return drive
