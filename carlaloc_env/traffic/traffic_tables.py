@@ -8,7 +8,7 @@ from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
-from carlaloc_env.traffic.tables.demand import lane_demand, weighted_order
+from carlaloc_env.traffic.tables.demand import lane_demand, walker_demand, weighted_order
 from carlaloc_env.traffic.tables.lane_tables import build_roads
 from carlaloc_env.traffic.tables.sidewalks import build_walker_network
 from carlaloc_env.traffic.vehicles.ego_agent import build_cells
@@ -42,6 +42,7 @@ class TrafficTables:
         self.route_m = None if route is None else route.position_m
         self.roads = build_roads(network, self.route_m)
         self.walker_network = build_walker_network(network, self.roads)
+        self.walker_network.path.demand[:] = walker_demand(self.walker_network, self.route_m)
         self._demand = lane_demand(network, self.route_m)
         driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
         self.cells = build_cells(self.roads, driving)

@@ -61,7 +61,6 @@ class TrafficWorld:
             config.walkers,
             config.seed,
             self._vehicles.drivers,
-            self._tables.route_m,
         )
         self._taken = np.zeros(len(self._tables.roads.crossing.lane), np.uint8)
         self._step = -round(config.warm_up_s * 1e9) // STEP_NS

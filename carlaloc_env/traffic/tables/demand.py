@@ -8,13 +8,14 @@ from scipy.spatial import cKDTree
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags
+from carlaloc_env.traffic.tables.sidewalk_tables import WalkerNetwork
 
 MAIN_STREET_DEMAND = 6.0
 """How much more often drivers choose a main street than a side street, as long as it is not crowded."""
 ROUTE_DEMAND = 1.0
 """The same for the direction in which the route runs: the stream comes towards it, as in rush hours."""
 WALKER_DEMAND = 25.0
-"""How much more often walkers set out beside a main street: shops, stops and offices lie there."""
+"""How much more often walkers choose the sidewalks of a main street: shops, stops and offices lie there."""
 STREET_REACH_M = 20.0
 """Lanes this close to the route belong to the same street [m], as do its sidewalks."""
 _HEIGHT_M = 4.0
@@ -42,6 +43,21 @@ def stretch_demand(demand: Array, stretch: Index, length_m: Array) -> Array:
     total_m = np.bincount(stretch, weights=length_m)[stretch]
     mean: Array = np.bincount(stretch, weights=demand * length_m)[stretch] / np.maximum(total_m, 1e-9)
     return mean
+
+
+def walker_demand(walker_network: WalkerNetwork, route_m: Array | None) -> Array:
+    """Demand for each path of walkers, 1 in side streets and up to `WALKER_DEMAND` along the route, (F,).
+
+    Args:
+        walker_network: Sidewalks and crosswalks.
+        route_m: Points of the town's route [m], (K, 3), world, in order; None: no street is a main street.
+    """
+    path, row = walker_network.path, walker_network.row
+    if route_m is None or not len(path.kind):
+        return np.ones(len(path.kind))
+    near, _ = along_route(row.position_m, row.tangent, route_m)
+    demand: Array = np.add.reduceat(np.where(near, WALKER_DEMAND, 1.0), path.row_first) / path.row_count
+    return demand
 
 
 def along_route(points_m: Array, tangents: Array, route_m: Array) -> tuple[Flags, Flags]:

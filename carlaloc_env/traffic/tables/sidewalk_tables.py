@@ -17,6 +17,8 @@ class WalkerPaths:
     """SIDEWALK or CROSSWALK."""
     length_m: Array
     """Length [m]."""
+    demand: Array
+    """How much more often walkers choose it than one in a side street."""
     row_first: Index
     row_count: Index
     row_step_m: Array

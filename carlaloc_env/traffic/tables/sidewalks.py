@@ -141,6 +141,7 @@ def _packed(
         count,
         kind=[CROSSWALK if number >= 0 else SIDEWALK for number in numbers],
         length_m=[own[-1] for own in station],
+        demand=np.ones(count),
         row_first=row_first[:-1],
         row_count=np.diff(row_first),
         row_step_m=[max(own[-1] / (len(own) - 1), 1e-6) for own in station],

@@ -17,6 +17,8 @@ from carlaloc_env.traffic.walkers.steering import move
 
 CROSSES = 0.45
 """Chance that a walker who comes past a crosswalk crosses."""
+_STROLLS = 0.2
+"""How much more seldom walkers stroll back along a sidewalk that ends than go on to one of equal demand."""
 _TURNS_BACK_S = 15.0
 """A walker who stands longer on a crosswalk turns back [s]."""
 _CROSS = 31
@@ -113,16 +115,24 @@ def _take_crosswalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int,
 
 @compiled
 def _next_sidewalk(walker_network: WalkerNetwork, walkers: WalkerState, w: int, seed: int) -> None:
-    """Let walker w go on to a sidewalk that joins its own, or turn round where none does."""
+    """Let walker w go on to a sidewalk that joins its own, by its demand, or stroll back."""
     path = walkers.path[w]
     end = 1 if walkers.sense[w] > 0 else 0
     first, last = walker_network.path.join_first[path, end], walker_network.path.join_end[path, end]
     walkers.draws[w] += 1
-    if first == last:
+    path_demand = walker_network.path.demand
+    total = _STROLLS * path_demand[path]
+    for k in range(first, last):
+        total += path_demand[walker_network.join_path[k]]
+    left = hash_uniform(seed, _JOIN, w, walkers.draws[w]) * total - _STROLLS * path_demand[path]
+    if first == last or left < 0.0:
         walkers.sense[w] = -walkers.sense[w]
         walkers.station_m[w] = min(max(walkers.station_m[w], 0.3), walker_network.path.length_m[path] - 0.3)
         return
-    pick = first + int(hash_uniform(seed, _JOIN, w, walkers.draws[w]) * (last - first))
+    pick = first
+    while pick < last - 1 and left >= path_demand[walker_network.join_path[pick]]:
+        left -= path_demand[walker_network.join_path[pick]]
+        pick += 1
     walkers.path[w] = walker_network.join_path[pick]
     walkers.sense[w] = 1 if walker_network.join_end[pick] == 0 else -1
     walkers.station_m[w] = (

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.traffic.tables.demand import WALKER_DEMAND, along_route, weighted_order
+from carlaloc_env.traffic.tables.demand import weighted_order
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.record_arrays import columns
@@ -40,7 +40,6 @@ class Walkers:
         count: int,
         seed: int,
         drivers: Drivers,
-        route_m: Array | None = None,
     ) -> None:
         """Put all walkers on sidewalks.
 
@@ -49,7 +48,6 @@ class Walkers:
             count: Number of walkers.
             seed: Seed of their places and paces.
             drivers: Drivers of all vehicles and the ego, (N + 1,).
-            route_m: Points of the town's route [m], (K, 3), world, along which more people walk.
 
         Raises:
             ConfigError: there is no sidewalk, or not room enough.
@@ -60,9 +58,9 @@ class Walkers:
         self.boxes = columns(VehicleBoxes, len(drivers.length_m))
         self.boxes.half_m[:, 0] = 0.5 * drivers.length_m
         self.boxes.half_m[:, 1] = 0.5 * drivers.width_m
-        self._start(count, route_m)
+        self._start(count)
 
-    def _start(self, count: int, route_m: Array | None) -> None:
+    def _start(self, count: int) -> None:
         path, state = self.walker_network.path, self.state
         wide = (
             np.minimum.reduceat(self.walker_network.row.width_m, path.row_first)
@@ -80,7 +78,8 @@ class Walkers:
         if count > len(slots):
             raise ConfigError(f"{count} walkers do not fit on the sidewalks; ask for at most {len(slots)}")
         draw = rng.stream(self.seed, "traffic/walkers")
-        chosen = weighted_order(draw, self._demand(slots, route_m))[:count]
+        demand = path.demand[np.array([k for k, _ in slots], np.int64)]
+        chosen = weighted_order(draw, demand)[:count]
         state.path[:] = [slots[k][0] for k in chosen]
         state.station_m[:] = [slots[k][1] for k in chosen]
         state.sense[:] = np.where(draw.random(count) < 0.5, 1, -1)
@@ -96,17 +95,6 @@ class Walkers:
         state.position_m[:, 0] += lateral_offset * tangent[:, 1]
         state.position_m[:, 1] -= lateral_offset * tangent[:, 0]
         state.direction[...] = tangent * state.sense[:, None]
-
-    def _demand(self, slots: list[tuple[int, float]], route_m: Array | None) -> Array:
-        """How much more often walkers start at paths and stations [m] than in side streets, (S,)."""
-        if route_m is None or not slots:
-            return np.ones(len(slots))
-        path, row = self.walker_network.path, self.walker_network.row
-        own = np.array([k for k, _ in slots], np.int64)
-        step = (np.array([station for _, station in slots]) / path.row_step_m[own]).astype(np.int64)
-        rows = path.row_first[own] + np.minimum(step, path.row_count[own] - 1)
-        near, _ = along_route(row.position_m[rows], row.tangent[rows], route_m)
-        return np.where(near, WALKER_DEMAND, 1.0)
 
     def see_vehicles(self, fleet: Fleet, poses: VehiclePoses, ego: EgoBox) -> None:
         """Take over where vehicles, (N,) poses, and the ego are now."""

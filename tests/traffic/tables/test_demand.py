@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core import rng
+from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
+from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.tables.demand import (
     MAIN_STREET_DEMAND,
     ROUTE_DEMAND,
@@ -19,6 +21,8 @@ from carlaloc_env.traffic.tables.demand import (
     lane_demand,
     weighted_order,
 )
+from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +74,21 @@ def test_weighted_order_follows_its_theory() -> None:
         expected = weight[a] / 8.0 * weight[b] / (8.0 - weight[a])
         share = orders.count(order) / count
         assert share == pytest.approx(expected, abs=4.0 * np.sqrt(expected / count))
+
+
+def test_people_keep_to_the_sidewalks_of_main_streets(network: LaneNetwork) -> None:
+    """Most who set out beside the town's route are still near two minutes later; without a route few are."""
+    points = TownConfig.from_toml(find_town("Town05").with_name("town.toml")).route.points
+    route = plan_route(network, points)
+    near = {}
+    for name, wanted in (("busy", route), ("even", None)):
+        world = TrafficWorld(
+            network, TrafficConfig(vehicles=0, walkers=44, seed=2), TrafficTables(network, wanted)
+        )
+        frame = world.reset()
+        for _ in range(120 * 20):
+            frame = world.step(NOBODY)
+        away = np.linalg.norm(frame.position_m[:, None, :2] - route.position_m[None, ::4, :2], axis=-1)
+        near[name] = float((away.min(axis=1) < STREET_REACH_M).mean())
+    assert near["busy"] > 0.5
+    assert near["even"] < 0.4
