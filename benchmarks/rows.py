@@ -7,6 +7,7 @@ from collections.abc import Callable
 from bench import Bench, Row
 from drive_rows import recording, window
 from event_row import events
+from learning_rows import learn, learn_beside_highway_env, learn_reset, learn_vector
 from opening_row import opening
 from sensor_rows import camera, lidar, lidar_rate
 from world_rows import driving, memory, physics, start, steps
@@ -22,6 +23,14 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "steps_state": steps("state", 500.0),
     "steps_lidar": steps("lidar", None),
     "steps_paper": steps("paper", None),
+    "learn_state": learn("state", 600.0),
+    "learn_state_full": learn("state", 400.0, "dynamic", "learn_state_full"),
+    "learn_bev": learn("bev", 300.0),
+    "learn_lidar": learn("lidar", 25.0),
+    "learn_camera": learn("camera", 100.0),
+    "learn_vector": learn_vector,
+    "learn_reset": learn_reset,
+    "learn_beside": learn_beside_highway_env,
     "opening": opening,
     "window": window,
     "recording": recording,

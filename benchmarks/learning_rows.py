@@ -1,0 +1,145 @@
+"""What an agent that learns feels: steps a second of the environments in which it does."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+from bench import Bench, Row
+from scenario import TOWN
+from timing import time_calls
+
+import carlaloc_env  # noqa: F401  registers the environments
+from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
+
+HUNDRED = "dynamic,vehicles=100,walkers=0"
+GENTLE = np.array([0.0, 0.2], np.float32)
+STEP_S = STEP_NS * 1e-9
+
+
+def _rigs() -> dict[str, str | SensorRig]:
+    lidar = next(config for config in rig_by_name("lidar").sensors if isinstance(config, LidarConfig))
+    camera = CameraConfig(pinhole=Pinhole.from_fov(84, 84, 90.0), outputs=("rgb",))
+    return {
+        "state": "state",
+        "bev": "bev",
+        "lidar": SensorRig(name="lidar_alone", sensors=(lidar,)),
+        "camera": SensorRig(name="camera_84", sensors=(camera,)),
+    }
+
+
+def learn(rig: str, least: float, traffic: str = HUNDRED, name: str | None = None) -> Callable[[Bench], Row]:
+    """Steps of 50 ms a second with a rig, resets included."""
+
+    def row(bench: Bench) -> Row:
+        what = f"steps an agent makes, '{rig}', {'100 others' if traffic == HUNDRED else '237 + 34 others'}"
+        env = DrivingEnv(map=TOWN, rig=_rigs()[rig], traffic=traffic)
+        count = 20 if bench.quick else {"state": 1000, "bev": 400, "lidar": 60, "camera": 100}[rig]
+        steps = partial(_steps, env, count)
+        times = time_calls({"ours": steps}, bench.repeat)["ours"].per(count)
+        env.close()
+        rate = 1.0 / times.median_s
+        return Row(
+            name=name or f"learn_{rig}",
+            what=what,
+            value=rate,
+            unit="steps/s",
+            target=least,
+            ours=times,
+            note=f"{rate * STEP_S:.0f} × real time",
+        )
+
+    return row
+
+
+def _steps(env: Any, count: int) -> None:
+    """Some steps, with a reset at the end of every episode and at the beginning."""
+    env.reset(seed=1)
+    for number in range(count):
+        *_, ended, over, _ = env.step(GENTLE)
+        if ended or over:
+            env.reset(seed=number)
+
+
+def learn_vector(bench: Bench) -> Row:
+    """Two environments in processes of their own against one, steps of both together."""
+    what, count = "two environments in processes of their own, over one", 20 if bench.quick else 600
+    rates: dict[int, float] = {}
+    for number in (1, 2):
+        envs = gymnasium.make_vec(
+            f"CarlaLoc-{TOWN}-v1", num_envs=number, vectorization_mode="async", traffic=HUNDRED
+        )
+        actions = np.tile(GENTLE, (number, 1))
+        envs.reset(seed=1)
+        for _ in range(20):
+            envs.step(actions)
+        began = time.perf_counter()
+        for _ in range(count):
+            envs.step(actions)
+        rates[number] = number * count / (time.perf_counter() - began)
+        envs.close()
+    cores = os.cpu_count() or 1
+    note = f"{rates[1]:.0f} and {rates[2]:.0f} steps/s; {cores} cores"
+    return Row(
+        name="learn_vector", what=what, value=rates[2] / rates[1], unit="× of one", target=1.7, note=note
+    )
+
+
+def learn_reset(bench: Bench) -> Row:
+    """Resets in the same town, traffic run in for its ten seconds."""
+    env = DrivingEnv(map=TOWN, traffic=HUNDRED)
+    times = time_calls({"ours": lambda: env.reset(seed=3)}, 2 * bench.repeat)["ours"]
+    env.close()
+    return Row(
+        name="learn_reset",
+        what="reset in the same town, 100 others",
+        value=1e3 * times.median_s,
+        unit="ms",
+        target=50.0,
+        at_least=False,
+        ours=times,
+    )
+
+
+def learn_beside_highway_env(bench: Bench) -> Row:
+    """Seconds simulated in a second among a hundred others, resets included, beside highway-env."""
+    what = "seconds simulated in a second among 100 others, over highway-env's"
+    row = partial(Row, name="learn_beside", what=what, unit="× highway-env")
+    try:
+        import highway_env  # type: ignore[import-not-found]  # noqa: F401  registers its environments
+    except ImportError:
+        return row(value=None, note="highway-env is not installed: pip install highway-env")
+    seconds = 2.0 if bench.quick else 40.0
+    theirs = gymnasium.make(
+        "highway-v0", config={"vehicles_count": 100, "duration": 40, "policy_frequency": 5}
+    ).unwrapped
+    ours = DrivingEnv(map=TOWN, traffic=HUNDRED, frame_skip=4)
+    action: Any = theirs.action_space.sample()
+
+    def drive_theirs() -> None:
+        theirs.reset(seed=1)
+        for number in range(math.ceil(5 * seconds)):
+            *_, ended, over, _ = theirs.step(action)
+            if ended or over:
+                theirs.reset(seed=number)
+
+    times = time_calls(
+        {"ours": partial(_steps, ours, math.ceil(5 * seconds)), "theirs": drive_theirs}, bench.repeat
+    )
+    ours.close()
+    theirs.close()
+    both = {name: seconds / timing.median_s for name, timing in times.items()}
+    note = f"{both['ours']:.0f} and {both['theirs']:.1f} × real time, both with five actions a second"
+    return row(value=both["ours"] / both["theirs"], ours=times["ours"], note=note)
