@@ -6,8 +6,10 @@ import numpy as np
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
+from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.tables.demand import lane_demand, walker_demand, weighted_order
 from carlaloc_env.traffic.tables.lane_tables import build_roads
 from carlaloc_env.traffic.tables.sidewalks import build_walker_network
@@ -49,6 +51,13 @@ class TrafficTables:
         after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]
         self.overlaps = find_overlaps(network, driving, self.roads.lane.junction, after)
         self._driving = driving
+        self._plans: dict[SignalTiming, SignalPlan] = {}
+
+    def signal_plan(self, timing: SignalTiming) -> SignalPlan:
+        """Plan of the signals, worked out once for each timing."""
+        if timing not in self._plans:
+            self._plans[timing] = SignalPlan.from_network(self.network, timing, self.route)
+        return self._plans[timing]
 
     def starting_positions(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:
         """Lanes and stations [m] at which vehicles may start, in the order in which they are taken.

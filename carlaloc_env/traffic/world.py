@@ -13,7 +13,6 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town
 from carlaloc_env.traffic.population import draw_catalog, draw_drivers, draw_vehicles
-from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicle_step import StepInput, Vehicles
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
@@ -36,7 +35,7 @@ class TrafficWorld:
         self._config = config
         names, tints = draw_vehicles(config)
         self._tables = tables or TrafficTables(network)
-        self.signal_plan = SignalPlan.from_network(network, config.timing, self._tables.route)
+        self.signal_plan = self._tables.signal_plan(config.timing)
         drivers, open_fraction = (
             draw_drivers(names, config),
             self.signal_plan.open_fraction(self._tables.roads),

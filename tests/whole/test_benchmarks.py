@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 RUNNER = Path(__file__).parents[2] / "benchmarks" / "run.py"
-IN_PROCESS = ("lidar", "camera", "physics", "driving", "start", "steps_state", "steps_lidar")
+IN_PROCESS = ("lidar", "camera", "physics", "driving", "start", "steps_state", "steps_lidar", "learn_state")
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
