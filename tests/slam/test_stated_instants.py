@@ -1,0 +1,111 @@
+"""Instants of poses: to which moment of a sweep KISS-ICP's and GICP's poses belong.
+
+For GICP a LiDAR without a flaw drives straight through a closed room, where odometry does not drift: how far
+a pose lies ahead of the place where its sweep began, over the speed, is its instant. KISS-ICP tells it by the
+point that its motion correction leaves alone.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from carlaloc_env.core.array_types import Array
+from recorder.slam.gicp import gicp_odometry
+from recorder.slam.kiss_icp import kiss_icp_odometry
+
+TOPIC = "/lidar/points"
+SWEEP_S, SWEEPS = 0.05, 60
+SPEED_MPS, GENTLE_MPS2 = 4.0, 3.0
+ROOM_M = np.array([[-12.0, 20.0], [-6.0, 9.0], [-1.8, 4.0]])
+"""Walls, floor and ceiling."""
+EPOCH_S = 100.0
+
+
+def place_m(time_s: Array) -> Array:
+    """How far the LiDAR has come: half a second of rest, then up to its speed."""
+    driven_s = np.maximum(time_s - 0.5, 0.0)
+    ramp_s = SPEED_MPS / GENTLE_MPS2
+    on_ramp: Array = 0.5 * GENTLE_MPS2 * driven_s**2
+    return np.where(driven_s < ramp_s, on_ramp, SPEED_MPS * (driven_s - 0.5 * ramp_s))
+
+
+def sweep(begins_s: float) -> Array:
+    """Points of one sweep in the moving sensor's frame, and their times after its beginning: (N, 4)."""
+    columns, elevations = np.arange(720), np.radians(np.linspace(-30.0, 20.0, 32))
+    after_s = np.repeat(columns / len(columns) * SWEEP_S, len(elevations))
+    azimuth = -2.0 * np.pi * after_s / SWEEP_S
+    elevation = np.tile(elevations, len(columns))
+    ray = np.stack(
+        [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)], axis=1
+    )
+    origin = np.zeros_like(ray)
+    origin[:, 0] = place_m(begins_s + after_s)
+    wall = np.where(ray > 0.0, ROOM_M[:, 1], ROOM_M[:, 0])
+    distance_m = ((wall - origin) / np.where(ray == 0.0, 1e-12, ray)).min(axis=1)
+    return np.column_stack([ray * distance_m[:, None], after_s])
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A ROS 1 bag of the sweeps."""
+    path = tmp_path_factory.mktemp("room") / "room.bag"
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds = store.types
+    field, header = kinds["sensor_msgs/msg/PointField"], kinds["std_msgs/msg/Header"]
+    fields = [field(name=name, offset=4 * k, datatype=7, count=1) for k, name in enumerate("xyz")]
+    fields.append(field(name="time", offset=12, datatype=7, count=1))
+    with Writer(path) as writer:
+        cloud = "sensor_msgs/msg/PointCloud2"
+        connection = writer.add_connection(TOPIC, cloud, typestore=store)
+        for k in range(SWEEPS):
+            data = sweep(k * SWEEP_S).astype("<f4")
+            stamp_ns = round((EPOCH_S + k * SWEEP_S) * 1e9)
+            time = kinds["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+            message = kinds[cloud](
+                header=header(seq=k, stamp=time, frame_id="lidar"),
+                height=1,
+                width=len(data),
+                fields=fields,
+                is_bigendian=False,
+                point_step=16,
+                row_step=16 * len(data),
+                data=data.reshape(-1).view(np.uint8),
+                is_dense=True,
+            )
+            writer.write(connection, stamp_ns, store.serialize_ros1(message, cloud))
+    return path
+
+
+def test_gicp_shows_the_middle_of_the_sweep(bag: Path) -> None:
+    """At constant speed poses lie where the LiDAR was at their stamps, to 6 ms, an eighth of a sweep."""
+    pytest.importorskip("small_gicp")
+    estimate = gicp_odometry(bag, TOPIC, SWEEP_S)
+    stamp_s = estimate.stamp_ns * 1e-9 - EPOCH_S
+    assert stamp_s[0] == pytest.approx(0.5 * SWEEP_S)
+    steady = stamp_s > 0.5 + SPEED_MPS / GENTLE_MPS2 + 0.2
+    assert steady.sum() > 15
+    ahead_m = estimate.position_m[steady, 0] - estimate.position_m[0, 0] - place_m(stamp_s[steady])
+    assert abs(np.median(ahead_m) / SPEED_MPS) < 0.006
+
+
+def test_kiss_icp_corrects_sweeps_to_their_end(bag: Path) -> None:
+    """The last point of a sweep stays where it was measured, the first moves by the whole motion."""
+    pytest.importorskip("kiss_icp")
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.preprocess import get_preprocessor
+
+    config = KISSConfig()
+    config.data.deskew = True
+    points = np.array([[10.0, 0.0, 0.0], [10.0, 1.0, 0.0], [10.0, 2.0, 0.0]])
+    motion = np.eye(4)
+    motion[0, 3] = 0.4
+    corrected = np.asarray(get_preprocessor(config).preprocess(points, np.array([0.0, 0.025, 0.05]), motion))
+    # A point seen 0.4 m before the end lies 0.4 m nearer then.
+    np.testing.assert_allclose(points[:, 0] - corrected[:, 0], [0.4, 0.2, 0.0], atol=1e-6)
+    stamps = kiss_icp_odometry(bag, TOPIC, SWEEP_S).stamp_ns
+    assert stamps[0] * 1e-9 - EPOCH_S == pytest.approx(SWEEP_S)
