@@ -215,6 +215,7 @@ def judge(figures: dict[tuple[str, str], Found]) -> None:
     assert figures["FoggyNoon", "strongest"].depth_m <= 0.5 * figures["ClearNoon", "strongest"].depth_m
 
 
+@pytest.mark.timeout(900)
 def test_orb_in_town03() -> None:
     figures = found("Town03", 12)
     read("Town03", figures)
