@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from bench import Bench, Row
 from drive_rows import recording, window
+from evaluation_row import evaluation
 from event_row import events
 from learning_rows import learn, learn_beside_highway_env, learn_reset, learn_vector
 from opening_row import opening
@@ -35,5 +36,6 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "window": window,
     "recording": recording,
     "memory": memory,
+    "evaluation": evaluation,
 }
 """All rows by name."""

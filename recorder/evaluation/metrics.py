@@ -76,8 +76,9 @@ def errors(metric: Metric, truth: Trajectory, estimate: Trajectory, *, delta: in
         return _norm(estimate.position_m - truth.position_m)
     if metric is Metric.APE_ROTATION:
         return _angle_deg(truth.quat_xyzw, estimate.quat_xyzw)
-    index = np.arange(0, len(truth), delta)
-    truth, estimate = truth.take(index), estimate.take(index)
+    if delta > 1:
+        index = np.arange(0, len(truth), delta)
+        truth, estimate = truth.take(index), estimate.take(index)
     step_truth, step_estimate = np.diff(truth.position_m, axis=0), np.diff(estimate.position_m, axis=0)
     if metric is Metric.RPE_PAPER:
         return _norm(step_estimate - step_truth)
@@ -142,7 +143,7 @@ def segment_errors(
 
 
 def _norm(vectors: Array) -> Array:
-    result: Array = np.sqrt(np.sum(vectors**2, axis=-1))
+    result: Array = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))
     return result
 
 

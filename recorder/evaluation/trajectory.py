@@ -34,7 +34,7 @@ class Trajectory:
             )
         if not (np.isfinite(self.position_m).all() and np.isfinite(self.quat_xyzw).all()):
             raise EvaluationError(f"trajectory '{self.name}' holds a number that is not finite")
-        if np.any(np.abs(np.sum(self.quat_xyzw**2, axis=1) - 1.0) > 1e-3):
+        if np.any(np.abs(np.einsum("ij,ij->i", self.quat_xyzw, self.quat_xyzw) - 1.0) > 1e-3):
             raise EvaluationError(f"trajectory '{self.name}' holds a quaternion that is not of length 1")
         if np.any(np.diff(self.stamp_ns) <= 0):
             raise EvaluationError(f"trajectory '{self.name}' has stamps that do not increase")

@@ -20,6 +20,8 @@ _NANOSECONDS_FROM = 10**14
 """Larger stamps are nanoseconds: as seconds they would lie three million years ahead."""
 _POSITION_MAX_M = 1e9
 """Positions beyond are no trajectory of this world [m]."""
+_LONG_BYTES = 500_000
+"""Shorter files are read without compiled code."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -40,6 +42,8 @@ def read_trajectory(path: str | Path, *, times: Path | None = None, topic: str |
         from recorder.evaluation.trajectory_bags import read_bag
 
         return read_bag(path, topic)
+    if path.suffix != ".csv" and (regular := _long_tum(path)) is not None:
+        return regular
     rows = _rows(path)
     count = len(rows[0][1])
     if count == 12:
@@ -57,7 +61,22 @@ def read_tum(path: str | Path) -> Trajectory:
         EvaluationError: the file is missing or a line is not such a line.
     """
     path = Path(path)
-    return _poses(path, _rows(path), w_first=False)
+    regular = _long_tum(path)
+    return regular if regular is not None else _poses(path, _rows(path), w_first=False)
+
+
+def _long_tum(path: Path) -> Trajectory | None:
+    """A TUM file for which compiled code is worth its loading; None: a short file, or no regular one."""
+    try:
+        if path.stat().st_size < _LONG_BYTES:
+            return None
+        text = path.read_bytes()
+    except OSError:
+        return None
+    from recorder.evaluation.tum_parser import parse_tum
+
+    found = parse_tum(text)
+    return None if found is None else _ordered(path, found[0], found[1][:, :3], found[1][:, 3:])
 
 
 Row = tuple[int, list[str]]

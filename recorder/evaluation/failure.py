@@ -1,0 +1,45 @@
+"""When an estimate counts as failed; the paper prints "fail" without a rule, so here is one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from recorder.evaluation.evaluate import EvaluationResult
+from recorder.evaluation.metrics import Metric
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailRule:
+    """Bounds that an estimate has to keep.
+
+    A run fails when its process ends with an error or passes its time limit, when it covers too little of
+    the sequence, or when it has diverged: when its position error is no smaller than that of an estimate
+    that never moves, so that it tells nothing of where the car was.
+    """
+
+    coverage_min: float = 0.8
+    """Least share of the expected poses, 0–1; initialisation counts as missing."""
+    ape_of_standing: float = 1.0
+    """Largest position error, as a share of what an estimate that stands at the best place has."""
+
+    def why_failed(self, result: EvaluationResult) -> str | None:
+        """Why the estimate counts as failed, in a few words; None: it does not.
+
+        Args:
+            result: With `Metric.APE_TRANSLATION`.
+        """
+        if result.coverage < self.coverage_min:
+            return f"covers {result.coverage:.0%} of the sequence, less than {self.coverage_min:.0%}"
+        bound_m = self.ape_of_standing * standing_error_m(result)
+        ape_m = result.statistics[Metric.APE_TRANSLATION].rmse
+        if ape_m >= bound_m:
+            return f"diverged: APE {ape_m:.2f} m, an estimate that never moves has {bound_m:.2f} m"
+        return None
+
+
+def standing_error_m(result: EvaluationResult) -> float:
+    """Position error (RMSE) of an estimate that stands at the mean of the true positions [m]."""
+    away = result.truth.position_m - result.truth.position_m.mean(axis=0)
+    return float(np.sqrt(np.mean(np.einsum("ij,ij->i", away, away))))
