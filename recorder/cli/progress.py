@@ -70,6 +70,20 @@ class Progress:
         else:
             self._write(f"{line}\n")
 
+    def note(self, done: int, total: int, told: str) -> None:
+        """Tell of one of several pieces of work that has ended, in a line of its own.
+
+        Args:
+            done: Pieces done.
+            total: Pieces in all.
+            told: What is told of this one.
+
+        Raises:
+            KeyboardInterrupt: the command was asked to end.
+        """
+        raise_again()
+        self._write(f"{self._what}: {done} of {total}, {told}\n")
+
     def _line(self, done_s: float, total_s: float | None, note: str) -> str:
         parts = [f"{self._what}: {done_s:.1f} s" if total_s is None else
                  f"{self._what}: {done_s:.1f} of {total_s:.1f} s"]  # fmt: skip

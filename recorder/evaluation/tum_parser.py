@@ -8,6 +8,8 @@ in another way than a regular file's is left to the slower reader.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,7 +104,7 @@ def _blanks(data: NDArray[np.uint8], at: int) -> int:
 
 
 @inlined
-def _number(data: NDArray[np.uint8], at: int) -> tuple[int, int, int, bool, int]:
+def _number(data: NDArray[np.uint8], at: int) -> tuple[Any, int, Any, Any, int]:
     """Digits as an integer, how many of them are decimals, exponent, sign, and where the number ends."""
     end = len(data)
     negative = at < end and data[at] == _MINUS
@@ -124,7 +126,7 @@ def _number(data: NDArray[np.uint8], at: int) -> tuple[int, int, int, bool, int]
         at += 1
     if not seen:
         return 0, 0, 0, False, -1
-    exponent = 0
+    exponent = np.int64(0)
     if at < end and (data[at] == 101 or data[at] == 69):  # e, E
         at += 1
         down = at < end and data[at] == _MINUS
@@ -140,7 +142,7 @@ def _number(data: NDArray[np.uint8], at: int) -> tuple[int, int, int, bool, int]
 
 
 @inlined
-def _scaled(digits: int, power: int, powers: Array) -> float:
+def _scaled(digits: Any, power: Any, powers: Any) -> Any:
     """The double nearest to digits · 10^power, −22 ≤ power ≤ 22."""
     high = float(digits)
     low = float(digits - np.int64(high))
@@ -156,7 +158,7 @@ def _scaled(digits: int, power: int, powers: Array) -> float:
 
 
 @inlined
-def _two_product(a: float, b: float) -> tuple[float, float]:
+def _two_product(a: Any, b: Any) -> Any:
     """Product and its rounding error (Dekker 1971)."""
     product = a * b
     t = _SPLITTER * a

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,27 @@ class Scan:
     """Points in the sensor frame [m], shape (N, 3)."""
     time_s: NDArray[np.float64]
     """Time of each point after `stamp_ns` [s], shape (N,)."""
+    ring: NDArray[np.int64] | None = None
+    """Beam of each point, from below, shape (N,)."""
+    intensity: NDArray[np.float64] | None = None
+    """Intensity, shape (N,)."""
+    tag: NDArray[np.uint8] | None = None
+    """Semantic tag of each point, where the cloud is labelled, shape (N,)."""
+
+    def take(self, rows: NDArray[np.bool_]) -> Scan:
+        """Some of the points."""
+
+        def part(values: Any) -> Any:
+            return None if values is None else values[rows]
+
+        return replace(
+            self,
+            points_xyz_m=self.points_xyz_m[rows],
+            time_s=self.time_s[rows],
+            ring=part(self.ring),
+            intensity=part(self.intensity),
+            tag=part(self.tag),
+        )
 
 
 def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
@@ -74,10 +95,14 @@ def _scan(message: Any) -> Scan:
     data = np.asarray(message.data).reshape(-1, message.point_step)
     column = {name: _float32(data, offset[name]) for name in ("x", "y", "z", "time")}
     stamp = message.header.stamp
+    ring = data[:, offset["ring"] : offset["ring"] + 2] if "ring" in offset else None
     return Scan(
         stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
         points_xyz_m=np.stack([column["x"], column["y"], column["z"]], axis=-1),
         time_s=column["time"],
+        ring=None if ring is None else np.ascontiguousarray(ring).view("<u2")[:, 0].astype(np.int64),
+        intensity=_float32(data, offset["intensity"]) if "intensity" in offset else None,
+        tag=data[:, offset["label"]].copy() if "label" in offset else None,
     )
 
 

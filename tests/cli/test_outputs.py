@@ -29,6 +29,7 @@ VALUES = (
     int,
     float,
     kinds.names,
+    kinds.number,
     kinds.seconds,
     kinds.positive_seconds,
     kinds.positive_int,

@@ -1,0 +1,1 @@
+"""SLAM systems over a dataset: runs, scores, tables and a report."""

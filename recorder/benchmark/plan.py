@@ -1,0 +1,146 @@
+"""What a benchmark runs: sequences found in a folder, and a job for each system, cloud and repetition."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.text_files import read_text
+from recorder.slam.sequence import RAW, SEGMENTED, SlamSequence
+from recorder.slam.system import System
+
+_STATIC = ("static", "empty")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceFolder:
+    """A sequence on the disk and its condition."""
+
+    path: Path
+    """Its folder."""
+    dataset: str
+    """Folder of its dataset below the one that was searched; datasets of other noise seeds differ in it."""
+    town: str
+    """Town."""
+    weather: str
+    """Name of the weather."""
+    traffic: str
+    """Name of the traffic level."""
+    movers: float
+    """Largest share of movers of its streams, 0–1."""
+    labelled: bool
+    """Whether its clouds have labels."""
+    weather_matters_to_lidar: bool
+    """Whether sweeps differ from weather to weather."""
+
+    @property
+    def key(self) -> str:
+        """Its place below the folder that was searched."""
+        return Path(self.dataset, self.town, self.path.name).as_posix()
+
+    @property
+    def is_static(self) -> bool:
+        """Whether nothing moves in it."""
+        return self.traffic in _STATIC
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One system over one sequence, once."""
+
+    sequence: SequenceFolder
+    """The sequence."""
+    method: str
+    """Name or file of the system."""
+    system: System
+    """The system."""
+    cloud: str
+    """`RAW` or `SEGMENTED` points."""
+    run: int
+    """Number of the repetition, from 1."""
+
+    @property
+    def folder(self) -> Path:
+        """Where its results lie, below the benchmark's folder."""
+        name = self.system.name + ("" if self.cloud == RAW else f"_{self.cloud}")
+        return Path("runs", self.sequence.key, name, f"{self.run}")
+
+
+def find_sequences(folder: Path) -> list[SequenceFolder]:
+    """All finished sequences below a folder, by dataset, town, weather and traffic.
+
+    Raises:
+        ConfigError: there is none, or a description cannot be read.
+    """
+    files = sorted(
+        path
+        for path in folder.rglob("sequence.yaml")
+        if not any(part.startswith(".") for part in path.relative_to(folder).parts)
+    )
+    if not files:
+        raise ConfigError(f"{folder} holds no sequence; give a folder that `carlaloc replay --out` wrote")
+    return [_sequence(file, folder) for file in files]
+
+
+def _sequence(file: Path, root: Path) -> SequenceFolder:
+    path = file.parent
+    try:
+        # The checksums at the end are thousands; what is wanted stands before them.
+        found: Any = yaml.safe_load(read_text(file, "sequence's description").split("\nsha256:")[0])
+        lidars = SlamSequence(path).rig.of_kind("lidar")
+        return SequenceFolder(
+            path=path,
+            dataset=Path(os.path.relpath(path.parent.parent, root)).as_posix(),
+            town=path.parent.name,
+            weather=str(found["weather"]["name"]),
+            traffic=str(found["traffic"]["name"]),
+            movers=max((float(v) for v in found.get("movers", {}).values()), default=0.0),
+            labelled=any(str(name).endswith("_semantic") for name in found["samples"]),
+            weather_matters_to_lidar=any(bool(getattr(lidar, "weather", False)) for lidar in lidars),
+        )
+    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
+        raise ConfigError(f"cannot read {file}: {' '.join(str(error).split())}; replay it anew") from error
+
+
+def plan_jobs(
+    sequences: Sequence[SequenceFolder],
+    systems: Sequence[tuple[str, System]],
+    *,
+    runs: int,
+    clouds: Sequence[str],
+) -> list[Job]:
+    """Jobs of all systems over all sequences that can tell something new.
+
+    Where the weather does not matter to the LiDAR, its sweeps are the same bytes in all weathers, so that
+    systems without cameras run in the first of them. Clouds without movers are taken of dynamic sequences
+    with labels.
+
+    Args:
+        sequences: Where to run.
+        systems: What to run: the word that names it, and the system.
+        runs: Repetitions.
+        clouds: Which of `RAW` and `SEGMENTED` LiDAR systems are run on.
+    """
+    jobs = []
+    seen: set[tuple[str, str, str, str]] = set()
+    for sequence in sequences:
+        for word, system in systems:
+            alike = (sequence.dataset, sequence.town, sequence.traffic, word)
+            if not system.is_visual and not sequence.weather_matters_to_lidar:
+                if alike in seen:
+                    continue
+                seen.add(alike)
+            for cloud in clouds if "lidar" in system.needs else (RAW,):
+                if cloud == SEGMENTED and (sequence.is_static or not sequence.labelled):
+                    continue
+                jobs += [
+                    Job(sequence=sequence, method=word, system=system, cloud=cloud, run=run + 1)
+                    for run in range(runs)
+                ]
+    return jobs

@@ -1,0 +1,85 @@
+"""Run SLAM systems over all sequences of a folder, and write tables and a report.
+
+Examples:
+  carlaloc benchmark data --out scores
+  carlaloc benchmark data --out scores --methods kiss_icp,small_gicp --runs 3
+  carlaloc benchmark data --out scores --methods my_system.py --fail-above 0.5
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from recorder.cli.arguments import OutputFolder, input_path, names, number, positive_int
+from recorder.cli.progress import Progress
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc benchmark`."""
+    parser.add_argument("data", type=input_path, help="folder with sequences")
+    parser.add_argument("--out", type=OutputFolder(), help="results; else DATA-benchmark beside it")
+    parser.add_argument(
+        "--methods", type=names, default=(), metavar="A,B", help="systems, or .py files; else all installed"
+    )
+    parser.add_argument("--runs", type=positive_int, default=1, metavar="N", help="repetitions (default: 1)")
+    parser.add_argument(
+        "--workers", type=positive_int, default=1, metavar="N", help="runs at a time, on cores of their own"
+    )
+    parser.add_argument("--clouds", type=names, default=("raw", "seg"), metavar="A,B", help="raw, seg")
+    parser.add_argument(
+        "--fail-above", type=number, metavar="M", help="exit 1 if a run fails or its APE is larger [m]"
+    )
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Run the systems."""
+    from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+    from recorder.benchmark.tables import write_tables
+
+    data: Path = arguments.data
+    out: Path = arguments.out or data.resolve().with_name(f"{data.resolve().name}-benchmark")
+    config = BenchmarkConfig(
+        data=data,
+        out=out,
+        methods=arguments.methods,
+        runs=arguments.runs,
+        workers=arguments.workers,
+        clouds=arguments.clouds,
+    )
+    with Progress("runs") as progress:
+        result = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
+    files = write_tables(result.scores, out)
+    limit_m = arguments.fail_above
+    above = [s for s in result.scores if limit_m is not None and (s.failed is not None or s.ape_m > limit_m)]
+    return {
+        "out": str(out),
+        "files": [str(path) for path in files],
+        "runs": len(result.scores),
+        "reused": result.reused,
+        "scores": [score.to_mapping() for score in result.scores],
+        "above": [
+            f"{s.title} {s.town} {s.weather} {s.traffic}: {s.failed or f'APE {s.ape_m:.3f} m'}" for s in above
+        ],
+        "failed": bool(above),
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the tables of errors and cost."""
+    from recorder.benchmark.score import Score
+    from recorder.benchmark.tables import all_tables
+
+    for title, rows in all_tables([Score(**score) for score in result["scores"]]):
+        print(title)
+        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        for row in rows:
+            words = (word.ljust(width) for word, width in zip(row, widths, strict=True))
+            print(("  " + "  ".join(words)).rstrip())
+        print()
+    print(f"{result['runs']} runs, {result['reused']} of them done before")
+    for path in result["files"]:
+        print(path)
+    for line in result["above"]:
+        print(f"above the limit: {line}")

@@ -1,0 +1,122 @@
+"""The pipelines of evalio (github.com/contagon/evalio): LOAM, LIO-SAM, DLIO, CT-ICP, MAD-ICP, FORM and more.
+
+They get a full sweep, beam by beam, in which a ray without a return is a point at the origin, and all
+inertial samples up to its end; their settings are evalio's own, but motion compensation is switched on.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from carlaloc_env.core.physical_constants import GRAVITY_MPS2
+from recorder.slam.scans import Scan
+from recorder.slam.sequence import SlamSequence
+from recorder.slam.system import FrameClock, StampedPose
+
+
+def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> list[StampedPose]:
+    """Poses of the IMU by one of evalio's pipelines, by the name of its class."""
+    from evalio import pipelines, types
+
+    system = getattr(pipelines, pipeline)()
+    system.set_lidar_params(
+        types.LidarParams(
+            num_rows=len(sequence.lidar.elevations_deg),
+            num_columns=sequence.lidar.columns,
+            min_range=max(sequence.lidar.range_min_m, 2.0),
+            max_range=100.0,
+            rate=sequence.lidar.rate_hz,
+        )
+    )
+    system.set_imu_params(_imu_params(sequence, types))
+    system.set_imu_T_lidar(types.SE3.from_mat(np.asfortranarray(sequence.T("imu", "lidar"))))
+    settings = dict(system.default_params())
+    # Settings that are not handed over are empty in some pipelines, whatever their defaults say.
+    system.set_params(settings | ({"deskew": True} if "deskew" in settings else {}))
+    system.initialize()
+    inertial = list(sequence.imu_samples())
+    fed = 0
+    for scan in sequence.scans():
+        end_ns = scan.stamp_ns + sequence.lidar.sweep_ns
+        measurement = _lidar_measurement(scan, sequence, types)
+        with clock.frame():
+            while fed < len(inertial) and inertial[fed].stamp_ns <= end_ns:
+                sample = inertial[fed]
+                stamp = types.Stamp.from_nsec(sample.stamp_ns)
+                system.add_imu(
+                    types.ImuMeasurement(stamp, sample.angular_velocity_radps, sample.acceleration_mps2)
+                )
+                fed += 1
+            system.add_lidar(measurement)
+    return [(stamp.to_nsec(), np.array(pose.to_mat())) for stamp, pose in system.saved_estimates()]
+
+
+def _imu_params(sequence: SlamSequence, types: Any) -> Any:
+    imu = sequence.imu
+    return types.ImuParams(
+        gyro=max(imu.gyro_noise_density, 1e-6),
+        accel=max(imu.accel_noise_density, 1e-6),
+        gyro_bias=max(imu.gyro_random_walk, 1e-8),
+        accel_bias=max(imu.accel_random_walk, 1e-8),
+        gravity=np.array([0.0, 0.0, -GRAVITY_MPS2]),
+        rate=imu.rate_hz,
+    )
+
+
+def _lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
+    """A full grid of beams and columns, row by row."""
+    if scan.ring is None or scan.intensity is None:
+        raise ValueError("the clouds have no ring or intensity")
+    rows, columns = len(sequence.lidar.elevations_deg), sequence.lidar.columns
+    sweep_s = sequence.lidar.sweep_ns * 1e-9
+    column = np.clip((scan.time_s / sweep_s * columns + 1e-6).astype(int), 0, columns - 1)
+    empty_ns = np.rint(np.arange(columns) * sweep_s / columns * 1e9).astype(int).tolist()
+    duration = types.Duration.from_nsec
+    grid = [types.Point(t=duration(empty_ns[c]), row=r, col=c) for r in range(rows) for c in range(columns)]
+    cells = (scan.ring * columns + column).tolist()
+    values = zip(
+        cells,
+        scan.points_xyz_m.tolist(),
+        scan.intensity.tolist(),
+        np.rint(scan.time_s * 1e9).astype(int).tolist(),
+        np.linalg.norm(scan.points_xyz_m, axis=1).tolist(),
+        strict=True,
+    )
+    for cell, (x, y, z), intensity, time_ns, distance in values:
+        grid[cell] = types.Point(
+            x=x, y=y, z=z, intensity=intensity, t=duration(time_ns), range=int(distance * 1000),
+            row=cell // columns, col=cell % columns,
+        )  # fmt: skip
+    return types.LidarMeasurement(types.Stamp.from_nsec(scan.stamp_ns), grid)
+
+
+def loam(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """LOAM as re-written by McGann."""
+    return run_pipeline(sequence, clock, "LOAM")
+
+
+def lio_sam(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """LIO-SAM (Shan et al. 2020) without loop closures."""
+    return run_pipeline(sequence, clock, "LioSAM")
+
+
+def dlio(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """DLIO (Chen et al. 2023)."""
+    return run_pipeline(sequence, clock, "DLIO")
+
+
+def ct_icp(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """CT-ICP (Dellenbach et al. 2022)."""
+    return run_pipeline(sequence, clock, "CTICP")
+
+
+def mad_icp(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """MAD-ICP (Ferrari et al. 2024)."""
+    return run_pipeline(sequence, clock, "MadICP")
+
+
+def form(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """FORM (Potokar and Kaess 2025)."""
+    return run_pipeline(sequence, clock, "FORM")

@@ -1,0 +1,28 @@
+"""KISS-ICP (Vizzo et al., RA-L 2023; MIT licence), motion-compensated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recorder.slam.sequence import SlamSequence
+from recorder.slam.system import FrameClock, StampedPose
+
+RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
+"""Returns outside are not used [m]; the voxels of its map are a hundredth of the larger."""
+
+
+def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """Poses of the LiDAR."""
+    from kiss_icp.config import KISSConfig
+    from kiss_icp.kiss_icp import KissICP
+
+    config = KISSConfig()
+    config.data.min_range, config.data.max_range, config.data.deskew = RANGE_MIN_M, RANGE_MAX_M, True
+    config.mapping.voxel_size = RANGE_MAX_M / 100.0
+    odometry = KissICP(config)
+    poses: list[StampedPose] = []
+    for scan in sequence.scans():
+        with clock.frame():
+            odometry.register_frame(scan.points_xyz_m, scan.time_s)
+        poses.append((scan.stamp_ns, np.array(odometry.last_pose)))
+    return poses

@@ -1,0 +1,88 @@
+"""What must be known of a SLAM system to run it and to score it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import metadata
+from importlib.util import find_spec
+from typing import TypeAlias
+
+from carlaloc_env.core.array_types import Array
+from recorder.evaluation.align import Alignment
+from recorder.slam.sequence import SlamSequence
+
+StampedPose: TypeAlias = tuple[int, Array]
+"""Stamp of the input that a pose belongs to [ns], and the pose (4, 4), system's frame to its world."""
+
+START, MIDDLE, END = 0.0, 0.5, 1.0
+"""Instants within a sweep, as a share of its length after the first point."""
+
+
+@dataclass(slots=True)
+class FrameClock:
+    """Times what a system does with each frame; reading the data is left out."""
+
+    wall_s: list[float] = field(default_factory=list)
+    """Time of each frame on the clock [s]."""
+    cpu_s: list[float] = field(default_factory=list)
+    """Processor time of each frame, all threads together [s]."""
+
+    @contextmanager
+    def frame(self) -> Iterator[None]:
+        """Around all that the system does with one frame."""
+        wall, cpu = time.perf_counter(), time.process_time()
+        yield
+        self.wall_s.append(time.perf_counter() - wall)
+        self.cpu_s.append(time.process_time() - cpu)
+
+
+Runner: TypeAlias = Callable[[SlamSequence, FrameClock], list[StampedPose]]
+"""Feeds a sequence to a system."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class System:
+    """A SLAM system: what it needs, what its poses mean, and how it is run."""
+
+    name: str
+    """Name on the command line."""
+    title: str
+    """Name in tables."""
+    what: str
+    """A few words on it."""
+    needs: tuple[str, ...]
+    """What it reads: ``lidar``, ``imu``, ``stereo``."""
+    runner: str
+    """Function that feeds it, as ``module:name``, imported only in the process that runs it."""
+    frame: str
+    """Frame of its poses: ``lidar``, ``imu``, ``camera`` (the left one) or ``base_link``."""
+    instant: float = START
+    """Instant of its poses within a sweep, 0 start to 1 end."""
+    instant_source: str = "image's exposure"
+    """Where that is known from."""
+    library: str | None = None
+    """Module that brings it; None: it is our own."""
+    package: str | None = None
+    """What pip calls it."""
+    extra: str = "slam"
+    """Extra of this package that installs it."""
+    alignment: Alignment = Alignment.SE3
+    """What is fitted before errors are measured; never scale for stereo, LiDAR or inertial systems."""
+
+    @property
+    def is_installed(self) -> bool:
+        """Whether its library can be found; it is not imported for that."""
+        return self.library is None or find_spec(self.library) is not None
+
+    @property
+    def version(self) -> str:
+        """Version of the library."""
+        return metadata.version(self.package) if self.package and self.is_installed else "own"
+
+    @property
+    def is_visual(self) -> bool:
+        """Whether it reads images, so that weather and light matter to it."""
+        return "stereo" in self.needs

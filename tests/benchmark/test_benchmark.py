@@ -1,0 +1,160 @@
+"""A benchmark of real systems over a dataset in closed form: scores, failures, resumption, tables."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+from shared_fixtures.slam_dataset import write_dataset
+
+from carlaloc_env.core.errors import ConfigError
+from recorder.benchmark.plan import find_sequences, plan_jobs
+from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
+from recorder.benchmark.score import RESULT
+from recorder.benchmark.tables import csv_text, latex, markdown
+from recorder.cli.main import main
+from recorder.slam.systems import SYSTEMS
+
+pytest.importorskip("small_gicp", reason="the benchmark runs small_gicp")
+
+BROKEN = """
+import os
+from recorder.slam.system import System
+SYSTEM = System(name="{name}", title="{name}", what="a test", needs=("lidar",), runner="x:run", frame="lidar")
+def run(sequence, clock):
+    {body}
+"""
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    conditions = ("ClearNoon_static", "ClearNoon_dynamic", "FoggyNoon_dynamic")
+    return write_dataset(tmp_path_factory.mktemp("data") / "set", conditions=conditions)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Systems of a user: one that crashes, one that raises, one that stands, one that never ends."""
+    folder = tmp_path_factory.mktemp("own")
+    bodies = {
+        "crashes": "os.abort()",
+        "raises": "raise ValueError('no such luck')",
+        "stands": "import numpy as np; return [(s.stamp_ns, np.eye(4)) for s in sequence.scans()]",
+        "sleeps": "import time; time.sleep(600)",
+    }
+    for name, body in bodies.items():
+        (folder / f"{name}.py").write_text(BROKEN.format(name=name, body=body))
+    return {name: str(folder / f"{name}.py") for name in bodies}
+
+
+@pytest.fixture(scope="module")
+def result(data: Path, own: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> BenchmarkResult:
+    config = BenchmarkConfig(
+        data=data,
+        out=tmp_path_factory.mktemp("out"),
+        methods=("small_gicp", own["crashes"], own["raises"], own["stands"]),
+        clouds=("raw",),
+    )
+    return run_benchmark(config)
+
+
+def test_a_real_system_finds_its_way_through_the_box(result: BenchmarkResult) -> None:
+    scores = [score for score in result.scores if score.method == "small_gicp"]
+    assert [(s.weather, s.traffic) for s in scores] == [("ClearNoon", "dynamic"), ("ClearNoon", "static")]
+    for score in scores:
+        assert score.failed is None
+        # It moves 1.6 m/s, so that a pose at the wrong end of the sweep would be 0.08 m off.
+        assert score.ape_m < 0.06
+        assert score.coverage == 1.0
+        assert score.peak_memory_mb > 20
+        assert 0 < score.cpu_s < 100
+        assert score.frame_median_s > 0
+
+
+def test_failures_are_rows_with_reasons(result: BenchmarkResult) -> None:
+    why = {score.method: score.failed for score in result.scores}
+    assert str(why["crashes"]).startswith("crashed by SIGABRT")
+    assert why["raises"] == "ValueError: no such luck"
+    assert "lie on a point or a line" in str(why["stands"])
+
+
+def test_a_run_has_a_time_limit(data: Path, own: dict[str, str], tmp_path: Path) -> None:
+    from recorder.slam.isolated_run import run_isolated
+
+    folder = find_sequences(data)[0].path
+    record = run_isolated(own["sleeps"], folder, tmp_path, cloud="raw", limit_s=0.5)
+    assert record.error == "ended after its time limit of 0 s"
+    assert record.wall_s < 60
+
+
+def test_results_are_kept_until_what_they_depend_on_changes(
+    data: Path, own: dict[str, str], tmp_path: Path
+) -> None:
+    config = BenchmarkConfig(data=data, out=tmp_path, methods=(own["raises"],), clouds=("raw",))
+    first = run_benchmark(config)
+    assert (first.reused, len(first.scores)) == (0, 2)
+    assert run_benchmark(config).reused == 2
+    broken = next(tmp_path.rglob(RESULT))
+    broken.write_text("{")
+    assert run_benchmark(config).reused == 1
+    source = Path(own["raises"])
+    source.write_text(source.read_text() + "# another version\n")
+    assert run_benchmark(config).reused == 0
+
+
+def test_tables_hold_all_rows(result: BenchmarkResult) -> None:
+    text = markdown(result.scores)
+    assert "| Box | d | " in text
+    assert "| fail | fail | fail |" in text
+    assert "\\textbf{" in latex(result.scores)
+    rows = list(csv.DictReader(csv_text(result.scores).splitlines()))
+    assert len(rows) == len(result.scores)
+    assert float(rows[0]["ape_m"]) == result.scores[0].ape_m
+
+
+def test_sweeps_that_no_weather_changes_are_run_once_and_seg_only_where_something_moves(data: Path) -> None:
+    found = find_sequences(data)
+    assert [s.key for s in found] == [
+        "Box/ClearNoon_dynamic", "Box/ClearNoon_static", "Box/FoggyNoon_dynamic",
+    ]  # fmt: skip
+    jobs = plan_jobs(found, [("a", SYSTEMS["kiss_icp"])], runs=2, clouds=("raw", "seg"))
+    named = [(j.sequence.path.name, j.cloud, j.run) for j in jobs]
+    assert named == [
+        ("ClearNoon_dynamic", "raw", 1), ("ClearNoon_dynamic", "raw", 2),
+        ("ClearNoon_dynamic", "seg", 1), ("ClearNoon_dynamic", "seg", 2),
+        ("ClearNoon_static", "raw", 1), ("ClearNoon_static", "raw", 2),
+    ]  # fmt: skip
+    visual = plan_jobs(found, [("a", SYSTEMS["stereo_vo"])], runs=1, clouds=("raw", "seg"))
+    assert len(visual) == 3
+
+
+def test_command_and_its_limit(data: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    words = ["benchmark", str(data), "--out", str(tmp_path), "--methods", "small_gicp", "--clouds", "raw"]
+    assert main([*words, "--fail-above", "0.5", "--json"]) == 0
+    files = {Path(file).name for file in json.loads(capfd.readouterr().out)["files"]}
+    assert files >= {"results.csv", "tables.md", "tables.tex"}
+    assert main([*words, "--fail-above", "0.0001"]) == 1
+    told = capfd.readouterr().out
+    assert "above the limit: small_gicp Box ClearNoon dynamic: APE 0." in told
+    assert "2 of them done before" in told
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"methods": ("small_gicq",)}, "did you mean 'small_gicp'|small_gicp"),
+        ({"methods": ("missing.py",)}, "no such file"),
+        ({"clouds": ("cooked",)}, "choose from raw, seg"),
+        ({"workers": 1000}, "cores"),
+    ],
+)
+def test_wrong_words_are_named(data: Path, tmp_path: Path, change: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        run_benchmark(BenchmarkConfig(**{"data": data, "out": tmp_path, **change}))  # type: ignore[arg-type]
+
+
+def test_a_folder_without_sequences_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="holds no sequence"):
+        find_sequences(tmp_path)
