@@ -16,7 +16,7 @@ Rows = list[list[str]]
 
 RULE = (
     "A run fails when it ends with an error or passes its time limit, when it has poses for less than 80 % "
-    "of the frames, or when its APE is no smaller than that of an estimate that never moves. A cell fails "
+    "of the frames, or when its APE is more than half of that of an estimate that never moves. A cell fails "
     "when half of its runs do."
 )
 

@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the systems."""
+    from recorder.benchmark.page import write_page
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
     from recorder.benchmark.tables import write_tables
 
@@ -50,7 +51,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     )
     with Progress("runs") as progress:
         result = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
-    files = write_tables(result.scores, out)
+    files = [*write_tables(result.scores, out), write_page(result, out)]
     limit_m = arguments.fail_above
     above = [s for s in result.scores if limit_m is not None and (s.failed is not None or s.ape_m > limit_m)]
     return {

@@ -1,0 +1,48 @@
+"""Cells, the best of a row and ratios, by hand-made scores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from recorder.benchmark.cells import best, cells, ratios
+from recorder.benchmark.score import Score
+
+
+def score(method: str, traffic: str, ape_m: float, failed: str | None = None, **others: Any) -> Score:
+    fixed = {"dataset": ".", "town": "T", "weather": "ClearNoon", "cloud": "raw", "run": 1, "version": "1"}
+    known = fixed | others
+    return Score(**known, traffic=traffic, method=method, title=method, failed=failed, ape_m=ape_m)
+
+
+def test_a_cell_is_the_median_with_its_range() -> None:
+    table = cells([score("a", "static", v) for v in (3.0, 1.0, 2.0)])
+    (row,) = table.values()
+    assert row["a"].text == "2.00 (1.00–3.00)"
+
+
+@pytest.mark.parametrize(
+    ("failures", "text"), [(1, "2.00 (1.00–3.00), 1 of 3 fail"), (2, "fail"), (3, "fail")]
+)
+def test_half_of_the_runs_failed_is_fail(failures: int, text: str) -> None:
+    good = [score("a", "static", v) for v in (1.0, 3.0)][: 3 - failures]
+    bad = [score("a", "static", 99.0, "lost") for _ in range(failures)]
+    (row,) = cells(good + bad).values()
+    assert row["a"].text == text
+
+
+def test_the_best_is_told_as_printed_and_never_a_failure() -> None:
+    runs = [score("a", "static", 1.201), score("b", "static", 1.204), score("c", "static", 0.1, "lost")]
+    (row,) = cells(runs).values()
+    assert best(row) == {"a", "b"}
+
+
+def test_ratios_pair_conditions_and_count_overlaps() -> None:
+    runs = [score("a", "static", v) for v in (1.0, 2.0)] + [score("a", "dynamic", v) for v in (1.9, 4.1)]
+    runs += [score("a", "dynamic", 1.0, cloud="seg"), score("a", "static", 3.0, weather="FoggyNoon")]
+    found = {ratio.what: ratio for ratio in ratios(cells(runs))}
+    assert found["dynamic / static"].median == pytest.approx(3.0 / 1.5)
+    assert found["dynamic / static"].within_range == 1
+    assert found["seg(d) / d"].median == pytest.approx(1.0 / 3.0)
+    assert found["FoggyNoon / ClearNoon (static)"].median == pytest.approx(2.0)

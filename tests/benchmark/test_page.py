@@ -1,0 +1,53 @@
+"""The page of a benchmark: self-contained, with a figure for every sequence, numbers that can be checked."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_fixtures.slam_dataset import write_dataset
+
+from recorder.benchmark.figures import Line, curve_figure, map_figure, thinned
+from recorder.benchmark.page import write_page
+from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+
+
+def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
+    pytest.importorskip("small_gicp", reason="the benchmark runs small_gicp")
+    data = write_dataset(tmp_path / "set", sweeps=15)
+    config = BenchmarkConfig(data=data, out=tmp_path / "out", methods=("small_gicp",))
+    text = write_page(run_benchmark(config), tmp_path / "out").read_text()
+    assert not re.findall(r"(?:src|href)=[\"'](?!data:)", text)
+    assert text.count('class="curve"') == 1
+    assert "small_gicp seg" in text
+    for svg in re.findall(r"<svg.*?</svg>", text, re.S):
+        ET.fromstring(svg)
+
+
+def test_a_map_keeps_the_shape_of_a_path() -> None:
+    truth = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 50.0]])
+    line = Line(label="a & b", colour="#000000", x=truth[:, 0], y=truth[:, 1])
+    figure = ET.fromstring(map_figure(truth, [line], []))
+    drawn = next(e for e in figure.iter("polyline") if e.get("class") == "line")
+    points = np.array([p.split(",") for p in str(drawn.get("points")).split()], float)
+    east, north = points[1] - points[0], points[2] - points[1]
+    assert east[1] == pytest.approx(0.0, abs=0.2)
+    assert north[0] == pytest.approx(0.0, abs=0.2)
+    assert east[0] == pytest.approx(-2.0 * north[1], rel=0.01)  # pixels count downwards
+
+
+def test_long_curves_keep_their_peaks() -> None:
+    x = np.arange(50_000.0)
+    y = np.zeros(50_000)
+    y[31_234] = 7.0
+    short_x, short_y = thinned(x, y)
+    assert len(short_x) == 600
+    assert short_x[np.argmax(short_y)] == 31_234
+    figure = ET.fromstring(
+        curve_figure([Line(label="l", colour="#111111", x=x, y=y)], "time [s]", "error [m]", name="s0")
+    )
+    told = [e.text for e in figure.iter("title")]
+    assert "l: 7.000 m at 31234.0 s" in told
