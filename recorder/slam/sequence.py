@@ -156,14 +156,29 @@ class SlamSequence:
         T: Array = np.linalg.inv(T_base_to) @ T_base_of
         return T
 
+    def frames(self, sensor: str) -> int:
+        """Number of sweeps (``lidar``) or of pairs of images (``stereo``).
+
+        Raises:
+            EvaluationError: there are none.
+        """
+        if sensor == "stereo":
+            return len(self.image_stamps())
+        topic = self._topic(self._cloud_topics, "point clouds")
+        with _reader(self.bag) as reader:
+            return sum(c.msgcount for c in reader.connections if c.topic == topic)
+
+    @property
+    def _cloud_topics(self) -> tuple[str, ...]:
+        return (f"/{self.lidar.name}/points", "/velodyne")
+
     def scans(self) -> Iterator[Scan]:
         """All sweeps, without what moves by itself if the cloud is `SEGMENTED`.
 
         Raises:
             EvaluationError: the bag has no clouds, or none with labels where they are needed.
         """
-        lidar = self.lidar
-        topic = self._topic((f"/{lidar.name}/points", "/velodyne"), "point clouds")
+        topic = self._topic(self._cloud_topics, "point clouds")
         moving = np.array(sorted(DYNAMIC_TAGS), np.uint8)
         for _, scan in read_scans(self.bag, topic):
             if self.cloud == RAW:

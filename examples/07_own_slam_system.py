@@ -1,0 +1,41 @@
+"""Your own SLAM system in `carlaloc benchmark`: here one that counts on the first sweep's walls alone.
+
+carlaloc benchmark data --out scores --methods examples/07_own_slam_system.py,kiss_icp
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from recorder.slam.sequence import SlamSequence
+from recorder.slam.system import MIDDLE, FrameClock, StampedPose, System
+
+SYSTEM = System(
+    name="first_sweep",
+    title="First sweep",
+    what="each sweep against the first one, by small_gicp",
+    needs=("lidar",),
+    runner="07_own_slam_system:run",
+    frame="lidar",
+    instant=MIDDLE,
+    instant_source="sweeps are not compensated",
+)
+
+
+def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+    """Poses of the LiDAR; good until the first sweep is out of sight."""
+    import small_gicp
+
+    first = None
+    T = np.eye(4)
+    poses: list[StampedPose] = []
+    for scan in sequence.scans():
+        with clock.frame():
+            cloud, tree = small_gicp.preprocess_points(scan.points_xyz_m, downsampling_resolution=0.25)
+            if first is None:
+                first = cloud, tree
+            else:
+                found = small_gicp.align(first[0], cloud, first[1], init_T_target_source=T)
+                T = np.array(found.T_target_source)
+        poses.append((scan.stamp_ns, T.copy()))
+    return poses

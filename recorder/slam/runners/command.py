@@ -1,0 +1,58 @@
+"""Systems that are programs of their own: a command that reads a bag or a folder and writes a trajectory."""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.transforms import transform
+from recorder.evaluation.trajectory_files import read_trajectory
+from recorder.slam.sequence import SlamSequence
+from recorder.slam.system import FrameClock, StampedPose
+
+_PATHS: dict[str, Callable[[SlamSequence], Path]] = {
+    "{bag}": lambda sequence: sequence.bag,
+    "{euroc}": lambda sequence: sequence.euroc,
+    "{calibration}": lambda sequence: sequence.calibration,
+}
+
+
+def run_command(
+    sequence: SlamSequence, clock: FrameClock, command: Sequence[str], *, sensor: str
+) -> list[StampedPose]:
+    """Poses that a program has written.
+
+    Args:
+        sequence: What it reads.
+        clock: Told how long it took, shared out over the frames.
+        command: Program and words; ``{bag}``, ``{euroc}`` and ``{calibration}`` in them become paths of
+            the sequence, ``{out}`` the TUM file that it has to write.
+        sensor: What makes a frame: ``lidar`` or ``stereo``.
+
+    Raises:
+        EvaluationError: the program is not there, fails or writes nothing.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "estimate.tum")
+        words = [word.replace("{out}", str(out)) for word in command]
+        for name, path in _PATHS.items():
+            words = [w.replace(name, str(path(sequence))) if name in w else w for w in words]
+        with clock.frame(sequence.frames(sensor)):
+            _run(words)
+        if not out.is_file():
+            raise EvaluationError(f"{words[0]} ended well, but wrote no {{out}}")
+        found = read_trajectory(out)
+    poses = transform(found.position_m, found.quat_xyzw)
+    return list(zip(found.stamp_ns.tolist(), poses, strict=True))
+
+
+def _run(words: list[str]) -> None:
+    try:
+        subprocess.run(words, check=True)
+    except OSError as error:
+        raise EvaluationError(f"cannot start {words[0]}: {error.strerror}; install it") from error
+    except subprocess.CalledProcessError as error:
+        raise EvaluationError(f"{words[0]} ended with {error.returncode}; see log.txt") from error
