@@ -5,8 +5,13 @@ carlaloc benchmark data --out scores --methods examples/07_own_slam_system.py,ki
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 
+from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+from recorder.benchmark.score import Score
 from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import MIDDLE, FrameClock, StampedPose, System
 
@@ -39,3 +44,14 @@ def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
                 T = np.array(found.T_target_source)
         poses.append((scan.stamp_ns, T.copy()))
     return poses
+
+
+def main(data: Path, out: Path) -> list[Score]:
+    """Score this system over all sequences of a folder, as the command does."""
+    config = BenchmarkConfig(data=data, out=out, methods=(__file__,), clouds=("raw",))
+    return run_benchmark(config).scores
+
+
+if __name__ == "__main__":
+    for score in main(Path(sys.argv[1]), Path(sys.argv[2])):
+        print(score.title, score.town, score.traffic, score.failed or f"{score.ape_m:.3f} m")
