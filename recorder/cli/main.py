@@ -19,8 +19,8 @@ from recorder.cli.interrupts import ended_as_by_ctrl_c
 from recorder.cli.json_output import to_json
 
 COMMANDS = (
-    "doctor", "maps", "record", "info", "edit", "replay", "odometry", "evaluate", "benchmark", "list",
-    "completion",
+    "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
+    "benchmark", "list", "completion",
 )  # fmt: skip
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
 

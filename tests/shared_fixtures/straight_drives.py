@@ -16,7 +16,7 @@ from recorder.generation.replay_plan import ReplayConfig
 RIG = """\
 name: small
 sensors:
-- {kind: lidar, name: lidar, columns: 200, outputs: [cloud, semantic]}
+- {kind: lidar, name: lidar, columns: 200, outputs: [cloud, semantic], mount: {position_m: [0.0, 0.0, 1.8]}}
 - {kind: imu}
 - {kind: gnss}
 - kind: camera

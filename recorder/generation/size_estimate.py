@@ -1,0 +1,74 @@
+"""How large a dataset becomes, told before any of it is made; roughly, from the rig and the formats."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from carlaloc_env.rigs.rig import SensorRig
+from recorder.writers.topics import profile_by_name
+
+_IMAGE_BYTES = {"rgb": 3.0, "depth": 4.0, "semantic": 1.0, "flow": 8.0, "normal": 12.0}
+"""Bytes of a pixel in bags [bytes]."""
+_SLAM_BYTES = {"rgb": 1.0}
+_GREY_PNG_BYTES, _COLOUR_PNG_BYTES = 0.55, 1.7
+"""Bytes of a pixel as PNG, noise included [bytes]."""
+_EVENTS_BYTES_PER_PIXEL_S, _EVENTS_H5_SHARE = 60.0, 0.3
+"""Events of a second of driving for each pixel, as messages [bytes], and what DSEC's files take of that."""
+_POINT_BYTES, _KITTI_POINT_BYTES = 34.0, 20.0
+_OTHERS_BYTES_PER_S = 400_000.0
+"""IMU, truth, objects and so on [bytes/s]."""
+_ZSTD_SHARE = 0.5
+"""What zstd leaves of a bag."""
+
+
+def bytes_per_second(rig: SensorRig, formats: Sequence[str], topics: str) -> float:
+    """Size of one sequence for each second of the drive [bytes/s].
+
+    Args:
+        rig: The sensors.
+        formats: Names of dataset formats.
+        topics: Topic profile of bags.
+    """
+    profile = profile_by_name(topics).name
+    bag = _OTHERS_BYTES_PER_S + sum(_bag_bytes(sensor, profile) for sensor in rig.sensors)
+    cameras = [sensor for sensor in rig.sensors if sensor.kind == "camera"]
+    pixels = sum(_pixels_per_s(camera) for camera in cameras)
+    events = sum(_EVENTS_BYTES_PER_PIXEL_S * _pixels(c) for c in cameras if "events" in _outputs(c))
+    rays = sum(_rays_per_s(sensor) for sensor in rig.sensors)
+    sizes = {
+        "rosbag1": bag,
+        "rosbag2": _ZSTD_SHARE * bag,
+        "rosbag2_sqlite3": bag,
+        "euroc": _GREY_PNG_BYTES * pixels + _OTHERS_BYTES_PER_S,
+        "kitti": _COLOUR_PNG_BYTES * pixels + _KITTI_POINT_BYTES * rays,
+        "dsec": _EVENTS_H5_SHARE * events,
+    }
+    return sum(sizes[name] for name in dict.fromkeys(formats))
+
+
+def _bag_bytes(sensor: Any, profile: str) -> float:
+    if sensor.kind == "camera":
+        known = _IMAGE_BYTES if profile in ("standard", "full") else _SLAM_BYTES
+        size = sum(known.get(output, 0.0) for output in _outputs(sensor)) * _pixels_per_s(sensor)
+        if profile == "full" and "events" in _outputs(sensor):
+            size += _EVENTS_BYTES_PER_PIXEL_S * _pixels(sensor)
+        return size
+    return _POINT_BYTES * _rays_per_s(sensor)
+
+
+def _outputs(camera: Any) -> tuple[str, ...]:
+    outputs: tuple[str, ...] = camera.outputs
+    return outputs
+
+
+def _pixels(camera: Any) -> float:
+    return float(camera.pinhole.width_px * camera.pinhole.height_px)
+
+
+def _pixels_per_s(camera: Any) -> float:
+    return _pixels(camera) * float(camera.rate_hz)
+
+
+def _rays_per_s(sensor: Any) -> float:
+    return float(sensor.rays * sensor.rate_hz) if sensor.kind == "lidar" else 0.0

@@ -1,0 +1,94 @@
+"""The whole dataset in small: planned, refused, made, kept, verified, and made again from its manifest."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+
+from carlaloc_env.core.errors import ConfigError, WriterError
+from carlaloc_env.rigs.presets import rig_by_name
+from recorder.cli.main import main
+from recorder.generation import dataset
+from recorder.generation.dataset import DatasetConfig, make_dataset, plan_dataset, write_manifest
+from recorder.generation.dataset_manifest import checksums
+from recorder.generation.replay_plan import ReplayConfig
+from recorder.generation.size_estimate import bytes_per_second
+from recorder.generation.verification.verify import verify
+
+
+def config_of(out: Path, episodes: Path | None) -> DatasetConfig:
+    few = ReplayConfig(episode=Path(), out=out, rig="state", formats=("rosbag1",), workers=1)
+    return DatasetConfig(out=out, towns=("Town03",), episodes=episodes, sample_s=1.0, replay=few)
+
+
+@pytest.fixture
+def config(short_drive: Path, tmp_path: Path) -> DatasetConfig:
+    """A second of one drive by a person, under all six conditions."""
+    (tmp_path / "mine").mkdir()
+    shutil.copy(short_drive, tmp_path / "mine" / "Town03.mcap")
+    return config_of(tmp_path / "data", tmp_path / "mine")
+
+
+def test_a_dataset_is_made_kept_and_made_again(
+    config: DatasetConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = plan_dataset(config)
+    assert (plan.sequences, plan.driven_s) == (6, 1.0)
+    # Cut off where the drive is whole and has not its name: the same call goes on.
+    with monkeypatch.context() as patch:
+        patch.setattr(dataset, "DRIVE", "no/such.yaml")
+        with pytest.raises(OSError, match="no/such"):
+            make_dataset(config)
+    assert not (config.out / "dataset.yaml").exists()
+    stages: list[str] = []
+    make_dataset(config, lambda stage, *_: stages.append(stage))
+    assert stages == [], "the replay was whole"
+    document = yaml.safe_load((config.out / "dataset.yaml").read_text())
+    assert len(document["sequences"]) == 6
+    assert document["sha256"] == checksums(config.out)
+    assert sorted(path.name for path in config.out.iterdir()) == ["Town03", "dataset.yaml", "episodes"]
+    assert verify(config.out).findings == ()
+    with pytest.raises(WriterError, match="other weathers"):
+        make_dataset(replace(config, weathers=("ClearNoon",)))
+    write_manifest(config.out, tmp_path / "manifest")
+    again = config_of(tmp_path / "again", tmp_path / "manifest" / "episodes")
+    make_dataset(again)
+    assert checksums(again.out) == yaml.safe_load((tmp_path / "manifest/dataset.yaml").read_text())["sha256"]
+
+
+def test_too_little_room_is_told_before_the_first_byte(
+    config: DatasetConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = shutil.disk_usage("/")._replace(free=1000)
+    monkeypatch.setattr(dataset.shutil, "disk_usage", lambda _: free)
+    with pytest.raises(WriterError, match=r"needs about 0 GB .* 0 GB are free"):
+        plan_dataset(config)
+    assert not config.out.exists()
+
+
+def test_a_drive_that_is_missing_is_named(config: DatasetConfig) -> None:
+    with pytest.raises(ConfigError, match=r"no Town01\.mcap"):
+        plan_dataset(replace(config, towns=("Town03", "Town01")))
+    with pytest.raises(ConfigError, match="no town 'Town99'"):
+        replace(config, towns=("Town99",))
+
+
+def test_nobody_is_asked_where_nobody_is(
+    config: DatasetConfig, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = ["dataset", "--out", str(config.out), "--towns", "Town03", "--sample", "1", "--rig", "state"]
+    assert main([*words, "--episodes", str(config.episodes)]) == 2
+    told = capsys.readouterr().err
+    assert "6 sequences, 1 s of driving: about 0.0 GB" in told
+    assert "give --yes" in told
+    assert not config.out.exists()
+
+
+def test_size_of_the_papers_rig_as_bags() -> None:
+    """Two cameras of 1280×720 at 20 Hz: colour 3, depth 4, labels 1 byte a pixel; clouds besides."""
+    pictures = 2 * 1280 * 720 * 20 * 8
+    assert pictures < bytes_per_second(rig_by_name("paper"), ("rosbag1",), "standard") < 1.4 * pictures
