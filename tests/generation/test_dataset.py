@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from shared_fixtures.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.rigs.presets import rig_by_name
@@ -22,14 +23,17 @@ from recorder.generation.verification.verify import verify
 
 def config_of(out: Path, episodes: Path | None) -> DatasetConfig:
     few = ReplayConfig(episode=Path(), out=out, rig="state", formats=("rosbag1",), workers=1)
-    return DatasetConfig(out=out, towns=("Town03",), episodes=episodes, sample_s=1.0, replay=few)
+    return DatasetConfig(out=out, towns=("straight",), episodes=episodes, sample_s=1.0, replay=few)
 
 
 @pytest.fixture
-def config(short_drive: Path, tmp_path: Path) -> DatasetConfig:
-    """A second of one drive by a person, under all six conditions."""
-    (tmp_path / "mine").mkdir()
-    shutil.copy(short_drive, tmp_path / "mine" / "Town03.mcap")
+def config(straight_drive: StraightDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> DatasetConfig:
+    """A second of one drive by a person, in a town of his own, under all six conditions."""
+    for folder in (tmp_path / "mine", tmp_path / "maps" / "straight"):
+        folder.mkdir(parents=True)
+    shutil.copy(straight_drive.town, tmp_path / "maps" / "straight" / "town.xodr")
+    shutil.copy(straight_drive.episode, tmp_path / "mine" / "straight.mcap")
+    monkeypatch.setenv("CARLALOC_MAPS", str(tmp_path / "maps"))
     return config_of(tmp_path / "data", tmp_path / "mine")
 
 
@@ -50,7 +54,7 @@ def test_a_dataset_is_made_kept_and_made_again(
     document = yaml.safe_load((config.out / "dataset.yaml").read_text())
     assert len(document["sequences"]) == 6
     assert document["sha256"] == checksums(config.out)
-    assert sorted(path.name for path in config.out.iterdir()) == ["Town03", "dataset.yaml", "episodes"]
+    assert sorted(path.name for path in config.out.iterdir()) == ["dataset.yaml", "episodes", "straight"]
     assert verify(config.out).findings == ()
     with pytest.raises(WriterError, match="other weathers"):
         make_dataset(replace(config, weathers=("ClearNoon",)))
@@ -72,7 +76,7 @@ def test_too_little_room_is_told_before_the_first_byte(
 
 def test_a_drive_that_is_missing_is_named(config: DatasetConfig) -> None:
     with pytest.raises(ConfigError, match=r"no Town01\.mcap"):
-        plan_dataset(replace(config, towns=("Town03", "Town01")))
+        plan_dataset(replace(config, towns=("straight", "Town01")))
     with pytest.raises(ConfigError, match="no town 'Town99'"):
         replace(config, towns=("Town99",))
 
@@ -80,7 +84,7 @@ def test_a_drive_that_is_missing_is_named(config: DatasetConfig) -> None:
 def test_nobody_is_asked_where_nobody_is(
     config: DatasetConfig, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    words = ["dataset", "--out", str(config.out), "--towns", "Town03", "--sample", "1", "--rig", "state"]
+    words = ["dataset", "--out", str(config.out), "--towns", "straight", "--sample", "1", "--rig", "state"]
     assert main([*words, "--episodes", str(config.episodes)]) == 2
     told = capsys.readouterr().err
     assert "6 sequences, 1 s of driving: about 0.0 GB" in told
