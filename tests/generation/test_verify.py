@@ -83,7 +83,7 @@ def _move(data: Path, frame: str, change: Callable[[list[list[float]]], None]) -
 
 def move_the_lidar(data: Path) -> None:
     def change(T: list[list[float]]) -> None:
-        T[2][3] += 0.5
+        T[2][3] += 1.5
 
     _move(data, "lidar", change)
 
