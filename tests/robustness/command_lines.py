@@ -9,8 +9,8 @@ import hypothesis.strategies as st
 
 from recorder.cli import main as cli
 
-LONG_COMMANDS = ("doctor",)
-"""Commands that measure the machine, whatever they are given."""
+LONG_COMMANDS = ("doctor", "dataset")
+"""Commands that work for minutes, whatever they are given."""
 SHORTLY = {"record": ["--duration", "0.05"], "replay": ["--duration", "0.05", "--rig", "state"]}
 """What keeps a command that happens to be right from working for minutes."""
 WORDS = [
