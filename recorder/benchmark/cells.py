@@ -116,6 +116,8 @@ class Ratio:
     """Which conditions are compared."""
     values: tuple[float, ...]
     """Ratios of medians, sorted."""
+    repeated: int
+    """Pairs in which both conditions have several runs; of the others the spread is not known."""
     within_range: int
     """Pairs whose ranges of several runs overlap, so that nothing can be said of them."""
 
@@ -141,6 +143,7 @@ def ratios(table: Table) -> list[Ratio]:
             method=method,
             what=what,
             values=tuple(sorted(a.median / b.median for a, b in pairs)),
+            repeated=sum(len(a.values) > 1 and len(b.values) > 1 for a, b in pairs),
             within_range=sum(
                 len(a.values) > 1 and a.values[0] <= b.values[-1] and b.values[0] <= a.values[-1]
                 for a, b in pairs

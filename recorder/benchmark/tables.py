@@ -133,7 +133,7 @@ def ratio_rows(table: Table, titles: dict[str, str]) -> Rows:
                 f"×{ratio.values[0]:.2f}–×{ratio.values[-1]:.2f}",
                 str(len(ratio.values)),
                 f"{sum(value > 1 for value in ratio.values)} of {len(ratio.values)}",
-                str(ratio.within_range),
+                f"{ratio.within_range} of {ratio.repeated}" if ratio.repeated else "one run: not known",
             ]
         )
     return rows

@@ -43,6 +43,7 @@ def test_ratios_pair_conditions_and_count_overlaps() -> None:
     runs += [score("a", "dynamic", 1.0, cloud="seg"), score("a", "static", 3.0, weather="FoggyNoon")]
     found = {ratio.what: ratio for ratio in ratios(cells(runs))}
     assert found["dynamic / static"].median == pytest.approx(3.0 / 1.5)
-    assert found["dynamic / static"].within_range == 1
+    assert (found["dynamic / static"].repeated, found["dynamic / static"].within_range) == (1, 1)
+    assert found["seg(d) / d"].repeated == 0
     assert found["seg(d) / d"].median == pytest.approx(1.0 / 3.0)
     assert found["FoggyNoon / ClearNoon (static)"].median == pytest.approx(2.0)
