@@ -124,7 +124,15 @@ def _fitting(points: Array, depth_m: Any, info: Any) -> Any:
     u, v = np.round(pixels[:, 0]).astype(int).T
     seen = (u >= 0) & (v >= 0) & (u < depth_m.shape[1]) & (v < depth_m.shape[0])
     z = points[seen, 2]
-    return np.abs(depth_m[v[seen], u[seen]] - z) < WITHIN_M + WITHIN_SHARE * z
+    # On a street seen at a flat angle, a pixel spans metres: its neighbours tell between which depths.
+    sky_far = np.where(depth_m > 0.0, depth_m, np.float32(1e6))
+    around = np.ones((3, 3), np.uint8)
+    nearest, farthest = (
+        cv2.erode(sky_far, around)[v[seen], u[seen]],
+        cv2.dilate(depth_m, around)[v[seen], u[seen]],
+    )
+    margin = WITHIN_M + WITHIN_SHARE * z
+    return (z > nearest - margin) & (z < farthest + margin)
 
 
 def _check_imu(reader: Any, connection: Connection, T_base_imu: Array, truth: Trajectory) -> Iterator[str]:
