@@ -56,6 +56,7 @@ class WorkingFolder:
         self._marks = {"request": dict(request), "town": town, "origin": dict(origin)}
         self._made = [folder for folder in (out, *out.parents) if not folder.exists()]
         self._lock: IO[str] | None = None
+        self._is_whole = False
         self.is_done = False
         """Whether a run before has done all that was asked for; nothing is left to do."""
         self.path = path_below(out, FOLDER)
@@ -155,6 +156,7 @@ class WorkingFolder:
                 raise WriterError(f"{final} exists; choose another --out or delete it first")
         assert self._lock is not None
         # In place, since a new file would not be locked.
+        self._is_whole = True
         self._lock.write(WHOLE)
         self._lock.flush()
         os.fsync(self._lock.fileno())
@@ -184,7 +186,7 @@ class WorkingFolder:
                 _remove_if_empty(folder)
             return
         # Removed while it is locked, so that nobody takes it up in between.
-        if self.is_done or not self.kept():
+        if self.is_done or not (self._is_whole or self.kept()):
             rmtree(self.path, ignore_errors=True)
         else:
             self._sweep()
