@@ -64,7 +64,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _fail(name, f"{where}{error.strerror or error}", as_json=as_json)
     except KeyboardInterrupt as stop:
         what = str(stop) or "nothing unfinished was left under a final name"
-        return _fail(name, f"interrupted; {what}", as_json=as_json)
+        code = _fail(name, f"interrupted; {what}", as_json=as_json)
+        if argv is None:
+            # Where an interrupt has passed through exec(), as in a dataclass's making, Python would
+            # end by SIGINT, although it was handled.
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(code)
+        return code
     except Exception as error:
         if as_json:
             print(to_json({"error": f"{type(error).__name__}: {error}"}))
