@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import ActionError, ClosedError, ConfigError
 from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.env import check_seed
 
 TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
 """Towns that are drawn from by default."""
@@ -91,8 +92,8 @@ class AnyTownEnv(gymnasium.Env[Any, Any], EzPickle):
             ConfigError: the seed or an option does not fit.
         """
         self._check_open("reset")
-        if seed is not None:
-            super().reset(seed=seed)
+        check_seed(seed)
+        super().reset(seed=None if seed is None else int(seed))
         drawn = self._draw(options or {})
         town = drawn.pop("town")
         self._now = self._town(str(town))

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.core.errors import ActionError, ClosedError, ConfigError, unknown_name
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.env import KEEP_NS
+from carlaloc_env.env import KEEP_NS, check_seed
 from carlaloc_env.human_window import HumanWindow
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.samples import SampleList
+from carlaloc_env.samples import Sample, SampleList
 from carlaloc_env.seat_view import view_from_seat
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
@@ -89,7 +89,7 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
         self._town = load_town(map)
         self.world = DrivingWorld(self._town, traffic_of_town(self._town, traffic, 0))
         self.stage = SensorStage(self.world.town, seed=0, weather=self.weather, quality=quality)
-        self._view: AgentView = agent_view(rig, self.world, self.stage)
+        self._view: AgentView = agent_view(rig, self.world, self.stage, self._quality)
         self.observation_space = self._view.space
         self.action_space: spaces.Space[Any] = self._actions.space
         self._referee: Referee | None = None
@@ -111,23 +111,22 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
             ClosedError: the environment has been closed.
         """
         self._check_open("reset")
-        whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) and seed >= 0
-        if not whole and seed is not None:
-            raise ConfigError(f"reset: the seed is {seed!r}; give a whole number of 0 or more, or none")
+        check_seed(seed)
         start = EpisodeStart.of({"route": self._route, **(options or {})})
         super().reset(seed=None if seed is None else int(seed))
         drive_seed = int(self.np_random.integers(2**31))
         route = route_of(start, self._town, self.np_random)
         level = self._default_traffic if start.traffic is None else start.traffic
-        self._use(traffic_of_town(self._town, level, drive_seed))
+        traffic = traffic_of_town(self._town, level, drive_seed)
+        self._use(traffic)
         self.weather = self.stage.weather = start.weather or self._default_weather
         self.stage.seed = drive_seed
-        self.world.reset(drive_seed, route=route, traffic=traffic_of_town(self._town, level, drive_seed))
+        self.world.reset(drive_seed, route=route, traffic=traffic)
         self._referee = Referee(self.world, self.task)
         observation = self._view.reset(self.world)
         self._show()
         nothing = Verdict(terms=dict.fromkeys(TERMS, 0.0), cost=0.0, ended_by=None, truncated_by=None)
-        return observation, self._info(nothing, [])
+        return observation, self._info(nothing, [], self._view.samples)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 50 ms times the frame skip, or until the episode ends.
@@ -142,6 +141,7 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
         controls = self._actions.controls(action).checked()
         verdict: Verdict | None = None
         contacts: list[Contact] = []
+        samples: list[Sample] = []
         observation: Any = None
         for _ in range(self._frame_skip):
             touched = [contact for _ in range(STEP_TICKS) for contact in self.world.tick(controls)]
@@ -149,13 +149,14 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
             now = self._referee.judge(touched)
             verdict = now if verdict is None else _both(verdict, now)
             observation = self._view.observe(self.world, self._referee.standing_s)
+            samples += self._view.samples
             self.world.forget_before(self.world.now_ns - KEEP_NS)
             if verdict.ended_by or verdict.truncated_by:
                 break
         assert verdict is not None
         self._show()
         ended, over = verdict.ended_by is not None, verdict.truncated_by is not None
-        return observation, verdict.reward, ended, over, self._info(verdict, contacts)
+        return observation, verdict.reward, ended, over, self._info(verdict, contacts, samples)
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """A 640×360 picture from the driver's seat, sRGB (360, 640, 3); None where a window shows it.
@@ -203,7 +204,7 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
             self._window = HumanWindow((640, 360), self.metadata["render_fps"])
         self._window.show(view_from_seat(self.stage, self.world, self.weather))
 
-    def _info(self, verdict: Verdict, contacts: list[Contact]) -> dict[str, Any]:
+    def _info(self, verdict: Verdict, contacts: list[Contact], samples: list[Sample]) -> dict[str, Any]:
         world = self.world
         info: dict[str, Any] = {
             "reward_terms": verdict.terms,
@@ -221,7 +222,7 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
         if "ego" in self._told:
             info["ego"] = world.state
         if "samples" in self._told:
-            info["samples"] = SampleList(self._view.samples)
+            info["samples"] = SampleList(samples)
         if "truth" in self._told:
             info["truth"] = truth_at(world.timeline, [world.now_ns], np.eye(4))[0]
         if "objects" in self._told:

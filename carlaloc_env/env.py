@@ -216,15 +216,24 @@ class CarlaLocEnv(gymnasium.Env[Observation, NDArray[np.float32]], EzPickle):
         }
 
 
+def check_seed(seed: object) -> None:
+    """Refuse what is no seed of a reset.
+
+    Raises:
+        ConfigError: it is negative or no whole number.
+    """
+    whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) and seed >= 0
+    if not whole and seed is not None:
+        raise ConfigError(f"reset: the seed is {seed!r}; give a whole number of 0 or more, or none")
+
+
 def check_reset(seed: object, options: Mapping[str, object] | None) -> None:
     """Refuse a seed or options that `CarlaLocEnv.reset` does not take.
 
     Raises:
         ConfigError: the seed is negative or no whole number, or there is an option.
     """
-    whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, bool) and seed >= 0
-    if not whole and seed is not None:
-        raise ConfigError(f"reset: the seed is {seed!r}; give a whole number of 0 or more, or none")
+    check_seed(seed)
     if options:
         settings = ", ".join(signature(CarlaLocEnv).parameters)
         raise ConfigError(

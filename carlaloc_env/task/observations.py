@@ -93,7 +93,9 @@ class SensorView:
         return SensorView(self._config, stage)
 
 
-def agent_view(rig: str | Path | SensorRig, world: DrivingWorld, stage: SensorStage) -> AgentView:
+def agent_view(
+    rig: str | Path | SensorRig, world: DrivingWorld, stage: SensorStage, quality: str
+) -> AgentView:
     """What an agent sees with a rig: `state`, `bev`, a rig's name, its YAML file, or a `SensorRig`.
 
     Raises:
@@ -108,5 +110,5 @@ def agent_view(rig: str | Path | SensorRig, world: DrivingWorld, stage: SensorSt
         if str(rig) not in known and Path(rig).suffix not in (".yaml", ".yml"):
             raise ConfigError(unknown_name("rig", str(rig), known) + ", or a .yaml file")
         config = rig_by_name(rig)
-    check_memory(config)
+    check_memory(config, quality=quality)
     return SensorView(config, stage)

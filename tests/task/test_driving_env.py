@@ -121,6 +121,15 @@ def test_a_frame_skip_is_as_many_steps(straight_map: Path) -> None:
     four.close()
 
 
+def test_no_sample_of_a_skipped_step_is_lost(straight_map: Path) -> None:
+    rig = SensorRig(name="imu", sensors=(ImuConfig(),))
+    env = DrivingEnv(map=straight_map, rig=rig, traffic="empty", frame_skip=4, info=("samples",))
+    env.reset(seed=1)
+    stamps = [sample.stamp_ns for sample in env.step(GO)[-1]["samples"]]
+    assert stamps == [5_000_000 * (k + 1) for k in range(40)]
+    env.close()
+
+
 def test_rewards_are_the_sum_of_their_terms(env: DrivingEnv) -> None:
     env.reset(seed=2)
     for _ in range(40):
@@ -225,5 +234,8 @@ def test_any_town_draws_by_the_seed(straight_map: Path, tmp_path: Path) -> None:
     assert env.reset(seed=3, options={"town": str(other)})[1]["town"] == str(other)
     env.step(GO)
     env.close()
+    for seed in (-1, 0.5):
+        with pytest.raises(ConfigError, match="the seed is"):
+            AnyTownEnv(towns=[str(other)], traffic=["empty"]).reset(seed=seed)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match="no weather to draw"):
         AnyTownEnv(towns=[str(straight_map)], weathers=[])
