@@ -14,7 +14,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from tqdm import tqdm
 
 from carlaloc_env import CarlaLocError
 from recorder import (
@@ -32,6 +31,7 @@ from recorder import (
     replay,
     write_tum,
 )
+from recorder.cli.progress import Progress
 
 WEATHERS = ("ClearNoon", "FoggyNoon")
 TRAFFIC = ("static", "dynamic")
@@ -64,23 +64,17 @@ def _free(out: Path) -> Path:
 
 
 def _record(path: Path, duration_s: float) -> Path:
-    with tqdm(total=duration_s, desc="1/3 driving through Town03", unit="s") as bar:
+    with Progress("1/3 driving through Town03") as progress:
 
-        def progress(driven_s: float, route_m: float) -> None:
-            bar.set_postfix_str(f"{route_m:.0f} m")
-            bar.update(round(driven_s - bar.n, 1))
+        def tell(driven_s: float, route_m: float) -> None:
+            progress.update(driven_s, duration_s, f"{route_m:.0f} m")
 
         config = RecordConfig(map="Town03", out=path, device="scripted", duration_s=duration_s, seed=9)
-        return record(config, progress=progress).path
+        return record(config, progress=tell).path
 
 
 def _replay(drive: Path, out: Path, camera_start_s: float, camera_s: float) -> ReplayResult:
-    with tqdm(desc="2/3 replaying 2 weathers × 2 traffic levels", unit="s") as bar:
-
-        def progress(done_s: float, total_s: float) -> None:
-            bar.total = round(total_s, 1)
-            bar.update(round(done_s - bar.n, 1))
-
+    with Progress("2/3 replaying 2 weathers × 2 traffic levels") as progress:
         config = ReplayConfig(
             episode=drive,
             out=out,
@@ -92,20 +86,19 @@ def _replay(drive: Path, out: Path, camera_start_s: float, camera_s: float) -> R
             camera_start_s=camera_start_s,
             camera_duration_s=camera_s,
         )
-        return replay(config, progress)
+        return replay(config, progress.update)
 
 
 def _score(result: ReplayResult, system: str, level: str, out: Path) -> EvaluationResult:
     folder = next(path for path in result.sequences if path.name == f"{WEATHERS[0]}_{level}")
     name = f"{system} {level}"
-    with tqdm(desc=f"3/3 {name}", unit="scan") as bar:
+    with Progress(f"3/3 {name}") as progress:
 
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
+        def tell(done: int, total: int) -> None:
+            progress.update(done * SWEEP_S, total * SWEEP_S)
 
         bag = folder / f"{folder.name}.bag"
-        estimate = SYSTEMS[system](bag, "/lidar/points", SWEEP_S, name=name, progress=progress)
+        estimate = SYSTEMS[system](bag, "/lidar/points", SWEEP_S, name=name, progress=tell)
     write_tum(out / f"{name.lower().replace(' ', '_').replace('-', '_')}.tum", estimate)
     return evaluate(read_tum(result.ground_truth / "lidar.tum"), estimate)
 
