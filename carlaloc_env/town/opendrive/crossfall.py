@@ -15,6 +15,12 @@ from carlaloc_env.town.opendrive.reference_line import PlanView
 
 FALL = 0.025
 """Fall of a carriageway from its middle to its edges, for the rain (RAA, RASt 06: 2.5 %)."""
+GUTTER_FALL = 0.06
+"""The same of gutters (AASHTO, Geometric Design of Highways and Streets: 5 to 8 %)."""
+GUTTER_M = 0.65
+"""Shoulders of at most this width beside a kerb are gutters [m]."""
+KERBED = frozenset({"sidewalk", "walking", "curb"})
+"""Lane types that a kerb parts from the carriageway."""
 FADE_M = 25.0
 """Length over which it begins and ends before junctions, which are level across [m]."""
 GAP_M = 0.05
@@ -30,7 +36,8 @@ _STEP_M = 2.0
 class Crossfall:
     """A roof with its ridge along lane 0, on stretches of roads without superelevation or shape.
 
-    Roads of junctions have none, nor have others where they run close beside or across another one.
+    Gutters along kerbs fall more. Roads of junctions are level across, and so are others where they run close
+    beside or across another one.
 
     Args:
         roads: Roads of the map.
@@ -58,7 +65,9 @@ class Crossfall:
         self._begin: Array = np.concatenate([[0.0], np.cumsum(self._length + 1.0)[:-1]])
         number, s = np.repeat(np.arange(len(roads)), counts), np.concatenate(stations)
         self._axis: Array = self._begin[number] + s
-        self._reach = {side: self._carriageway(roads, number, s, side) for side in (1, -1)}
+        sides = {side: self._carriageway(roads, number, s, side) for side in (1, -1)}
+        self._reach = {side: reach for side, (reach, _) in sides.items()}
+        self._gutter = {side: gutter for side, (_, gutter) in sides.items()}
         flat: Mask = np.array([road.junction_id is not None or bool(road.shape) for road in roads], bool)
         # Before the first and after the last of these stations a road is level across.
         self._span = np.stack(
@@ -82,22 +91,28 @@ class Crossfall:
         aside = t_m - middle
         side = np.sign(aside)
         at = self._begin[road] + s_m
-        reach = self._edge(at, side)
+        reach, gutter = (self._at(at, side, width) for width in (self._reach, self._gutter))
         distance = np.minimum(np.abs(aside), reach)
         inside = np.abs(aside) < reach
         fall, fall_slope = self._along(road, s_m)
-        height = -fall * distance
-        by_s = -fall_slope * distance + fall * np.where(inside, side * slope, -self._widening(at, side))
-        return height, by_s, np.where(inside, -fall * side, 0.0)
+        more = (GUTTER_FALL - FALL) / FALL
+        sunk = np.maximum(distance - (reach - gutter), 0.0) * more
+        height = -fall * (distance + sunk)
+        by_distance = 1.0 + more * (sunk > 0.0)
+        widening, gutter_widening = (self._by_s(at, side, width) for width in (self._reach, self._gutter))
+        outwards = np.where(inside, -side * slope, widening)
+        sunk_by_s = np.where(sunk > 0.0, outwards - widening + gutter_widening, 0.0) * more
+        by_s = -fall_slope * (distance + sunk) - fall * (outwards + sunk_by_s)
+        return height, by_s, np.where(inside, -fall * side * by_distance, 0.0)
 
-    def _edge(self, at: Array, side: Array) -> Array:
-        """Distance from lane 0 to the carriageway's edge on a side at places of the common axis [m]."""
-        left, right = (np.interp(at, self._axis, self._reach[which]) for which in (1, -1))
+    def _at(self, at: Array, side: Array, width: dict[int, Array]) -> Array:
+        """A width on a side at places of the common axis [m]."""
+        left, right = (np.interp(at, self._axis, width[which]) for which in (1, -1))
         return np.where(side > 0, left, right)
 
-    def _widening(self, at: Array, side: Array) -> Array:
+    def _by_s(self, at: Array, side: Array, width: dict[int, Array]) -> Array:
         """Its derivative by s."""
-        return (self._edge(at + 0.25, side) - self._edge(at - 0.25, side)) / 0.5
+        return (self._at(at + 0.25, side, width) - self._at(at - 0.25, side, width)) / 0.5
 
     def _along(self, road: Index, s_m: Array) -> tuple[Array, Array]:
         """Fall and its derivative by s."""
@@ -106,22 +121,31 @@ class Crossfall:
         fall = self._fall[road]
         return fall * rise * end, fall * (rise_slope * end - rise * end_slope)
 
-    def _carriageway(self, roads: Sequence[Road], number: Index, s: Array, side: int) -> Array:
-        """Distance from lane 0 to the edge of what is driven on at stations, left (1) or right (−1) [m]."""
+    def _carriageway(self, roads: Sequence[Road], number: Index, s: Array, side: int) -> tuple[Array, Array]:
+        """Distance from lane 0 to the carriageway's edge, left (1) or right (−1), and gutter's width [m]."""
         lane = np.full(len(s), -1, dtype=np.int64)
+        inner = lane.copy()
         for n, road in enumerate(roads):
             rows = np.flatnonzero(number == n)
             starts = [section.s_m for section in road.sections]
             own = np.clip(np.searchsorted(starts, s[rows] + 1e-9, side="right") - 1, 0, None)
             for k, section in enumerate(road.sections):
-                ids = [item.id for item in section.lanes if item.id * side > 0 and item.type not in BESIDE]
-                if ids:
-                    lane[rows[own == k]] = self._edges.index[n, k, side * max(abs(i) for i in ids)]
-        reach = np.zeros(len(s))
+                types = {abs(item.id): item.type for item in section.lanes if item.id * side > 0}
+                paved = [i for i, kind in types.items() if kind not in BESIDE]
+                if not paved:
+                    continue
+                last = max(paved)
+                lane[rows[own == k]] = self._edges.index[n, k, side * last]
+                if types[last] == "shoulder" and types.get(last + 1) in KERBED and types.get(last - 1):
+                    inner[rows[own == k]] = self._edges.index[n, k, side * (last - 1)]
+        reach, width = np.zeros(len(s)), np.zeros(len(s))
         has = np.flatnonzero(lane >= 0)
-        middle = self._edges.lane_offset(number[has], s[has]).t_m
-        reach[has] = np.maximum(side * (self._edges.outer(lane[has], s[has]).t_m - middle), 0.0)
-        return reach
+        middle = self._edges.lane_offset(number, s).t_m
+        reach[has] = np.maximum(side * (self._edges.outer(lane[has], s[has]).t_m - middle[has]), 0.0)
+        has = np.flatnonzero(inner >= 0)
+        inside = np.maximum(side * (self._edges.outer(inner[has], s[has]).t_m - middle[has]), 0.0)
+        width[has] = np.maximum(reach[has] - inside, 0.0)
+        return reach, np.where(width <= GUTTER_M, width, 0.0)
 
     def _beside_others(
         self, roads: Sequence[Road], plan: PlanView, number: Index, s: Array, z: Array, flat: Mask
@@ -132,9 +156,10 @@ class Crossfall:
         points, drops, rows = [], [], []
         for side in (1, -1):
             t = middle + side * self._reach[side]
+            drop = FALL * self._reach[side] + (GUTTER_FALL - FALL) * self._gutter[side]
             x, y = pose.x_m - np.sin(pose.heading_rad) * t, pose.y_m + np.cos(pose.heading_rad) * t
             points.append(np.stack([x, y, z], axis=-1))
-            drops.append(np.where(flat[number], 0.0, FALL * self._reach[side]))
+            drops.append(np.where(flat[number], 0.0, drop))
             rows.append(np.arange(len(s)))
         xyz, drop, row = np.concatenate(points), np.concatenate(drops), np.concatenate(rows)
         use = np.isfinite(xyz).all(axis=1)

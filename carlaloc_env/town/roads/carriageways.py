@@ -13,6 +13,7 @@ from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.meshing.mesh_builder import MeshBuilder, extrude
+from carlaloc_env.town.opendrive.crossfall import GUTTER_M
 from carlaloc_env.town.opendrive.records import Road
 from carlaloc_env.town.roads import motorways
 
@@ -36,8 +37,6 @@ LOOSE: dict[str, tuple[Material, tuple[float, float, float]]] = {
 """Material and tint of unpaved lanes."""
 UNDRIVEN = ("shoulder", "parking")
 """Lanes without wheel tracks."""
-GUTTER_M = 0.65
-"""Shoulders of at most this width beside a kerb are gutters of concrete [m]."""
 SKIRT_M = 0.4
 """How far outer edges reach down, so that no gap to the ground can open [m]."""
 

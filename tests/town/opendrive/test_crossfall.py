@@ -10,7 +10,7 @@ from carlaloc_env.core.road_profile import LevelGrid, Relief
 from carlaloc_env.core.rough_surface import class_level
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.crossfall import FADE_M, FALL
+from carlaloc_env.town.opendrive.crossfall import FADE_M, FALL, GUTTER_FALL
 from carlaloc_env.town.opendrive.records import Cubic
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 from carlaloc_env.town.sources import find_town
@@ -42,6 +42,30 @@ def test_a_carriageway_falls_to_its_edges_and_no_farther() -> None:
         [0.0, -2.0 * FALL, -3.5 * FALL, -1.0 * FALL, -3.0 * FALL, -3.0 * FALL], abs=1e-9
     )
     assert height(RoadSurface(road("<line/>", 80.0, lanes=lanes).roads), 40.0, 3.0) == 0.0
+
+
+def test_a_gutter_falls_more_than_its_carriageway() -> None:
+    """A shoulder that narrows from 0.5 to 0.3 m before a kerb; its slopes are those of its heights."""
+    lanes = (
+        '<laneSection s="0"><center><lane id="0" type="none"/></center>'
+        '<right><lane id="-1" type="driving"><width sOffset="0" a="3.0" b="0.01" c="0" d="0"/></lane>'
+        '<lane id="-2" type="shoulder"><width sOffset="0" a="0.5" b="-0.0025" c="0" d="0"/></lane>'
+        '<lane id="-3" type="sidewalk"><width sOffset="0" a="2.0" b="0" c="0" d="0"/></lane></right>'
+        "</laneSection>"
+    )
+    surface = RoadSurface(road("<line/>", 80.0, lanes=lanes).roads, SMOOTH)
+    assert [height(surface, 40.0, t) for t in (-3.0, -3.4, -3.6, -3.8, -5.0)] == pytest.approx(
+        [-3.0 * FALL, -3.4 * FALL] + [-3.4 * FALL - over * GUTTER_FALL for over in (0.2, 0.4, 0.4)], abs=1e-9
+    )
+    for t in (-2.0, -3.6, -5.0):
+        along, askew = (
+            surface.curve(np.array([0]), np.array([40.0]), (np.array([t]), np.array([t1]), np.zeros(1)))
+            for t1 in (0.0, 1.0)
+        )
+        rise = height(surface, 40.5, t) - height(surface, 39.5, t)
+        aside = (height(surface, 40.0, t + 0.05) - height(surface, 40.0, t - 0.05)) / 0.1
+        assert along.slope[0] * along.stretch[0] == pytest.approx(rise, abs=1e-6)
+        assert askew.slope[0] * askew.stretch[0] == pytest.approx(rise + aside, abs=1e-6)
 
 
 def test_a_road_that_the_map_tilts_stays_as_it_is() -> None:
