@@ -130,16 +130,16 @@ def names(text: str) -> tuple[str, ...]:
 
 
 def seconds(text: str) -> float:
-    """A time that is not negative [s]."""
-    value = number(text)
+    """A time that is not negative [s]; an `s` may follow the number."""
+    value = number(text.removesuffix("s"))
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is negative")
     return value
 
 
 def positive_seconds(text: str) -> float:
-    """A time above zero [s]."""
-    value = number(text)
+    """A time above zero [s]; an `s` may follow the number."""
+    value = number(text.removesuffix("s"))
     if value <= 0:
         raise argparse.ArgumentTypeError(f"{text} is not above zero")
     return value

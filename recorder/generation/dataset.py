@@ -9,135 +9,38 @@ from __future__ import annotations
 import json
 import logging
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from carlaloc_env import TOWNS
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
-from carlaloc_env.core.output_paths import check_output_folder, path_below
-from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.town.sources import known_towns
-from recorder.episode.episode import Episode
-from recorder.generation.conditions import conditions_of
+from carlaloc_env.core.output_paths import path_below
+from recorder.generation.dataset_clock import DRIVING, REPLAYING, DatasetClock, DatasetProgress
 from recorder.generation.dataset_manifest import FILE_NAME, as_yaml, checksums
+from recorder.generation.dataset_plan import (
+    EPISODES,
+    SAMPLE_FROM_S,
+    DatasetConfig,
+    DrivePlan,
+    plan_dataset,
+)
+from recorder.generation.quantities import duration_text
 from recorder.generation.replay import replay
-from recorder.generation.replay_plan import ReplayConfig
-from recorder.generation.size_estimate import bytes_per_second
+from recorder.generation.working_folder import take_lock
 
 WORK = ".carlaloc-dataset"
 """Folder of drives that are not whole yet."""
 DRIVE = "drive.yaml"
 """What a town's folder says of its drive: where it comes from, and checksums."""
-EPISODES = "episodes"
-"""Folder of the recorded drives."""
-SAMPLE_FROM_S = 8.0
-"""Where a sample begins [s]: the car has left the kerb then."""
-ROUTE_M = {
-    "Town01": 678, "Town03": 970, "Town04": 2108, "Town05": 473, "Town06": 266, "Town07": 747, "Town10": 1115,
-}  # fmt: skip
-"""Lengths of the paper's routes [m] (Table III)."""
-PACE_MPS = 5.0
-"""Pace of a drive, waiting included, by which its length is guessed before it is driven [m/s]."""
-
-Progress = Callable[[str, float, float], None]
-"""Called with the stage, and seconds of all drives that are done and in all."""
-Record = Callable[[str, Path, float | None, Callable[[], None]], None]
-"""Records a drive through a town, of a length [s] or along the whole route; calls the last while it lasts."""
+Progress = Callable[[DatasetProgress], None]
+"""Called about every second."""
+Record = Callable[[str, Path, float | None, Callable[[float], None]], None]
+"""Records a drive through a town, of a length [s] or along the whole route; tells how far it is [s]."""
 _log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DatasetConfig:
-    """What the dataset consists of."""
-
-    out: Path
-    """Folder of the dataset."""
-    towns: tuple[str, ...] = TOWNS
-    """Names of the towns."""
-    weathers: tuple[str, ...] = ("ClearNoon", "FoggyNoon", "RainyNight")
-    """Names of the weathers."""
-    traffic: tuple[str, ...] = ("static", "dynamic")
-    """Traffic levels."""
-    episodes: Path | None = None
-    """Folder of a person's drives, ``<town>.mcap``; None: the scripted driver records them."""
-    sample_s: float | None = None
-    """Length of the stretch of each drive [s]; None: all of it."""
-    replay: ReplayConfig
-    """Rig, formats, topics, quality, workers; episode, folder and conditions come from here."""
-    seed: int = 0
-    """Seed by which drives are recorded."""
-
-    def __post_init__(self) -> None:
-        for town in self.towns:
-            if town not in known_towns():
-                raise ConfigError(f"no town '{town}'; use some of {', '.join(TOWNS)}")
-        conditions_of(self.weathers, self.traffic)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DatasetPlan:
-    """What will be made."""
-
-    sequences: int
-    """Number of sequences."""
-    driven_s: float
-    """Length of all drives together [s]; a rough one where they are yet to be recorded."""
-    size: float
-    """Size of the dataset [bytes], roughly."""
-    needed: float
-    """Most disk space while it is made [bytes], roughly."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Stage:
-    """One town in the progress of all."""
-
-    name: str
-    tell: Progress
-    begin_s: float
-    length_s: float
-    total_s: float
-
-    def driving(self) -> None:
-        """Tell that its drive is being recorded."""
-        self.tell(f"{self.name} driving", self.begin_s, self.total_s)
-
-    def replaying(self, done_s: float, all_s: float) -> None:
-        """Tell how far its replay is."""
-        self.tell(f"{self.name} replaying", self.begin_s + self.length_s * done_s / all_s, self.total_s)
-
-
-def plan_dataset(config: DatasetConfig) -> DatasetPlan:
-    """Look at what is asked for, before the first byte.
-
-    Raises:
-        ConfigError: an unknown rig, town, weather or level, or no drive of a town.
-        WriterError: too little disk space.
-        OutputError: the folder cannot be written.
-    """
-    check_output_folder(config.out)
-    lengths = {town: _length_s(config, town) for town in config.towns}
-    rate = bytes_per_second(rig_by_name(config.replay.rig), config.replay.formats, config.replay.topics)
-    conditions = len(conditions_of(config.weathers, config.traffic))
-    size = rate * conditions * sum(lengths.values())
-    left = [town for town in config.towns if not path_below(config.out, town).exists()]
-    # The spools of a drive lie beside what has been assembled of it.
-    needed = (
-        rate * conditions * (sum(lengths[town] for town in left) + max((lengths[t] for t in left), default=0))
-    )
-    free = shutil.disk_usage(_existing(config.out)).free
-    if needed > free:
-        raise WriterError(
-            f"the dataset needs about {needed / 1e9:.0f} GB while it is made, and {free / 1e9:.0f} GB "
-            f"are free in {config.out}; make room, or take fewer --towns, another --format or --sample"
-        )
-    return DatasetPlan(
-        sequences=conditions * len(config.towns), driven_s=sum(lengths.values()), size=size, needed=needed
-    )
 
 
 def make_dataset(
@@ -157,17 +60,20 @@ def make_dataset(
         WriterError: the disk is full, or the folder holds a dataset of another recipe.
         EpisodeError: a drive cannot be read.
     """
-    tell = progress or (lambda *_: None)
+    plan = plan_dataset(config)
+    clock = DatasetClock(plan, config.replay.unit_s, progress or (lambda _: None))
     recipe = _recipe(config)
-    _check_recipe(config.out, recipe)
-    total_s = plan_dataset(config).driven_s
-    done_s = 0.0
-    for number, town in enumerate(config.towns, 1):
-        length_s = _length_s(config, town)
-        if not path_below(config.out, town).exists():
-            stage = _Stage(f"{town} ({number} of {len(config.towns)})", tell, done_s, length_s, total_s)
-            _make_drive(config, town, _episode(config, town, stage, record), stage)
-        done_s += length_s
+    with _begun(config.out, recipe):
+        for drive in plan.drives:
+            if not drive.is_whole:
+                _make_drive(config, drive.town, _episode(config, drive, clock, record), clock)
+        _write_record(config, recipe)
+        shutil.rmtree(config.out / WORK, ignore_errors=True)
+    return config.out / FILE_NAME
+
+
+def _write_record(config: DatasetConfig, recipe: dict[str, Any]) -> None:
+    """Write ``dataset.yaml``: the recipe, where each drive comes from, all sequences, all checksums."""
     drives = {
         town: {
             key: value
@@ -189,8 +95,6 @@ def make_dataset(
     part = config.out / f".{FILE_NAME}.part"
     part.write_text(as_yaml(document), encoding="utf-8")
     part.replace(config.out / FILE_NAME)
-    shutil.rmtree(config.out / WORK, ignore_errors=True)
-    return config.out / FILE_NAME
 
 
 def write_manifest(dataset: Path, folder: Path) -> None:
@@ -213,34 +117,48 @@ def _recipe(config: DatasetConfig) -> dict[str, Any]:
     """All that decides about the dataset beside the drives, as plain values."""
     r = config.replay
     return {
-        "towns": list(config.towns), "weathers": list(config.weathers), "traffic": list(config.traffic),
+        "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
         "rig": r.rig, "formats": list(r.formats), "topics": r.topics, "quality": r.quality,
-        "preview": r.preview, "noise_seed": r.seed, "seed": config.seed, "sample_s": config.sample_s,
+        "preview": r.preview, "lens_drops": r.lens_drops, "leaf_wind_mps": r.leaf_wind_mps,
+        "noise_seed": r.seed, "seed": config.seed, "sample_s": config.sample_s,
         "episodes": None if config.episodes is None else "a person's",
     }  # fmt: skip
 
 
-def _check_recipe(out: Path, recipe: dict[str, Any]) -> None:
-    """Refuse a folder in which another dataset has been begun."""
-    file = out / WORK / "recipe.json"
-    finished = out / FILE_NAME
-    if finished.exists():
-        found = yaml.safe_load(finished.read_text("utf-8")).get("recipe")
-    elif file.exists():
-        found = json.loads(file.read_text("utf-8"))
-    else:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(recipe), encoding="utf-8")
-        return
-    other = [name for name, value in recipe.items() if (found or {}).get(name) != value]
-    if other:
-        raise WriterError(
-            f"{out} holds a dataset of other {other[0]}; choose another --out or delete it first"
-        )
+@contextmanager
+def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
+    """Hold the folder for one run; refuse one in which another dataset has been begun, or another run works.
+
+    Raises:
+        WriterError: it is refused.
+    """
+    (out / WORK).mkdir(parents=True, exist_ok=True)
+    with (out / WORK / "recipe.json").open("a+", encoding="utf-8") as file:
+        if not take_lock(file):
+            raise WriterError(
+                f"another run is at work in {out}; wait until it has ended, or choose another --out"
+            )
+        file.seek(0)
+        text = file.read()
+        found: Any = {}
+        if (out / FILE_NAME).exists():
+            found = yaml.safe_load((out / FILE_NAME).read_text("utf-8")).get("recipe")
+        elif text:
+            found = json.loads(text)
+        other = [name for name, value in recipe.items() if found and found.get(name) != value]
+        if other:
+            raise WriterError(
+                f"{out} holds a dataset of other {other[0]}; choose another --out or delete it first"
+            )
+        if not text:
+            file.write(json.dumps(recipe))
+            file.flush()
+        yield
 
 
-def _episode(config: DatasetConfig, town: str, stage: _Stage, record: Record | None) -> Path:
+def _episode(config: DatasetConfig, drive: DrivePlan, clock: DatasetClock, record: Record | None) -> Path:
     """The drive of a town, recorded if there is none yet; a copy of it lies in the dataset."""
+    town = drive.town
     target = config.out / EPISODES / f"{town}.mcap"
     if target.exists():
         return target
@@ -255,44 +173,29 @@ def _episode(config: DatasetConfig, town: str, stage: _Stage, record: Record | N
         rest.unlink()
     if record is None:
         raise ConfigError(f"there is no drive through {town}, and nobody to record one; give episodes")
-    record(town, target, duration_s, stage.driving)
+    stage = clock.stage(town, DRIVING, target.parent)
+    record(town, target, duration_s, lambda driven_s: stage.update(driven_s, drive.recorded_s))
+    _log.info("drove through %s in %s", town, duration_text(stage.finish()))
     return target
 
 
-def _make_drive(config: DatasetConfig, town: str, episode: Path, stage: _Stage) -> None:
+def _make_drive(config: DatasetConfig, town: str, episode: Path, clock: DatasetClock) -> None:
     """Replay a drive in a folder of its own, and give the town's folder its name."""
     work = path_below(config.out / WORK, town)
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
     if not (work / town / DRIVE).exists():
         if not (work / FILE_NAME).exists():
             _log.info("replaying %s", town)
+            stage = clock.stage(town, REPLAYING, work)
             replay(
                 replace(
-                    config.replay,
-                    episode=episode,
-                    out=work,
-                    weathers=config.weathers,
-                    traffic=config.traffic,
-                    start_s=begin_s,
-                    duration_s=config.sample_s,
+                    config.replay, episode=episode, out=work, start_s=begin_s, duration_s=config.sample_s
                 ),
-                stage.replaying,
+                stage.update,
             )
+            _log.info("replayed %s in %s", town, duration_text(stage.finish()))
         (work / FILE_NAME).rename(work / town / DRIVE)
     (work / town).rename(path_below(config.out, town))
     shutil.rmtree(work)
+    clock.finish(town)
     _log.info("%s is whole", town)
-
-
-def _length_s(config: DatasetConfig, town: str) -> float:
-    for folder in (config.out / EPISODES, config.episodes):
-        if folder is not None and (folder / f"{town}.mcap").exists():
-            whole_s = float(Episode.load(folder / f"{town}.mcap").duration_s)
-            return whole_s if config.sample_s is None else min(config.sample_s, whole_s)
-    if config.episodes is not None:
-        raise ConfigError(f"{config.episodes} holds no {town}.mcap; record it, or leave it out of --towns")
-    return ROUTE_M.get(town, 800) / PACE_MPS if config.sample_s is None else config.sample_s
-
-
-def _existing(folder: Path) -> Path:
-    return next(one for one in (folder.absolute(), *folder.absolute().parents) if one.exists())

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from carlaloc_env.rigs.rig import SensorRig
+from recorder.generation.conditions import Condition
+from recorder.generation.replay_plan import ReplayConfig
 from recorder.writers.topics import profile_by_name
 
 _IMAGE_BYTES = {"rgb": 3.0, "depth": 4.0, "semantic": 1.0, "flow": 8.0, "normal": 12.0}
@@ -18,6 +20,8 @@ _EVENTS_BYTES_PER_PIXEL_S, _EVENTS_H5_SHARE = 60.0, 0.3
 _POINT_BYTES, _KITTI_POINT_BYTES = 34.0, 20.0
 _OTHERS_BYTES_PER_S = 400_000.0
 """IMU, truth, objects and so on [bytes/s]."""
+_PANELS, _PANEL_BYTES = 2, 640 * 360 * 3
+"""Panels of a film that each weather has of its own, about, and the size of one [bytes]."""
 _ZSTD_SHARE = 0.5
 """What zstd leaves of a bag."""
 
@@ -45,6 +49,26 @@ def bytes_per_second(rig: SensorRig, formats: Sequence[str], topics: str) -> flo
         "dsec": _EVENTS_H5_SHARE * events,
     }
     return sum(sizes[name] for name in dict.fromkeys(formats))
+
+
+def spool_bytes_per_second(rig: SensorRig, config: ReplayConfig, conditions: Sequence[Condition]) -> float:
+    """Pieces of a traffic level that wait to be assembled, for each second of the drive [bytes/s].
+
+    The larger level counts: the spools of one go when its sequences stand. What all weathers share lies
+    there once, but is counted for each, which leaves some room.
+
+    Args:
+        rig: The sensors.
+        config: Formats, topics and whether there are films, whose panels lie there as pixels.
+        conditions: All sequences.
+    """
+    names = [name.replace("rosbag2", "rosbag1").split("_")[0] for name in config.formats]
+    one = sum(bytes_per_second(rig, (name,), config.topics) for name in names)
+    cameras = [sensor for sensor in rig.sensors if sensor.kind == "camera"]
+    if config.preview and cameras:
+        one += _PANELS * _PANEL_BYTES * float(cameras[0].rate_hz)
+    levels = dict.fromkeys(condition.traffic for condition in conditions)
+    return one * max(sum(condition.traffic == level for condition in conditions) for level in levels)
 
 
 def _bag_bytes(sensor: Any, profile: str) -> float:

@@ -95,7 +95,7 @@ class WorkingFolder:
         while True:
             self.path.mkdir(parents=True, exist_ok=True)
             marker = (self.path / MARKER).open("a+", encoding="utf-8")
-            if not _take(marker):
+            if not take_lock(marker):
                 marker.close()
                 raise WriterError(
                     f"another run is at work in {self._out}; wait until it has ended, or choose another --out"
@@ -217,7 +217,7 @@ def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
     write_record(out, dict(marks["origin"]))
 
 
-def _take(marker: IO[str]) -> bool:
+def take_lock(marker: IO[str]) -> bool:
     """Whether nobody else holds the file; it is held by us then, until it is closed."""
     if fcntl is None:
         return True

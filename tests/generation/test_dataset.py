@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -13,16 +14,26 @@ from shared_fixtures.straight_drives import StraightDrive
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.rigs.presets import rig_by_name
 from recorder.cli.main import main
-from recorder.generation import dataset
-from recorder.generation.dataset import DatasetConfig, make_dataset, plan_dataset, write_manifest
+from recorder.generation import dataset, dataset_plan
+from recorder.generation.dataset import make_dataset, write_manifest
+from recorder.generation.dataset_clock import DatasetProgress
 from recorder.generation.dataset_manifest import checksums
+from recorder.generation.dataset_plan import DatasetConfig, plan_dataset
 from recorder.generation.replay_plan import ReplayConfig
 from recorder.generation.size_estimate import bytes_per_second
 from recorder.generation.verification.verify import verify
 
 
 def config_of(out: Path, episodes: Path | None) -> DatasetConfig:
-    few = ReplayConfig(episode=Path(), out=out, rig="state", formats=("rosbag1",), workers=1)
+    few = ReplayConfig(
+        episode=Path(),
+        out=out,
+        weathers=("ClearNoon", "FoggyNoon", "RainyNight"),
+        traffic=("static", "dynamic"),
+        rig="state",
+        formats=("rosbag1",),
+        workers=1,
+    )
     return DatasetConfig(out=out, towns=("straight",), episodes=episodes, sample_s=1.0, replay=few)
 
 
@@ -48,8 +59,8 @@ def test_a_dataset_is_made_kept_and_made_again(
         with pytest.raises(OSError, match="no/such"):
             make_dataset(config)
     assert not (config.out / "dataset.yaml").exists()
-    stages: list[str] = []
-    make_dataset(config, lambda stage, *_: stages.append(stage))
+    stages: list[DatasetProgress] = []
+    make_dataset(config, stages.append)
     assert stages == [], "the replay was whole"
     document = yaml.safe_load((config.out / "dataset.yaml").read_text())
     assert len(document["sequences"]) == 6
@@ -57,7 +68,7 @@ def test_a_dataset_is_made_kept_and_made_again(
     assert sorted(path.name for path in config.out.iterdir()) == ["dataset.yaml", "episodes", "straight"]
     assert verify(config.out).findings == ()
     with pytest.raises(WriterError, match="other weathers"):
-        make_dataset(replace(config, weathers=("ClearNoon",)))
+        make_dataset(replace(config, replay=replace(config.replay, weathers=("ClearNoon",))))
     write_manifest(config.out, tmp_path / "manifest")
     again = config_of(tmp_path / "again", tmp_path / "manifest" / "episodes")
     make_dataset(again)
@@ -68,8 +79,9 @@ def test_too_little_room_is_told_before_the_first_byte(
     config: DatasetConfig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     free = shutil.disk_usage("/")._replace(free=1000)
-    monkeypatch.setattr(dataset.shutil, "disk_usage", lambda _: free)
-    with pytest.raises(WriterError, match=r"needs about 0 GB .* 0 GB are free"):
+    monkeypatch.setattr(dataset_plan.shutil, "disk_usage", lambda _: free)
+    told = r"needs about [\d.]+ MB while it is made, and 1 kB are free in .*; make room for [\d.]+ MB, or"
+    with pytest.raises(WriterError, match=told):
         plan_dataset(config)
     assert not config.out.exists()
 
@@ -87,7 +99,11 @@ def test_nobody_is_asked_where_nobody_is(
     words = ["dataset", "--out", str(config.out), "--towns", "straight", "--sample", "1", "--rig", "state"]
     assert main([*words, "--episodes", str(config.episodes)]) == 2
     told = capsys.readouterr().err
-    assert "6 sequences, 1 s of driving: about 0.0 GB" in told
+    lines = told.splitlines()
+    assert lines[0] == "6 sequences: 1 town, ClearNoon, FoggyNoon, RainyNight; static, dynamic"
+    assert lines[1] == f"1 s of driving by drives of {config.episodes}"
+    assert re.match(r"about \d+ s with \d+ process", lines[2])
+    assert re.match(r"about [\d.]+ MB in .*; [\d.]+ MB of \S+ [TG]B free are taken", lines[3])
     assert "give --yes" in told
     assert not config.out.exists()
 

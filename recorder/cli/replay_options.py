@@ -1,0 +1,98 @@
+"""Options that `carlaloc replay` and `carlaloc dataset` have in common, and what is made of them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recorder.cli.arguments import OutputFolder, names, positive_int, positive_seconds, seconds
+
+if TYPE_CHECKING:
+    from recorder.generation.replay_plan import ReplayConfig
+
+
+def add_replay_options(
+    parser: argparse.ArgumentParser, *, weathers: tuple[str, ...], traffic: tuple[str, ...]
+) -> None:
+    """Declare where a dataset goes, its conditions, sensors and formats, and who does the work.
+
+    Args:
+        parser: Parser of the command.
+        weathers: Default of ``--weather``.
+        traffic: Default of ``--traffic``.
+    """
+    parser.add_argument("--out", type=OutputFolder(), required=True, help="folder of the dataset")
+    parser.add_argument(
+        "--weather",
+        type=names,
+        default=weathers,
+        metavar="A,B",
+        help=f"weathers, or schedules (.yaml) (default: {','.join(weathers)})",
+    )
+    parser.add_argument(
+        "--traffic",
+        type=names,
+        default=traffic,
+        metavar="A,B",
+        help=f"dynamic, static, empty, fractions (default: {','.join(traffic)})",
+    )
+    parser.add_argument("--lens-drops", action="store_true", help="drops on the lenses while it rains")
+    parser.add_argument(
+        "--leaf-wind", type=seconds, default=0.0, metavar="M/S", help="wind that sways leaves [m/s]"
+    )
+    parser.add_argument(
+        "--rig",
+        default="paper",
+        help="paper, flu, real, minimal, lidar, state, or a .yaml file (default: paper)",
+    )
+    parser.add_argument(
+        "--format",
+        type=names,
+        default=("rosbag1", "euroc"),
+        metavar="A,B",
+        help="rosbag1, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec (default: rosbag1,euroc)",
+    )
+    parser.add_argument(
+        "--topics", default="standard", help="topic profile of bags: standard, slam, paper or full"
+    )
+    parser.add_argument("--quality", default="medium", help="low, medium or high")
+    parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
+    parser.add_argument(
+        "--unit",
+        type=positive_seconds,
+        default=10.0,
+        metavar="S",
+        help="seconds of the drive that a worker makes at a time (default: 10)",
+    )
+    parser.add_argument("--no-preview", action="store_true", help="make no films")
+
+
+def replay_config(arguments: argparse.Namespace, episode: Path, **others: Any) -> ReplayConfig:
+    """Configuration of a replay.
+
+    Args:
+        arguments: Values of the options above.
+        episode: The drive.
+        others: Fields of `ReplayConfig` that no common option sets.
+    """
+    from recorder.generation.replay_plan import ReplayConfig
+
+    return ReplayConfig(
+        episode=episode,
+        out=arguments.out,
+        weathers=arguments.weather,
+        traffic=arguments.traffic,
+        rig=arguments.rig,
+        formats=arguments.format,
+        topics=arguments.topics,
+        quality=arguments.quality,
+        workers=arguments.workers,
+        cluster=arguments.cluster,
+        unit_s=arguments.unit,
+        preview=not arguments.no_preview,
+        lens_drops=arguments.lens_drops,
+        leaf_wind_mps=arguments.leaf_wind,
+        **others,
+    )
