@@ -80,10 +80,8 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
     words = config.methods or tuple(name for name, system in SYSTEMS.items() if system.is_installed)
     systems = [(word, system_of(word)) for word in words]
     for _, system in systems:
-        if not system.is_installed:
-            raise MissingDependencyError(
-                f'{system.title} is not installed; pip install "carlaloc-env[{system.extra}]"'
-            )
+        if system.missing:
+            raise MissingDependencyError(system.missing)
     jobs = plan_jobs(sequences, systems, runs=config.runs, clouds=config.clouds)
     if not jobs:
         raise ConfigError("nothing to run; choose other methods or clouds")
@@ -171,6 +169,9 @@ def _fingerprint(job: Job, config: BenchmarkConfig) -> str:
         json.dumps(asdict(config.rule)),
         f"{config.limit_per_second:g}",
     ]
+    if job.system.file:
+        given = Path(os.environ[job.system.file]).stat()
+        facts.append(f"{given.st_size} {given.st_mtime_ns}")
     return hashlib.sha256(data + source + "\n".join(facts).encode()).hexdigest()[:32]
 
 

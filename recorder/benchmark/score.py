@@ -19,7 +19,7 @@ from recorder.slam.isolated_run import RunRecord
 from recorder.slam.sequence import SlamSequence
 
 RESULT = "result.json"
-_FORMAT = 1
+_FORMAT = 2
 """Changes when older results would be read wrongly."""
 
 
@@ -54,6 +54,8 @@ class Score:
     """Share of the frames that have a pose, 0–1."""
     alignment: str = ""
     """What was fitted."""
+    visual: bool = False
+    """Whether it reads images."""
     frame: str = ""
     """Frame whose truth it was compared with."""
     instant: float = 0.0
@@ -106,6 +108,7 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
         "run": job.run,
         "version": record.version,
         "movers": job.sequence.movers,
+        "visual": job.system.is_visual,
         "frame": job.system.frame,
         "instant": job.system.instant,
         "alignment": job.system.alignment.value,

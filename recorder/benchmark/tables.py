@@ -79,8 +79,8 @@ def latex(scores: Sequence[Score]) -> str:
 def all_tables(scores: Sequence[Score]) -> list[tuple[str, Rows]]:
     """Titles and rows: errors of visual and LiDAR systems as in Tables II and IV, ratios, and costs."""
     titles = {score.method: score.title for score in scores}
-    visual = [score for score in scores if score.frame == "camera"]
-    lidar = [score for score in scores if score.frame != "camera"]
+    visual = [score for score in scores if score.visual]
+    lidar = [score for score in scores if not score.visual]
     found: list[tuple[str, Rows]] = []
     for name, part, by_weather in (("Visual", visual, True), ("LiDAR", lidar, False)):
         if not part:

@@ -55,7 +55,8 @@ def run_job(job: dict[str, Any]) -> None:
     write_tum(out / ESTIMATE, _trajectory(poses, offset_ns, system))
     rows = [f"{w:.6f},{c:.6f}" for w, c in zip(clock.wall_s, clock.cpu_s, strict=True)]
     (out / FRAMES).write_text("\n".join(["wall [s],cpu [s]", *rows]) + "\n", encoding="utf-8")
-    facts = {"version": system.version, "frames": len(clock.wall_s), "poses": len(poses)}
+    version = ", ".join([system.version, *clock.notes])
+    facts = {"version": version, "frames": len(clock.wall_s), "poses": len(poses)}
     (out / FACTS).write_text(json.dumps(facts) + "\n", encoding="utf-8")
 
 

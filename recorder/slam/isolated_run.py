@@ -100,21 +100,38 @@ def run_isolated(
 
 
 class _PeakMemory:
-    """Largest resident memory of a process, asked for while it runs.
+    """Largest resident memory of a process and those that it has started, asked for while they run.
 
     What the system tells of an ended child counts its parent's memory as well: it is taken before `exec`.
     """
 
     def __init__(self, pid: int) -> None:
-        self._file = Path(f"/proc/{pid}/status")
+        self._pid = pid
         self.peak_mb = float("nan")
 
     def look(self) -> None:
         """Ask once more; a system without ``/proc`` gives NaN."""
-        with suppress(OSError, ValueError):
-            for line in self._file.read_text().splitlines():
-                if line.startswith("VmHWM:"):
-                    self.peak_mb = float(line.split()[1]) / 1024.0
+        found = [_high_water_mb(pid) for pid in (self._pid, *_descendants(self._pid))]
+        self.peak_mb = float(np.nanmax([self.peak_mb, sum(found)])) if found[0] else self.peak_mb
+
+
+def _high_water_mb(pid: int) -> float:
+    """Largest resident memory of one process so far [MB]; 0: it has ended."""
+    with suppress(OSError, ValueError):
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return float(line.split()[1]) / 1024.0
+    return 0.0
+
+
+def _descendants(pid: int) -> list[int]:
+    """Processes below one."""
+    found: list[int] = []
+    with suppress(OSError, ValueError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            for child in (task / "children").read_text().split():
+                found += [int(child), *_descendants(int(child))]
+    return found
 
 
 @dataclass(frozen=True, slots=True)

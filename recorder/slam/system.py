@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib import metadata
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TypeAlias
 
 from carlaloc_env.core.array_types import Array
@@ -28,7 +32,9 @@ class FrameClock:
     wall_s: list[float] = field(default_factory=list)
     """Time of each frame on the clock [s]."""
     cpu_s: list[float] = field(default_factory=list)
-    """Processor time of each frame, all threads together [s]."""
+    """Processor time of each frame, all threads of this process together [s]."""
+    notes: list[str] = field(default_factory=list)
+    """What a reader of the results must know, shown behind the version."""
 
     @contextmanager
     def frame(self, count: int = 1) -> Iterator[None]:
@@ -69,20 +75,56 @@ class System:
     """What pip calls it."""
     extra: str = "slam"
     """Extra of this package that installs it."""
+    python: str | None = None
+    """Environment variable that names the Python which has the library, if not this one."""
+    file: str | None = None
+    """Environment variable that names a file without which it does not start."""
+    file_hint: str = ""
+    """How to get that file."""
     alignment: Alignment = Alignment.SE3
     """What is fitted before errors are measured; never scale for stereo, LiDAR or inertial systems."""
 
     @property
     def is_installed(self) -> bool:
-        """Whether its library can be found; it is not imported for that."""
-        return self.library is None or find_spec(self.library) is not None
+        """Whether it could run; its library is not imported for that."""
+        return not self.missing
+
+    @property
+    def missing(self) -> str:
+        """What it lacks and the next step; empty: nothing."""
+        if self.library is not None and not self._found:
+            where = f" for {os.environ[self.python]}" if self.python and os.environ.get(self.python) else ""
+            return f'{self.title} is not installed{where}; pip install "carlaloc-env[{self.extra}]"'
+        if self.file and not Path(os.environ.get(self.file, "")).is_file():
+            return f"{self.title} needs a file that {self.file} names; {self.file_hint}"
+        return ""
 
     @property
     def version(self) -> str:
         """Version of the library."""
-        return metadata.version(self.package) if self.package and self.is_installed else "own"
+        return self._found if self.package and self._found else "own"
+
+    @property
+    def _found(self) -> str:
+        """Version of the library; empty: it is not there."""
+        other = os.environ.get(self.python) if self.python else None
+        if other:
+            return _version_by(other, self.package or "")
+        if self.library is None or find_spec(self.library) is None:
+            return ""
+        return metadata.version(self.package) if self.package else "own"
 
     @property
     def is_visual(self) -> bool:
         """Whether it reads images, so that weather and light matter to it."""
         return "stereo" in self.needs
+
+
+@lru_cache
+def _version_by(python: str, package: str) -> str:
+    """Version of a package in another Python; empty: it is not there."""
+    words = [python, "-c", "import importlib.metadata as m, sys; print(m.version(sys.argv[1]))", package]
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=True, timeout=60).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return ""

@@ -27,6 +27,23 @@ def _evalio(name: str, title: str, what: str, *needs: str) -> System:
     )
 
 
+def _orbslam3(name: str, title: str, mode: str, frame: str, *needs: str) -> System:
+    return System(
+        name=name,
+        title=title,
+        what=f"ORB-SLAM3 (Campos et al. 2021), {mode}, without loop closures",
+        needs=needs,
+        runner=f"{_RUNNERS}.orbslam3:{mode.replace('-', '_')}",
+        frame=frame,
+        library="pyorbslam3",
+        package="pyorbslam3",
+        extra="orbslam3",
+        python="CARLALOC_ORBSLAM3_PYTHON",
+        file="CARLALOC_ORBSLAM3_VOCABULARY",
+        file_hint="give ORBvoc.txt of its authors, or train one: carlaloc vocabulary DATA --out orb.txt",
+    )
+
+
 SYSTEMS = {
     system.name: system
     for system in (
@@ -84,6 +101,8 @@ SYSTEMS = {
         _evalio("ct_icp", "CT-ICP", "LiDAR odometry in continuous time (Dellenbach et al. 2022)"),
         _evalio("mad_icp", "MAD-ICP", "LiDAR odometry (Ferrari et al. 2024)"),
         _evalio("form", "FORM", "LiDAR odometry with a fixed lag (Potokar and Kaess 2025)"),
+        _orbslam3("orbslam3_stereo", "ORB-SLAM3 SVO", "stereo", "camera", "stereo"),
+        _orbslam3("orbslam3_stereo_inertial", "ORB-SLAM3 SVIO", "stereo-inertial", "imu", "stereo", "imu"),
         System(
             name="stereo_vo",
             title="stereo-vo",
