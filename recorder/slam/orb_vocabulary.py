@@ -1,8 +1,8 @@
 """A vocabulary of ORB features, trained on a dataset's own images, in the text format of DBoW2.
 
 ORB-SLAM3 does not start without a vocabulary. The one of its authors (``ORBvoc.txt``, 139 MB) is better where
-loops are closed; where they are not, as in the benchmark, words only serve to match neighbouring images. The tree is
-that of Gálvez-López and Tardós (T-RO 2012): k-majority on bits, level by level.
+loops are closed; where they are not, as in the benchmark, words only serve to match neighbouring images.
+The tree is that of Gálvez-López and Tardós (T-RO 2012): k-majority on bits, level by level.
 """
 
 from __future__ import annotations
