@@ -7,8 +7,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.benchmark.plan import Job
+from recorder.evaluation.align import attitude_errors_deg
 from recorder.evaluation.associate import Association
 from recorder.evaluation.evaluate import EvaluationResult, evaluate
 from recorder.evaluation.failure import FailRule
@@ -19,7 +22,7 @@ from recorder.slam.isolated_run import RunRecord
 from recorder.slam.sequence import SlamSequence
 
 RESULT = "result.json"
-_FORMAT = 2
+_FORMAT = 3
 """Changes when older results would be read wrongly."""
 
 
@@ -41,7 +44,9 @@ class Score:
     ape_m: float = float("nan")
     """Position error, RMSE [m]."""
     ape_deg: float = float("nan")
-    """Rotation error, RMSE [deg]."""
+    """Rotation error as evo has it, behind a fit of positions, RMSE [deg]; a straight way leaves roll open."""
+    attitude_deg: float = float("nan")
+    """Rotation error behind a fit of the attitudes themselves, RMSE [deg]."""
     rpe_paper_m: float = float("nan")
     """The paper's relative error, RMSE [m]."""
     rpe_m: float = float("nan")
@@ -132,6 +137,7 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
         failed=rule.why_failed(result),
         ape_m=result.statistics[Metric.APE_TRANSLATION].rmse,
         ape_deg=result.statistics[Metric.APE_ROTATION].rmse,
+        attitude_deg=float(np.sqrt(np.mean(attitude_errors_deg(result.truth, result.estimate) ** 2))),
         rpe_paper_m=result.statistics[Metric.RPE_PAPER].rmse,
         rpe_m=result.statistics[Metric.RPE_TRANSLATION].rmse,
         kitti_percent=sum(s.translation_percent * s.segments for s in segments) / count

@@ -92,6 +92,10 @@ def all_tables(scores: Sequence[Score]) -> list[tuple[str, Rows]]:
         found.append(
             (f"{name} systems: RPE as in the paper [m], RMSE", error_rows(rpe, titles, by_weather=by_weather))
         )
+        turned = cells(part, lambda score: score.attitude_deg)
+        found.append(
+            (f"{name} systems: attitude [deg], RMSE", error_rows(turned, titles, by_weather=by_weather))
+        )
         drift = cells(part, lambda score: score.kitti_percent)
         rows = error_rows(drift, titles, by_weather=by_weather)
         found.append((f"{name} systems: drift over KITTI's segments [%]", rows))

@@ -69,10 +69,9 @@ def _topics() -> dict[str, str]:
 
 
 def _methods() -> dict[str, str]:
-    from recorder.slam.methods import METHODS
+    from recorder.slam.systems import SYSTEMS
 
-    missing = '; not installed: pip install "carlaloc-env[slam]"'
-    return {name: m.what + ("" if m.is_installed else missing) for name, m in METHODS.items()}
+    return {name: s.what + (f"; {s.missing}" if s.missing else "") for name, s in SYSTEMS.items()}
 
 
 def _devices() -> dict[str, str]:

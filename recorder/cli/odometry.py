@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc odometry`."""
     parser.add_argument("bag", type=input_path, help="bag with point clouds")
     parser.add_argument("--out", type=OutputFile(".tum", ".txt"), required=True, help="TUM file to write")
-    parser.add_argument("--method", default="kiss_icp", help="kiss_icp or gicp (default: kiss_icp)")
+    parser.add_argument("--method", default="kiss_icp", help="kiss_icp, genz_icp or gicp (default: kiss_icp)")
     parser.add_argument("--topic", default="/lidar/points", help="default: /lidar/points")
     force_option(parser, "an older trajectory")
 
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the method."""
     from recorder.evaluation.trajectory_files import write_tum
-    from recorder.slam.methods import run_odometry
+    from recorder.slam.bag_odometry import run_odometry
 
     with Progress(arguments.method) as progress:
         trajectory = run_odometry(arguments.bag, arguments.method, arguments.topic, progress.update)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
@@ -96,6 +97,31 @@ def umeyama(x_m: Array, y_m: Array, *, with_scale: bool = False, name: str = "")
     R = (U * sign) @ Vt
     scale = float(np.sum(d * sign) / np.mean(np.sum(dx * dx, axis=1))) if with_scale else 1.0
     return Similarity(R=R, t=mean_y - scale * (R @ mean_x), scale=scale)
+
+
+def fit_attitudes(truth: Trajectory, estimate: Trajectory) -> Array:
+    """Rotation that lays the attitudes of an estimate over the true ones, shape (3, 3).
+
+    Positions determine no roll about a straight way, attitudes do. It minimises the chordal distances of
+    all pairs: Hartley et al., "Rotation averaging", IJCV 103 (2013), section 5.3.
+
+    Args:
+        truth: True poses, one per pair.
+        estimate: Their partners.
+    """
+    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
+    U, _, Vt = np.linalg.svd(np.einsum("nij,nkj->ik", true, own))
+    R: Array = (U * [1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    return R
+
+
+def attitude_errors_deg(truth: Trajectory, estimate: Trajectory) -> Array:
+    """Angles between true and estimated attitudes [deg] after `fit_attitudes`, shape (N,)."""
+    R = fit_attitudes(truth, estimate)
+    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
+    rest = np.einsum("nji,njk->nik", true, R @ own)
+    angles: Array = np.degrees(Rotation.from_matrix(rest).magnitude())
+    return angles
 
 
 def _posyaw(estimate: Trajectory, truth: Trajectory) -> Similarity:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,13 @@ class Scan:
             intensity=part(self.intensity),
             tag=part(self.tag),
         )
+
+
+class ScanSource(Protocol):
+    """What gives sweeps: a sequence of a dataset, or a topic of a bag."""
+
+    def scans(self) -> Iterator[Scan]:
+        """All sweeps."""
 
 
 def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:

@@ -15,8 +15,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.array_types import Array
-from recorder.slam.gicp import gicp_odometry
-from recorder.slam.kiss_icp import kiss_icp_odometry
+from recorder.slam.bag_odometry import gicp_odometry, kiss_icp_odometry
 
 TOPIC = "/lidar/points"
 SWEEP_S, SWEEPS = 0.05, 60

@@ -21,8 +21,7 @@ from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.generation.dataset_manifest import checksums
 from recorder.generation.replay import ReplayConfig, ReplayResult, replay
-from recorder.slam.gicp import gicp_odometry
-from recorder.slam.kiss_icp import kiss_icp_odometry
+from recorder.slam.bag_odometry import gicp_odometry, kiss_icp_odometry
 
 
 @pytest.fixture(scope="module")

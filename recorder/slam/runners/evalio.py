@@ -73,7 +73,8 @@ def _lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
         raise ValueError("the clouds have no ring or intensity")
     rows, columns = len(sequence.lidar.elevations_deg), sequence.lidar.columns
     sweep_s = sequence.lidar.sweep_ns * 1e-9
-    column = np.clip((scan.time_s / sweep_s * columns + 1e-6).astype(int), 0, columns - 1)
+    # A float32 of seconds is exact to some 1e-4 columns; a point just below its column would take the last one.
+    column = np.clip((scan.time_s / sweep_s * columns + 1e-2).astype(int), 0, columns - 1)
     empty_ns = np.rint(np.arange(columns) * sweep_s / columns * 1e9).astype(int).tolist()
     duration = types.Duration.from_nsec
     grid = [types.Point(t=duration(empty_ns[c]), row=r, col=c) for r in range(rows) for c in range(columns)]

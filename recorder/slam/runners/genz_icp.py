@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from recorder.slam.sequence import SlamSequence
+from recorder.slam.scans import ScanSource
 from recorder.slam.system import FrameClock, StampedPose
 
 RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
 """Returns outside are not used [m]."""
 
 
-def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
     """Poses of the LiDAR."""
     from genz_icp.config import GenZConfig
     from genz_icp.genz_icp import GenZICP

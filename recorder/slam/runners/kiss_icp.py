@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from recorder.slam.sequence import SlamSequence
+from recorder.slam.scans import ScanSource
 from recorder.slam.system import FrameClock, StampedPose
 
 RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
 """Returns outside are not used [m]; the voxels of its map are a hundredth of the larger."""
 
 
-def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
     """Poses of the LiDAR."""
     from kiss_icp.config import KISSConfig
     from kiss_icp.kiss_icp import KissICP

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recorder.slam.sequence import SlamSequence
+from recorder.slam.scans import ScanSource
 from recorder.slam.system import FrameClock, StampedPose
 
 RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
@@ -13,7 +13,7 @@ POINT_SPACING_M, VOXEL_M = 0.25, 1.0
 """Spacing of a scan's points after thinning [m] and edge of the map's voxels [m]."""
 
 
-def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
     """Poses of the LiDAR."""
     import small_gicp
 

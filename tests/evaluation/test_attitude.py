@@ -1,0 +1,43 @@
+"""Attitude errors: what a straight way leaves open, and how they are found all the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from recorder.evaluation.align import attitude_errors_deg
+from recorder.evaluation.evaluate import evaluate
+from recorder.evaluation.metrics import Metric
+from recorder.evaluation.trajectory import Trajectory
+
+
+def trajectory(position_m: np.ndarray, attitude: Rotation) -> Trajectory:
+    stamp_ns = np.arange(len(position_m)) * 100_000_000
+    return Trajectory(stamp_ns=stamp_ns, position_m=position_m, quat_xyzw=attitude.as_quat(), name="t")
+
+
+def test_a_straight_way_leaves_the_roll_open_to_positions_but_not_to_attitudes() -> None:
+    """Millimetres of noise beside a straight way turn evo's rotation error; attitudes are without a flaw."""
+    draw = np.random.default_rng(2)
+    way = np.column_stack([np.linspace(0.0, 50.0, 300), np.zeros((300, 2))])
+    attitude = Rotation.from_euler("z", draw.normal(0.0, 0.1, (300, 1)))
+    truth = trajectory(way + draw.normal(0.0, 1e-3, (300, 3)), attitude)
+    start = Rotation.from_euler("xyz", [0.3, -0.2, 1.0])
+    noisy = start.apply(way + draw.normal(0.0, 1e-3, (300, 3)))
+    estimate = trajectory(noisy, start * attitude)
+    result = evaluate(truth, estimate)
+    assert result.statistics[Metric.APE_TRANSLATION].rmse < 0.005
+    assert result.statistics[Metric.APE_ROTATION].rmse > 5.0
+    assert attitude_errors_deg(result.truth, result.estimate).max() < 1e-5
+
+
+def test_a_known_error_is_found() -> None:
+    """Errors of ±a about one axis: no fit makes them smaller than a."""
+    attitude = Rotation.random(100, random_state=4)
+    way = np.random.default_rng(1).normal(size=(100, 3))
+    sign = np.tile([1.0, -1.0], 50)
+    wrong = Rotation.from_rotvec(np.radians(3.0) * sign[:, None] * [0.0, 0.0, 1.0]) * attitude
+    turned = Rotation.from_euler("x", 40, degrees=True) * wrong
+    errors = attitude_errors_deg(trajectory(way, attitude), trajectory(way, turned))
+    assert errors == pytest.approx(np.full(100, 3.0), abs=1e-6)
