@@ -44,7 +44,7 @@ class Score:
     ape_m: float = float("nan")
     """Position error, RMSE [m]."""
     ape_deg: float = float("nan")
-    """Rotation error as evo has it, behind a fit of positions, RMSE [deg]; a straight way leaves roll open."""
+    """Rotation error as evo has it, behind a fit of positions, RMSE [deg]."""
     attitude_deg: float = float("nan")
     """Rotation error behind a fit of the attitudes themselves, RMSE [deg]."""
     rpe_paper_m: float = float("nan")

@@ -73,7 +73,7 @@ def _lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
         raise ValueError("the clouds have no ring or intensity")
     rows, columns = len(sequence.lidar.elevations_deg), sequence.lidar.columns
     sweep_s = sequence.lidar.sweep_ns * 1e-9
-    # A float32 of seconds is exact to some 1e-4 columns; a point just below its column would take the last one.
+    # Times are float32: one that falls a breath before its column must not take the cell of the last.
     column = np.clip((scan.time_s / sweep_s * columns + 1e-2).astype(int), 0, columns - 1)
     empty_ns = np.rint(np.arange(columns) * sweep_s / columns * 1e9).astype(int).tolist()
     duration = types.Duration.from_nsec
