@@ -15,8 +15,12 @@ DEPTH_RANGE_M = (2.0, 200.0)
 """Depths shown from black to white on a logarithmic scale [m]."""
 LIDAR_REACH_M = 42.0
 """Half the width of the view from above [m]."""
+STILL_RGB, MOVING_RGB = (60, 230, 60), (255, 190, 40)
+"""Colours of points in the view from above, sRGB."""
 PANELS = {"rgb": "RGB", "depth": "depth", "semantic": "semantic", "cloud": "LiDAR from above"}
 """Labels of a mosaic's panels, by name, in their order."""
+_COLOUR_OF_TAG = np.tile(np.array(STILL_RGB, np.uint8), (256, 1))
+_COLOUR_OF_TAG[[int(tag) for tag in DYNAMIC_TAGS]] = MOVING_RGB
 
 
 def depth_image(depth: DepthImage) -> U8:
@@ -39,10 +43,7 @@ def lidar_image(cloud: PointCloud, width_px: int, height_px: int) -> U8:
     v = np.round(height_px / 2 - cloud.points_xyz_m[:, 0] * scale).astype(np.int64)
     seen = (u >= 0) & (u < width_px) & (v >= 0) & (v < height_px)
     image = np.zeros((height_px, width_px, 3), np.uint8)
-    colour = np.broadcast_to(np.array([60, 230, 60], np.uint8), (len(u), 3)).copy()
-    if cloud.tag is not None:
-        colour[np.isin(cloud.tag, [int(tag) for tag in DYNAMIC_TAGS])] = (255, 190, 40)
-    image[v[seen], u[seen]] = colour[seen]
+    image[v[seen], u[seen]] = STILL_RGB if cloud.tag is None else _COLOUR_OF_TAG[cloud.tag[seen]]
     return image
 
 
