@@ -15,6 +15,7 @@ from typing import Any
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import ConfigError, DeviceError, unknown_name
+from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
@@ -144,6 +145,13 @@ class _Drive:
         self, config: RecordConfig, driver: Device, progress: Progress | None, stack: ExitStack
     ) -> None:
         self._config, self._driver, self._progress, self._stack = config, driver, progress, stack
+        stack.callback(self._let_go)
+
+    def _let_go(self) -> None:
+        """Free the town, which drive and session would keep in a ring until somebody looks for rings."""
+        for name in ("session", "world"):
+            vars(self).pop(name, None)
+        give_back_freed_memory()
 
     def prepare(self, show: Callable[[Town, Weather], None] | None = None) -> None:
         """Build the living town.

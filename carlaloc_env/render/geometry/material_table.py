@@ -48,7 +48,7 @@ def upload_textures(
     context = programs.context
     layers, height, width = albedo.shape[:3]
     linear = context.texture_array(
-        (width, height, layers), 4, np.ascontiguousarray(albedo, np.float16).tobytes(), dtype="f2"
+        (width, height, layers), 4, np.ascontiguousarray(albedo, np.float16), dtype="f2"
     )
     linear.build_mipmaps()
     linear.filter = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)

@@ -138,8 +138,8 @@ class MeshBuffers:
         # OpenGL refuses empty buffers; one unused vertex stands in for an empty scene.
         vertices = pack_vertices(whole) if len(whole.vertices_m) else np.zeros(1, VERTEX)
         indices = whole.triangles.astype(np.uint32) if len(whole.triangles) else np.zeros(3, np.uint32)
-        self.vertices = context.buffer(vertices.tobytes())
-        self.indices = context.buffer(indices.tobytes())
+        self.vertices = context.buffer(vertices.view(np.uint8))
+        self.indices = context.buffer(indices)
         self._commands = GrowingBuffer(context, 20 * (len(self.count) + 1))
         self._arrays: dict[tuple[int, int, int], moderngl.VertexArray] = {}
         # A graphics card is done with a triangle sooner than a CPU has found out that it does not show.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.render.geometry.clusters import cut, in_order
 from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers, seen_from_front
@@ -79,15 +80,16 @@ class StaticScene:
             _cut_level([chunk if how is None else coarse(chunk, how) for chunk in chunks], level)
             for level, how in enumerate((None, *far))
         ]
-        self.layers = [
-            _layer(context, [part[k] for part in parts], culled, sort)
-            for k, (culled, sort) in enumerate(_LAYERS)
-        ]
         tables = [part[k].table for k in range(len(_LAYERS)) for part in parts]
         self._end = np.cumsum([sum(len(part[k].count) for part in parts) for k in range(len(_LAYERS))])
         self.clusters = _Table(
             **{name: np.concatenate([getattr(table, name) for table in tables]) for name in _Table.__slots__}
         )
+        # Parts are let go as soon as they are uploaded: together they are as large as the buffers.
+        self.layers = [
+            _layer(context, [part.pop(0) for part in parts], culled, sort) for culled, sort in _LAYERS
+        ]
+        give_back_freed_memory()
 
     @property
     def low_m(self) -> Array:
