@@ -82,7 +82,7 @@ def map_figure(truth_m: Array, lines: Sequence[Line], lanes_m: Sequence[Array]) 
     return "".join(parts)
 
 
-def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str) -> str:
+def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str, axis: int = 0) -> str:
     """Curves from zero upwards; a click on them tells the page the abscissa.
 
     Args:
@@ -90,6 +90,7 @@ def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str
         x_label: What is to the right.
         y_label: What is upwards.
         name: Name of the gallery whose picture a click shows.
+        axis: Which number of the gallery's pictures the abscissa is: 0 time, 1 distance.
     """
     width, height, left, below = 460.0, 240.0, 50.0, 34.0
     x_max = max(float(line.x.max()) for line in lines) or 1.0
@@ -97,7 +98,8 @@ def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str
     inner_x, inner_y = width - left - 10, height - below - 10
     parts = [
         f'<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{escape(y_label)}" class="curve" '
-        f'data-gallery="{name}" data-xmax="{x_max:.4f}" data-left="{left}" data-inner="{inner_x}">'
+        f'data-gallery="{name}" data-xmax="{x_max:.4f}" data-left="{left}" '
+        f'data-inner="{inner_x}" data-axis="{axis}">'
     ]
     for k in range(5):
         y = 10 + inner_y * (1 - k / 4)
@@ -120,7 +122,8 @@ def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str
         cx, cy = left + inner_x * line.x[peak] / x_max, 10 + inner_y * (1 - line.y[peak] / y_max)
         parts.append(
             f'<circle class="peak" cx="{cx:.1f}" cy="{cy:.1f}" r="5" fill="{line.colour}">'
-            f"<title>{escape(line.label)}: {line.y[peak]:.3f} m at {line.x[peak]:.1f} s</title></circle>"
+            f"<title>{escape(line.label)}: {line.y[peak]:.3f} m at {line.x[peak]:.1f} {'sm'[axis]}</title>"
+            "</circle>"
         )
     parts.append(
         f'<line class="cursor" y1="10" y2="{10 + inner_y}" x1="-9" x2="-9"/>'
@@ -132,35 +135,104 @@ def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str
     return "".join(parts)
 
 
-def box_figure(boxes: Sequence[tuple[str, str, Array]], x_label: str) -> str:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Box:
+    """A row of a figure of boxes."""
+
+    label: str
+    """What it is called."""
+    colour: str
+    """Its colour."""
+    values: Array
+    """What is summed up, shape (N,); empty where all runs failed."""
+    failed: int = 0
+    """Runs that failed."""
+    runs: int = 1
+    """Runs in all."""
+
+
+def box_figure(boxes: Sequence[Box], x_label: str) -> str:
     """Boxes of the quartiles and the median, whiskers from the 5th to the 95th percentile.
 
+    Failed runs are told in words: their errors would be no errors of a system that works, and without them
+    a system that fails often would look good.
+
     Args:
-        boxes: Label, colour and values of each.
+        boxes: Rows.
         x_label: What is to the right.
     """
     width, row, left = 500.0, 22.0, 225.0
     height = row * len(boxes) + 40
-    found = [np.percentile(values, [5, 25, 50, 75, 95]) for _, _, values in boxes]
+    found = [np.percentile(b.values, [5, 25, 50, 75, 95]) if len(b.values) else np.zeros(5) for b in boxes]
     x_max = max(float(p[-1]) for p in found) * 1.05 or 1.0
     inner = width - left - 12
     parts = [_open(width, height, x_label)]
-    for k, ((label, colour, _), at) in enumerate(zip(boxes, found, strict=True)):
+    for k, (box, at) in enumerate(zip(boxes, found, strict=True)):
         y = row * k + 14
+        parts.append(f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{escape(box.label)}</text>')
         a, b, c, d, e = (left + inner * at / x_max).tolist()
+        if len(box.values):
+            parts.append(
+                f'<line class="axis" x1="{a:.1f}" x2="{e:.1f}" y1="{y}" y2="{y}"/>'
+                f'<rect x="{b:.1f}" y="{y - 7}" width="{max(d - b, 1):.1f}" height="14" '
+                f'fill="{box.colour}" opacity="0.75"/>'
+                f'<line class="median" x1="{c:.1f}" x2="{c:.1f}" y1="{y - 8}" y2="{y + 8}"/>'
+            )
+        if box.failed:
+            told = "fail" if box.failed == box.runs else f"{box.failed} of {box.runs} fail"
+            x, anchor = (e + 6, "start") if e < left + 0.7 * inner else (a - 6, "end")
+            parts.append(
+                f'<text class="failed" x="{x:.1f}" y="{y + 4}" text-anchor="{anchor}">✕ {told}</text>'
+            )
+    parts.append(_ticks(left, inner, height, x_max, x_label))
+    return "".join(parts)
+
+
+def real_time_figure(bars: Sequence[tuple[str, str, float]]) -> str:
+    """Bars of the median time of a frame by the time between frames, logarithmic, with a line at real time.
+
+    Args:
+        bars: Label, colour and ratio of each; beyond 1 it does not keep up.
+    """
+    width, row, left = 500.0, 22.0, 225.0
+    height, inner = row * len(bars) + 40, width - left - 42
+    decades = np.log10([ratio for _, _, ratio in bars])
+    low = min(float(np.floor(decades.min())), -1.0)
+    high = max(float(np.ceil(decades.max())), 1.0)
+
+    def x_of(decade: float) -> float:
+        return left + inner * (decade - low) / (high - low)
+
+    label = "time of a frame by the time between frames"
+    parts = [_open(width, height, label)]
+    for k, ((name, colour, ratio), decade) in enumerate(zip(bars, decades.tolist(), strict=True)):
+        y = row * k + 14
         parts.append(
-            f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{escape(label)}</text>'
-            f'<line class="axis" x1="{a:.1f}" x2="{e:.1f}" y1="{y}" y2="{y}"/>'
-            f'<rect x="{b:.1f}" y="{y - 7}" width="{max(d - b, 1):.1f}" height="14" fill="{colour}" '
-            'opacity="0.75"/>'
-            f'<line class="median" x1="{c:.1f}" x2="{c:.1f}" y1="{y - 8}" y2="{y + 8}"/>'
+            f'<text x="{left - 6}" y="{y + 4}" text-anchor="end">{escape(name)}</text>'
+            f'<rect x="{left}" y="{y - 7}" width="{max(x_of(decade) - left, 1):.1f}" height="14" '
+            f'fill="{colour}" opacity="0.75"/>'
+            f'<text x="{x_of(decade) + 4:.1f}" y="{y + 4}">×{ratio:.2g}</text>'
         )
-    for k in range(5):
-        x = left + inner * k / 4
-        parts.append(f'<text x="{x:.1f}" y="{height - 18}" text-anchor="middle">{x_max * k / 4:.2g}</text>')
+    for decade in range(int(low), int(high) + 1):
+        x = x_of(decade)
+        parts.append(f'<text x="{x:.1f}" y="{height - 18}" text-anchor="middle">{10.0**decade:g}</text>')
+    x = x_of(0.0)
     parts.append(
-        f'<text x="{left + inner / 2}" y="{height - 3}" text-anchor="middle">{escape(x_label)}</text></svg>'
+        f'<line class="cursor" x1="{x:.1f}" x2="{x:.1f}" y1="2" y2="{height - 32}"/>'
+        f'<text x="{left + inner / 2}" y="{height - 3}" text-anchor="middle">{label}; 1 is real time</text>'
+        "</svg>"
     )
+    return "".join(parts)
+
+
+def _ticks(left: float, inner: float, height: float, x_max: float, label: str) -> str:
+    parts = [
+        f'<text x="{left + inner * k / 4:.1f}" y="{height - 18}" text-anchor="middle">'
+        f"{x_max * k / 4:.2g}</text>"
+        for k in range(5)
+    ]
+    middle = left + inner / 2
+    parts.append(f'<text x="{middle}" y="{height - 3}" text-anchor="middle">{escape(label)}</text></svg>')
     return "".join(parts)
 
 

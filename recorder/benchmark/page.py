@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections import defaultdict
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -13,10 +14,18 @@ import numpy as np
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.benchmark.cells import Condition
-from recorder.benchmark.figures import COLOURS, Line, box_figure, curve_figure, map_figure
+from recorder.benchmark.figures import (
+    COLOURS,
+    Box,
+    Line,
+    box_figure,
+    curve_figure,
+    map_figure,
+    real_time_figure,
+)
 from recorder.benchmark.plan import Job, SequenceFolder
 from recorder.benchmark.run import BenchmarkResult
-from recorder.benchmark.score import evaluate_run, frames_of
+from recorder.benchmark.score import Score, evaluate_run, frames_of
 from recorder.benchmark.tables import RULE, Rows, all_tables
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
@@ -30,7 +39,8 @@ body{font:16px/1.5 system-ui,sans-serif;margin:0 auto;padding:1rem;max-width:128
 h1{margin:.2rem 0}h2{margin-top:2.2rem}section{border-top:1px solid #8886;margin-top:1.5rem}
 .scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.88rem;white-space:nowrap}
 th,td{padding:.25rem .7rem;text-align:left;border-bottom:1px solid #8884}th{border-bottom:2px solid #888a}
-.fail{color:#c33}.row{display:grid;gap:1rem;grid-template-columns:repeat(auto-fit,minmax(min(100%,360px),1fr))}
+.fail{color:#c33}svg text.failed{fill:#c33}
+svg+svg{margin-top:.6rem}.row{display:grid;gap:1rem;grid-template-columns:repeat(auto-fit,minmax(min(100%,360px),1fr))}
 figure{margin:0}
 .boxes svg{max-width:820px}figcaption{font-size:.85rem;opacity:.8}
 svg{width:100%;height:auto;background:#8881;border-radius:6px}
@@ -48,14 +58,16 @@ document.querySelectorAll('svg.curve').forEach(svg=>{
  const img=document.getElementById('img-'+svg.dataset.gallery);
  const cap=document.getElementById('cap-'+svg.dataset.gallery);
  if(!stills.length)return;
- const show=t=>{let b=stills[0];for(const s of stills)if(Math.abs(s[0]-t)<Math.abs(b[0]-t))b=s;
-  img.src=b[1];cap.textContent='t = '+b[0].toFixed(1)+' s';
-  const x=+svg.dataset.left+svg.dataset.inner*b[0]/svg.dataset.xmax,c=svg.querySelector('.cursor');
-  c.setAttribute('x1',x);c.setAttribute('x2',x);};
+ const axis=+svg.dataset.axis;
+ const show=t=>{let b=stills[0];for(const s of stills)if(Math.abs(s[axis]-t)<Math.abs(b[axis]-t))b=s;
+  img.src=b[2];cap.textContent='t = '+b[0].toFixed(1)+' s, '+b[1].toFixed(0)+' m';
+  document.querySelectorAll('svg.curve[data-gallery="'+svg.dataset.gallery+'"]').forEach(g=>{
+   const x=+g.dataset.left+g.dataset.inner*b[+g.dataset.axis]/g.dataset.xmax,c=g.querySelector('.cursor');
+   c.setAttribute('x1',x);c.setAttribute('x2',x);});};
  svg.addEventListener('click',e=>{const r=svg.getBoundingClientRect();
   const x=(e.clientX-r.left)/r.width*svg.viewBox.baseVal.width;
   show((x-svg.dataset.left)/svg.dataset.inner*svg.dataset.xmax);});
- show(stills[Math.min(stills.length-1,+svg.dataset.first||0)][0]);
+ show(stills[0][axis]);
 });
 """
 
@@ -76,18 +88,16 @@ def write_page(result: BenchmarkResult, out: Path) -> Path:
     for title, rows in all_tables(result.scores):
         parts.append(f"<h2>{escape(title)}</h2>{_table(rows)}")
     evaluated = _evaluated(result, out)
-    boxes = [
-        (f"{job.system.title}, {job.sequence.town} {_condition(job)}", colour[job.system.name],
-         found.values[Metric.APE_TRANSLATION])
-        for job, found in evaluated
-    ]  # fmt: skip
-    if boxes:
-        parts.append(
-            "<h2>Position errors of all poses</h2>"
-            + f'<div class="boxes">{box_figure(boxes, "APE [m]; 5, 25, 50, 75, 95 %")}</div>'
-        )
+    boxes = _boxes(result, evaluated, colour)
+    parts.append(
+        "<h2>Position errors of all poses</h2>"
+        f'<div class="boxes">{box_figure(boxes, "APE [m]; 5, 25, 50, 75, 95 %")}</div>'
+    )
+    bars = _real_time(result.scores, colour)
+    if bars:
+        parts.append(f'<h2>Run time</h2><div class="boxes">{real_time_figure(bars)}</div>')
     for k, sequence in enumerate(result.sequences):
-        here = [(job, found) for job, found in evaluated if job.sequence == sequence]
+        here = [(job, found) for job, found in evaluated if job.sequence == sequence and job.run == 1]
         if here:
             parts.append(_section(f"s{k}", sequence, here, colour))
     parts.append(f"<script>{_SCRIPT}</script></html>")
@@ -99,31 +109,67 @@ def write_page(result: BenchmarkResult, out: Path) -> Path:
 
 
 def _evaluated(result: BenchmarkResult, out: Path) -> list[tuple[Job, EvaluationResult]]:
-    """The first repetition of all that can be drawn, failed by divergence or not."""
+    """All runs that can be drawn, failed by divergence or not."""
     found = []
     for job, score in zip(result.jobs, result.scores, strict=True):
-        if job.run == 1 and score.coverage > 0:
+        if score.coverage > 0:
             folder = out / job.folder
             found.append((job, evaluate_run(job, folder, frames_of(folder))))
     return found
+
+
+def _boxes(
+    result: BenchmarkResult, evaluated: Sequence[tuple[Job, EvaluationResult]], colour: dict[str, str]
+) -> list[Box]:
+    """A box for each system and condition, of the first run that has not failed."""
+    errors = {id(job): found.values[Metric.APE_TRANSLATION] for job, found in evaluated}
+    grouped: dict[str, list[tuple[Job, Score]]] = defaultdict(list)
+    for job, score in zip(result.jobs, result.scores, strict=True):
+        grouped[f"{job.system.title}, {job.sequence.town} {_condition(job)}"].append((job, score))
+    boxes = []
+    for label, runs in grouped.items():
+        good = [errors[id(job)] for job, score in runs if score.failed is None and id(job) in errors]
+        boxes.append(
+            Box(
+                label=label,
+                colour=colour[runs[0][0].system.name],
+                values=np.concatenate(good) if good else np.zeros(0),
+                failed=sum(score.failed is not None for _, score in runs),
+                runs=len(runs),
+            )
+        )
+    return boxes
+
+
+def _real_time(scores: Sequence[Score], colour: dict[str, str]) -> list[tuple[str, str, float]]:
+    """Title, colour and median ratio of each system that has one."""
+    bars = []
+    for method, hue in colour.items():
+        found = [s for s in scores if s.method == method and np.isfinite(s.real_time) and s.real_time > 0]
+        if found:
+            bars.append((found[0].title, hue, float(np.median([s.real_time for s in found]))))
+    return bars
 
 
 def _section(
     name: str, sequence: SequenceFolder, runs: Sequence[tuple[Job, EvaluationResult]], colour: dict[str, str]
 ) -> str:
     start_ns = min(int(found.truth.stamp_ns[0]) for _, found in runs)
-    lines, curves = [], []
+    lines, curves, over_way = [], [], []
+    longest = max((found for _, found in runs), key=lambda found: found.matched).truth
+    way = ((longest.stamp_ns - start_ns) * 1e-9, longest.distance_m)
     for job, found in runs:
         label = f"{job.system.title}{'' if job.cloud == 'raw' else ' seg'}"
         xy, hue = found.estimate.position_m, colour[job.system.name]
         lines.append(Line(label=label, colour=hue, x=np.asarray(xy[:, 0]), y=np.asarray(xy[:, 1])))
         seconds: Array = (found.truth.stamp_ns - start_ns).astype(np.float64) * 1e-9
-        curves.append(Line(label=label, colour=hue, x=seconds, y=found.values[Metric.APE_TRANSLATION]))
-    longest = max((found for _, found in runs), key=lambda found: found.matched).truth
+        error_m = found.values[Metric.APE_TRANSLATION]
+        curves.append(Line(label=label, colour=hue, x=seconds, y=error_m))
+        over_way.append(Line(label=label, colour=hue, x=np.interp(seconds, *way), y=error_m))
     peaks = [float(curve.x[np.argmax(curve.y)]) for curve in curves]
     stills = _stills(sequence, start_ns, peaks)
     legend = "".join(f'<span><i style="background:{c.colour}"></i>{escape(c.label)}</span>' for c in curves)
-    listed = ",".join(f'[{t:.2f},"{uri}"]' for t, uri in stills)
+    listed = ",".join(f'[{t:.2f},{np.interp(t, *way):.1f},"{uri}"]' for t, uri in stills)
     picture = f'<img id="img-{name}" alt="camera and LiDAR">' if stills else ""
     caption = f'<figcaption id="cap-{name}">{"" if stills else "no preview.mp4"}</figcaption>'
     return (
@@ -132,8 +178,9 @@ def _section(
         f"<span>{longest.length_m:.0f} m, {longest.duration_s:.0f} s, movers {sequence.movers:.1%}</span></p>"
         f'<div class="row"><figure>{map_figure(longest.position_m[:, :2], lines, _lanes(sequence.town))}'
         "<figcaption>aligned, over the lanes of the town</figcaption></figure><figure>"
-        f"{curve_figure(curves, 'time [s]', 'position error [m]', name=name)}<figcaption>click: the picture "
-        f"of that time; dots are the peaks</figcaption>{picture}{caption}</figure></div>"
+        f"{curve_figure(curves, 'time [s]', 'position error [m]', name=name)}"
+        f"{curve_figure(over_way, 'distance [m]', 'position error [m]', name=name, axis=1)}<figcaption>"
+        f"click: the picture of that place; dots are the peaks</figcaption>{picture}{caption}</figure></div>"
         f'<script type="application/json" id="stills-{name}">[{listed}]</script></section>'
     )
 

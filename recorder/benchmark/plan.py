@@ -36,6 +36,8 @@ class SequenceFolder:
     """Largest share of movers of its streams, 0–1."""
     labelled: bool
     """Whether its clouds have labels."""
+    masked: bool
+    """Whether images of two cameras have labels."""
     weather_matters_to_lidar: bool
     """Whether sweeps differ from weather to weather."""
 
@@ -102,6 +104,7 @@ def _sequence(file: Path, root: Path) -> SequenceFolder:
             traffic=str(found["traffic"]["name"]),
             movers=max((float(v) for v in found.get("movers", {}).values()), default=0.0),
             labelled=any(str(name).endswith("_semantic") for name in found["samples"]),
+            masked=sum(str(name).startswith("semantic_") for name in found["samples"]) >= 2,
             weather_matters_to_lidar=any(bool(getattr(lidar, "weather", False)) for lidar in lidars),
         )
     except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
@@ -118,14 +121,14 @@ def plan_jobs(
     """Jobs of all systems over all sequences that can tell something new.
 
     Where the weather does not matter to the LiDAR, its sweeps are the same bytes in all weathers, so that
-    systems without cameras run in the first of them. Clouds without movers are taken of dynamic sequences
-    with labels.
+    systems without cameras run in the first of them. Clouds and images without movers are taken of dynamic
+    sequences with labels.
 
     Args:
         sequences: Where to run.
         systems: What to run: the word that names it, and the system.
         runs: Repetitions.
-        clouds: Which of `RAW` and `SEGMENTED` LiDAR systems are run on.
+        clouds: Which of `RAW` and `SEGMENTED` systems are run on.
     """
     jobs = []
     seen: set[tuple[str, str, str, str]] = set()
@@ -136,8 +139,9 @@ def plan_jobs(
                 if alike in seen:
                     continue
                 seen.add(alike)
-            for cloud in clouds if "lidar" in system.needs else (RAW,):
-                if cloud == SEGMENTED and (sequence.is_static or not sequence.labelled):
+            for cloud in clouds:
+                labelled = sequence.masked if system.is_visual else sequence.labelled
+                if cloud == SEGMENTED and (sequence.is_static or not labelled):
                     continue
                 jobs += [
                     Job(sequence=sequence, method=word, system=system, cloud=cloud, run=run + 1)

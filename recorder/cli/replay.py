@@ -8,11 +8,16 @@ Examples:
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
-from recorder.cli.arguments import input_path, positive_seconds, seconds, seed
+from recorder.cli.arguments import input_path, positive_int, positive_seconds, seconds, seed
 from recorder.cli.progress import Progress
 from recorder.cli.replay_options import add_replay_options, replay_config
+
+if TYPE_CHECKING:
+    from recorder.generation.replay_plan import ReplayConfig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +31,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--camera-duration", type=positive_seconds, metavar="S", help="length of pictures [s]"
     )
     parser.add_argument("--seed", type=seed, help="seed of sensor noise; else the episode's")
+    parser.add_argument(
+        "--noise-seeds",
+        type=positive_int,
+        default=1,
+        metavar="N",
+        help="as many datasets, of this and the next seeds of noise, in OUT/seed<S>",
+    )
     parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
 
 
@@ -43,14 +55,32 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         seed=arguments.seed,
         map=arguments.map,
     )
-    with Progress("replaying") as progress:
-        result = replay(config, progress.update)
+    found = []
+    for one in _of_noise_seeds(config, arguments.noise_seeds):
+        with Progress("replaying") as progress:
+            found.append(replay(one, progress.update))
+    samples: Counter[str] = Counter()
+    for result in found:
+        samples.update(result.samples)
     return {
-        "out": str(result.out),
-        "sequences": [str(path) for path in result.sequences],
-        "ground_truth": str(result.ground_truth),
-        "samples": result.samples,
+        "out": str(arguments.out),
+        "sequences": [str(path) for result in found for path in result.sequences],
+        "ground_truth": str(found[0].ground_truth),
+        "samples": dict(sorted(samples.items())),
     }
+
+
+def _of_noise_seeds(config: ReplayConfig, count: int) -> list[ReplayConfig]:
+    """The replay, or as many that differ in the seed of sensor noise alone, in folders of their own."""
+    if count == 1:
+        return [config]
+    from recorder.episode.episode import open_episode
+
+    first = config.seed
+    if first is None:
+        with open_episode(config.episode) as episode:
+            first = episode.header.seed
+    return [replace(config, seed=first + k, out=config.out / f"seed{first + k}") for k in range(count)]
 
 
 def show(result: dict[str, Any]) -> None:

@@ -23,6 +23,7 @@ from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig
+from recorder.slam.mover_masks import Mask, mover_masks, without_movers
 from recorder.slam.scans import Scan, read_scans
 
 RAW, SEGMENTED = "raw", "seg"
@@ -52,6 +53,8 @@ class StereoPair:
     """Left image, shape (H, W)."""
     right: U8
     """Right image, shape (H, W)."""
+    left_mover: NDArray[np.bool_] | None = None
+    """Where the left image shows what moves by itself, painted over; None: nothing was. Shape (H, W)."""
 
 
 class SlamSequence:
@@ -219,6 +222,15 @@ class SlamSequence:
         """
         if not (self.euroc / "cam1").is_dir():
             raise EvaluationError(f"{self.euroc} has one camera; stereo needs two")
+        pairs = self._grey_pairs()
+        return pairs if self.cloud == RAW else without_movers(pairs, *self._mover_masks())
+
+    def _mover_masks(self) -> tuple[Iterator[Mask], Iterator[Mask]]:
+        names = [camera.name for camera in self.stereo]
+        left, right = (self._topic((f"/camera/{name}/semantic",), "labelled images") for name in names)
+        return mover_masks(self.bag, left), mover_masks(self.bag, right)
+
+    def _grey_pairs(self) -> Iterator[StereoPair]:
         for stamp in self.image_stamps().tolist():
             left, right = (
                 cv2.imread(str(self.euroc / camera / "data" / f"{stamp}.png"), cv2.IMREAD_GRAYSCALE)

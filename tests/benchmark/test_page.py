@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from shared_fixtures.slam_dataset import write_dataset
 
-from recorder.benchmark.figures import Line, curve_figure, map_figure, thinned
+from recorder.benchmark.figures import (
+    Box,
+    Line,
+    box_figure,
+    curve_figure,
+    map_figure,
+    real_time_figure,
+    thinned,
+)
 from recorder.benchmark.page import write_page
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 
@@ -21,7 +29,7 @@ def test_the_page_needs_nothing_but_itself(tmp_path: Path) -> None:
     config = BenchmarkConfig(data=data, out=tmp_path / "out", methods=("small_gicp",))
     text = write_page(run_benchmark(config), tmp_path / "out").read_text()
     assert not re.findall(r"(?:src|href)=[\"'](?!data:)", text)
-    assert text.count('class="curve"') == 1
+    assert text.count('class="curve"') == 2  # over time and over the way
     assert "small_gicp seg" in text
     for svg in re.findall(r"<svg.*?</svg>", text, re.S):
         ET.fromstring(svg)
@@ -51,3 +59,31 @@ def test_long_curves_keep_their_peaks() -> None:
     )
     told = [e.text for e in figure.iter("title")]
     assert "l: 7.000 m at 31234.0 s" in told
+
+
+def test_boxes_show_failures() -> None:
+    values = np.linspace(0.0, 1.0, 101)
+    boxes = [
+        Box(label="good", colour="#111111", values=values, runs=3),
+        Box(label="at times", colour="#222222", values=values, failed=1, runs=3),
+        Box(label="never", colour="#333333", values=np.zeros(0), failed=3, runs=3),
+    ]
+    figure = ET.fromstring(box_figure(boxes, "APE [m]"))
+    assert [e.text for e in figure.iter("text") if e.get("class") == "failed"] == ["✕ 1 of 3 fail", "✕ fail"]
+    rows = [float(str(e.get("y"))) + 7 for e in figure.iter("rect")]
+    assert rows == [14.0, 36.0]  # no box where there is nothing to sum up
+    median, scale = (
+        next(e for e in figure.iter("line") if e.get("class") == "median"),
+        (500 - 225 - 12) / 1.05,
+    )
+    # Whiskers end at the 95th percentile, and the axis 5 % beyond the longest.
+    assert float(str(median.get("x1"))) == pytest.approx(225 + 0.5 * scale / 0.95, abs=0.1)
+
+
+def test_bars_of_run_time_are_logarithmic() -> None:
+    ratios = (0.1, 1.0, 10.0)
+    figure = ET.fromstring(real_time_figure([(f"s{k}", "#111111", r) for k, r in enumerate(ratios)]))
+    widths = [float(str(e.get("width"))) for e in figure.iter("rect")]
+    line = next(e for e in figure.iter("line") if e.get("class") == "cursor")
+    assert widths[1] == pytest.approx(0.5 * widths[2], abs=0.1)
+    assert float(str(line.get("x1"))) == pytest.approx(225 + widths[1], abs=0.1)

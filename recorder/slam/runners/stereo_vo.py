@@ -68,7 +68,7 @@ class StereoOdometry:
         """Take the next images; whether the pose is a measured one, not the last step once more."""
         found = self._last is None
         if self._last is not None:
-            self._tracks = self._followed(self._last, pair.left)
+            self._tracks = self._followed(self._last, pair)
             before = self.pose
             pose = self._solved(before @ self._step)
             found = pose is not None
@@ -78,10 +78,13 @@ class StereoOdometry:
         self._last = pair.left
         return found
 
-    def _followed(self, last: U8, image: U8) -> _Tracks:
+    def _followed(self, last: U8, pair: StereoPair) -> _Tracks:
         if not len(self._tracks.pixel):
             return self._tracks
-        moved, good = _flow(last, image, self._tracks.pixel)
+        moved, good = _flow(last, pair.left, self._tracks.pixel)
+        if pair.left_mover is not None:
+            column, row = np.where(good[:, None], moved, 0).astype(int).T
+            good &= ~pair.left_mover[row, column]
         kept = _Tracks(moved, self._tracks.position_m, self._tracks.weight).take(good)
         return kept
 
@@ -122,6 +125,8 @@ class StereoOdometry:
         if len(tracks.pixel) >= CORNERS_MIN:
             return
         mask = np.full(pair.left.shape, 255, np.uint8)
+        if pair.left_mover is not None:
+            mask[pair.left_mover] = 0
         for x, y in tracks.pixel.astype(int).tolist():
             cv2.circle(mask, (x, y), SPACING_PX, 0, -1)
         corners = cv2.goodFeaturesToTrack(
