@@ -78,8 +78,7 @@ def _of_noise_seeds(config: ReplayConfig, count: int) -> list[ReplayConfig]:
 
     first = config.seed
     if first is None:
-        with open_episode(config.episode) as episode:
-            first = episode.header.seed
+        first = open_episode(config.episode).header.seed
     return [replace(config, seed=first + k, out=config.out / f"seed{first + k}") for k in range(count)]
 
 
