@@ -39,12 +39,13 @@ def physics(bench: Bench) -> Row:
     ego = EgoCar(alone)
     ego.reset(state.position_m, state.heading_rad)
     ticks = 4 * STEP_TICKS
-    frames = [timeline.actors_at(stamp_ns(first + k)) for k in range(0, ticks, 2)]
+    frames = [timeline.actors_at(stamp_ns(first + k)) for k in range(0, ticks + 1, STEP_TICKS)]
 
     def ours() -> None:
         for k in range(ticks):
-            if k % 2 == 0:
-                alone.set_actors(frames[k // 2], timeline.catalog)
+            if k % STEP_TICKS == 0:
+                step = k // STEP_TICKS
+                alone.set_actors(frames[step], timeline.catalog, frames[step + 1])
             ego.tick(_GENTLE)
             ego.state()
 
@@ -52,12 +53,12 @@ def physics(bench: Bench) -> Row:
     naive_world.stand(timeline.catalog, state.position_m)
 
     def naive() -> None:
-        for frame in frames:
+        for frame in frames[:-1]:
             naive_world.move_actors(frame)
             naive_world.step()
 
     times = time_calls({"ours": ours, "naive": naive}, 3 * bench.repeat)
-    tick, naive_tick = times["ours"].per(ticks), times["naive"].per(len(frames))
+    tick, naive_tick = times["ours"].per(ticks), times["naive"].per(len(frames) - 1)
     alone.close()
     world.close()
     return Row(

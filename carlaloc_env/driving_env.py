@@ -205,17 +205,17 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
         self._window.show(view_from_seat(self.stage, self.world, self.weather))
 
     def _info(self, verdict: Verdict, contacts: list[Contact], samples: list[Sample]) -> dict[str, Any]:
-        world = self.world
+        world, arrived = self.world, verdict.ended_by == "goal"
         info: dict[str, Any] = {
             "reward_terms": verdict.terms,
             "cost": verdict.cost,
             "cost_terms": {name: float(verdict.terms[name] < 0.0) for name in COSTS},
-            "is_success": verdict.ended_by == "goal",
+            "is_success": arrived,
             "ended_by": verdict.ended_by or verdict.truncated_by,
             "stamp_ns": world.now_ns,
             "route_s_m": world.route_s_m,
             "route_length_m": world.route.length_m,
-            "route_completion": min(max(world.route_s_m / world.route.length_m, 0.0), 1.0),
+            "route_completion": 1.0 if arrived else min(max(world.route_s_m / world.route.length_m, 0.0), 1.0),
             "route_offset_m": world.route_offset_m,
             "contacts": contacts,
         }

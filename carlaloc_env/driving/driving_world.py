@@ -143,8 +143,11 @@ class DrivingWorld:
         Raises:
             ActionError: a control is not finite or out of range; nothing has moved then.
         """
-        if self._tick % 2 == 0:
-            self._physics.set_actors(self.timeline.actors_at(stamp_ns(self._tick)), self.timeline.catalog)
+        if self._tick % STEP_TICKS == 1:
+            # The step after the last has just become known.
+            last = self._tick // STEP_TICKS * STEP_NS
+            frames = self.timeline.actors_at(last), self.timeline.actors_at(last + STEP_NS)
+            self._physics.set_actors(frames[0], self.timeline.catalog, frames[1], ticks=1)
         self._ego.tick(controls)
         self._tick += 1
         self.state = self._ego.state()

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.physics.quiet_import import pybullet
-from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import JUMP_M, ActorCatalog, ActorFrame
 
 MAX_BOXES = 32
 """Actors that exist in the collision world at once."""
-_NEAR_M = 30.0
-"""Actors this close to the ego have a box, along x, y and z [m]."""
-_TOUCH_M = 14.0
-"""Actors this close are moved at every tick [m]."""
+_NEAR_M = 16.0
+"""Actors this close to the ego have a box, along x, y and z [m]: no two could touch from farther apart in a
+step."""
 _MAX_BODIES = 64
 """Bodies that are made at most; boxes of one size are used again."""
 _PARKED_M = -1000.0
@@ -27,7 +26,7 @@ _Size = tuple[float, float, float]
 
 
 class ActorPool:
-    """Boxes of actors near the ego, moved every tick when they could touch it.
+    """Boxes of actors near the ego, set at every step and moved at every tick.
 
     Args:
         client: PyBullet's id of the world.
@@ -52,8 +51,17 @@ class ActorPool:
         catalog: ActorCatalog,
         near_m: NDArray[np.float64],
         following: ActorFrame | None,
+        ticks: int,
     ) -> None:
-        """Give boxes to the nearest actors; they move on with `advance`."""
+        """Give boxes to the nearest actors; they move on with `advance`.
+
+        Args:
+            frame: State of all actors at a step.
+            catalog: Their sizes.
+            near_m: Where the ego is [m], world, shape (3,).
+            following: State one step later; without it actors keep their speed.
+            ticks: Ticks that have passed since the step.
+        """
         offset = frame.position_m - near_m
         distance = np.abs(offset).max(axis=1) if len(frame) else np.zeros(0)
         near = np.flatnonzero(distance < _NEAR_M)
@@ -63,23 +71,25 @@ class ActorPool:
         for actor in [a for a in self._lent if a not in wanted]:
             self._give_back(actor)
         self._moving.clear()
-        self._ticks = 0
+        self._ticks = ticks
         for actor, i in wanted.items():
             body = self._body_of(actor, catalog.size_m[i])
             centre, quat = _box_pose(frame, i, float(catalog.size_m[i, 2]))
-            pybullet.resetBasePositionAndOrientation(body, centre, quat, physicsClientId=self._client)
-            if distance[i] < _TOUCH_M:
-                self._moving.append((body, centre, _velocity(frame, i, following), quat))
+            velocity = _velocity(frame, i, following)
+            self._place(body, centre, velocity, quat)
+            if any(velocity):
+                self._moving.append((body, centre, velocity, quat))
 
     def advance(self) -> None:
-        """Move the boxes that could touch the ego by one tick."""
-        if not self._moving:
-            return
+        """Move the boxes of actors that move by one tick."""
         self._ticks += 1
+        for box in self._moving:
+            self._place(*box)
+
+    def _place(self, body: int, centre: list[float], velocity: list[float], quat: list[float]) -> None:
         t = self._ticks * TICK_S
-        for body, centre, velocity, quat in self._moving:
-            position = [centre[k] + velocity[k] * t for k in range(3)]
-            pybullet.resetBasePositionAndOrientation(body, position, quat, physicsClientId=self._client)
+        position = [centre[k] + velocity[k] * t for k in range(3)]
+        pybullet.resetBasePositionAndOrientation(body, position, quat, physicsClientId=self._client)
 
     def clear(self) -> None:
         """Remove every box from the world."""
@@ -152,7 +162,9 @@ def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], 
 
 def _velocity(frame: ActorFrame, i: int, following: ActorFrame | None) -> list[float]:
     if following is not None:
-        step_s = STEP_NS * 1e-9
-        return [float(d) / step_s for d in following.position_m[i] - frame.position_m[i]]
+        change = [float(d) for d in following.position_m[i] - frame.position_m[i]]
+        # Who leaves the map, and comes in elsewhere, drives on to no place in between.
+        if max(map(abs, change)) <= JUMP_M:
+            return [d / (STEP_NS * 1e-9) for d in change]
     speed, heading, pitch = (float(a[i]) for a in (frame.speed_mps, frame.heading_rad, frame.pitch_rad))
     return [speed * cos(pitch) * cos(heading), speed * cos(pitch) * sin(heading), speed * sin(pitch)]

@@ -104,19 +104,25 @@ class PhysicsWorld:
         self._friction = float(mu_factor)
 
     def set_actors(
-        self, frame: ActorFrame, catalog: ActorCatalog, following: ActorFrame | None = None
+        self,
+        frame: ActorFrame,
+        catalog: ActorCatalog,
+        following: ActorFrame | None = None,
+        *,
+        ticks: int = 0,
     ) -> None:
         """Place boxes for the actors around the ego, which then move on by themselves.
 
         Args:
-            frame: State of all actors now.
+            frame: State of all actors at a 50 ms step.
             catalog: Their models, tags and sizes.
-            following: State one 50 ms step later; without it actors keep their speed until the next call.
+            following: State one step later; without it actors keep their speed until the next call.
+            ticks: Ticks that have passed since that step.
         """
         if self._ego_body < 0 or len(frame) == 0:
             return
         ego, _ = pybullet.getBasePositionAndOrientation(self._ego_body, physicsClientId=self._client)
-        self._actors.update(frame, catalog, np.array(ego), following)
+        self._actors.update(frame, catalog, np.array(ego), following, ticks)
 
     def contacts(self) -> list[Contact]:
         """What the ego's body touched since the last call, hardest first."""
