@@ -142,18 +142,18 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
         verdict: Verdict | None = None
         contacts: list[Contact] = []
         samples: list[Sample] = []
-        observation: Any = None
         for _ in range(self._frame_skip):
             touched = [contact for _ in range(STEP_TICKS) for contact in self.world.tick(controls)]
             contacts += touched
             now = self._referee.judge(touched)
             verdict = now if verdict is None else _both(verdict, now)
-            observation = self._view.observe(self.world, self._referee.standing_s)
+            self._view.follow(self.world)
             samples += self._view.samples
             self.world.forget_before(self.world.now_ns - KEEP_NS)
             if verdict.ended_by or verdict.truncated_by:
                 break
         assert verdict is not None
+        observation = self._view.observe(self.world, self._referee.standing_s)
         self._show()
         ended, over = verdict.ended_by is not None, verdict.truncated_by is not None
         return observation, verdict.reward, ended, over, self._info(verdict, contacts, samples)
@@ -206,6 +206,7 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
 
     def _info(self, verdict: Verdict, contacts: list[Contact], samples: list[Sample]) -> dict[str, Any]:
         world, arrived = self.world, verdict.ended_by == "goal"
+        driven = world.route_s_m / world.route.length_m
         info: dict[str, Any] = {
             "reward_terms": verdict.terms,
             "cost": verdict.cost,
@@ -215,7 +216,7 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
             "stamp_ns": world.now_ns,
             "route_s_m": world.route_s_m,
             "route_length_m": world.route.length_m,
-            "route_completion": 1.0 if arrived else min(max(world.route_s_m / world.route.length_m, 0.0), 1.0),
+            "route_completion": 1.0 if arrived else min(max(driven, 0.0), 1.0),
             "route_offset_m": world.route_offset_m,
             "contacts": contacts,
         }

@@ -76,6 +76,11 @@ class Observer:
 
         The arrays are the caller's own. Streams that the rig does not know are left out.
         """
+        self.add(samples)
+        return self.newest()
+
+    def add(self, samples: Iterable[Sample]) -> None:
+        """Take over samples, given in stamp order."""
         for sample in samples:
             key = sample.sensor
             if key not in self._newest:
@@ -89,6 +94,9 @@ class Observer:
             else:
                 held = self._newest[key]
                 self._newest[key] = values.reshape(held.shape).astype(held.dtype)
+
+    def newest(self) -> Observation:
+        """The newest of all samples so far; the arrays are the caller's own."""
         return {key: array.copy() for key, array in self._newest.items()}
 
     def _put_cloud(self, key: str, rows: NDArray[Any]) -> None:

@@ -30,8 +30,11 @@ class AgentView(Protocol):
     def reset(self, world: DrivingWorld) -> Any:
         """The first observation of a drive."""
 
+    def follow(self, world: DrivingWorld) -> None:
+        """Take note of a step of 50 ms; every one is told, also those after which nobody looks."""
+
     def observe(self, world: DrivingWorld, standing_s: float) -> Any:
-        """The observation after one more step of 50 ms."""
+        """The observation now."""
 
     def moved(self, world: DrivingWorld, stage: SensorStage) -> AgentView:
         """The same in another world."""
@@ -53,8 +56,13 @@ class StateView:
         self._state = StateVector(world)
         return self.observe(world, 0.0)
 
+    def follow(self, world: DrivingWorld) -> None:
+        """Take note of a step of 50 ms."""
+        assert self._state is not None
+        self._state.follow()
+
     def observe(self, world: DrivingWorld, standing_s: float) -> Any:
-        """The observation after one more step of 50 ms."""
+        """The observation now."""
         assert self._state is not None
         state = self._state.observe(standing_s)
         return state if self._above is None else {"state": state, "bev": self._above.draw(world)}
@@ -80,13 +88,18 @@ class SensorView:
         self._rig = self._config.build(self._stage)
         self._observer.reset()
         self._before_ns = -1
+        self.follow(world)
         return self.observe(world, 0.0)
 
-    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
-        """The observation after one more step of 50 ms."""
+    def follow(self, world: DrivingWorld) -> None:
+        """Take note of a step of 50 ms: measure it."""
         self.samples = self._rig.measure(world.timeline, self._before_ns, world.now_ns)
+        self._observer.add(self.samples)
         self._before_ns = world.now_ns
-        return self._observer.observe(self.samples)
+
+    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
+        """The observation now."""
+        return self._observer.newest()
 
     def moved(self, world: DrivingWorld, stage: SensorStage) -> SensorView:
         """The same in another world."""

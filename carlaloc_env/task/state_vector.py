@@ -116,7 +116,11 @@ class StateVector:
         self._distance_m = np.zeros(NEIGHBOURS)
         self._ahead_m = np.array(ROUTE_AHEAD_M)
         self._scale = _scales()
-        self._speed_mps = world.state.speed_mps
+        self._speed_mps = self._speed_before_mps = world.state.speed_mps
+
+    def follow(self) -> None:
+        """Take note of 50 ms that have been driven."""
+        self._speed_before_mps, self._speed_mps = self._speed_mps, self._world.state.speed_mps
 
     def observe(self, standing_s: float) -> NDArray[np.float32]:
         """The vector now, each number in −1…1, shape (`len(state_names())`,).
@@ -141,7 +145,6 @@ class StateVector:
             self._ahead(route, s, ego),
             self._others(ego).ravel(),
         ]
-        self._speed_mps = state.speed_mps
         return np.clip(np.concatenate(parts) / self._scale, -1.0, 1.0).astype(np.float32)
 
     def _ego(self, standing_s: float) -> Array:
@@ -156,7 +159,7 @@ class StateVector:
                 state.speed_mps,
                 yaw_rate,
                 state.road_wheel_rad,
-                (state.speed_mps - self._speed_mps) / _STEP_S,
+                (state.speed_mps - self._speed_before_mps) / _STEP_S,
                 state.speed_mps * yaw_rate,
                 world.route_offset_m,
                 np.sin(error),

@@ -20,6 +20,7 @@ from carlaloc_env.driving_env import DrivingEnv
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
 from carlaloc_env.task.actions import PEDALS, STEERS, action_kind
+from carlaloc_env.task.birds_eye_view import BirdsEyeView
 from carlaloc_env.task.referee import TERMS
 
 GO = np.array([0.0, 0.4], np.float32)
@@ -105,18 +106,23 @@ def test_vectors_of_environments_agree_byte_for_byte(straight_map: Path) -> None
     alone.close()
 
 
-def test_a_frame_skip_is_as_many_steps(straight_map: Path) -> None:
-    settings: dict[str, Any] = {"map": straight_map, "traffic": "empty"}
+@pytest.mark.parametrize("rig", ["state", "bev"])
+def test_a_frame_skip_is_as_many_steps(straight_map: Path, rig: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is drawn for steps after which nobody looks, and nothing that is seen depends on that."""
+    settings: dict[str, Any] = {"map": straight_map, "rig": rig, "traffic": "dynamic,vehicles=3,walkers=0"}
     single, four = DrivingEnv(**settings), DrivingEnv(frame_skip=4, **settings)
     single.reset(seed=1)
     four.reset(seed=1)
     earned = [single.step(GO) for _ in range(8)]
+    drawn, draw = [], BirdsEyeView.draw
+    monkeypatch.setattr(BirdsEyeView, "draw", lambda view, world: drawn.append(1) or draw(view, world))
     for number in range(2):
         observation, reward, _, _, info = four.step(GO)
         steps = earned[4 * number : 4 * number + 4]
         assert _same(observation, steps[-1][0])
         assert reward == pytest.approx(sum(step[1] for step in steps), abs=1e-12)
         assert info["stamp_ns"] == (number + 1) * 200_000_000
+    assert len(drawn) == (2 if rig == "bev" else 0)
     single.close()
     four.close()
 
