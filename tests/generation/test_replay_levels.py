@@ -1,4 +1,4 @@
-"""Traffic levels end to end: what LiDARs see of vehicles when a drive is replayed at each level."""
+"""Traffic levels end to end: what sensors see of vehicles when a drive is replayed at each level."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from rosbags.highlevel import AnyReader
 from shared_fixtures.small_towns import KERBSIDE, straight_road
 
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, Tag
 from recorder.drive.record import RecordConfig, record
 from recorder.generation.replay import ReplayConfig, replay
 
@@ -18,13 +20,21 @@ RIG = """\
 name: small
 sensors:
 - {kind: lidar, name: lidar, columns: 400, mount: {position_m: [0.3, 0.0, 1.8]}, outputs: [cloud, semantic]}
+- kind: camera
+  name: left
+  rate_hz: 10
+  mount: {position_m: [2.6, 0.0, 1.6], axes: optical}
+  pinhole: {width_px: 160, height_px: 90, fx_px: 80, fy_px: 80, cx_px: 80, cy_px: 45}
+  outputs: [semantic]
 """
+PARKED_OR_DRIVEN = [int(tag) for tag in DYNAMIC_TAGS if tag not in (Tag.PEDESTRIAN, Tag.RIDER)]
+"""CARLA's tags of vehicles."""
 
 
 @pytest.fixture(scope="module")
 def sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """A second in a street with cars in its parking lanes, replayed at three levels."""
-    for needed in ("pybullet", "open3d"):
+    for needed in ("pybullet", "open3d", "moderngl"):
         pytest.importorskip(needed, reason=f"{needed} is not installed")
     folder = tmp_path_factory.mktemp("levels")
     road = straight_road(1, (-150.0, 0.0, 0.0), 300.0, ((0.0, 0.0, 0.0, 0.0, 0.0),), KERBSIDE)
@@ -44,7 +54,8 @@ def sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             map=town,
             traffic=("dynamic", "static", "empty"),
             rig=str(rig),
-            formats=("kitti",),
+            formats=("kitti", "rosbag1"),
+            topics="standard",
             preview=False,
             workers=1,
         )
@@ -52,10 +63,19 @@ def sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {path.name.split("_")[1]: path for path in result.sequences}
 
 
-def movers(folder: Path) -> float:
-    """Share of points on movers, as the sequence tells it."""
+def movers(folder: Path, stream: str = "lidar_semantic") -> float:
+    """Share of points or pixels on movers, as the sequence tells it."""
     shares = yaml.safe_load((folder / "sequence.yaml").read_text())["movers"]
-    return float(shares["lidar_semantic"])
+    return float(shares[stream])
+
+
+def vehicle_pixels(folder: Path) -> tuple[int, int]:
+    """Number of pixels on vehicles, and of all pixels."""
+    with AnyReader([folder / f"{folder.name}.bag"]) as bag:
+        wanted = [c for c in bag.connections if c.topic == "/camera/left/semantic"]
+        tags = [bag.deserialize(raw, c.msgtype).data for c, _, raw in bag.messages(wanted)]
+    found = np.concatenate(tags)
+    return int(np.isin(found, PARKED_OR_DRIVEN).sum()), len(found)
 
 
 def vehicle_points(folder: Path) -> tuple[int, int]:
@@ -69,6 +89,14 @@ def test_static_shows_parked_cars_and_empty_none(sequences: dict[str, Path]) -> 
     seen = {level: vehicle_points(folder)[0] for level, folder in sequences.items()}
     assert seen["empty"] == 0
     assert 0 < seen["static"] < seen["dynamic"]
+
+
+def test_cameras_see_the_same_levels(sequences: dict[str, Path]) -> None:
+    seen = {level: vehicle_pixels(folder) for level, folder in sequences.items()}
+    assert seen["empty"][0] == 0
+    assert 0 < seen["static"][0] <= seen["dynamic"][0]
+    assert movers(sequences["static"], "semantic_left") == movers(sequences["empty"], "semantic_left") == 0.0
+    assert movers(sequences["dynamic"], "semantic_left") <= seen["dynamic"][0] / seen["dynamic"][1]
 
 
 def test_movers_are_what_dynamic_has_beyond_static(sequences: dict[str, Path]) -> None:
