@@ -161,7 +161,7 @@ def _duration_s(sequence: SequenceFolder) -> float:
 def _fingerprint(job: Job, config: BenchmarkConfig) -> str:
     """What a result depends on: the data, the system, its file and version, and the rule."""
     data = (job.sequence.path / "sequence.yaml").read_bytes()
-    source = Path(job.method).read_bytes() if job.method.endswith(".py") else b""
+    source = Path(job.method).read_bytes() if job.method.endswith((".py", ".yaml", ".yml")) else b""
     facts = [
         repr(job.system),
         job.system.version,

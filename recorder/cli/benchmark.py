@@ -21,7 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("data", type=input_path, help="folder with sequences")
     parser.add_argument("--out", type=OutputFolder(), help="results; else DATA-benchmark beside it")
     parser.add_argument(
-        "--methods", type=names, default=(), metavar="A,B", help="systems, or .py files; else all installed"
+        "--methods",
+        type=names,
+        default=(),
+        metavar="A,B",
+        help="systems, or .py or .yaml files; else all installed",
     )
     parser.add_argument("--runs", type=positive_int, default=1, metavar="N", help="repetitions (default: 1)")
     parser.add_argument(

@@ -20,6 +20,7 @@ from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import FrameClock, Runner, StampedPose, System
+from recorder.slam.system_file import read_system_file
 from recorder.slam.systems import system_of
 
 ESTIMATE, FRAMES, FACTS = "estimate.tum", "frames.csv", "facts.json"
@@ -61,6 +62,8 @@ def run_job(job: dict[str, Any]) -> None:
 
 
 def _runner(system: System, word: str) -> Runner:
+    if word.endswith((".yaml", ".yml")):
+        return read_system_file(Path(word)).run
     module, name = system.runner.split(":")
     found = runpy.run_path(word)[name] if word.endswith(".py") else getattr(import_module(module), name)
     return cast(Runner, found)

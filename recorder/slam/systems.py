@@ -7,6 +7,7 @@ from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from recorder.slam.system import END, MIDDLE, START, System
+from recorder.slam.system_file import read_system_file
 
 _RUNNERS = "recorder.slam.runners"
 _EVALIO = "evalio's pipelines return the pose at the stamp of the sweep"
@@ -117,17 +118,21 @@ SYSTEMS = {
 
 
 def system_of(word: str) -> System:
-    """A system by its name, or out of a Python file that defines ``SYSTEM``.
+    """A system by its name, out of a Python file that defines ``SYSTEM``, or by a YAML file.
 
     Args:
-        word: Name of one of `SYSTEMS`, or path of a ``.py`` file (docs/your-system.md).
+        word: Name of one of `SYSTEMS`, or path of a ``.py`` or ``.yaml`` file (docs/your-system.md).
 
     Raises:
         ConfigError: there is no such system, or the file defines none.
     """
+    if word.endswith((".yaml", ".yml")):
+        return read_system_file(Path(word)).system
     if not word.endswith(".py"):
         if word not in SYSTEMS:
-            raise ConfigError(unknown_name("method", word, SYSTEMS) + ", or a .py file that defines SYSTEM")
+            raise ConfigError(
+                unknown_name("method", word, SYSTEMS) + ", or a .py or .yaml file that describes one"
+            )
         return SYSTEMS[word]
     if not Path(word).is_file():
         raise ConfigError(f"{word}: no such file; give the path of a .py file that defines SYSTEM")

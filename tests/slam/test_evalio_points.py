@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shared_fixtures.slam_dataset import COLUMNS, ELEVATIONS_DEG, pose, sweep, write_dataset
 
-from recorder.slam.runners.evalio import _lidar_measurement
+from recorder.slam.runners.evalio import lidar_measurement
 from recorder.slam.sequence import SlamSequence
 
 types = pytest.importorskip("evalio.types", reason="the points are evalio's")
@@ -18,7 +18,7 @@ def test_every_point_has_a_cell_of_its_own(tmp_path: Path) -> None:
     """Times are float32: a point may come a breath too early for its column, and must not hide another."""
     sequence = SlamSequence(write_dataset(tmp_path / "d", sweeps=3) / "Box" / "ClearNoon_dynamic")
     for k, scan in enumerate(sequence.scans()):
-        points = _lidar_measurement(scan, sequence, types).points
+        points = lidar_measurement(scan, sequence, types).points
         assert [(p.row, p.col) for p in points] == [
             (r, c) for r in range(len(ELEVATIONS_DEG)) for c in range(COLUMNS)
         ]
@@ -40,7 +40,7 @@ def test_loam_finds_its_way(tmp_path: Path) -> None:
     system.set_params(system.default_params())
     system.initialize()
     for scan in sequence.scans():
-        system.add_lidar(_lidar_measurement(scan, sequence, types))
+        system.add_lidar(lidar_measurement(scan, sequence, types))
     estimate = np.array([T.to_mat()[:3, 3] for _, T in system.saved_estimates()])
     truth, _ = pose(np.arange(9) * 0.1)
     way_m = np.linalg.norm(truth[-1] - truth[0])

@@ -9,6 +9,7 @@ from types import ModuleType
 import cv2
 import numpy as np
 import pytest
+import yaml
 from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.errors import RaycastError, RenderError
@@ -17,9 +18,20 @@ from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
+from recorder.evaluation.trajectory_files import read_tum
+from recorder.generation.replay import ReplayConfig, replay
 from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import PROFILES
 
+VSLAM_RIG = """
+name: two_eyes
+sensors:
+- {kind: imu, mount: {position_m: [1.5, 0.0, 1.2]}}
+- {kind: camera, name: left, mount: {position_m: [1.8, 0.2, 1.6], axes: optical}, outputs: [rgb],
+   pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
+- {kind: camera, name: right, mount: {position_m: [1.8, -0.2, 1.6], axes: optical}, outputs: [rgb],
+   pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
+"""
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -131,3 +143,40 @@ def test_a_sensor_of_ones_own_reaches_a_bag(
     assert 1.0 < ranges.min() < 60.0
     assert np.isinf(ranges).any()
     assert scans[0].header.frame_id == "laser"
+
+
+def test_fog_of_a_schedule_takes_the_contrast(short_drive: Path, tmp_path: Path) -> None:
+    try:
+        noon, fog = load("08_weather_schedule").main(short_drive, tmp_path / "fog", seconds=1.0)
+    except RenderError as error:
+        pytest.skip(str(error))
+    assert fog < 0.6 * noon
+
+
+def test_a_map_of_ones_own_is_driven_on(tmp_path: Path) -> None:
+    """Three seconds of six tenths of the throttle from standstill."""
+    assert 2.0 < load("09_opendrive_map").main(tmp_path / "one_road.xodr") < 30.0
+
+
+def test_sequences_in_the_layout_of_vslam_lab(short_drive: Path, tmp_path: Path) -> None:
+    """Its own requirements are met: images, their list, calibration; the truth is the left camera's."""
+    rig = SensorRig.from_yaml(VSLAM_RIG, where="here")
+    (tmp_path / "rig.yaml").write_text(rig.to_yaml())
+    config = ReplayConfig(
+        episode=short_drive, out=tmp_path / "data", rig=str(tmp_path / "rig.yaml"), duration_s=0.5,
+        formats=("rosbag1", "euroc"), workers=1, quality="low", preview=False,
+    )  # fmt: skip
+    try:
+        replay(config)
+    except RenderError as error:
+        pytest.skip(str(error))
+    (out,) = load("10_vslam_lab").main(tmp_path / "data", tmp_path / "lab")
+    rows = (out / "rgb.csv").read_text().splitlines()
+    assert rows[0] == "ts_rgb_0 (ns),path_rgb_0,ts_rgb_1 (ns),path_rgb_1"
+    assert all((out / name).is_file() for row in rows[1:] for name in row.split(",")[1::2])
+    calibration = yaml.safe_load((out / "calibration.yaml").read_text().split("---")[1])
+    T = [np.reshape(camera["T_BS"], (4, 4)) for camera in calibration["cameras"]]
+    assert np.allclose((np.linalg.inv(T[0]) @ T[1])[:3, 3], [0.4, 0.0, 0.0])
+    assert calibration["cameras"][0]["image_dimension"] == [64, 40]
+    truth = np.loadtxt(out / "groundtruth.csv", delimiter=",", skiprows=1)
+    assert np.array_equal(truth[:, 1:4], read_tum(next(out.parents[1].rglob("camera_left.tum"))).position_m)

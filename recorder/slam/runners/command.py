@@ -21,7 +21,12 @@ _PATHS: dict[str, Callable[[SlamSequence], Path]] = {
 
 
 def run_command(
-    sequence: SlamSequence, clock: FrameClock, command: Sequence[str], *, sensor: str
+    sequence: SlamSequence,
+    clock: FrameClock,
+    command: Sequence[str],
+    *,
+    sensor: str,
+    topic: str | None = None,
 ) -> list[StampedPose]:
     """Poses that a program has written.
 
@@ -29,22 +34,30 @@ def run_command(
         sequence: What it reads.
         clock: Told how long it took, shared out over the frames.
         command: Program and words; ``{bag}``, ``{euroc}`` and ``{calibration}`` in them become paths of
-            the sequence, ``{out}`` the TUM file that it has to write.
+            the sequence, ``{out}`` the TUM file that it has to write, ``{work}`` an empty folder.
         sensor: What makes a frame: ``lidar`` or ``stereo``.
+        topic: Topic of the poses in ``{out_bag}``, a ROS 1 bag that it writes in place of ``{out}``.
 
     Raises:
         EvaluationError: the program is not there, fails or writes nothing.
     """
     with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder, "estimate.tum")
-        words = [word.replace("{out}", str(out)) for word in command]
+        out = Path(folder, "estimate.tum" if topic is None else "estimate.bag")
+        work = Path(folder, "work")
+        work.mkdir()
+        given = {"{out}": out, "{out_bag}": out, "{work}": work}
+        words = list(command)
+        for name, place in given.items():
+            words = [word.replace(name, str(place)) for word in words]
         for name, path in _PATHS.items():
             words = [w.replace(name, str(path(sequence))) if name in w else w for w in words]
         with clock.frame(sequence.frames(sensor)):
             _run(words)
         if not out.is_file():
-            raise EvaluationError(f"{words[0]} ended well, but wrote no {{out}}")
-        found = read_trajectory(out)
+            raise EvaluationError(
+                f"{words[0]} ended well, but wrote no {'{out}' if topic is None else '{out_bag}'}"
+            )
+        found = read_trajectory(out, topic=topic)
     poses = transform(found.position_m, found.quat_xyzw)
     return list(zip(found.stamp_ns.tolist(), poses, strict=True))
 

@@ -22,16 +22,8 @@ def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> li
     from evalio import pipelines, types
 
     system = getattr(pipelines, pipeline)()
-    system.set_lidar_params(
-        types.LidarParams(
-            num_rows=len(sequence.lidar.elevations_deg),
-            num_columns=sequence.lidar.columns,
-            min_range=max(sequence.lidar.range_min_m, 2.0),
-            max_range=100.0,
-            rate=sequence.lidar.rate_hz,
-        )
-    )
-    system.set_imu_params(_imu_params(sequence, types))
+    system.set_lidar_params(lidar_params(sequence, types))
+    system.setimu_params(imu_params(sequence, types))
     system.set_imu_T_lidar(types.SE3.from_mat(np.asfortranarray(sequence.T("imu", "lidar"))))
     settings = dict(system.default_params())
     # Settings that are not handed over are empty in some pipelines, whatever their defaults say.
@@ -42,7 +34,7 @@ def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> li
     fed = 0
     for scan in sequence.scans():
         end_ns = scan.stamp_ns + sequence.lidar.sweep_ns
-        measurement = _lidar_measurement(scan, sequence, types)
+        measurement = lidar_measurement(scan, sequence, types)
         with clock.frame():
             while fed < len(inertial) and inertial[fed].stamp_ns <= end_ns:
                 sample = inertial[fed]
@@ -55,7 +47,19 @@ def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> li
     return [(stamp.to_nsec(), np.array(pose.to_mat())) for stamp, pose in system.saved_estimates()]
 
 
-def _imu_params(sequence: SlamSequence, types: Any) -> Any:
+def lidar_params(sequence: SlamSequence, types: Any) -> Any:
+    """Beams, columns, rate and the range that is used, as evalio wants them."""
+    return types.LidarParams(
+        num_rows=len(sequence.lidar.elevations_deg),
+        num_columns=sequence.lidar.columns,
+        min_range=max(sequence.lidar.range_min_m, 2.0),
+        max_range=100.0,
+        rate=sequence.lidar.rate_hz,
+    )
+
+
+def imu_params(sequence: SlamSequence, types: Any) -> Any:
+    """Noise of the IMU as evalio wants it; noise of zero would make its filters divide by it."""
     imu = sequence.imu
     return types.ImuParams(
         gyro=max(imu.gyro_noise_density, 1e-6),
@@ -67,7 +71,7 @@ def _imu_params(sequence: SlamSequence, types: Any) -> Any:
     )
 
 
-def _lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
+def lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
     """A full grid of beams and columns, row by row."""
     if scan.ring is None or scan.intensity is None:
         raise ValueError("the clouds have no ring or intensity")

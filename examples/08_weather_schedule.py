@@ -1,0 +1,41 @@
+"""Weather of your own: it turns from noon to fog within seconds, and a replay's pictures with it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from recorder import ReplayConfig, replay
+
+SCHEDULE = """
+- at_s: 0
+  weather: ClearNoon
+- at_s: {middle_s}
+  weather: ClearNoon
+- at_s: {end_s}
+  weather: {{cloudiness: 100, fog_density: 90, fog_distance: 5, sun_altitude_angle: 20}}
+"""
+
+
+def main(drive: Path, out: Path, seconds: float = 2.0, rig: str = "minimal") -> tuple[float, float]:
+    """Replay under the schedule; contrasts of the first and the last picture (deviations of grey values)."""
+    out.mkdir(parents=True, exist_ok=True)
+    schedule = out / "fog_rolls_in.yaml"
+    schedule.write_text(SCHEDULE.format(middle_s=seconds / 2, end_s=seconds))
+    config = ReplayConfig(
+        episode=drive, out=out / "data", weathers=(str(schedule),), rig=rig, formats=("euroc",),
+        duration_s=seconds + 1.0, workers=1, quality="low", preview=False,
+    )  # fmt: skip
+    (sequence,) = replay(config).sequences
+    pictures = sorted((sequence / "mav0/cam0/data").glob("*.png"))
+    grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (pictures[0], pictures[-1])]
+    first, last = (float(np.std(picture)) for picture in grey if picture is not None)
+    print(f"{sequence.name}: {len(pictures)} pictures, contrast {first:.0f} at noon, {last:.0f} in fog")
+    return first, last
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,0 +1,100 @@
+"""Systems that are programs, described by a YAML file: a command, what it reads, and what its poses mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.text_files import read_text
+from recorder.slam.runners.command import run_command
+from recorder.slam.sequence import SlamSequence
+from recorder.slam.system import END, MIDDLE, START, FrameClock, StampedPose, System
+
+_INSTANTS = {"start": START, "middle": MIDDLE, "end": END}
+_FRAMES = ("lidar", "imu", "camera", "base_link")
+_INPUTS = ("lidar", "imu", "stereo")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SystemFile:
+    """What such a file says; all of it but the last four must be there."""
+
+    name: str
+    """Name of its results."""
+    title: str
+    """Name in tables."""
+    needs: tuple[str, ...]
+    """What it reads: ``lidar``, ``imu``, ``stereo``."""
+    frame: str
+    """Frame of its poses: ``lidar``, ``imu``, ``camera`` (the left one) or ``base_link``."""
+    command: tuple[str, ...]
+    """Program and words, see `recorder.slam.runners.command.run_command`."""
+    what: str = ""
+    """A few words on it."""
+    instant: str = "start"
+    """Instant of its poses within a sweep: ``start``, ``middle`` or ``end``."""
+    instant_source: str = "said by its settings"
+    """Where that is known from."""
+    topic: str | None = None
+    """Topic of its poses in ``{out_bag}``, if it writes one; None: it writes ``{out}``."""
+
+    def __post_init__(self) -> None:
+        if self.frame not in _FRAMES:
+            raise ConfigError(unknown_name("frame", self.frame, _FRAMES))
+        if self.instant not in _INSTANTS:
+            raise ConfigError(unknown_name("instant", self.instant, _INSTANTS))
+        for need in self.needs:
+            if need not in _INPUTS:
+                raise ConfigError(unknown_name("input", need, _INPUTS))
+        wanted = "{out}" if self.topic is None else "{out_bag}"
+        if not any(wanted in word for word in self.command):
+            raise ConfigError(f"the command of '{self.name}' names no {wanted} to write its poses to")
+
+    @property
+    def system(self) -> System:
+        """The system, as a benchmark runs it."""
+        return System(
+            name=self.name,
+            title=self.title,
+            what=self.what,
+            needs=self.needs,
+            runner="recorder.slam.system_file:run",
+            frame=self.frame,
+            instant=_INSTANTS[self.instant],
+            instant_source=self.instant_source,
+        )
+
+    def run(self, sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+        """Poses that its command has written."""
+        sensor = "lidar" if "lidar" in self.needs else "stereo"
+        return run_command(sequence, clock, self.command, sensor=sensor, topic=self.topic)
+
+
+def read_system_file(path: Path) -> SystemFile:
+    """Read the description of a program.
+
+    Raises:
+        ConfigError: the file is missing, no YAML, or lacks or has keys that it should not.
+    """
+    try:
+        found: Any = yaml.safe_load(read_text(path, "description of a system", ConfigError))
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path} is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(found, dict):
+        raise ConfigError(f"{path} describes no system; see docs/your-system.md")
+    known = [field.name for field in fields(SystemFile)]
+    for key in found:
+        if key not in known:
+            raise ConfigError(f"{path}: {unknown_name('key', str(key), known)}")
+    lists = {
+        key: tuple(map(str, found[key])) for key in ("needs", "command") if isinstance(found.get(key), list)
+    }
+    try:
+        return SystemFile(**{**found, **lists})
+    except TypeError as error:
+        missing = [name for name in known[:5] if name not in found]
+        raise ConfigError(f"{path} lacks {', '.join(missing) or error}; see docs/your-system.md") from error

@@ -1,0 +1,70 @@
+"""Programs as SLAM systems by a YAML file: what it may say, and a run that copies the truth."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from shared_fixtures.slam_dataset import write_dataset
+
+from carlaloc_env.core.errors import ConfigError
+from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+from recorder.slam.system import END
+from recorder.slam.system_file import read_system_file
+from recorder.slam.systems import system_of
+
+COPY = (
+    "import shutil, sys, pathlib; "
+    "shutil.copy(pathlib.Path(sys.argv[1]).parents[1] / 'ground_truth/lidar.tum', sys.argv[2])"
+)
+GOOD = f"""
+name: copy
+title: Copy
+needs: [lidar]
+frame: lidar
+instant: end
+command: [{sys.executable}, -c, "{COPY}", "{{bag}}", "{{out}}"]
+"""
+EXTERNAL = Path(__file__).parents[2] / "examples" / "external"
+
+
+def test_a_program_is_run_by_its_file(tmp_path: Path) -> None:
+    (tmp_path / "copy.yaml").write_text(GOOD.replace("instant: end", "instant: start"))
+    data = write_dataset(tmp_path / "set", sweeps=15)
+    config = BenchmarkConfig(
+        data=data, out=tmp_path / "out", methods=(str(tmp_path / "copy.yaml"),), clouds=("raw",)
+    )
+    (score,) = run_benchmark(config).scores
+    assert (score.failed, score.title) == (None, "Copy")
+    assert score.ape_m < 1e-6
+
+
+def test_it_says_what_poses_mean(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(GOOD)
+    system = system_of(str(tmp_path / "a.yaml"))
+    assert (system.name, system.needs, system.frame, system.instant) == ("copy", ("lidar",), "lidar", END)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("frame: lidar", "frame: lida"), "lida"),
+        (("instant: end", "instant: 3"), "instant"),
+        (("[lidar]", "[sonar]"), "sonar"),
+        (("{out}", "x"), r"names no \{out\}"),
+        (("title: Copy\n", ""), "lacks title"),
+        (("title:", "titel: a\ntitle:"), "titel"),
+    ],
+)
+def test_faults_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
+    (tmp_path / "a.yaml").write_text(GOOD.replace(*change))
+    with pytest.raises(ConfigError, match=message):
+        read_system_file(tmp_path / "a.yaml")
+
+
+@pytest.mark.parametrize("path", sorted(EXTERNAL.glob("*.yaml")), ids=lambda path: path.stem)
+def test_files_that_we_give_are_read(path: Path) -> None:
+    found = read_system_file(path)
+    assert found.name == path.stem
+    assert found.instant_source != "said by its settings"
