@@ -42,7 +42,7 @@ def main(out: Path = Path("one_road.xodr"), steps: int = 60) -> float:
     places = []
     for _ in range(steps):
         *_, info = env.step(np.array([0.0, 0.6, 0.0, 0.0, 0.0], np.float32))
-        places.append(info["truth"]["position_m"])
+        places.append(info["truth"].position_m)
     env.close()
     way_m = float(np.linalg.norm(places[-1] - places[0]))
     print(f"{way_m:.1f} m in {steps * 0.05:.1f} s on {out}")

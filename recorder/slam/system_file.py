@@ -94,7 +94,7 @@ def read_system_file(path: Path) -> SystemFile:
         key: tuple(map(str, found[key])) for key in ("needs", "command") if isinstance(found.get(key), list)
     }
     try:
-        return SystemFile(**{**found, **lists})
+        return SystemFile(**{key: str(value) for key, value in found.items()} | lists)
     except TypeError as error:
         missing = [name for name in known[:5] if name not in found]
         raise ConfigError(f"{path} lacks {', '.join(missing) or error}; see docs/your-system.md") from error
