@@ -90,11 +90,11 @@ def read_system_file(path: Path) -> SystemFile:
     for key in found:
         if key not in known:
             raise ConfigError(f"{path}: {unknown_name('key', str(key), known)}")
-    lists = {
-        key: tuple(map(str, found[key])) for key in ("needs", "command") if isinstance(found.get(key), list)
+    given: dict[str, Any] = {
+        key: tuple(map(str, value)) if isinstance(value, list) else str(value) for key, value in found.items()
     }
     try:
-        return SystemFile(**{key: str(value) for key, value in found.items()} | lists)
+        return SystemFile(**given)
     except TypeError as error:
         missing = [name for name in known[:5] if name not in found]
         raise ConfigError(f"{path} lacks {', '.join(missing) or error}; see docs/your-system.md") from error
