@@ -97,6 +97,20 @@ def state_rig() -> SensorRig:
     return SensorRig(name="state", sensors=(_imu("flu"), _gnss(), SpeedConfig()))
 
 
+def dsec_rig() -> SensorRig:
+    """A pair of event cameras of the DSEC data set's size and baseline, a LiDAR and an IMU."""
+    cameras = tuple(
+        CameraConfig(
+            name=name,
+            mount=Mount(position_m=(IMU_X_M + 0.3, side * 0.3, CAMERA_Z_M), axes="optical"),
+            pinhole=Pinhole.from_fov(640, 480, 60.0),
+            outputs=("rgb", "depth", "events"),
+        )
+        for name, side in (("left", 1.0), ("right", -1.0))
+    )
+    return SensorRig(name="dsec", sensors=(_imu("flu"), *cameras, _hdl32e(), _gnss(), SpeedConfig()))
+
+
 RIGS = {
     "paper": paper_rig,
     "flu": flu_rig,
@@ -104,6 +118,7 @@ RIGS = {
     "minimal": minimal_rig,
     "lidar": lidar_rig,
     "state": state_rig,
+    "dsec": dsec_rig,
 }
 """Makers of the named rigs."""
 

@@ -44,17 +44,20 @@ def add_replay_options(
     parser.add_argument(
         "--rig",
         default="paper",
-        help="paper, flu, real, minimal, lidar, state, or a .yaml file (default: paper)",
+        help="paper, flu, real, minimal, lidar, state, dsec, or a .yaml file (default: paper)",
     )
     parser.add_argument(
         "--format",
         type=names,
         default=("rosbag1", "euroc"),
         metavar="A,B",
-        help="rosbag1, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec (default: rosbag1,euroc)",
+        help="rosbag1, rosbag1_lz4, rosbag1_bz2, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec, raw "
+        "(default: rosbag1,euroc)",
     )
     parser.add_argument(
-        "--topics", default="standard", help="topic profile of bags: standard, slam, paper or full"
+        "--topics",
+        default="standard",
+        help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full",
     )
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")

@@ -26,12 +26,15 @@ from recorder.generation.units import Unit, units_of
 from recorder.writers.topics import profile_by_name
 
 FORMATS = {
-    "rosbag1": "ROS 1 bag",
+    "rosbag1": "ROS 1 bag, not compressed",
+    "rosbag1_lz4": "ROS 1 bag, chunks by LZ4",
+    "rosbag1_bz2": "ROS 1 bag, chunks by bzip2: slow",
     "rosbag2": "ROS 2 bag, MCAP with zstd chunks",
     "rosbag2_sqlite3": "ROS 2 bag, SQLite",
     "euroc": "EuRoC (ASL) folder mav0: grey images, IMU, true states",
     "kitti": "KITTI odometry and SemanticKITTI, with labels of what moves",
-    "dsec": "DSEC's HDF5 file of events for each event camera",
+    "dsec": "DSEC: events and identity maps of each event camera, disparity of a pair",
+    "raw": "PNG, PLY and npz, a folder or table a stream",
 }
 """Names of dataset formats; `sequence_writers` has the writers."""
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -20,12 +21,14 @@ from recorder.generation.conditions import Condition
 from recorder.generation.dataset_manifest import as_yaml, checksums
 from recorder.generation.sample_counts import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, write_text
-from recorder.writers.calibration.files import write_calibration
+from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.formats.dsec import DsecWriter
+from recorder.writers.formats.dsec_disparity import DsecDisparityWriter
 from recorder.writers.formats.euroc import EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv
 from recorder.writers.formats.kitti import KittiWriter
 from recorder.writers.formats.preview_video import PreviewWriter
+from recorder.writers.formats.raw import RawWriter
 from recorder.writers.formats.tum import write_truth
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.rosbag1 import Rosbag1Writer
@@ -58,21 +61,50 @@ class _WriterContext:
     streams: tuple[str, ...]
     topics: str
     imu: ImuSensor | None
+    about: Mapping[str, str]
+
+    def bag_profiles(self) -> list[tuple[str, str]]:
+        """Beginning of the name and topic profile of each bag: the paper's release has two for a LiDAR."""
+        seg = (
+            [("LIOseg_", "paper_seg")] if self.topics == "paper" and "lidar_semantic" in self.streams else []
+        )
+        return [("", self.topics), *seg]
 
 
-def _rosbag1(m: _WriterContext) -> Writer:
-    target = path_below(m.folder, f"{m.name}.bag")
-    return Rosbag1Writer(target, m.calibration, profile=m.topics, streams=m.streams)
+def _rosbag1(compression: str) -> Callable[[_WriterContext], list[Writer]]:
+    end = "" if compression == "none" else f"_{compression}"
+
+    def make(m: _WriterContext) -> list[Writer]:
+        return [
+            Rosbag1Writer(
+                path_below(m.folder, f"{begin}{m.name}{end}.bag"),
+                m.calibration,
+                profile=profile,
+                streams=m.streams,
+                compression=compression,
+            )
+            for begin, profile in m.bag_profiles()
+        ]
+
+    return make
 
 
-def _rosbag2(m: _WriterContext) -> Writer:
-    return Rosbag2Writer(m.folder / f"{m.name}_ros2", m.calibration, profile=m.topics, streams=m.streams)
+def _rosbag2(storage: str, end: str) -> Callable[[_WriterContext], list[Writer]]:
+    def make(m: _WriterContext) -> list[Writer]:
+        return [
+            Rosbag2Writer(
+                path_below(m.folder, f"{begin}{m.name}{end}"),
+                m.calibration,
+                storage=storage,
+                profile=profile,
+                streams=m.streams,
+                about=m.about,
+                attachments=calibration_texts(m.calibration, profile_by_name(m.topics)),
+            )
+            for begin, profile in m.bag_profiles()
+        ]
 
-
-def _rosbag2_sqlite3(m: _WriterContext) -> Writer:
-    return Rosbag2Writer(
-        m.folder / f"{m.name}_sqlite3", m.calibration, storage="sqlite3", profile=m.topics, streams=m.streams
-    )
+    return make
 
 
 def _euroc(m: _WriterContext) -> Writer:
@@ -84,17 +116,31 @@ def _kitti(m: _WriterContext) -> Writer:
 
 
 def _dsec(m: _WriterContext) -> list[Writer]:
-    streams = [stream for stream in m.streams if stream.startswith("events_")]
-    return [DsecWriter(path_below(m.folder, f"{stream}.h5"), stream=stream) for stream in streams]
+    folder = path_below(m.folder, "dsec")
+    names = [stream.removeprefix("events_") for stream in m.streams if stream.startswith("events_")]
+    writers: list[Writer] = [
+        DsecWriter(path_below(folder / "events", name) / "events.h5", stream=f"events_{name}")
+        for name in names
+    ]
+    if len(m.calibration.cameras) >= 2 and f"depth_{m.calibration.cameras[0].name}" in m.streams:
+        writers.append(DsecDisparityWriter(folder / "disparity", m.calibration))
+    return writers
 
 
-_WRITERS: dict[str, Callable[[_WriterContext], Writer | list[Writer]]] = {
-    "rosbag1": _rosbag1,
-    "rosbag2": _rosbag2,
-    "rosbag2_sqlite3": _rosbag2_sqlite3,
+def _raw(m: _WriterContext) -> Writer:
+    return RawWriter(m.folder / "raw")
+
+
+_WRITERS: dict[str, Callable[[_WriterContext], Writer | Sequence[Writer]]] = {
+    "rosbag1": _rosbag1("none"),
+    "rosbag1_lz4": _rosbag1("lz4"),
+    "rosbag1_bz2": _rosbag1("bz2"),
+    "rosbag2": _rosbag2("mcap", "_ros2"),
+    "rosbag2_sqlite3": _rosbag2("sqlite3", "_sqlite3"),
     "euroc": _euroc,
     "kitti": _kitti,
     "dsec": _dsec,
+    "raw": _raw,
 }
 """Dataset formats by name."""
 
@@ -108,7 +154,7 @@ def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> Se
         topics: Topic profile of bags.
     """
     in_bags = any(rule.sample is Events for rule in profile_by_name(topics).rules)
-    if "dsec" in formats or (in_bags and any(name.startswith("rosbag") for name in formats)):
+    if {"dsec", "raw"} & set(formats) or (in_bags and any(name.startswith("rosbag") for name in formats)):
         return rig
     sensors = tuple(
         replace(config, outputs=tuple(output for output in config.outputs if output != "events"))
@@ -136,7 +182,12 @@ class SequenceConfig:
 
 
 def writers_of(
-    config: SequenceConfig, streams: tuple[str, ...], folder: Path, *, caption: str
+    config: SequenceConfig,
+    streams: tuple[str, ...],
+    folder: Path,
+    *,
+    caption: str,
+    about: Mapping[str, str] | None = None,
 ) -> list[Writer]:
     """Writers of one sequence, always in the same order.
 
@@ -145,6 +196,7 @@ def writers_of(
         streams: Names of all streams that will come.
         folder: Folder of the sequence; its name is that of bags.
         caption: What the film calls itself.
+        about: What bags tell of the sequence, texts by name.
 
     Raises:
         WriterError: a format needs a sensor that the rig has not.
@@ -157,11 +209,12 @@ def writers_of(
         streams=streams,
         topics=config.topics,
         imu=_imu_sensor(config.rig, config.seed),
+        about=about or {},
     )
     writers: list[Writer] = []
     for name in dict.fromkeys(config.formats):
         made = _WRITERS[name](context)
-        writers += made if isinstance(made, list) else [made]
+        writers += [made] if isinstance(made, Writer) else made
     if config.preview and calibration.cameras:
         camera = calibration.cameras[0]
         film = folder / "preview.mp4"
@@ -175,7 +228,18 @@ class WriterGroup:
     def __init__(self, sequence: DatasetSequence, config: SequenceConfig, streams: tuple[str, ...]) -> None:
         self._sequence, self._rig = sequence, config.rig.name
         caption = sequence.condition.name.replace("_", ", ")
-        self._writers = writers_of(config, streams, sequence.part, caption=caption)
+        condition = sequence.condition
+        about = {
+            "name": sequence.folder.name,
+            "town": sequence.folder.parent.name,
+            "weather": json.dumps({"name": condition.weather_name, **condition.weather.to_mapping()}),
+            "traffic": json.dumps(asdict(condition.traffic)),
+            "rig": config.rig.name,
+            "topics": config.topics,
+            "noise_seed": str(config.seed),
+            "epoch_ns": str(DEFAULT_EPOCH_NS),
+        }
+        self._writers = writers_of(config, streams, sequence.part, caption=caption, about=about)
 
     def open(self) -> None:
         """Start writing; what a killed run has left is removed."""

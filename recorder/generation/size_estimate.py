@@ -13,17 +13,21 @@ from recorder.writers.topics import profile_by_name
 _IMAGE_BYTES = {"rgb": 3.0, "depth": 4.0, "semantic": 1.0, "flow": 8.0, "normal": 12.0}
 """Bytes of a pixel in bags [bytes]."""
 _SLAM_BYTES = {"rgb": 1.0}
+_COMPACT_BYTES = {"rgb": 0.055, "depth": 0.11, "semantic": 0.018}
+"""The same in the profiles `compact` and `compact_full`."""
 _GREY_PNG_BYTES, _COLOUR_PNG_BYTES = 0.55, 1.7
 """Bytes of a pixel as PNG, noise included [bytes]."""
 _EVENTS_BYTES_PER_PIXEL_S, _EVENTS_H5_SHARE = 60.0, 0.3
 """Events of a second of driving for each pixel, as messages [bytes], and what DSEC's files take of that."""
-_POINT_BYTES, _KITTI_POINT_BYTES = 34.0, 20.0
+_POINT_BYTES, _KITTI_POINT_BYTES, _COMPACT_POINT_BYTES = 34.0, 20.0, 1.8
 _OTHERS_BYTES_PER_S = 400_000.0
 """IMU, truth, objects and so on [bytes/s]."""
 _PANELS, _PANEL_BYTES = 2, 640 * 360 * 3
 """Panels of a film that each weather has of its own, about, and the size of one [bytes]."""
-_ZSTD_SHARE = 0.5
-"""What zstd leaves of a bag."""
+_RAW_PIXEL_BYTES, _RAW_POINT_BYTES = 3.2, 29.0
+"""A pixel with colour, depth and labels, and a point, as PNG, npz and PLY [bytes]."""
+_ZSTD_SHARE, _LZ4_SHARE = 0.5, 0.65
+"""What zstd or bzip2, and LZ4, leave of a bag."""
 
 
 def bytes_per_second(rig: SensorRig, formats: Sequence[str], topics: str) -> float:
@@ -42,12 +46,15 @@ def bytes_per_second(rig: SensorRig, formats: Sequence[str], topics: str) -> flo
     rays = sum(_rays_per_s(sensor) for sensor in rig.sensors)
     sizes = {
         "rosbag1": bag,
-        "rosbag2": _ZSTD_SHARE * bag,
         "rosbag2_sqlite3": bag,
         "euroc": _GREY_PNG_BYTES * pixels + _OTHERS_BYTES_PER_S,
         "kitti": _COLOUR_PNG_BYTES * pixels + _KITTI_POINT_BYTES * rays,
         "dsec": _EVENTS_H5_SHARE * events,
+        "raw": _RAW_PIXEL_BYTES * pixels + _RAW_POINT_BYTES * rays + _EVENTS_H5_SHARE * events,
     }
+    bags = {"rosbag1_lz4": _LZ4_SHARE, "rosbag1_bz2": _ZSTD_SHARE, "rosbag2": _ZSTD_SHARE}
+    for name, share in bags.items():
+        sizes[name] = bag if profile.startswith("compact") else share * bag
     return sum(sizes[name] for name in dict.fromkeys(formats))
 
 
@@ -73,12 +80,16 @@ def spool_bytes_per_second(rig: SensorRig, config: ReplayConfig, conditions: Seq
 
 def _bag_bytes(sensor: Any, profile: str) -> float:
     if sensor.kind == "camera":
-        known = _IMAGE_BYTES if profile in ("standard", "full") else _SLAM_BYTES
+        known = {"standard": _IMAGE_BYTES, "full": _IMAGE_BYTES, "compact_full": _COMPACT_BYTES}.get(
+            profile, _SLAM_BYTES
+        )
+        if profile == "compact":
+            known = {"rgb": _COMPACT_BYTES["rgb"]}
         size = sum(known.get(output, 0.0) for output in _outputs(sensor)) * _pixels_per_s(sensor)
         if profile == "full" and "events" in _outputs(sensor):
             size += _EVENTS_BYTES_PER_PIXEL_S * _pixels(sensor)
         return size
-    return _POINT_BYTES * _rays_per_s(sensor)
+    return (_COMPACT_POINT_BYTES if profile.startswith("compact") else _POINT_BYTES) * _rays_per_s(sensor)
 
 
 def _outputs(camera: Any) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """How long a dataset takes to make, told before any of it is made: processor time by measured unit costs.
 
-The figures are those that `python benchmarks/unit_costs.py` prints, taken on two cores of a server without
-a GPU, which drew with llvmpipe. Another machine is faster or slower as a whole: a dataset that is being made
-corrects them by its own first unit (`dataset_clock`).
+The figures are processor times on two cores of a server without a GPU, which drew with llvmpipe, as
+`benchmarks/unit_costs.py`, `benchmarks/run.py` and docs/performance.md have them. Another machine is faster
+or slower as a whole: a dataset that is being made corrects them by its own first unit (`dataset_clock`).
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from recorder.generation.replay_plan import ReplayConfig
 from recorder.generation.sequence_writers import without_unwritten
 from recorder.generation.size_estimate import bytes_per_second
 
-DRIVING_COST = 0.35
+DRIVING_COST = 0.15
 """Processor time of a second that the scripted driver drives among a town's traffic [s/s]."""
 OPENING_COST = 25.0
 """What a process takes before its first sample: imports, town, shaders, compiled functions [s]."""
-_GEOMETRY, _EVENTS = 0.07, 1.3
+_GEOMETRY, _EVENTS = 0.095, 0.55
 """What all weathers of a picture share, and the events of one [s/Mpx]."""
-_SHADING_DAY, _SHADING_NIGHT = 0.09, 0.17
+_SHADING_DAY, _SHADING_NIGHT = 0.065, 0.13
 """A picture under one weather more [s/Mpx]."""
-_RAYS, _RADAR = 0.5, 0.02
+_RAYS, _RADAR = 0.3, 0.01
 """A LiDAR's rays [s/Mray] and a radar's scan [s]."""
 _OTHERS = 0.1
 """IMU, truth, boxes and all else of a second of driving [s/s]."""

@@ -183,7 +183,62 @@ SLAM = TopicProfile(
 )
 """What SLAM systems read: grey images and the plain cloud, a third of the size of `STANDARD`."""
 
-PROFILES = {profile.name: profile for profile in (STANDARD, PAPER, SLAM, FULL)}
+PAPER_SEG = TopicProfile(
+    name="paper_seg",
+    rules=(
+        TopicRule(
+            sample=PointCloud,
+            stream="lidar_semantic",
+            topic="/velodyne",
+            message="points_of_the_town",
+            frame_id="laser",
+        ),
+        TopicRule(sample=Imu, stream="imu", topic="/imu", message="imu", frame_id="imu"),
+    ),
+    tf_static=False,
+    clock=False,
+)
+"""The release's ``LIOseg``: the cloud without walkers and vehicles, and the IMU."""
+
+_COMPACT_CLOUDS = (
+    TopicRule(sample=PointCloud, stream="*_semantic", topic="/{}/draco", message="cloud_draco"),
+    TopicRule(sample=PointCloud, stream="*", topic="/{}/draco", message="cloud_draco", unless="{}_semantic"),
+)
+
+COMPACT = TopicProfile(
+    name="compact",
+    rules=(
+        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/video", message="video"),
+        TopicRule(sample=Image, stream="rgb_*", topic="/camera/{}/camera_info", message="camera_info"),
+        *_COMPACT_CLOUDS,
+        *(rule for rule in STANDARD.rules if rule.sample in (Imu, GnssFix, Speed, WheelTicks, CanState)),
+        TopicRule(sample=Odometry, stream="*", topic="/ground_truth/odometry", message="odometry"),
+        TopicRule(sample=ObjectList, stream="*", topic="/ground_truth/object_table", message="object_table"),
+    ),
+)
+"""Video, clouds by Draco, IMU, truth: a few hours fit on a laptop; what is lost is told in numbers."""
+
+COMPACT_FULL = TopicProfile(
+    name="compact_full",
+    rules=(
+        *COMPACT.rules,
+        TopicRule(
+            sample=DepthImage, stream="depth_*", topic="/camera/{}/depth/compressedDepth", message="depth_png"
+        ),
+        TopicRule(
+            sample=SemanticImage,
+            stream="semantic_*",
+            topic="/camera/{}/semantic/compressed",
+            message="tags_png",
+        ),
+        TopicRule(sample=RadarScan, stream="radar_*", topic="/radar/{}/points", message="radar_points"),
+    ),
+)
+"""`COMPACT` with depth and semantics as PNG, and the radars."""
+
+PROFILES = {
+    profile.name: profile for profile in (STANDARD, PAPER, PAPER_SEG, SLAM, FULL, COMPACT, COMPACT_FULL)
+}
 """All profiles by name."""
 
 

@@ -42,7 +42,7 @@ def test_workers_and_cuts_change_no_byte(straight_drive: StraightDrive, tmp_path
         config = straight_drive.config(
             tmp_path / name, rig=str(straight_drive.rig), unit_s=unit_s, workers=workers, topics="full",
             duration_s=1.2, weathers=("ClearNoon", "RainyNight"), traffic=("static", "dynamic"),
-            formats=("rosbag1", "rosbag2", "euroc", "kitti", "dsec"),
+            formats=("rosbag1", "rosbag1_lz4", "rosbag2", "euroc", "kitti", "dsec", "raw"),
         )  # fmt: skip
         try:
             replay(config)

@@ -63,13 +63,22 @@ def load(path: Path) -> Any:
 def test_files(folder: Path) -> None:
     names = sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file())
     assert names == [
+        "a_loam.launch",
+        "basalt.json",
         "extrinsics.yaml",
         "fast_lio.yaml",
         "kalibr/camchain-imucam.yaml",
         "kalibr/imu.yaml",
+        "kiss_icp.yaml",
         "lego_loam.md",
+        "lio_sam.yaml",
+        "open_vins/estimator_config.yaml",
+        "open_vins/kalibr_imu_chain.yaml",
+        "open_vins/kalibr_imucam_chain.yaml",
         "orbslam3_stereo.yaml",
         "orbslam3_stereo_inertial.yaml",
+        "rko_lio.yaml",
+        "s_msckf/camchain-imucam.yaml",
         "vins_fusion/cam0.yaml",
         "vins_fusion/cam1.yaml",
         "vins_fusion/stereo.yaml",
@@ -225,7 +234,7 @@ def test_notes_for_lego_loam(folder: Path) -> None:
 
 def test_smaller_rigs_get_the_files_that_make_sense(tmp_path: Path) -> None:
     files = write_calibration(tmp_path / "a", RigCalibration.of(lidar=LidarCalibration()))
-    assert [f.name for f in files] == ["extrinsics.yaml"]
+    assert [f.name for f in files] == ["extrinsics.yaml", "kiss_icp.yaml"]
     files = write_calibration(tmp_path / "b", RigCalibration.of(imu=ImuCalibration()))
     assert sorted(f.name for f in files) == ["extrinsics.yaml", "imu.yaml"]
     with pytest.raises(WriterError, match="exists"):

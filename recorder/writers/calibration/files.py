@@ -6,10 +6,20 @@ from pathlib import Path
 
 from carlaloc_env.core.output_paths import path_below
 from recorder.writers.base import write_text
+from recorder.writers.calibration.basalt import basalt_fits, basalt_json
 from recorder.writers.calibration.fast_lio import fast_lio_yaml
 from recorder.writers.calibration.kalibr import camchain_yaml, imu_yaml
 from recorder.writers.calibration.lego_loam import lego_loam_notes
+from recorder.writers.calibration.lidar_odometry import (
+    A_LOAM_BEAMS,
+    a_loam_launch,
+    kiss_icp_yaml,
+    rko_lio_yaml,
+)
+from recorder.writers.calibration.lio_sam import lio_sam_yaml
+from recorder.writers.calibration.open_vins import open_vins_texts
 from recorder.writers.calibration.orbslam3 import orbslam3_yaml
+from recorder.writers.calibration.s_msckf import s_msckf_yaml
 from recorder.writers.calibration.vins_fusion import vins_camera_yaml, vins_yaml
 from recorder.writers.can_bus import dbc
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
@@ -20,10 +30,10 @@ from recorder.writers.yaml_text import nested
 def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str = "standard") -> list[Path]:
     """Write every file that the rig's sensors allow.
 
-    ``extrinsics.yaml`` always; with a camera and an IMU ``kalibr/camchain-imucam.yaml``; with an IMU
-    ``kalibr/imu.yaml``; with two cameras ``orbslam3_stereo.yaml`` and ``vins_fusion/stereo.yaml``,
-    with an IMU as well the inertial ones; with a LiDAR and an IMU ``fast_lio.yaml`` and notes for
-    LeGO-LOAM; with a CAN bus ``can.dbc``.
+    ``extrinsics.yaml`` always. An IMU, with cameras: Kalibr's files and, where it has a model for their
+    lenses, Basalt's. Two cameras: ORB-SLAM3's and VINS-Fusion's, with an IMU as well their inertial ones,
+    OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's and, of 16, 32 or 64 beams, A-LOAM's; with an IMU
+    FAST-LIO2's, LIO-SAM's, RKO-LIO's and notes for LeGO-LOAM. A CAN bus: ``can.dbc``.
 
     Args:
         folder: Where the files go.
@@ -56,8 +66,18 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
     if stereo and rig.imu is not None:
         texts["orbslam3_stereo_inertial.yaml"] = orbslam3_yaml(rig, inertial=True)
         texts["vins_fusion/stereo_inertial.yaml"] = vins_yaml(rig, topics, inertial=True)
+        texts["s_msckf/camchain-imucam.yaml"] = s_msckf_yaml(rig)
+        texts |= {f"open_vins/{name}": text for name, text in open_vins_texts(rig, topics).items()}
+    if rig.imu is not None and rig.cameras and basalt_fits(rig):
+        texts["basalt.json"] = basalt_json(rig)
+    if rig.lidar is not None:
+        texts["kiss_icp.yaml"] = kiss_icp_yaml(rig.lidar)
+        if rig.lidar.rings in A_LOAM_BEAMS:
+            texts["a_loam.launch"] = a_loam_launch(rig.lidar, topics)
     if rig.lidar is not None and rig.imu is not None:
         texts["fast_lio.yaml"] = fast_lio_yaml(rig, topics)
+        texts["lio_sam.yaml"] = lio_sam_yaml(rig, topics)
+        texts["rko_lio.yaml"] = rko_lio_yaml(rig)
         texts["lego_loam.md"] = lego_loam_notes(rig.lidar, topics)
     if "can" in rig.frames:
         texts["can.dbc"] = dbc()

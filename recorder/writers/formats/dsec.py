@@ -1,8 +1,9 @@
 """Events in the layout of the DSEC data set: one HDF5 file per camera.
 
 ``events/{t,x,y,p}``, ``ms_to_idx`` and ``t_offset`` (dsec.ifi.uzh.ch/data-format): times are µs after
-the offset, and ``ms_to_idx[m]`` is the first event that is not earlier than m milliseconds. There is
-no ``rectify_map.h5``: the camera's calibration stands beside the other files.
+the offset, and ``ms_to_idx[m]`` is the first event that is not earlier than m milliseconds. Beside it stands
+``rectify_map.h5``, which DSEC's loader always opens: where each raw pixel lies in the rectified picture. Ours
+are rectified as they come, so that it is the identity; a lens stands in the calibration files.
 """
 
 from __future__ import annotations
@@ -14,16 +15,19 @@ from typing import Any
 import h5py
 import numpy as np
 
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import EVENT, Events, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer
 
+RECTIFY_MAP = "rectify_map.h5"
+"""Name of the file with the map."""
 _CHUNK = 1 << 18
 """Events in one compressed piece of the file."""
 _COLUMNS = {"t": "<u4", "x": "<u2", "y": "<u2", "p": "|u1"}
 
 
 class DsecWriter(Writer):
-    """One event stream in one ``.h5`` file."""
+    """One event stream in one ``.h5`` file, with ``rectify_map.h5`` beside it."""
 
     def __init__(
         self,
@@ -92,6 +96,27 @@ class DsecWriter(Writer):
         self._file["ms_to_idx"] = np.concatenate([np.zeros(0, "<u8"), *self._ms_to_idx])
         self._close()
         self._disk.raise_failure()
+
+    def close(self) -> None:
+        """Complete the file, and write the map beside it."""
+        shape = (
+            tuple(int(self._file.attrs.get(side, 0)) for side in ("height", "width")) if self._is_open else ()
+        )
+        super().close()
+        path = self.target.with_name(RECTIFY_MAP)
+        if not shape or path.exists():
+            return
+        v, u = np.indices(shape, dtype="<f4")
+        try:
+            disk = _DiskFile(path)
+            with h5py.File(disk, "w") as file:
+                file.create_dataset("rectify_map", data=np.stack([u, v], axis=-1), compression="gzip")
+            disk.close()
+            disk.raise_failure()
+        except OSError as error:
+            path.unlink(missing_ok=True)
+            self.target.unlink(missing_ok=True)
+            raise WriterError(f"cannot write {path}: {error.strerror}") from error
 
     def _drop(self) -> None:
         self._close()

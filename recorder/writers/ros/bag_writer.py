@@ -6,17 +6,21 @@ from abc import abstractmethod
 from collections.abc import Collection
 from pathlib import Path
 
+import numpy as np
 from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Events, Sample
 from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
+from recorder.writers.ros.compact_messages import I420
 from recorder.writers.ros.message_parts import Message, make_typestore
 from recorder.writers.ros.messages import ENCODERS, MessageMaker
+from recorder.writers.ros.video_encoder import VideoEncoder
 from recorder.writers.topics import profile_by_name
 
 _CLOCK_PERIOD_NS = 10_000_000
+_VIDEO = "foxglove_msgs/msg/CompressedVideo"
 
 
 class BagWriter(Writer):
@@ -56,6 +60,8 @@ class BagWriter(Writer):
         pinholes = {camera.stream: camera.pinhole for camera in calibration.cameras}
         lenses = {camera.stream: camera.lens for camera in calibration.cameras}
         self._maker = MessageMaker(self._typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses)
+        self._video_hz = max((camera.rate_hz for camera in calibration.cameras), default=20.0)
+        self._videos: dict[str, VideoEncoder] = {}
         self._clock_due_ns: int | None = None
 
     def encode(self, sample: Sample) -> list[Piece]:
@@ -80,7 +86,18 @@ class BagWriter(Writer):
             kind = "rosgraph_msgs/msg/Clock"
             clock = self._serialise(self._maker.clock(piece.stamp_ns), kind)
             self._add(Piece(piece.stamp_ns, "/clock", kind, clock))
-        self._add(piece)
+        self._add(self._with_video(piece) if piece.kind == _VIDEO else piece)
+
+    def _with_video(self, piece: Piece) -> Piece:
+        """A picture encoded: that takes those before it, so it is done here, in their order."""
+        message = self._deserialise(piece.data, piece.kind)
+        kind, width, height = message.format.split()
+        assert kind == I420
+        if piece.place not in self._videos:
+            self._videos[piece.place] = VideoEncoder(int(width), int(height), self._video_hz)
+        data = self._videos[piece.place].encode(bytes(message.data))
+        message.data, message.format = np.frombuffer(data, np.uint8), "h264"
+        return Piece(piece.stamp_ns, piece.place, piece.kind, self._serialise(message, piece.kind))
 
     def _write_tf_static(self, stamp_ns: int) -> None:
         frames = self._calibration.frames
@@ -92,6 +109,10 @@ class BagWriter(Writer):
     @abstractmethod
     def _serialise(self, message: Message, kind: str) -> bytes:
         """A message of a type, e.g. ``sensor_msgs/msg/Imu``, as it stands in the bag."""
+
+    @abstractmethod
+    def _deserialise(self, data: bytes, kind: str) -> Message:
+        """The message of what `_serialise` has made."""
 
     @abstractmethod
     def _with_events(self, empty: bytes, sample: Events) -> bytes:

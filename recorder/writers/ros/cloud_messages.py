@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.samples import ObjectList, PointCloud, RadarScan
+from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 _POINT_DTYPE = np.dtype(
     [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")]
 )
 """velodyne_pointcloud's XYZIRT: offsets 0, 4, 8, 12, 16, 18; time [s] after the header's stamp."""
+_ROAD_USERS = np.array(
+    [Tag.PEDESTRIAN, Tag.RIDER, Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.TRAIN, Tag.MOTORCYCLE, Tag.BICYCLE]
+)
+"""What CARLA's tags 4 and 10 were at the time of the paper: pedestrians and vehicles."""
 _LABELLED_DTYPE = np.dtype([*_POINT_DTYPE.descr, ("label", "u1"), ("id", "<u4")])
 _RADAR_DTYPE = np.dtype(
     [
@@ -44,7 +50,19 @@ def points_labelled(maker: MessageParts, header: Message, sample: PointCloud) ->
     return _cloud(maker, header, sample, _LABELLED_DTYPE)
 
 
+def points_of_the_town(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
+    """The plain cloud without points on walkers and vehicles, parked ones included: the paper's `seg`."""
+    rows = _rows(sample, _POINT_DTYPE)
+    if sample.tag is not None:
+        rows = rows[~np.isin(sample.tag, _ROAD_USERS)]
+    return maker.table(header, rows)
+
+
 def _cloud(maker: MessageParts, header: Message, sample: PointCloud, dtype: np.dtype[np.void]) -> Message:
+    return maker.table(header, _rows(sample, dtype))
+
+
+def _rows(sample: PointCloud, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     rows = np.zeros(len(sample.points_xyz_m), dtype=dtype)
     for axis, name in enumerate("xyz"):
         rows[name] = sample.points_xyz_m[:, axis]
@@ -54,7 +72,7 @@ def _cloud(maker: MessageParts, header: Message, sample: PointCloud, dtype: np.d
     if "label" in (dtype.names or ()):
         rows["label"] = sample.tag if sample.tag is not None else 0
         rows["id"] = sample.instance if sample.instance is not None else 0
-    return maker.table(header, rows)
+    return rows
 
 
 def radar_points(maker: MessageParts, header: Message, sample: RadarScan) -> Message:

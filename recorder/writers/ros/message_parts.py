@@ -41,11 +41,20 @@ _DEFINITIONS = {
 }
 """Public message types that the type stores of rosbags lack, or that ROS 1's does."""
 
+_FOXGLOVE = {
+    "foxglove_msgs/msg/CompressedVideo": "{time} timestamp\nstring frame_id\nuint8[] data\nstring format\n",
+    "foxglove_msgs/msg/CompressedPointCloud": "{time} timestamp\nstring frame_id\ngeometry_msgs/Pose pose\n"
+    "uint8[] data\nstring format\n",
+}
+"""Foxglove's schemas, in which the type of time depends on the ROS."""
+
 
 def make_typestore(store: Stores = Stores.ROS1_NOETIC) -> Typestore:
     """Type store with all message types that the writers use."""
     typestore = get_typestore(store)
-    for name, text in {**_DEFINITIONS, **event_messages.definitions(store)}.items():
+    time = "time" if store == Stores.ROS1_NOETIC else "builtin_interfaces/Time"
+    foxglove = {name: text.format(time=time) for name, text in _FOXGLOVE.items()}
+    for name, text in {**_DEFINITIONS, **foxglove, **event_messages.definitions(store)}.items():
         if name not in typestore.types:
             typestore.register(get_types_from_msg(text, name))
     return typestore

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from carlaloc_env.samples import Sample
-from recorder.writers.ros import camera_messages, cloud_messages, state_messages
+from recorder.writers.ros import camera_messages, cloud_messages, compact_messages, state_messages
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 
@@ -30,6 +30,11 @@ ENCODERS: dict[str, tuple[str, Callable[[MessageMaker, Message, Any], Message]]]
     "camera_info": ("sensor_msgs/msg/CameraInfo", camera_messages.camera_info),
     "points": ("sensor_msgs/msg/PointCloud2", cloud_messages.points),
     "points_labelled": ("sensor_msgs/msg/PointCloud2", cloud_messages.points_labelled),
+    "points_of_the_town": ("sensor_msgs/msg/PointCloud2", cloud_messages.points_of_the_town),
+    "video": ("foxglove_msgs/msg/CompressedVideo", compact_messages.video),
+    "depth_png": ("sensor_msgs/msg/CompressedImage", compact_messages.depth_png),
+    "tags_png": ("sensor_msgs/msg/CompressedImage", compact_messages.tags_png),
+    "cloud_draco": ("foxglove_msgs/msg/CompressedPointCloud", compact_messages.cloud_draco),
     "radar_points": ("sensor_msgs/msg/PointCloud2", cloud_messages.radar_points),
     "radar_scan": ("radar_msgs/msg/RadarScan", cloud_messages.radar_scan),
     "imu": ("sensor_msgs/msg/Imu", state_messages.imu),

@@ -77,6 +77,9 @@ class Rosbag1Writer(BagWriter):
     def _serialise(self, message: Message, kind: str) -> bytes:
         return bytes(self._typestore.serialize_ros1(message, kind))
 
+    def _deserialise(self, data: bytes, kind: str) -> Message:
+        return self._typestore.deserialize_ros1(data, kind)
+
     def _with_events(self, empty: bytes, sample: Events) -> bytes:
         return ros1_with_events(empty, sample, self.epoch_ns)
 

@@ -17,8 +17,7 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.rosbag2 import Writer as BagFile
+from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError, unknown_name
@@ -27,10 +26,13 @@ from recorder.writers.base import DEFAULT_EPOCH_NS, Piece
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.bag_writer import BagWriter
 from recorder.writers.ros.event_messages import cdr_with_events
+from recorder.writers.ros.mcap_storage import McapBag, McapStorage
 from recorder.writers.ros.message_parts import Message
 
 STORAGES = {"mcap": StoragePlugin.MCAP, "sqlite3": StoragePlugin.SQLITE3}
 """Ways to store a bag."""
+METADATA = "carlaloc_sequence"
+"""Name of MCAP's metadata record that tells the conditions of a sequence."""
 _VERSION: Literal[9] = 9
 """Version of ``metadata.yaml``: ROS 2 Jazzy's, which Humble and Iron read too."""
 _FOREVER = QosTime(9223372036, 854775807)
@@ -63,6 +65,7 @@ class Rosbag2Writer(BagWriter):
         profile: str = "standard",
         streams: Collection[str] | None = None,
         about: Mapping[str, str] | None = None,
+        attachments: Mapping[str, str] | None = None,
         epoch_ns: int = DEFAULT_EPOCH_NS,
     ) -> None:
         """Prepare a bag.
@@ -73,7 +76,9 @@ class Rosbag2Writer(BagWriter):
             storage: One of `STORAGES`.
             profile: Name of a topic profile.
             streams: All streams that will come, see `BagWriter`.
-            about: Texts by name that go into the bag's metadata, e.g. conditions and calibration.
+            about: Texts by name that go into the bag's metadata, e.g. its conditions; in MCAP they are
+                also the metadata record ``carlaloc_sequence``.
+            attachments: Texts by file name that MCAP carries as attachments, e.g. calibration.
             epoch_ns: Unix time of the drive's beginning [ns].
 
         Raises:
@@ -86,20 +91,25 @@ class Rosbag2Writer(BagWriter):
             raise WriterError(unknown_name("storage of a bag", storage, STORAGES))
         self._storage = STORAGES[storage]
         self._about = dict(about or {})
+        self._attachments = dict(attachments or {})
         self._connections: dict[str, Connection] = {}
 
     def _begin(self, part: Path) -> None:
         part.mkdir(parents=True)
         # The library names files after the folder, which has another name until it is whole.
-        self._bag = BagFile(part / self.target.name, version=_VERSION, storage_plugin=self._storage)
-        if self._storage == StoragePlugin.MCAP:
-            self._bag.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        self._bag = McapBag(part / self.target.name, version=_VERSION, storage_plugin=self._storage)
         for name, text in self._about.items():
             self._bag.set_custom_data(name, text)
         self._bag.open()
+        if isinstance(self._bag.storage, McapStorage):
+            about = {METADATA: self._about} if self._about else {}
+            self._bag.storage.describe(about, self._attachments, self.epoch_ns)
 
     def _serialise(self, message: Message, kind: str) -> bytes:
         return bytes(self._typestore.serialize_cdr(message, kind))
+
+    def _deserialise(self, data: bytes, kind: str) -> Message:
+        return self._typestore.deserialize_cdr(data, kind)
 
     def _with_events(self, empty: bytes, sample: Events) -> bytes:
         return cdr_with_events(empty, sample, self.epoch_ns)

@@ -1,0 +1,68 @@
+"""True disparity of the left event camera in the layout of the DSEC data set.
+
+``event/%06d.png`` (16 bits, disparity [px] · 256, 0 where nothing is known) and ``timestamps.txt`` [µs]
+(dsec.ifi.uzh.ch/data-format). Both cameras look in the same direction, so that pictures are rectified.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TextIO
+
+import cv2
+import numpy as np
+
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.samples import DepthImage, Sample
+from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, close_unfinished
+from recorder.writers.rig_calibration import RigCalibration
+
+
+class DsecDisparityWriter(Writer):
+    """Disparity from the left camera's depth: focal length · baseline / depth."""
+
+    def __init__(
+        self, target: str | Path, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS
+    ) -> None:
+        """Prepare a folder.
+
+        Args:
+            target: The folder, usually ``…/disparity``.
+            calibration: The rig; its first two cameras are the pair.
+            epoch_ns: Unix time of the drive's beginning [ns].
+        """
+        super().__init__(target, epoch_ns=epoch_ns)
+        left, right = calibration.cameras[:2]
+        self._stream = f"depth_{left.name}"
+        baseline_m = float(calibration.T(left.frame, right.frame)[0, 3])
+        self._scale = 256.0 * left.pinhole.fx_px * baseline_m
+        self._count = 0
+        self._stamps: TextIO | None = None
+
+    def _begin(self, part: Path) -> None:
+        (part / "event").mkdir(parents=True)
+        self._stamps = (part / "timestamps.txt").open("x", encoding="utf-8")
+
+    def encode(self, sample: Sample) -> list[Piece]:
+        """A depth image as PNG."""
+        if not isinstance(sample, DepthImage) or sample.sensor != self._stream:
+            return []
+        with np.errstate(divide="ignore"):
+            disparity = np.where(sample.depth_m > 0, self._scale / sample.depth_m, 0.0)
+        done, png = cv2.imencode(".png", np.clip(np.rint(disparity), 0, 65535).astype(np.uint16))
+        if not done:
+            raise WriterError(f"OpenCV cannot write {sample.sensor}; install opencv-python-headless again")
+        return [Piece(sample.stamp_ns, "disparity", "png", png.tobytes())]
+
+    def _place(self, piece: Piece) -> None:
+        assert self._stamps is not None
+        (self._part / "event" / f"{self._count:06d}.png").write_bytes(piece.data)
+        self._stamps.write(f"{self.unix_ns(piece.stamp_ns) // 1000}\n")
+        self._count += 1
+
+    def _finish(self) -> None:
+        if self._stamps is not None:
+            self._stamps.close()
+
+    def _drop(self) -> None:
+        close_unfinished([self._stamps] if self._stamps is not None else [])

@@ -1,0 +1,149 @@
+"""Samples as they are: PNG, PLY and npz in a folder per stream, for programs that know no robotics.
+
+``rgb_left/%d.png``, ``semantic_left/%d.png`` (tags) and ``%d.instance.npz``, ``depth_left/%d.npz`` …,
+``lidar/%d.ply``, ``events_left/%d.npz``; what is small and frequent is one table a stream, ``imu.npz``. File
+names are stamps, arrays have the names and units of `carlaloc_env.samples`.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+from dataclasses import fields
+from pathlib import Path
+from typing import IO, Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.samples import (
+    CanState,
+    GnssFix,
+    Image,
+    Imu,
+    Odometry,
+    PointCloud,
+    Sample,
+    SemanticImage,
+    Speed,
+    WheelTicks,
+)
+from recorder.writers.base import Piece, Writer, close_unfinished
+
+TABLES = (Imu, GnssFix, Speed, WheelTicks, CanState, Odometry)
+"""Samples that are rows of a table."""
+_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+_PLY = {"<f4": "float", "<i4": "int", "<u2": "uint16", "|u1": "uchar"}
+"""Names of types, among those that Open3D reads."""
+
+
+class RawWriter(Writer):
+    """All samples of a sequence in one folder."""
+
+    def _begin(self, part: Path) -> None:
+        part.mkdir(parents=True)
+        self._tables: dict[str, tuple[np.dtype[Any], IO[bytes]]] = {}
+
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Files of a sample, or a row of its stream's table."""
+        name, stamp_ns = sample.sensor, sample.stamp_ns
+        if isinstance(sample, TABLES):
+            row = _row(sample)
+            return [Piece(stamp_ns, name, repr(row.dtype.descr), row.tobytes())]
+        if isinstance(sample, Image):
+            png = _png(cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), name)
+            return [Piece(stamp_ns, name, ".png", png)]
+        if isinstance(sample, SemanticImage):
+            instances = _npz({"instance": sample.instance})
+            return [
+                Piece(stamp_ns, name, ".png", _png(sample.tag, name)),
+                Piece(stamp_ns, name, ".instance.npz", instances),
+            ]
+        if isinstance(sample, PointCloud):
+            return [Piece(stamp_ns, name, ".ply", _ply(sample))]
+        return [Piece(stamp_ns, name, ".npz", _npz(_arrays(sample)))]
+
+    def _place(self, piece: Piece) -> None:
+        if piece.kind.startswith("."):
+            folder = self._part / piece.place
+            folder.mkdir(exist_ok=True)
+            (folder / f"{self.unix_ns(piece.stamp_ns)}{piece.kind}").write_bytes(piece.data)
+            return
+        if piece.place not in self._tables:
+            file = (self._part / f".{piece.place}.rows").open("w+b")
+            self._tables[piece.place] = np.dtype(ast.literal_eval(piece.kind)), file
+        self._tables[piece.place][1].write(piece.data)
+
+    def _finish(self) -> None:
+        for name, (dtype, file) in self._tables.items():
+            file.flush()
+            file.seek(0)
+            rows = np.fromfile(file, dtype)
+            stamps = self.epoch_ns + rows["stamp_ns"]
+            columns = {column: rows[column] for column in dtype.names or () if column != "stamp_ns"}
+            (self._part / f"{name}.npz").write_bytes(_npz({"stamp_ns": stamps, **columns}))
+            file.close()
+            (self._part / f".{name}.rows").unlink()
+
+    def _drop(self) -> None:
+        close_unfinished(file for _, file in self._tables.values())
+
+
+def _row(sample: Sample) -> NDArray[np.void]:
+    """A structured row of the stamp and all numbers of a sample; texts have 16 letters."""
+    values: list[tuple[str, Any]] = [("stamp_ns", np.int64(sample.stamp_ns))]
+    for field in fields(sample):
+        value = getattr(sample, field.name)
+        if field.name in ("sensor", "frame_id", "stamp_ns") or value is None:
+            continue
+        values.append((field.name, np.array(value, "U16") if isinstance(value, str) else np.asarray(value)))
+    dtype = np.dtype([(name, np.asarray(v).dtype.str, np.asarray(v).shape) for name, v in values])
+    row = np.zeros((), dtype)
+    for name, value in values:
+        row[name] = value
+    return row
+
+
+def _arrays(sample: Sample) -> dict[str, NDArray[Any]]:
+    """All fields of a sample that say something, but for its name and stamp, which the path has."""
+    found = {}
+    for field in fields(sample):
+        value = getattr(sample, field.name)
+        if field.name not in ("sensor", "frame_id", "stamp_ns") and value is not None:
+            found[field.name] = np.asarray(value)
+    return found
+
+
+def _npz(arrays: dict[str, NDArray[Any]]) -> bytes:
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+def _ply(sample: PointCloud) -> bytes:
+    """Binary PLY: position [m], intensity, ring, time after the sweep's beginning [ns], tag and instance."""
+    columns: list[tuple[str, str, NDArray[Any]]] = [
+        *((axis, "<f4", sample.points_xyz_m[:, k]) for k, axis in enumerate("xyz")),
+        ("intensity", "<f4", sample.intensity),
+        ("ring", "<u2", sample.ring),
+        ("offset_ns", "<i4", sample.offset_ns),
+    ]
+    if sample.tag is not None:
+        columns.append(("tag", "|u1", sample.tag))
+    if sample.instance is not None:
+        columns.append(("instance", "<i4", sample.instance))
+    rows = np.empty(len(sample.points_xyz_m), [(name, kind) for name, kind, _ in columns])
+    for name, _, values in columns:
+        rows[name] = values
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
+    header += [f"property {_PLY[kind]} {name}" for name, kind, _ in columns]
+    return "\n".join([*header, "end_header\n"]).encode() + rows.tobytes()
+
+
+def _png(pixels: NDArray[Any], name: str) -> bytes:
+    done, png = cv2.imencode(".png", pixels, _PNG)
+    if not done:
+        raise WriterError(f"OpenCV cannot write {name}; install opencv-python-headless again")
+    return png.tobytes()

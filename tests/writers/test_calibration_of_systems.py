@@ -1,0 +1,137 @@
+"""Calibration files read as OpenVINS, S-MSCKF, Basalt, LIO-SAM, KISS-ICP, RKO-LIO and A-LOAM read them."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.lens_distortion import Lens
+from carlaloc_env.rigs.presets import rig_by_name
+from recorder.writers.calibration.files import calibration_texts, write_calibration
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.topics import STANDARD
+
+RIG = RigCalibration.from_configs(rig_by_name("paper").sensors)
+IMU, LIDAR = "imu", "lidar"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("calibration")
+    write_calibration(path, RIG)
+    return path
+
+
+def true(to_frame: str, from_frame: str) -> Array:
+    """From the mounts themselves, by another way than the files'."""
+    return np.linalg.solve(RIG.frames[to_frame], RIG.frames[from_frame])
+
+
+def opencv_rows(node: Any) -> Array:
+    return np.array([[node.at(i).at(j).real() for j in range(node.at(i).size())] for i in range(node.size())])
+
+
+def test_open_vins_reads_its_three_files_by_opencv(folder: Path) -> None:
+    def opened(name: str) -> cv2.FileStorage:
+        storage = cv2.FileStorage(str(folder / "open_vins" / name), cv2.FILE_STORAGE_READ)
+        assert storage.isOpened()
+        return storage
+
+    main = opened("estimator_config.yaml")
+    assert main.getNode("max_cameras").real() == 2
+    cameras = opened(main.getNode("relative_config_imucam").string())
+    for k, side in enumerate(("left", "right")):
+        camera = cameras.getNode(f"cam{k}")
+        assert np.allclose(opencv_rows(camera.getNode("T_imu_cam")), true(IMU, f"camera_{side}"))
+        numbers = [camera.getNode("intrinsics").at(i).real() for i in range(4)]
+        assert numbers == [640.0, 640.0, *numbers[2:]]
+        assert camera.getNode("rostopic").string() == f"/camera/{side}/image_raw"
+    inertial = opened(main.getNode("relative_config_imu").string())
+    imu = inertial.getNode("imu0")
+    assert np.array_equal(opencv_rows(imu.getNode("T_i_b")), np.eye(4))
+    assert imu.getNode("gyroscope_noise_density").real() == 2e-4
+    assert imu.getNode("rostopic").string() == "/imu/data"
+    assert np.array_equal(opencv_rows(imu.getNode("Tg")), np.zeros((3, 3)))
+
+
+def test_s_msckf_reads_matrices_of_sixteen_numbers(folder: Path) -> None:
+    chain = yaml.safe_load((folder / "s_msckf" / "camchain-imucam.yaml").read_text())
+    for k, side in enumerate(("left", "right")):
+        assert len(chain[f"cam{k}"]["T_cam_imu"]) == 16
+        assert np.allclose(np.reshape(chain[f"cam{k}"]["T_cam_imu"], (4, 4)), true(f"camera_{side}", IMU))
+    between = np.reshape(chain["cam1"]["T_cn_cnm1"], (4, 4))
+    assert np.allclose(between, true("camera_right", "camera_left"))
+    assert np.array_equal(np.reshape(chain["T_imu_body"], (4, 4)), np.eye(4))
+
+
+def test_basalt(folder: Path) -> None:
+    value = json.loads((folder / "basalt.json").read_text())["value0"]
+    for pose, side in zip(value["T_imu_cam"], ("left", "right"), strict=True):
+        T = np.eye(4)
+        T[:3, :3] = Rotation.from_quat([pose[f"q{axis}"] for axis in "xyzw"]).as_matrix()
+        T[:3, 3] = [pose[f"p{axis}"] for axis in "xyz"]
+        assert np.allclose(T, true(IMU, f"camera_{side}"))
+    assert [camera["camera_type"] for camera in value["intrinsics"]] == ["pinhole", "pinhole"]
+    assert value["resolution"] == [[1280, 720], [1280, 720]]
+    assert (len(value["calib_accel_bias"]), len(value["calib_gyro_bias"])) == (9, 12)
+    assert value["gyro_noise_std"] == [2e-4] * 3
+
+
+def test_lio_sam_turns_the_imu_to_the_lidar_and_then_moves_it(folder: Path) -> None:
+    settings = yaml.safe_load((folder / "lio_sam.yaml").read_text())["lio_sam"]
+    turn = np.reshape(settings["extrinsicRot"], (3, 3))
+    assert np.allclose(turn, true(LIDAR, IMU)[:3, :3])
+    assert np.allclose(settings["extrinsicRPY"], settings["extrinsicRot"])
+    assert np.allclose(settings["extrinsicTrans"], true(LIDAR, IMU)[:3, 3])
+    # The paper's IMU has x up: at rest it reads +g there, and the LiDAR's z is up.
+    assert np.allclose(turn @ [9.81, 0.0, 0.0], [0.0, 0.0, 9.81])
+    assert (settings["N_SCAN"], settings["sensor"]) == (32, "velodyne")
+    assert settings["pointCloudTopic"] == "/lidar/points"
+
+
+def test_kiss_icp_takes_its_file(folder: Path) -> None:
+    parser = pytest.importorskip("kiss_icp.config.parser", reason="KISS-ICP reads its configuration")
+    config = parser.load_config(folder / "kiss_icp.yaml")
+    assert (config.data.max_range, config.data.deskew, config.mapping.voxel_size) == (120.0, True, 1.2)
+
+
+def test_rko_lio(folder: Path) -> None:
+    settings = yaml.safe_load((folder / "rko_lio.yaml").read_text())
+    for name, frame in (("imu", IMU), ("lidar", LIDAR)):
+        values = settings.pop(f"extrinsic_{name}2base_quat_xyzw_xyz")
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = Rotation.from_quat(values[:4]).as_matrix(), values[4:]
+        assert np.allclose(T, true(LIDAR, frame))
+    config = pytest.importorskip("rko_lio.config", reason="RKO-LIO names its settings")
+    assert set(settings) <= set(config.LIOConfig.__dataclass_fields__)
+
+
+def test_a_loam(folder: Path) -> None:
+    launch = ElementTree.fromstring((folder / "a_loam.launch").read_text())
+    values = {param.get("name"): param.get("value") for param in launch.iter("param")}
+    assert values["scan_line"] == "32"
+    (remap,) = launch.iter("remap")
+    assert (remap.get("from"), remap.get("to")) == ("/velodyne_points", "/lidar/points")
+
+
+def test_lenses_that_a_system_has_no_model_for_leave_its_file_out() -> None:
+    def texts(lens: Lens) -> dict[str, str]:
+        from dataclasses import replace
+
+        rig = replace(RIG, cameras=tuple(replace(camera, lens=lens) for camera in RIG.cameras))
+        return calibration_texts(rig, STANDARD)
+
+    assert "basalt.json" not in texts(Lens(model="radtan", coefficients=(-0.2, 0.0, 0.0, 0.0)))
+    fisheye = texts(Lens(model="equidistant", coefficients=(0.01, 0.0, 0.0, 0.0)))
+    camera = json.loads(fisheye["basalt.json"])["value0"]["intrinsics"][0]
+    assert (camera["camera_type"], camera["intrinsics"]["k1"]) == ("kb4", 0.01)
+    assert "distortion_model: equidistant" in fisheye["s_msckf/camchain-imucam.yaml"]
