@@ -51,7 +51,7 @@ def test_examples_are_short_and_callable(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     if path.name != "demo.py":
         assert len(text.splitlines()) <= 60
-    if path.name not in ("barometer.py", "laser.py"):
+    if path.name not in ("barometer.py", "laser.py", "pupil.py", "town01_route.py"):
         assert "\ndef main(" in text
 
 
@@ -180,3 +180,23 @@ def test_sequences_in_the_layout_of_vslam_lab(short_drive: Path, tmp_path: Path)
     assert calibration["cameras"][0]["image_dimension"] == [64, 40]
     truth = np.loadtxt(out / "groundtruth.csv", delimiter=",", skiprows=1)
     assert np.array_equal(truth[:, 1:4], read_tum(next(out.parents[1].rglob("camera_left.tum"))).position_m)
+
+
+def test_a_pupil_rides_with_the_driver_and_learns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of the three is scored; whoever has learned a ride comes nearer to what was taught in it."""
+    pytest.importorskip("torch", reason="learning needs the extra `learn`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    example, out = load("11_learn_from_the_driver"), tmp_path / "pupil.pt"
+    found = example.main(out, shown=1, beside=1, scored=1, time_limit_s=8.0)
+    assert list(found) == ["copy", "pupil", "teacher"]
+    assert 0.005 < found["teacher"] < 0.1
+    assert out.stat().st_size < 300_000
+    env = example.make_env(8.0)
+    taught = example.ride(env, 3, None)
+    pupil = example.Pupil([taught])
+    errors = []
+    for passes in (1, 60):
+        pupil.learn([taught], passes)
+        errors.append(np.abs([pupil(seen) for seen in taught.seen] - taught.taught).mean())
+    assert errors[1] < 0.7 * errors[0]
+    env.close()

@@ -1,0 +1,60 @@
+"""Town01's route among its traffic, with the scripted driver in either seat: the task of example 11."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.clock import STEP_TICKS
+from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.task.actions import steer_and_pedal
+from carlaloc_env.task.referee import Referee
+from carlaloc_env.task.state_vector import StateVector
+from recorder.devices.scripted.driver import ScriptedDriver
+
+SKIP = 4
+"""Steps of 50 ms per action: five actions a second."""
+Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+"""Action, steering and pedal, of an observation."""
+
+
+class Ride(NamedTuple):
+    """What was seen, what the scripted driver did or would have done, and how it ended."""
+
+    seen: NDArray[np.float32]
+    taught: NDArray[np.float32]
+    completion: float
+    ended_by: str
+
+
+def make_env(time_limit_s: float = 600.0) -> DrivingEnv:
+    """The environment; episodes are truncated after a time [s]."""
+    return DrivingEnv(map="Town01", rig="state", frame_skip=SKIP, task={"time_limit_s": time_limit_s})
+
+
+def ride(env: DrivingEnv, seed: int, pupil: Policy | None, **options: Any) -> Ride:
+    """An episode; without a pupil the scripted driver has the wheel, else it only says what it would do."""
+    env.reset(seed=seed, options=options)
+    world, teacher, rows, ended = env.world, ScriptedDriver(seed), [], None
+    referee, state = Referee(world, env.task), StateVector(world)
+    while not ended:
+        seen, said = state.observe(referee.standing_s), []
+        own = None if pupil is None else steer_and_pedal(pupil(seen))
+        for _ in range(SKIP):
+            touched = []
+            for _ in range(STEP_TICKS):
+                controls = teacher.read(world.driver_view())
+                said.append((controls.steer, controls.throttle - controls.brake))
+                touched += world.tick(own or controls)
+            verdict = referee.judge(touched)
+            state.follow()
+            if ended := verdict.ended_by or verdict.truncated_by:
+                break
+        rows.append((seen, np.mean(said, axis=0, dtype=np.float32)))
+        world.forget_before(world.now_ns - 2_000_000_000)
+    seen, taught = map(np.array, zip(*rows, strict=True))
+    done = 1.0 if ended == "goal" else world.route_s_m / world.route.length_m
+    return Ride(seen, taught, done, ended)
