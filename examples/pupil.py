@@ -32,8 +32,7 @@ class Pupil:
 
     def view(self, seen: NDArray[np.float32]) -> NDArray[np.float32]:
         """What the network gets of one or many observations."""
-        found: NDArray[np.float32] = np.clip((seen[..., SEEN] - self.mean) / self.spread, -6.0, 6.0)
-        return found
+        return np.asarray(np.clip((seen[..., SEEN] - self.mean) / self.spread, -6.0, 6.0), np.float32)
 
     def __call__(self, seen: NDArray[np.float32]) -> NDArray[np.float32]:
         """Steering and pedal for an observation."""
