@@ -21,7 +21,7 @@ from recorder.window.opening import Opening
 
 PICTURE = Path(__file__).parent / "pictures" / "window.jpg"
 TOWN, SEED, DURATION_S = "Town03", 3, 75.0
-NEAR_M, FAST_MPS = 40.0, 6.0
+NEAR_M, FAST_MPS, STRAIGHT_RAD = 40.0, 6.0, 0.03
 
 
 def main(out: Path = PICTURE) -> Path:
@@ -46,13 +46,20 @@ def main(out: Path = PICTURE) -> Path:
 
 
 def best_s(episode: Episode) -> int:
-    """Second at which most others are near the car while it is fast [s]."""
+    """Second at which most others are in front of the car while it goes fast and straight on [s]."""
     ego = episode.ego[::200]
     others = actor_states(episode.steps).position_m[::20]
     count = min(len(ego), len(others))
-    away_m = np.linalg.norm(others[:count] - ego["position_m"][:count, None], axis=2)
-    near = np.sum(away_m < NEAR_M, axis=1) * (ego["speed_mps"][:count] > FAST_MPS)
-    return int(np.argmax(near))
+    position = ego["position_m"][:count, :2]
+    ahead = np.gradient(position, axis=0)
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    from_ego = others[:count, :, :2] - position[:, None]
+    forward = np.sum(from_ego * ahead[:, None], axis=2)
+    aside = ahead[:, None, 0] * from_ego[..., 1] - ahead[:, None, 1] * from_ego[..., 0]
+    near = (forward > 4.0) & (forward < NEAR_M) & (np.abs(aside) < 0.6 * forward)
+    turn = np.linalg.norm(np.gradient(ahead, axis=0), axis=1)
+    good = (ego["speed_mps"][:count] > FAST_MPS) & (turn < STRAIGHT_RAD)
+    return int(np.argmax(np.sum(near, axis=1) * good))
 
 
 if __name__ == "__main__":
