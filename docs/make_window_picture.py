@@ -31,7 +31,10 @@ def main(out: Path = PICTURE) -> Path:
         folder = Path(name)
 
         def keep(driven_s: float, _: float) -> None:
-            opening.window.save(folder / f"{round(driven_s):04d}.png")
+            # Saving takes time, which the window shows.
+            path = folder / f"{int(driven_s):04d}.png"
+            if not path.exists():
+                opening.window.save(path)
 
         config = RecordConfig(
             map=TOWN, out=folder / "drive.mcap", duration_s=DURATION_S, seed=SEED, window=True
