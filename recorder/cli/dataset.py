@@ -11,6 +11,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from recorder.generation.dataset import Record
     from recorder.generation.dataset_plan import DatasetConfig, DatasetPlan
 
+HUB_URL = "https://huggingface.co/datasets/OWNER/NAME"
+"""Put in place of the address in `croissant.json`; whoever uploads writes their own."""
 LOG = ".carlaloc-dataset.log"
 """Name of the log in the dataset's folder."""
 
@@ -43,6 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=seed, default=0, help="seed of traffic and driver (default: 0)")
     parser.add_argument(
         "--manifest", type=OutputFolder(), metavar="DIR", help="also write drives, recipe and checksums there"
+    )
+    parser.add_argument(
+        "--hub", type=OutputFolder(), metavar="DIR", help="also lay it out for a hub there; nothing is sent"
     )
     parser.add_argument("--yes", action="store_true", help="do not ask")
 
@@ -69,6 +75,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         path = make_dataset(config, bars.update, record=_recorder(arguments.seed))
     if arguments.manifest is not None:
         write_manifest(arguments.out, arguments.manifest)
+    if arguments.hub is not None:
+        from recorder.generation.hub import prepare_for_hub
+
+        today = datetime.now(timezone.utc).date().isoformat()
+        prepare_for_hub(arguments.out, arguments.hub, url=HUB_URL, date=today)
     figures = {key: value for key, value in asdict(plan).items() if key != "drives"}
     return {"dataset": str(path), "log": str(arguments.out / LOG), **figures}
 
