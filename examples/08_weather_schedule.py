@@ -21,7 +21,7 @@ SCHEDULE = """
 
 
 def main(drive: Path, out: Path, seconds: float = 2.0, rig: str = "minimal") -> tuple[float, float]:
-    """Replay under the schedule; contrasts of the first and the last picture (deviations of grey values)."""
+    """Replay under the schedule; mean steps from pixel to pixel of the first and the last picture."""
     out.mkdir(parents=True, exist_ok=True)
     schedule = out / "fog_rolls_in.yaml"
     schedule.write_text(SCHEDULE.format(middle_s=seconds / 2, end_s=seconds))
@@ -32,8 +32,10 @@ def main(drive: Path, out: Path, seconds: float = 2.0, rig: str = "minimal") -> 
     (sequence,) = replay(config).sequences
     pictures = sorted((sequence / "mav0/cam0/data").glob("*.png"))
     grey = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in (pictures[0], pictures[-1])]
-    first, last = (float(np.std(picture)) for picture in grey if picture is not None)
-    print(f"{sequence.name}: {len(pictures)} pictures, contrast {first:.0f} at noon, {last:.0f} in fog")
+    # Of the upper half: below is the bonnet, which no fog hides.
+    halves = [picture[: len(picture) // 2].astype(float) for picture in grey if picture is not None]
+    first, last = (float(np.abs(np.diff(half, axis=1)).mean()) for half in halves)
+    print(f"{sequence.name}: {len(pictures)} pictures, detail {first:.1f} at noon, {last:.1f} in fog")
     return first, last
 
 

@@ -92,7 +92,7 @@ def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str
         name: Name of the gallery whose picture a click shows.
         axis: Which number of the gallery's pictures the abscissa is: 0 time, 1 distance.
     """
-    width, height, left, below = 460.0, 240.0, 50.0, 34.0
+    width, height, left, below = 460.0, 240.0, 60.0, 34.0
     x_max = max(float(line.x.max()) for line in lines) or 1.0
     y_max = (max(float(line.y.max()) for line in lines) or 1.0) * 1.05
     inner_x, inner_y = width - left - 10, height - below - 10
@@ -108,7 +108,8 @@ def curve_figure(lines: Sequence[Line], x_label: str, y_label: str, *, name: str
             f'<text x="{left - 5}" y="{y + 4:.1f}" text-anchor="end">{y_max * k / 4:.2g}</text>'
         )
         x = left + inner_x * k / 4
-        parts.append(f'<text x="{x:.1f}" y="{height - 18}" text-anchor="middle">{x_max * k / 4:.3g}</text>')
+        anchor = "end" if k == 4 else "middle"
+        parts.append(f'<text x="{x:.1f}" y="{height - 18}" text-anchor="{anchor}">{x_max * k / 4:.3g}</text>')
     for line in lines:
         seconds, metres = thinned(line.x, line.y)
         right, down = left + inner_x * seconds / x_max, 10 + inner_y * (1 - metres / y_max)
@@ -161,7 +162,8 @@ def box_figure(boxes: Sequence[Box], x_label: str) -> str:
         boxes: Rows.
         x_label: What is to the right.
     """
-    width, row, left = 500.0, 22.0, 225.0
+    left = _label_width([box.label for box in boxes])
+    width, row = left + 275.0, 22.0
     height = row * len(boxes) + 40
     found = [np.percentile(b.values, [5, 25, 50, 75, 95]) if len(b.values) else np.zeros(5) for b in boxes]
     x_max = max(float(p[-1]) for p in found) * 1.05 or 1.0
@@ -194,7 +196,8 @@ def real_time_figure(bars: Sequence[tuple[str, str, float]]) -> str:
     Args:
         bars: Label, colour and ratio of each; beyond 1 it does not keep up.
     """
-    width, row, left = 500.0, 22.0, 225.0
+    left = _label_width([name for name, _, _ in bars])
+    width, row = left + 305.0, 22.0
     height, inner = row * len(bars) + 40, width - left - 42
     decades = np.log10([ratio for _, _, ratio in bars])
     low = min(float(np.floor(decades.min())), -1.0)
@@ -203,7 +206,7 @@ def real_time_figure(bars: Sequence[tuple[str, str, float]]) -> str:
     def x_of(decade: float) -> float:
         return left + inner * (decade - low) / (high - low)
 
-    label = "time of a frame by the time between frames"
+    label = "time of a frame / time between frames"
     parts = [_open(width, height, label)]
     for k, ((name, colour, ratio), decade) in enumerate(zip(bars, decades.tolist(), strict=True)):
         y = row * k + 14
@@ -219,16 +222,21 @@ def real_time_figure(bars: Sequence[tuple[str, str, float]]) -> str:
     x = x_of(0.0)
     parts.append(
         f'<line class="cursor" x1="{x:.1f}" x2="{x:.1f}" y1="2" y2="{height - 32}"/>'
-        f'<text x="{left + inner / 2}" y="{height - 3}" text-anchor="middle">{label}; 1 is real time</text>'
+        f'<text x="{left + inner / 2}" y="{height - 3}" text-anchor="middle">{label}</text>'
         "</svg>"
     )
     return "".join(parts)
 
 
+def _label_width(labels: Sequence[str]) -> float:
+    """Room that the longest label takes at 12 px, some 6.8 px a letter, with a margin."""
+    return max(6.8 * max(map(len, labels)) + 14.0, 120.0)
+
+
 def _ticks(left: float, inner: float, height: float, x_max: float, label: str) -> str:
     parts = [
-        f'<text x="{left + inner * k / 4:.1f}" y="{height - 18}" text-anchor="middle">'
-        f"{x_max * k / 4:.2g}</text>"
+        f'<text x="{left + inner * k / 4:.1f}" y="{height - 18}" '
+        f'text-anchor="{"end" if k == 4 else "middle"}">{x_max * k / 4:.2g}</text>'
         for k in range(5)
     ]
     middle = left + inner / 2
