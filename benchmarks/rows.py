@@ -12,6 +12,7 @@ from learning_rows import learn, learn_beside_highway_env, learn_reset, learn_ve
 from opening_row import opening
 from sensor_rows import camera, lidar, lidar_rate
 from world_rows import driving, memory, physics, start, steps
+from writer_rows import lidar_bag, mcap_rate, rosbag1_rate
 
 ROWS: dict[str, Callable[[Bench], Row]] = {
     "lidar": lidar,
@@ -37,5 +38,8 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "recording": recording,
     "memory": memory,
     "evaluation": evaluation,
+    "rosbag1": rosbag1_rate,
+    "mcap": mcap_rate,
+    "lidar_bag": lidar_bag,
 }
 """All rows by name."""
