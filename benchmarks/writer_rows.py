@@ -90,7 +90,10 @@ def lidar_bag(bench: Bench) -> Row:
     """A cloud as a message of a ROS 1 bag, beside the usual loop over its points."""
     cloud = _cloud()
     writer = Rosbag1Writer(Path("none.bag"), _RIG, profile="paper", streams={"lidar"})
-    calls = {"ours": partial(writer.encode, cloud), "naive": partial(_by_points, cloud)}
+    calls: dict[str, Callable[[], object]] = {
+        "ours": partial(writer.encode, cloud),
+        "naive": partial(_by_points, cloud),
+    }
     times = time_calls(calls, bench.repeat)
     what = f"cloud of {_POINTS} points as PointCloud2, ROS 1"
     return compared("lidar_bag", what, times, 10.0, "against struct.pack for each point")
