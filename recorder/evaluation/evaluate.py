@@ -98,7 +98,7 @@ def evaluate(
         time_offset_ns: Added to the estimate's stamps [ns], e.g. −50 ms for a system that stamps the
             beginning of a sweep with the time of its end.
         expected: Poses that the system should have given; None: as many as its median interval fits
-            into the time of the truth.
+            into the time of the truth, or those that it gave.
         delta: Poses from one end of a step to the other, for relative metrics.
         metrics: What to measure.
 
@@ -123,7 +123,7 @@ def evaluate(
         alignment=alignment,
         association=association,
         transform=transform,
-        expected=max(expected if expected is not None else _expected(truth, estimate), 1),
+        expected=max(len(true), _expected(truth, estimate)) if expected is None else max(expected, 1),
         values=values,
         statistics={metric: Statistics.of(v) for metric, v in values.items()},
         segments=segment_errors(true, aligned),

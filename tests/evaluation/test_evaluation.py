@@ -186,6 +186,8 @@ def test_coverage_counts_what_is_missing() -> None:
     assert result.matched == 200
     assert result.coverage == pytest.approx(0.5, abs=0.002)
     assert evaluate(truth, estimate, expected=250).coverage == 0.8
+    whole = evaluate(truth, truth.take(np.arange(0, 4000, 10)))
+    assert whole.matched == whole.expected == 400
 
 
 def test_interpolated_truth_beats_the_nearest() -> None:
