@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
 
 pytest_plugins = [
@@ -17,6 +19,12 @@ pytest_plugins = [
 
 LONG = ("tests/whole/", "tests/env/", "tests/window/", "tests/drive/")
 """Folders whose modules take a minute or more."""
+
+
+def pytest_configure() -> None:
+    """Let Ctrl-C end what tests start: background commands of a plain shell are born ignoring it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(trylast=True)

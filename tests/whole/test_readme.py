@@ -105,7 +105,7 @@ def test_the_first_lines_run(
         assert {f"{name}.bag", "mav0", "preview.mp4", "preview.png", "sequence.yaml"} == {
             path.name for path in folder.iterdir()
         }
-    documented = set(re.findall(r"`([\w/-]+\.(?:yaml|md))`", _calibration_section()))
+    documented = set(re.findall(r"`([\w/-]+\.(?:yaml|md|json|launch))`", _calibration_section()))
     written = {
         str(path.relative_to(tmp_path / "data/Town03/calibration"))
         for path in (tmp_path / "data/Town03/calibration").rglob("*.*")
