@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shared_fixtures.slam_dataset import COLUMNS, ELEVATIONS_DEG, pose, sweep, write_dataset
 
-from recorder.slam.runners.evalio import lidar_measurement
-from recorder.slam.sequence import SlamSequence
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.sensors.inertial.imu import ImuConfig
+from recorder.slam.runners.evalio import lidar_measurement, loam
+from recorder.slam.sequence import ImuSample, SlamSequence
+from recorder.slam.system import FrameClock
 
 types = pytest.importorskip("evalio.types", reason="the points are evalio's")
 
@@ -27,21 +31,25 @@ def test_every_point_has_a_cell_of_its_own(tmp_path: Path) -> None:
         assert np.array_equal(np.array([(p.x, p.y, p.z) for p in points]), by_row.astype(float))
 
 
+class WithImu(SlamSequence):
+    """A sequence with an inertial unit at the LiDAR that says nothing."""
+
+    imu = ImuConfig(name="imu")
+
+    def imu_samples(self) -> Iterator[ImuSample]:
+        """None: LOAM does not ask."""
+        return iter(())
+
+    def T(self, parent: str, child: str) -> Array:
+        """Both are in one place."""
+        return np.eye(4)
+
+
 def test_loam_finds_its_way(tmp_path: Path) -> None:
     """With a quarter of the points hidden it found no features, and stood."""
-    from evalio import pipelines
-
-    sequence = SlamSequence(
-        write_dataset(tmp_path / "d", sweeps=9) / "Box" / "ClearNoon_dynamic", cloud="seg"
-    )
-    system = pipelines.LOAM()
-    shape = {"num_rows": len(ELEVATIONS_DEG), "num_columns": COLUMNS}
-    system.set_lidar_params(types.LidarParams(**shape, min_range=1.0, max_range=100.0))
-    system.set_params(system.default_params())
-    system.initialize()
-    for scan in sequence.scans():
-        system.add_lidar(lidar_measurement(scan, sequence, types))
-    estimate = np.array([T.to_mat()[:3, 3] for _, T in system.saved_estimates()])
+    folder = write_dataset(tmp_path / "d", sweeps=9) / "Box" / "ClearNoon_dynamic"
+    found = loam(WithImu(folder, cloud="seg"), FrameClock())
+    estimate = np.array([T_world_imu[:3, 3] for _, T_world_imu in found])
     truth, _ = pose(np.arange(9) * 0.1)
     way_m = np.linalg.norm(truth[-1] - truth[0])
     assert np.linalg.norm(estimate[-1] - estimate[0]) == pytest.approx(way_m, rel=0.1)

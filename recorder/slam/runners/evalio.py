@@ -23,7 +23,7 @@ def run_pipeline(sequence: SlamSequence, clock: FrameClock, pipeline: str) -> li
 
     system = getattr(pipelines, pipeline)()
     system.set_lidar_params(lidar_params(sequence, types))
-    system.setimu_params(imu_params(sequence, types))
+    system.set_imu_params(imu_params(sequence, types))
     system.set_imu_T_lidar(types.SE3.from_mat(np.asfortranarray(sequence.T("imu", "lidar"))))
     settings = dict(system.default_params())
     # Settings that are not handed over are empty in some pipelines, whatever their defaults say.
