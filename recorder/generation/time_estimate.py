@@ -1,7 +1,8 @@
-"""How long a dataset takes to make, told before any of it is made: processor time by measured unit costs.
+"""How long a dataset takes to make, told before any of it is made: processor time by unit costs.
 
 The figures are processor times on two cores of a server without a GPU, which drew with llvmpipe, as
-`benchmarks/unit_costs.py`, `benchmarks/run.py` and docs/performance.md have them. Another machine is faster
+`benchmarks/run.py` and docs/performance.md have them; those of PNG, films, radar, bytes and opening are
+guesses that `benchmarks/unit_costs.py` is to replace. Another machine is faster
 or slower as a whole: a dataset that is being made corrects them by its own first unit (`dataset_clock`).
 """
 

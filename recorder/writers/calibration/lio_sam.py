@@ -9,6 +9,41 @@ from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.topics import TopicProfile
 from recorder.writers.yaml_text import real, rows
 
+_AUTHORS_SETTINGS = """\
+  edgeThreshold: 1.0
+  surfThreshold: 0.1
+  edgeFeatureMinValidNum: 10
+  surfFeatureMinValidNum: 100
+
+  odometrySurfLeafSize: 0.4
+  mappingCornerLeafSize: 0.2
+  mappingSurfLeafSize: 0.4
+
+  z_tollerance: 1000.0
+  rotation_tollerance: 1000.0
+
+  numberOfCores: 4
+  mappingProcessInterval: 0.15
+
+  surroundingkeyframeAddingDistThreshold: 1.0
+  surroundingkeyframeAddingAngleThreshold: 0.2
+  surroundingKeyframeDensity: 2.0
+  surroundingKeyframeSearchRadius: 50.0
+
+  loopClosureEnableFlag: false
+  loopClosureFrequency: 1.0
+  surroundingKeyframeSize: 50
+  historyKeyframeSearchRadius: 15.0
+  historyKeyframeSearchTimeDiff: 30.0
+  historyKeyframeSearchNum: 25
+  historyKeyframeFitnessScore: 0.3
+
+  globalMapVisualizationSearchRadius: 1000.0
+  globalMapVisualizationPoseDensity: 10.0
+  globalMapVisualizationLeafSize: 1.0
+"""
+"""What does not depend on the rig, as LIO-SAM's authors have it, but without closing loops."""
+
 
 def lio_sam_yaml(rig: RigCalibration, topics: TopicProfile) -> str:
     """Settings for the rig's LiDAR and IMU.
@@ -63,35 +98,4 @@ lio_sam:
   extrinsicRot:   {rotation}
   extrinsicRPY:   {rotation}
 
-  edgeThreshold: 1.0
-  surfThreshold: 0.1
-  edgeFeatureMinValidNum: 10
-  surfFeatureMinValidNum: 100
-
-  odometrySurfLeafSize: 0.4
-  mappingCornerLeafSize: 0.2
-  mappingSurfLeafSize: 0.4
-
-  z_tollerance: 1000.0
-  rotation_tollerance: 1000.0
-
-  numberOfCores: 4
-  mappingProcessInterval: 0.15
-
-  surroundingkeyframeAddingDistThreshold: 1.0
-  surroundingkeyframeAddingAngleThreshold: 0.2
-  surroundingKeyframeDensity: 2.0
-  surroundingKeyframeSearchRadius: 50.0
-
-  loopClosureEnableFlag: true
-  loopClosureFrequency: 1.0
-  surroundingKeyframeSize: 50
-  historyKeyframeSearchRadius: 15.0
-  historyKeyframeSearchTimeDiff: 30.0
-  historyKeyframeSearchNum: 25
-  historyKeyframeFitnessScore: 0.3
-
-  globalMapVisualizationSearchRadius: 1000.0
-  globalMapVisualizationPoseDensity: 10.0
-  globalMapVisualizationLeafSize: 1.0
-"""
+{_AUTHORS_SETTINGS}"""
