@@ -87,7 +87,7 @@ def write_page(result: BenchmarkResult, out: Path) -> Path:
     ]
     for title, rows in all_tables(result.scores):
         parts.append(f"<h2>{escape(title)}</h2>{_table(rows)}")
-    evaluated = _evaluated(result, out)
+    evaluated = evaluated_runs(result, out)
     boxes = _boxes(result, evaluated, colour)
     parts.append(
         "<h2>Position errors of all poses</h2>"
@@ -108,7 +108,7 @@ def write_page(result: BenchmarkResult, out: Path) -> Path:
     return out / PAGE
 
 
-def _evaluated(result: BenchmarkResult, out: Path) -> list[tuple[Job, EvaluationResult]]:
+def evaluated_runs(result: BenchmarkResult, out: Path) -> list[tuple[Job, EvaluationResult]]:
     """All runs that can be drawn, failed by divergence or not."""
     found = []
     for job, score in zip(result.jobs, result.scores, strict=True):

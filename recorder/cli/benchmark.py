@@ -4,6 +4,7 @@ Examples:
   carlaloc benchmark data --out scores
   carlaloc benchmark data --out scores --methods kiss_icp,small_gicp --runs 3
   carlaloc benchmark data --out scores --methods my_system.py --fail-above 0.5
+  carlaloc benchmark data --out scores --rerun
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--clouds", type=names, default=("raw", "seg"), metavar="A,B", help="raw, seg")
     parser.add_argument(
+        "--rerun", action="store_true", help="a recording of each sequence with all estimates, too (rerun)"
+    )
+    parser.add_argument(
         "--fail-above", type=number, metavar="M", help="exit 1 if a run fails or its APE is larger [m]"
     )
 
@@ -53,9 +57,17 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         workers=arguments.workers,
         clouds=arguments.clouds,
     )
+    if arguments.rerun:
+        from recorder.view.recording import import_rerun
+
+        import_rerun()  # missing, it is told now and not after hours
     with Progress("runs") as progress:
         result = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
     files = [*write_tables(result.scores, out), write_page(result, out)]
+    if arguments.rerun:
+        from recorder.benchmark.recordings import write_recordings
+
+        files += write_recordings(result, out)
     limit_m = arguments.fail_above
     above = [s for s in result.scores if limit_m is not None and (s.failed is not None or s.ape_m > limit_m)]
     return {

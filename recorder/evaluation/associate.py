@@ -7,7 +7,6 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.trajectory import Trajectory
 
@@ -84,19 +83,8 @@ def _interpolated(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> t
     early = estimate.stamp_ns - truth.stamp_ns[before]
     late = truth.stamp_ns[after] - estimate.stamp_ns
     rows = np.flatnonzero(inside & (early <= max_gap_ns) & (late <= max_gap_ns))
-    before, after, matched = before[rows], after[rows], estimate.take(rows)
-    span = np.maximum(truth.stamp_ns[after] - truth.stamp_ns[before], 1)
-    fraction = (matched.stamp_ns - truth.stamp_ns[before]) / span
-    start = truth.position_m[before]
-    return (
-        Trajectory(
-            stamp_ns=matched.stamp_ns,
-            position_m=start + fraction[:, None] * (truth.position_m[after] - start),
-            quat_xyzw=transforms.quat_slerp(truth.quat_xyzw[before], truth.quat_xyzw[after], fraction),
-            name=truth.name,
-        ),
-        matched,
-    )
+    matched = estimate.take(rows)
+    return truth.at(matched.stamp_ns), matched
 
 
 def _next_step(truth: Trajectory, estimate: Trajectory) -> str:

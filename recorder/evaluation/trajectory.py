@@ -67,6 +67,22 @@ class Trajectory:
             quat_xyzw=self.quat_xyzw[index],
         )
 
+    def at(self, stamp_ns: NDArray[np.int64]) -> Trajectory:
+        """Poses between its own, at increasing times [ns], shape (M,); beyond its ends the outermost ones."""
+        after = np.searchsorted(self.stamp_ns, stamp_ns)
+        exact = self.stamp_ns[np.minimum(after, len(self) - 1)] == stamp_ns
+        before = np.clip(np.where(exact, after, after - 1), 0, len(self) - 1)
+        after = np.clip(after, 0, len(self) - 1)
+        span = np.maximum(self.stamp_ns[after] - self.stamp_ns[before], 1)
+        fraction = (stamp_ns - self.stamp_ns[before]) / span
+        start = self.position_m[before]
+        return replace(
+            self,
+            stamp_ns=stamp_ns,
+            position_m=start + fraction[:, None] * (self.position_m[after] - start),
+            quat_xyzw=transforms.quat_slerp(self.quat_xyzw[before], self.quat_xyzw[after], fraction),
+        )
+
     def shifted(self, offset_ns: int) -> Trajectory:
         """The same poses, later by an offset [ns]."""
         return replace(self, stamp_ns=self.stamp_ns + offset_ns)

@@ -1,0 +1,106 @@
+"""Look at an episode, a sequence or a town in rerun's viewer, or write a recording (.rrd) of it.
+
+Examples:
+  carlaloc view drive.mcap
+  carlaloc view data/Town03/ClearNoon_dynamic --estimate kiss.tum --out look.rrd
+  carlaloc view Town03
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env.core.errors import ConfigError, UsageError
+from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc view`."""
+    parser.add_argument("what", type=input_path, help="episode (.mcap), folder of a sequence, or town")
+    parser.add_argument("--map", type=input_path, help="map of an episode that was driven on a file")
+    parser.add_argument(
+        "--estimate", type=input_path, action="append", metavar="TUM", help="estimate of a sequence; repeat"
+    )
+    parser.add_argument(
+        "--frame", default="lidar", help="whose poses estimates are: lidar, imu, camera, base_link"
+    )
+    parser.add_argument(
+        "--period", type=positive_seconds, default=0.2, metavar="S", help="between clouds (default: 0.2)"
+    )
+    parser.add_argument("--out", type=OutputFile(".rrd"), help="write a recording and open no viewer")
+    force_option(parser, "an older recording")
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Write a recording, and show it if it has no name."""
+    from recorder.view.viewer import check_display, open_viewer
+
+    if arguments.out is not None:
+        kind = _record(arguments, arguments.out)
+        return {"kind": kind, "out": str(arguments.out), "bytes": arguments.out.stat().st_size}
+    check_display()
+    with tempfile.TemporaryDirectory(prefix="carlaloc-view-") as folder:
+        path = Path(folder, "view.rrd")
+        kind = _record(arguments, path)
+        open_viewer(path)
+    return {"kind": kind, "out": None}
+
+
+def _record(arguments: argparse.Namespace, out: Path) -> str:
+    """Write the recording and tell what it is of."""
+    what: Path = arguments.what
+    is_episode = what.suffix == EPISODE_SUFFIX or what.name.endswith(".recording")
+    is_sequence = (what / "sequence.yaml").is_file() or what.name == "sequence.yaml"
+    if arguments.estimate and not is_sequence:
+        raise UsageError("--estimate is for sequences; give the folder of one")
+    if is_episode:
+        return _episode(arguments, out)
+    if is_sequence:
+        return _sequence(arguments, out)
+    if what.is_dir() and not (what / "town.xodr").is_file():
+        raise ConfigError(f"{what} is no sequence and no town; give a folder that holds sequence.yaml")
+    from carlaloc_env.town.build import load_town
+    from recorder.view.town_view import record_town
+
+    record_town(load_town(what), out, overwrite=arguments.force)
+    return "town"
+
+
+def _episode(arguments: argparse.Namespace, out: Path) -> str:
+    from recorder.episode.episode import open_episode
+    from recorder.episode.town import town_of
+    from recorder.view.episode_view import record_episode
+
+    episode = open_episode(arguments.what)
+    record_episode(episode, town_of(episode, arguments.map), out, overwrite=arguments.force)
+    return "episode"
+
+
+def _sequence(arguments: argparse.Namespace, out: Path) -> str:
+    from recorder.evaluation.associate import Association
+    from recorder.evaluation.evaluate import evaluate
+    from recorder.evaluation.trajectory_files import read_trajectory, read_tum
+    from recorder.slam.sequence import SlamSequence
+    from recorder.view.sequence_view import record_sequence
+
+    folder = arguments.what.parent if arguments.what.name == "sequence.yaml" else arguments.what
+    sequence = SlamSequence(folder)
+    estimates = []
+    if arguments.estimate:
+        truth = read_tum(sequence.truth_file(arguments.frame))
+        estimates = [
+            evaluate(truth, read_trajectory(path), association=Association.INTERPOLATED)
+            for path in arguments.estimate
+        ]
+    record_sequence(sequence, out, estimates=estimates, period_s=arguments.period, overwrite=arguments.force)
+    return "sequence"
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print what was written."""
+    if result["out"] is not None:
+        print(f"{result['out']}  {result['bytes'] / 1e6:.1f} MB of a {result['kind']}; open it: rerun FILE")

@@ -1,0 +1,138 @@
+"""A recording of rerun (.rrd): entities named as our frames, all times on the timeline ``stamp``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.errors import MissingDependencyError, OutputError
+from carlaloc_env.core.output_paths import check_output_file
+from carlaloc_env.core.transforms import matrix_to_quat, quat_rotate
+from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
+
+SUFFIX = ".rrd"
+"""Suffix of rerun's files."""
+TIMELINE = "stamp"
+"""The one timeline: Unix time, as in the files of a dataset."""
+WORLD, BASE_LINK = "world", "world/base_link"
+"""Entities of the world (ENU) and of the car; its sensors lie below it, by the names of their frames."""
+
+
+class Recording:
+    """What is written to one file; times are Unix times [ns], coordinates metres in the entity's frame.
+
+    Args:
+        stream: Stream of rerun.
+        rerun: The library.
+    """
+
+    def __init__(self, stream: Any, rerun: ModuleType) -> None:
+        self.rerun: Any = rerun
+        self._stream = stream
+
+    def always(self, entity: str, thing: Any, *more: Any) -> None:
+        """Log what holds at all times."""
+        self._stream.log(entity, thing, *more, static=True, strict=True)
+
+    def at(self, stamp_ns: int, entity: str, thing: Any) -> None:
+        """Log what begins to hold at one time [ns]."""
+        self._stream.set_time(TIMELINE, timestamp=np.datetime64(stamp_ns, "ns"))
+        self._stream.log(entity, thing, strict=True)
+        self._stream.reset_time()
+
+    def columns(self, entity: str, stamp_ns: NDArray[np.int64], columns: Any) -> None:
+        """Log many times at once: an archetype's ``columns(...)``, a row for each time [ns]."""
+        index = self.rerun.TimeColumn(TIMELINE, timestamp=stamp_ns.astype("datetime64[ns]"))
+        self._stream.send_columns(entity, indexes=[index], columns=columns, strict=True)
+
+    def motion(self, entity: str, stamp_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> None:
+        """Log poses that map the entity's frame to its parent's, positions (N, 3), quaternions (N, 4)."""
+        transforms = self.rerun.Transform3D.columns(translation=position_m, quaternion=quat_xyzw)
+        self.columns(entity, stamp_ns, transforms)
+
+    def mount(self, entity: str, T: Array) -> None:
+        """Log a pose that never changes: maps the entity's frame to its parent's, shape (4, 4)."""
+        quat: Any = matrix_to_quat(T[:3, :3])
+        self.always(entity, self.rerun.Transform3D(translation=T[:3, 3], quaternion=quat))
+
+    def path(self, entity: str, position_m: Array, colour: tuple[int, int, int], radius_m: float) -> None:
+        """Log a line through positions (N, 3) that is always there."""
+        self.always(entity, self.rerun.LineStrips3D([position_m], colors=[colour], radii=[radius_m]))
+
+    def world_view(self, position_m: Array, quat_xyzw: Array) -> Any:
+        """A view of the world whose eye stands first behind and above a pose of the car."""
+        blueprint = self.rerun.blueprint
+        behind_m = position_m + quat_rotate(quat_xyzw, [-22.0, 0.0, 14.0])
+        target_m = position_m + quat_rotate(quat_xyzw, [10.0, 0.0, 0.0])
+        eye = blueprint.EyeControls3D(position=behind_m, look_target=target_m, eye_up=(0, 0, 1))
+        return blueprint.Spatial3DView(origin=WORLD, name="world", eye_controls=eye)
+
+    def show(self, *views: Any) -> None:
+        """Lay views out, the first one twice as wide as the others, which stand below each other."""
+        blueprint = self.rerun.blueprint
+        side = blueprint.Vertical(*views[1:])
+        shown = blueprint.Horizontal(views[0], side, column_shares=[2, 1]) if len(views) > 1 else views[0]
+        self._stream.send_blueprint(blueprint.Blueprint(shown, collapse_panels=True))
+
+
+def import_rerun() -> ModuleType:
+    """The library, with its blueprints.
+
+    Raises:
+        MissingDependencyError: it is not installed.
+    """
+    try:
+        import rerun
+        import rerun.blueprint
+    except ImportError as error:
+        raise MissingDependencyError('rerun is not installed; pip install "carlaloc-env[view]"') from error
+    return rerun
+
+
+@contextmanager
+def new_recording(path: str | Path, title: str, *, overwrite: bool = False) -> Iterator[Recording]:
+    """A recording that is whole, or not there, when the block ends.
+
+    Args:
+        path: New file (.rrd).
+        title: What the viewer calls it.
+        overwrite: Whether an older file is replaced.
+
+    Raises:
+        OutputError: the file may not be written.
+        MissingDependencyError: rerun is not installed.
+    """
+    path = check_output_file(path, suffixes=(SUFFIX,), overwrite=overwrite)
+    try:
+        import rerun
+        import rerun.blueprint
+    except ImportError as error:
+        raise MissingDependencyError('rerun is not installed; pip install "carlaloc-env[view]"') from error
+    part = path.with_name(f".{path.name}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        stream = rerun.RecordingStream("CarlaLoc", send_properties=False)
+        stream.save(part)
+        stream.send_recording_name(title)
+        recording = Recording(stream, rerun)
+        recording.always(WORLD, rerun.ViewCoordinates.RIGHT_HAND_Z_UP, rerun.AnnotationContext(_classes()))
+        yield recording
+        stream.flush()
+        stream.disconnect()
+        part.replace(path)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}; choose another place") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _classes() -> list[tuple[int, str, tuple[int, ...]]]:
+    """Semantic tags with CARLA's names and colours."""
+    return [(int(tag), tag.name.lower(), tuple(PALETTE_RGB[tag].tolist())) for tag in Tag]
