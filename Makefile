@@ -2,7 +2,7 @@
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: setup demo test check bench soak clean
+.PHONY: setup demo test check bench findings soak clean
 
 setup: $(READY)
 
@@ -28,6 +28,9 @@ check: $(READY)
 
 bench: $(READY)
 	$(BIN)/python benchmarks/run.py
+
+findings: $(READY)
+	$(BIN)/python benchmarks/findings.py --work out/findings
 
 soak: $(READY)
 	$(BIN)/python -m pytest -m soak

@@ -51,7 +51,7 @@ def markdown(scores: Sequence[Score]) -> str:
     """All tables as Markdown."""
     parts = ["# Benchmark", "", RULE, ""]
     for title, rows in all_tables(scores):
-        parts += [f"## {title}", "", _markdown(rows), ""]
+        parts += [f"## {title}", "", markdown_table(rows), ""]
     return "\n".join(parts)
 
 
@@ -204,7 +204,8 @@ def _cell(cell: Cell | None, *, bold: bool) -> str:
     return f"**{cell.text}**" if bold else cell.text
 
 
-def _markdown(rows: Rows) -> str:
+def markdown_table(rows: Rows) -> str:
+    """Rows as a table of Markdown, the first one as its head."""
     clean = [[word.replace("|", "\\|") for word in row] for row in rows]
     lines = [f"| {' | '.join(row)} |" for row in clean]
     return "\n".join([lines[0], f"|{' --- |' * len(rows[0])}", *lines[1:]])
