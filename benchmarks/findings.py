@@ -58,12 +58,21 @@ def _scored(town: str, arguments: argparse.Namespace) -> list[Path]:
     drive = work / f"{town}.mcap"
     if not drive.exists():
         _carlaloc("record", "--map", town, "--duration", f"{arguments.lidar_s}", "--out", str(drive))
-    lidar = ["--rig", "lidar", "--weather", "ClearNoon", "--format", "rosbag1"]
+    lidar = ["--rig", "lidar", "--weather", "ClearNoon", "--format", "rosbag1", "--topics", "standard"]
     found = [_benchmark(work, town, "lidar", lidar, arguments.lidar_methods, arguments)]
     if arguments.camera_s > 0:
         # Standing at the start would tell nothing; an IMU that starts later than the pictures neither.
         window = ["--start", "5", "--duration", f"{arguments.camera_s}"]
-        camera = ["--rig", "flu", "--weather", "ClearNoon,FoggyNoon,RainyNight", "--format", "rosbag1,euroc"]
+        camera = [
+            "--rig",
+            "flu",
+            "--weather",
+            "ClearNoon,FoggyNoon,RainyNight",
+            "--format",
+            "rosbag1,euroc",
+            "--topics",
+            "slam",
+        ]
         found.append(_benchmark(work, town, "camera", camera + window, arguments.camera_methods, arguments))
     return found
 
@@ -77,7 +86,7 @@ def _benchmark(
         return out
     if not (data / "dataset.yaml").exists():
         drive = str(work / f"{town}.mcap")
-        common = ["--traffic", "static,dynamic", "--topics", "slam", "--no-preview"]
+        common = ["--traffic", "static,dynamic", "--no-preview"]
         _carlaloc("replay", drive, "--out", str(data), *options, *common)
     _carlaloc("benchmark", str(data), "--out", str(part), "--methods", methods, "--runs", f"{arguments.runs}")
     part.rename(out)

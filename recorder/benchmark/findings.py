@@ -1,7 +1,7 @@
 """Findings: how conditions compare, for the paper's systems by its own tables and for those of a benchmark.
 
-A finding is the ratio of two conditions' errors, medians over runs, in every town that has both. Nothing is
-claimed that less than two thirds of the towns show, or that rests on less than the spread of runs.
+A finding is the ratio of two conditions' errors, medians over runs, in every pair of a town. Nothing is
+claimed that less than two thirds of the pairs show, or that rests on less than the spread of runs.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def verdict(ratio: Ratio) -> str:
     larger = sum(value > 1 for value in ratio.values)
     smaller = sum(value < 1 for value in ratio.values)
     if count < _PAIRS_MIN:
-        return f"{count} towns: too few"
+        return f"{count} pair{'s' * (count > 1)}: too few"
     if max(larger, smaller) < _SHARE * count:
         return "no direction"
     direction = "larger" if larger > smaller else "smaller"
@@ -103,8 +103,9 @@ def _kind(method: str) -> str:
     """What a system reads, as `KINDS` has it."""
     if method not in SYSTEMS:
         return "own"
-    needs = SYSTEMS[method].needs
-    return ("stereo" if "stereo" in needs else "LiDAR") + ("-inertial" if "imu" in needs else "")
+    system = SYSTEMS[method]
+    # evalio wants the IMU of all of its pipelines, also of those that make no use of it.
+    return ("stereo" if system.is_visual else "LiDAR") + ("-inertial" if "inertial" in system.what else "")
 
 
 def _order(what: str) -> tuple[int, str]:

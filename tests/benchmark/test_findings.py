@@ -62,7 +62,7 @@ def test_a_difference_beyond_the_spread_is_a_finding_and_one_within_it_none() ->
 @pytest.mark.parametrize(
     ("values", "repeated", "told"),
     [
-        ((1.2, 1.4), 2, "2 towns: too few"),
+        ((1.2, 1.4), 2, "2 pairs: too few"),
         ((0.5, 0.9, 1.1, 1.2), 4, "no direction"),
         ((0.5, 0.7, 0.8), 3, "smaller"),
         ((1.5, 1.7, 1.8), 0, "larger; spread of runs not known"),
