@@ -61,16 +61,21 @@ def main(repeat: int) -> None:
     radar = next(c for c in rig.sensors if isinstance(c, RadarConfig))
     _print("radar [s/scan]", _plain(bench, radar))
     samples = [*_samples(bench, plain), *_samples(bench, lidar)]
-    for name, formats, topics, preview in (
-        ("rosbag1 standard", ("rosbag1",), "standard", False),
-        ("rosbag2 standard", ("rosbag2",), "standard", False),
-        ("euroc", ("euroc",), "standard", False),
-        ("kitti", ("kitti",), "standard", False),
-        ("preview", (), "standard", True),
+    for name, topics, preview in (
+        ("rosbag1", "standard", False),
+        ("rosbag2", "standard", False),
+        ("rosbag2", "compact", False),
+        ("rosbag2", "compact_full", False),
+        ("euroc", "standard", False),
+        ("kitti", "standard", False),
+        ("dsec", "standard", False),
+        ("raw", "standard", False),
+        ("preview", "standard", True),
     ):
+        formats = () if preview else (name,)
         encode, place, size = _writing(bench, samples, formats, topics, preview=preview)
-        _print(f"{name}: encode [s/instant of a camera and the LiDAR, {size / 1e6:.2f} MB]", encode)
-        _print(f"{name}: place [s/instant]", place)
+        _print(f"{name} {topics}: encode [s/instant of a camera and the LiDAR, {size / 1e6:.2f} MB]", encode)
+        _print(f"{name} {topics}: place [s/instant]", place)
 
 
 def _print(what: str, value: float) -> None:

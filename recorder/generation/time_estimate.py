@@ -1,8 +1,7 @@
 """How long a dataset takes to make, told before any of it is made: processor time by unit costs.
 
-The figures are processor times on two cores of a server without a GPU, which drew with llvmpipe, as
-`benchmarks/run.py` and docs/performance.md have them; those of PNG, films, radar, bytes and opening are
-guesses that `benchmarks/unit_costs.py` is to replace. Another machine is faster
+The figures are processor times of one core of a server without a GPU, which drew with llvmpipe, in Town03 among
+its traffic: `benchmarks/unit_costs.py` prints all but the spool's. Another machine is faster
 or slower as a whole: a dataset that is being made corrects them by its own first unit (`dataset_clock`).
 """
 
@@ -20,23 +19,25 @@ from recorder.generation.replay_plan import ReplayConfig
 from recorder.generation.sequence_writers import without_unwritten
 from recorder.generation.size_estimate import bytes_per_second
 
-DRIVING_COST = 0.15
+DRIVING_COST = 0.05
 """Processor time of a second that the scripted driver drives among a town's traffic [s/s]."""
-OPENING_COST = 25.0
-"""What a process takes before its first sample: imports, town, shaders, compiled functions [s]."""
-_GEOMETRY, _EVENTS = 0.095, 0.55
+OPENING_COST = 11.0
+"""What a process takes before its first sample: imports, town, shaders, textures [s]."""
+_GEOMETRY, _EVENTS = 0.11, 0.14
 """What all weathers of a picture share, and the events of one [s/Mpx]."""
-_SHADING_DAY, _SHADING_NIGHT = 0.065, 0.13
+_SHADING_DAY, _SHADING_NIGHT = 0.05, 0.10
 """A picture under one weather more [s/Mpx]."""
-_RAYS, _RADAR = 0.3, 0.01
+_RAYS, _RADAR = 0.33, 0.008
 """A LiDAR's rays [s/Mray] and a radar's scan [s]."""
 _OTHERS = 0.1
 """IMU, truth, boxes and all else of a second of driving [s/s]."""
-_BYTES = 6e-9
-"""To serialise a byte, spool it, assemble it and take its checksums [s/byte]."""
-_PNG = 0.025
-"""Pictures that are compressed one by one [s/Mpx]."""
-_FILM = 0.03
+_SPOOL, _ZSTD = 6e-9, 4e-9
+"""To serialise a byte, spool it, assemble it and take its checksums, and to compress it besides [s/byte]."""
+_COMPRESSED = {"euroc": 0.018, "kitti": 0.054, "dsec": 0.014, "raw": 0.20}
+"""Formats of pictures that are compressed one by one, with a LiDAR's share [s/Mpx]."""
+_COMPACT = {"compact": 0.029, "compact_full": 0.058}
+"""Topics whose pictures and clouds are compressed [s/Mpx]."""
+_FILM = 0.026
 """Panels and film of an instant of a preview [s]."""
 
 
@@ -68,7 +69,8 @@ def replay_cost(rig: SensorRig, config: ReplayConfig, conditions: Sequence[Condi
         weathers = [condition.weather for condition in conditions if condition.traffic == level]
         cost += _OTHERS + sum(_sensor(sensor, weathers) for sensor in rig.sensors)
     size = bytes_per_second(rig, config.formats, config.topics)
-    cost += len(conditions) * (_BYTES * size + _formats(rig, config))
+    zstd = _ZSTD * bytes_per_second(rig, ("rosbag2",), config.topics) if "rosbag2" in config.formats else 0.0
+    cost += len(conditions) * (_SPOOL * size + zstd + _formats(rig, config))
     return ReplayCost(per_second=cost, opening=OPENING_COST)
 
 
@@ -87,10 +89,11 @@ def _formats(rig: SensorRig, config: ReplayConfig) -> float:
     """Compressing pictures and drawing a film, a second of one sequence."""
     cameras = [sensor for sensor in rig.sensors if sensor.kind == "camera"]
     pictures = sum(_megapixels(camera) * float(camera.rate_hz) for camera in cameras)
-    compressed = sum(name in ("euroc", "kitti", "raw") for name in config.formats)
-    compressed += config.topics.startswith("compact") and any(n.startswith("rosbag") for n in config.formats)
+    compressed = sum(_COMPRESSED.get(name, 0.0) for name in config.formats)
+    bags = sum(name.startswith("rosbag") for name in config.formats)
+    compressed += bags * _COMPACT.get(config.topics, 0.0)
     film = _FILM * float(cameras[0].rate_hz) if config.preview and cameras else 0.0
-    return _PNG * compressed * pictures + film
+    return compressed * pictures + film
 
 
 def _megapixels(camera: Any) -> float:

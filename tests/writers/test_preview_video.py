@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+import subprocess
 from pathlib import Path
 
 import av
 import cv2
 import numpy as np
+import pytest
 
 from carlaloc_env.samples import Image
 from recorder.report.mosaic import mosaic
@@ -48,3 +52,22 @@ def test_no_film_without_a_camera(tmp_path: Path) -> None:
     with PreviewWriter(tmp_path / "preview.mp4", camera="left", rate_hz=RATE_HZ):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(shutil.which("ffprobe") is None, reason="needs FFmpeg's ffprobe")
+def test_ffprobe_counts_the_same(tmp_path: Path) -> None:
+    with PreviewWriter(tmp_path / "preview.mp4", camera="left", rate_hz=RATE_HZ) as writer:
+        for number in range(COUNT):
+            writer.write(_image(number))
+    asked = "stream=codec_name,pix_fmt,nb_read_frames,r_frame_rate:format=duration"
+    done = subprocess.run(
+        ["ffprobe", "-v", "error", "-count_frames", "-show_entries", asked, "-of", "json",
+         str(tmp_path / "preview.mp4")],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stderr == ""
+    told = json.loads(done.stdout)
+    (stream,) = told["streams"]
+    assert (stream["codec_name"], stream["pix_fmt"], stream["r_frame_rate"]) == ("h264", "yuv420p", "20/1")
+    assert int(stream["nb_read_frames"]) == COUNT
+    assert float(told["format"]["duration"]) == pytest.approx(COUNT / RATE_HZ)
