@@ -1,8 +1,8 @@
 """How long a dataset takes to make, told before any of it is made: processor time by unit costs.
 
-The figures are processor times of one core of a server without a GPU, which drew with llvmpipe, in Town03 among
-its traffic: `benchmarks/unit_costs.py` prints all but the spool's. Another machine is faster
-or slower as a whole: a dataset that is being made corrects them by its own first unit (`dataset_clock`).
+The figures are processor times of one core of a server without a GPU, which drew with llvmpipe, in Town03
+among its traffic: `benchmarks/unit_costs.py` prints all but the spool's. Another machine is faster or slower
+as a whole: a dataset that is being made corrects them by its own first unit (`dataset_clock`).
 """
 
 from __future__ import annotations

@@ -93,7 +93,8 @@ def import_rerun() -> ModuleType:
         import rerun.blueprint
     except ImportError as error:
         raise MissingDependencyError('rerun is not installed; pip install "carlaloc-env[view]"') from error
-    return rerun
+    library: ModuleType = rerun
+    return library
 
 
 @contextmanager

@@ -83,7 +83,7 @@ def test_a_second_run_at_once_is_refused(config: DatasetConfig, monkeypatch: pyt
     refused: list[str] = []
 
     def meanwhile(*_: Any) -> None:
-        with pytest.raises(WriterError, match="another run is at work in .*; wait until") as failure:
+        with pytest.raises(WriterError, match=r"another run is at work in .*; wait until") as failure:
             make_dataset(config)
         refused.append(str(failure.value))
         raise WriterError("the first run ends here")

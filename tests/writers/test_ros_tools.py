@@ -55,7 +55,7 @@ def ros_master() -> Iterator[dict[str, str]]:
         ["roscore", "-p", str(port)], env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     for _ in range(300):
-        if subprocess.run(["rosnode", "list"], env=env, capture_output=True).returncode == 0:
+        if subprocess.run(["rosnode", "list"], env=env, capture_output=True, check=False).returncode == 0:
             break
         time.sleep(0.1)
     else:
@@ -70,7 +70,9 @@ def ask_rosbag(*arguments: str, env: dict[str, str] | None = None) -> str:
     """What `rosbag` prints."""
     if shutil.which("rosbag") is None:
         pytest.skip("needs Debian's python3-rosbag")
-    done = subprocess.run(["rosbag", *arguments], capture_output=True, text=True, timeout=120, env=env)
+    done = subprocess.run(
+        ["rosbag", *arguments], capture_output=True, text=True, timeout=120, env=env, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -88,9 +90,9 @@ def test_info_tells_what_is_in_it(bag: Path) -> None:
 
 
 def test_check_finds_no_message_that_changes(bag: Path) -> None:
-    """Ours lack the comments of the official definitions: a rule is named for each type, with the same sum."""
-    needed = "import sensor_msgs.msg, nav_msgs.msg, tf2_msgs.msg, rosgraph_msgs.msg, geometry_msgs.msg"
-    if subprocess.run(["/usr/bin/python3", "-c", needed], capture_output=True).returncode:
+    """Ours lack the comments of official definitions: a rule is named for each type, with the same sum."""
+    needed = "import sensor_msgs.msg, nav_msgs.msg, tf2_msgs.msg, rosgraph_msgs.msg"
+    if subprocess.run(["/usr/bin/python3", "-c", needed], capture_output=True, check=False).returncode:
         pytest.skip("needs Debian's packages of ROS 1 messages")
     told = ask_rosbag("check", str(bag))
     assert "All rules defined" in told
