@@ -1,4 +1,4 @@
-"""Town01's route among its traffic, with the scripted driver in either seat: the task of example 11."""
+"""Town01's route among its traffic, the scripted driver in either seat: the task of examples 11 to 13."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Ride(NamedTuple):
     ended_by: str
 
 
-def make_env(time_limit_s: float = 600.0) -> DrivingEnv:
+def make_env(time_limit_s: float = 600.0, **task: float) -> DrivingEnv:
     """The environment; episodes are truncated after a time [s]."""
-    return DrivingEnv(map="Town01", rig="state", frame_skip=SKIP, task={"time_limit_s": time_limit_s})
+    return DrivingEnv(map="Town01", frame_skip=SKIP, task={"time_limit_s": time_limit_s, **task})
 
 
 def ride(env: DrivingEnv, seed: int, pupil: Policy | None, **options: Any) -> Ride:

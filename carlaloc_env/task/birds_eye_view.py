@@ -8,8 +8,8 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.task.task_world import TaskWorld
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
 
@@ -49,7 +49,7 @@ class BirdsEyeView:
         """Cut the driving lanes into pieces of four metres."""
         self._corners_m, self._middle_m = _pieces(network)
 
-    def draw(self, world: DrivingWorld) -> NDArray[np.uint8]:
+    def draw(self, world: TaskWorld) -> NDArray[np.uint8]:
         """The picture now, uint8, shape (96, 96, 5); channels are named in `CHANNELS`."""
         state = world.state
         place = _Place(state.position_m, state.heading_rad)
@@ -64,14 +64,14 @@ class BirdsEyeView:
         self._lights(world, place, out[4])
         return np.ascontiguousarray(np.moveaxis(out, 0, -1))
 
-    def _route(self, world: DrivingWorld, place: _Place, out: NDArray[np.uint8]) -> None:
+    def _route(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
         route = world.route
         rows = np.arange(0, int(_REACH_M / route.step_m), 4) + route.row_at(world.route_s_m)
         rows = rows % len(route.position_m) if route.closed else rows[rows < len(route.position_m)]
         if len(rows) > 1:
             _line(out, place.pixels(route.position_m[None, rows, :2]), round(2.0 / PX_M))
 
-    def _actors(self, world: DrivingWorld, place: _Place, out: NDArray[np.uint8]) -> None:
+    def _actors(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
         frame, catalog = world.actors(), world.timeline.catalog
         near = place.near(frame.position_m.astype(np.float64))
         if not len(near):
@@ -86,7 +86,7 @@ class BirdsEyeView:
         for which, value in ((on_foot, WALKER), (~on_foot, VEHICLE)):
             _fill(out, place.pixels(boxes[which]), value)
 
-    def _lights(self, world: DrivingWorld, place: _Place, out: NDArray[np.uint8]) -> None:
+    def _lights(self, world: TaskWorld, place: _Place, out: NDArray[np.uint8]) -> None:
         lines, route = world.stop_lines, world.route
         if not len(lines.s_m):
             return

@@ -8,7 +8,6 @@ from typing import Any, Protocol
 from gymnasium import spaces
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.observation import Observer
 from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
@@ -17,6 +16,7 @@ from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.task.birds_eye_view import BirdsEyeView, birds_eye_space
 from carlaloc_env.task.state_vector import StateVector, state_space
+from carlaloc_env.task.task_world import TaskWorld
 
 
 class AgentView(Protocol):
@@ -27,23 +27,23 @@ class AgentView(Protocol):
     samples: list[Sample]
     """Samples of sensors in the last step."""
 
-    def reset(self, world: DrivingWorld) -> Any:
+    def reset(self, world: TaskWorld) -> Any:
         """The first observation of a drive."""
 
-    def follow(self, world: DrivingWorld) -> None:
+    def follow(self, world: TaskWorld) -> None:
         """Take note of a step of 50 ms; every one is told, also those after which nobody looks."""
 
-    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
+    def observe(self, world: TaskWorld, standing_s: float) -> Any:
         """The observation now."""
 
-    def moved(self, world: DrivingWorld, stage: SensorStage) -> AgentView:
+    def moved(self, world: TaskWorld, stage: SensorStage) -> AgentView:
         """The same in another world."""
 
 
 class StateView:
     """The state vector alone (`rig="state"`), or with the bird's-eye view (`rig="bev"`)."""
 
-    def __init__(self, world: DrivingWorld, *, from_above: bool) -> None:
+    def __init__(self, world: TaskWorld, *, from_above: bool) -> None:
         self.samples: list[Sample] = []
         self._above = BirdsEyeView(world.town.network) if from_above else None
         self.space: spaces.Space[Any] = state_space()
@@ -51,23 +51,23 @@ class StateView:
             self.space = spaces.Dict({"state": state_space(), "bev": birds_eye_space()})
         self._state: StateVector | None = None
 
-    def reset(self, world: DrivingWorld) -> Any:
+    def reset(self, world: TaskWorld) -> Any:
         """The first observation of a drive."""
         self._state = StateVector(world)
         return self.observe(world, 0.0)
 
-    def follow(self, world: DrivingWorld) -> None:
+    def follow(self, world: TaskWorld) -> None:
         """Take note of a step of 50 ms."""
         assert self._state is not None
         self._state.follow()
 
-    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
+    def observe(self, world: TaskWorld, standing_s: float) -> Any:
         """The observation now."""
         assert self._state is not None
         state = self._state.observe(standing_s)
         return state if self._above is None else {"state": state, "bev": self._above.draw(world)}
 
-    def moved(self, world: DrivingWorld, stage: SensorStage) -> StateView:
+    def moved(self, world: TaskWorld, stage: SensorStage) -> StateView:
         """The same in another world."""
         return StateView(world, from_above=self._above is not None)
 
@@ -83,7 +83,7 @@ class SensorView:
         self.space: spaces.Space[Any] = self._observer.space
         self._before_ns = -1
 
-    def reset(self, world: DrivingWorld) -> Any:
+    def reset(self, world: TaskWorld) -> Any:
         """The first observation of a drive."""
         self._rig = self._config.build(self._stage)
         self._observer.reset()
@@ -91,24 +91,22 @@ class SensorView:
         self.follow(world)
         return self.observe(world, 0.0)
 
-    def follow(self, world: DrivingWorld) -> None:
+    def follow(self, world: TaskWorld) -> None:
         """Take note of a step of 50 ms: measure it."""
         self.samples = self._rig.measure(world.timeline, self._before_ns, world.now_ns)
         self._observer.add(self.samples)
         self._before_ns = world.now_ns
 
-    def observe(self, world: DrivingWorld, standing_s: float) -> Any:
+    def observe(self, world: TaskWorld, standing_s: float) -> Any:
         """The observation now."""
         return self._observer.newest()
 
-    def moved(self, world: DrivingWorld, stage: SensorStage) -> SensorView:
+    def moved(self, world: TaskWorld, stage: SensorStage) -> SensorView:
         """The same in another world."""
         return SensorView(self._config, stage)
 
 
-def agent_view(
-    rig: str | Path | SensorRig, world: DrivingWorld, stage: SensorStage, quality: str
-) -> AgentView:
+def agent_view(rig: str | Path | SensorRig, world: TaskWorld, stage: SensorStage, quality: str) -> AgentView:
     """What an agent sees with a rig: `state`, `bev`, a rig's name, its YAML file, or a `SensorRig`.
 
     Raises:

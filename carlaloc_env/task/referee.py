@@ -9,9 +9,9 @@ import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.task.config import TaskConfig
+from carlaloc_env.task.task_world import TaskWorld
 from carlaloc_env.traffic.signals import SignalState
 
 STEP_S = STEP_NS * 1e-9
@@ -51,7 +51,7 @@ class Verdict:
 class Referee:
     """Judges the steps of one episode."""
 
-    def __init__(self, world: DrivingWorld, config: TaskConfig) -> None:
+    def __init__(self, world: TaskWorld, config: TaskConfig) -> None:
         """Begin an episode in a world that has just been reset."""
         self._world = world
         self._config = config

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.task.neighbours import COLUMNS, Ego, first_in_path, put_neighbours
+from carlaloc_env.task.task_world import TaskWorld
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState
 
@@ -106,7 +106,7 @@ def state_space() -> spaces.Box:
 class StateVector:
     """Tells the state of one drive; keeps what does not change from step to step."""
 
-    def __init__(self, world: DrivingWorld) -> None:
+    def __init__(self, world: TaskWorld) -> None:
         """Begin a drive in a world that has just been reset."""
         self._world = world
         catalog = world.timeline.catalog

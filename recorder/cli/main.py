@@ -20,7 +20,7 @@ from recorder.cli.json_output import to_json
 
 COMMANDS = (
     "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
-    "benchmark", "vocabulary", "view", "list", "completion",
+    "minari", "benchmark", "vocabulary", "view", "list", "completion",
 )  # fmt: skip
 """Sub-commands; each is a module of this package with `add_arguments` and `run`."""
 

@@ -240,6 +240,8 @@ def check_formats(formats: tuple[str, ...]) -> None:
         ConfigError: a format is unknown; the message names the nearest.
     """
     for name in formats:
+        if name == "minari":
+            raise ConfigError("Minari tells steps, actions and rewards, no samples; use `carlaloc minari`")
         if name not in FORMATS:
             raise ConfigError(unknown_name("format", name, FORMATS))
 

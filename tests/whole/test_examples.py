@@ -33,6 +33,9 @@ sensors:
    pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
 """
 EXAMPLES = Path(__file__).parents[2] / "examples"
+_NAMES = ("barometer", "laser", "ppo", "pupil", "reactions", "sight", "town01_route", "unseen")
+PARTS = {f"{name}.py" for name in _NAMES}
+"""Parts of examples, without a `main` of their own."""
 
 
 def load(name: str) -> ModuleType:
@@ -51,7 +54,7 @@ def test_examples_are_short_and_callable(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     if path.name != "demo.py":
         assert len(text.splitlines()) <= 60
-    if path.name not in ("barometer.py", "laser.py", "pupil.py", "town01_route.py"):
+    if path.name not in PARTS:
         assert "\ndef main(" in text
 
 
@@ -193,10 +196,54 @@ def test_a_pupil_rides_with_the_driver_and_learns(tmp_path: Path, monkeypatch: p
     assert out.stat().st_size < 300_000
     env = example.make_env(8.0)
     taught = example.ride(env, 3, None)
-    pupil = example.Pupil([taught])
+    pupil = example.Pupil.load(out)
     errors = []
     for passes in (1, 60):
         pupil.learn([taught], passes)
         errors.append(np.abs([pupil(seen) for seen in taught.seen] - taught.taught).mean())
     assert errors[1] < 0.7 * errors[0]
+    env.close()
+
+
+def test_a_clone_learns_from_a_data_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight seconds of driving become a data set; whoever learns from it does the same, once it drives."""
+    pytest.importorskip("torch", reason="learning needs the extra `learn`")
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    example = load("12_clone_from_minari")
+    example.main(tmp_path, drives=1, scored=1, passes=150, duration_s=8.0)
+    data = example.minari.MinariDataset(tmp_path / "town01-scripted-v0" / "data")
+    (drive,) = data.iterate_episodes()
+    clone = example.Pupil.load(tmp_path / "clone.pt")
+    wrong = np.abs([clone(seen) for seen in drive.observations[:-1]] - drive.actions)[15:]
+    assert np.all(wrong.mean(axis=0) < 0.5 * drive.actions.std(axis=0))
+
+
+def test_a_pupil_goes_on_by_ppo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins as the pupil, to the bit, and its network changes by what it earns."""
+    pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    example, copy, out = load("13_improve_by_ppo"), tmp_path / "copy.pt", tmp_path / "out.pt"
+    before = example.Pupil()
+    before.save(copy)
+    env = example.make_env(5.0)
+    seen = env.reset(seed=1)[0]
+    told = example.ppo_of(before, env).predict(seen, deterministic=True)[0]
+    np.testing.assert_allclose(told, before(seen), atol=1e-6)
+    env.close()
+    found = example.main(copy, out, steps=64, scored=1, time_limit_s=5.0, rollout=64)
+    assert len(found) == 2
+    after = example.Pupil.load(out)
+    assert not np.array_equal(before(seen), after(seen))
+
+
+def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a minute among traffic of an unseen seed brings it a good way along the route, without a touch."""
+    pytest.importorskip("torch", reason="learning needs the extra `learn`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    example = load("11_learn_from_the_driver")
+    env = example.make_env(30.0)
+    ride = example.ride(env, 10_000, example.Pupil.load(EXAMPLES / "town01_pupil.pt"))
+    assert ride.ended_by == "time"
+    assert ride.completion > 0.15
     env.close()

@@ -1,0 +1,51 @@
+"""Clone the scripted driver from a Minari data set of recorded drives, and let the clone drive.
+
+Recorded drives become observations, actions and rewards; whatever reads Minari can learn from them. A clone
+of drives alone is a beginning (example 11 says why, and goes on). Needs the extras `learn` and `minari`.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import minari
+import numpy as np
+import torch
+from pupil import Pupil
+from town01_route import SKIP, Ride, make_env
+from unseen import score
+
+from recorder.drive.minari_dataset import MinariConfig, write_minari
+from recorder.drive.record import RecordConfig, record
+
+
+def main(
+    out: Path, drives: int = 12, scored: int = 50, passes: int = 40, duration_s: float | None = None
+) -> float:
+    """Record, write the data set, learn from it, and return the mean route completion of unseen seeds."""
+    torch.set_num_threads(1)
+    episodes = [out / f"drive{seed}.mcap" for seed in range(drives)]
+    for seed, path in enumerate(episodes):
+        record(RecordConfig(map="Town01", out=path, seed=seed, duration_s=duration_s))
+    config = MinariConfig(
+        episodes=tuple(episodes), out=out, name="town01-scripted-v0", rig="state", frame_skip=SKIP
+    )
+    found = minari.MinariDataset(write_minari(config).path / "data")
+    earned = [episode.rewards.sum() for episode in found.iterate_episodes()]
+    print(f"{found.total_episodes} drives, {found.total_steps} actions, mean return {np.mean(earned):.0f}")
+    rides = [
+        Ride(episode.observations[:-1], episode.actions, 1.0, "goal") for episode in found.iterate_episodes()
+    ]
+    clone = Pupil()
+    clone.sight.fit(torch.as_tensor(np.concatenate([one.seen for one in rides])))
+    clone.learn(rides, passes)
+    clone.save(out / "clone.pt")
+    env = make_env(duration_s or 600.0)
+    done = score(env, "clone", clone, scored)
+    env.close()
+    return done
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
