@@ -28,9 +28,8 @@ def main(
     episodes = [out / f"drive{seed}.mcap" for seed in range(drives)]
     for seed, path in enumerate(episodes):
         record(RecordConfig(map="Town01", out=path, seed=seed, duration_s=duration_s))
-    config = MinariConfig(
-        episodes=tuple(episodes), out=out, name="town01-scripted-v0", rig="state", frame_skip=SKIP
-    )
+    sets = out / "town01-scripted-v0"
+    config = MinariConfig(episodes=tuple(episodes), out=sets, rig="state", frame_skip=SKIP)
     found = minari.MinariDataset(write_minari(config).path / "data")
     earned = [episode.rewards.sum() for episode in found.iterate_episodes()]
     print(f"{found.total_episodes} drives, {found.total_steps} actions, mean return {np.mean(earned):.0f}")

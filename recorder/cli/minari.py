@@ -1,8 +1,8 @@
 """Make a Minari data set of recorded drives: observations of any rig, the driver's actions, rewards.
 
 Examples:
-  carlaloc minari drive.mcap --out sets --name town01-scripted-v0
-  carlaloc minari day/*.mcap --out sets --name town01-seen-v0 --rig bev --frame-skip 4
+  carlaloc minari drive.mcap --out sets/town01-scripted-v0
+  carlaloc minari day/*.mcap --out sets/town01-seen-v0 --rig bev --frame-skip 4
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc minari`."""
     parser.add_argument("episodes", type=input_path, nargs="+", help="recorded drives (.mcap)")
     parser.add_argument(
-        "--out", type=OutputFolder(), required=True, help="folder of data sets, MINARI_DATASETS_PATH"
+        "--out", type=OutputFolder(), required=True, help="folder of the data set, named as it: town01-v0"
     )
-    parser.add_argument("--name", required=True, help="name of the data set, e.g. town01-scripted-v0")
     parser.add_argument("--rig", default="state", help="state, bev, a rig or a .yaml file (default: state)")
     parser.add_argument("--action", default="continuous", help="continuous or controls (default: continuous)")
     parser.add_argument("--weather", default="ClearNoon", help="what sensors see (default: ClearNoon)")
@@ -43,7 +42,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     config = MinariConfig(
         episodes=tuple(arguments.episodes),
         out=arguments.out,
-        name=arguments.name,
         rig=arguments.rig,
         action=arguments.action,
         weather=arguments.weather,

@@ -46,9 +46,7 @@ class MinariConfig:
     episodes: tuple[Path, ...]
     """Drives, each an episode of the data set."""
     out: Path
-    """Folder of data sets, Minari's `MINARI_DATASETS_PATH`."""
-    name: str
-    """Name of the data set, which ends in a version, e.g. ``town01-scripted-v0``."""
+    """Folder of the data set; its name is the data set's and ends in a version: ``town01-scripted-v0``."""
     rig: str = "state"
     """What is seen: ``state``, ``bev``, a rig's name or its YAML file."""
     action: str = "continuous"
@@ -96,10 +94,9 @@ def write_minari(
         from minari.dataset.minari_storage import MinariStorage
     except ImportError as error:
         raise ConfigError("Minari is missing; pip install 'carlaloc-env[minari]'") from error
-    final = config.out / config.name
-    if final.exists():
-        raise OutputError(f"{final} exists; give another name or a new version")
-    part = config.out / f".{config.name}.part"
+    if config.out.exists():
+        raise OutputError(f"{config.out} exists; give another name or a new version")
+    part = config.out.with_name(f".{config.out.name}.part")
     shutil.rmtree(part, ignore_errors=True)
     (part / "data").mkdir(parents=True)
     drives = [Episode.load(path) for path in config.episodes]
@@ -128,10 +125,10 @@ def write_minari(
             told.close()
         assert storage is not None
         storage.update_metadata(_metadata(config, drives))
-        part.rename(final)
+        part.rename(config.out)
     finally:
         shutil.rmtree(part, ignore_errors=True)
-    return MinariResult(path=final, episodes=len(drives), steps=steps)
+    return MinariResult(path=config.out, episodes=len(drives), steps=steps)
 
 
 class _Drive:
@@ -222,8 +219,8 @@ def _stacked(seen: Sequence[Any]) -> Any:
 def _check(config: MinariConfig) -> None:
     if config.action not in ACTION_KINDS:
         raise ConfigError(unknown_name("kind of action", config.action, ACTION_KINDS))
-    if not _NAME.fullmatch(config.name):
-        raise ConfigError(f"'{config.name}' is no name of a data set; end it in a version, as in town01-v0")
+    if not _NAME.fullmatch(config.out.name):
+        raise ConfigError(f"'{config.out.name}' is no name of a data set; end it in a version: town01-v0")
     if not 1 <= config.frame_skip <= 200:
         raise ConfigError(f"frame skip is {config.frame_skip}; give 1 to 200 steps of 50 ms")
 
@@ -244,7 +241,7 @@ def _metadata(config: MinariConfig, drives: Sequence[Episode]) -> dict[str, Any]
 
     devices = sorted({drive.header.device for drive in drives})
     return {
-        "dataset_id": config.name,
+        "dataset_id": config.out.name,
         "minari_version": version,
         "algorithm_name": f"driver: {', '.join(devices)}",
         "description": f"{len(drives)} recorded drives of CarlaLoc {carlaloc_env.__version__}, "

@@ -21,8 +21,8 @@ OUTPUTS = [
     if is_output(action)
 ]
 NAMES_THAT_ARE_READ = {
-    "align", "cluster", "device", "drop", "map", "method", "quality", "rig", "topic", "topics", "town",
-    "traffic", "weather",
+    "action", "align", "cluster", "device", "drop", "map", "method", "quality", "rig", "topic", "topics",
+    "town", "traffic", "weather",
 }  # fmt: skip
 """Options that are plain text. Whoever adds one says here that it names nothing that is written."""
 VALUES = (

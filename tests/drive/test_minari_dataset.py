@@ -70,9 +70,9 @@ def drive(straight_map: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return _record(straight_map, tmp_path_factory.mktemp("drive") / "drive.mcap", controls)
 
 
-def _load(path: Path, name: str) -> Any:
+def _load(path: Path) -> Any:
     minari = pytest.importorskip("minari", reason="data sets need the extra `minari`")
-    return minari.MinariDataset(path / name / "data")
+    return minari.MinariDataset(path / "data")
 
 
 def _parts(seen: Any) -> list[Any]:
@@ -90,11 +90,11 @@ def test_it_holds_what_an_environment_shows_for_the_same_actions(
 
         need_opengl()
     config = MinariConfig(
-        episodes=(drive,), out=tmp_path, name="straight-test-v0", rig=rig, map=straight_map,
+        episodes=(drive,), out=tmp_path / "straight-test-v0", rig=rig, map=straight_map,
         frame_skip=skip, quality="low",
     )  # fmt: skip
     result = write_minari(config)
-    (told,) = list(_load(tmp_path, config.name).iterate_episodes())
+    (told,) = list(_load(config.out).iterate_episodes())
     env = DrivingEnv(map=straight_map, rig=rig, traffic=TRAFFIC, quality="low")
     seen, _ = env.reset(seed=SEED)
     rewards = []
@@ -121,9 +121,9 @@ def test_it_holds_what_an_environment_shows_for_the_same_actions(
 def test_its_environment_and_its_counts_are_known(drive: Path, straight_map: Path, tmp_path: Path) -> None:
     """Two drives of another kind of action, longer than a stretch in memory, through the command line."""
     pytest.importorskip("minari", reason="data sets need the extra `minari`")
-    words = ["minari", str(drive), str(drive), "--out", str(tmp_path), "--name", "two-v1"]
+    words = ["minari", str(drive), str(drive), "--out", str(tmp_path / "two-v1")]
     assert main([*words, "--map", str(straight_map), "--action", "controls"]) == 0
-    found = _load(tmp_path, "two-v1")
+    found = _load(tmp_path / "two-v1")
     assert (found.total_episodes, found.id) == (2, "two-v1")
     assert found.total_steps == sum(len(one) for one in found.iterate_episodes())
     lengths = [int(one["total_steps"]) for one in found.storage.get_episode_metadata([0, 1])]
@@ -143,9 +143,9 @@ def test_stretches_in_memory_join_without_a_seam(
     found = []
     for number, chunk in enumerate((256, 7)):
         monkeypatch.setattr("recorder.drive.minari_dataset._CHUNK", chunk)
-        name = f"drive-v{number}"
-        write_minari(MinariConfig(episodes=(drive,), out=tmp_path, name=name, map=straight_map))
-        found.append(next(iter(_load(tmp_path, name).iterate_episodes())))
+        out = tmp_path / f"drive-v{number}"
+        write_minari(MinariConfig(episodes=(drive,), out=out, map=straight_map))
+        found.append(next(iter(_load(out).iterate_episodes())))
     for name in ("observations", "actions", "rewards", "terminations", "truncations"):
         np.testing.assert_array_equal(*(getattr(one, name) for one in found))
 
@@ -154,7 +154,7 @@ def test_stretches_in_memory_join_without_a_seam(
     ("changes", "error", "why"),
     [
         ({"action": "controll"}, ConfigError, "controls"),
-        ({"name": "no version"}, ConfigError, "end it in a version"),
+        ({"out": Path("no version")}, ConfigError, "end it in a version"),
         ({"rig": "stat"}, ConfigError, "state"),
         ({"frame_skip": 0}, ConfigError, "1 to 200"),
         ({"weather": "ClearNon"}, ConfigError, "ClearNoon"),
@@ -164,9 +164,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     drive: Path, straight_map: Path, tmp_path: Path, changes: dict[str, Any], error: type, why: str
 ) -> None:
     pytest.importorskip("minari", reason="data sets need the extra `minari`")
-    settings: dict[str, Any] = {"name": "one-v0", "map": straight_map, **changes}
+    settings: dict[str, Any] = {"out": tmp_path / "one-v0", "map": straight_map, **changes}
     with pytest.raises(error, match=why) as caught:
-        write_minari(MinariConfig(episodes=(drive,), out=tmp_path, **settings))
+        write_minari(MinariConfig(episodes=(drive,), **settings))
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []
 
@@ -176,12 +176,12 @@ def test_a_data_set_is_not_replaced_and_reversing_needs_five_numbers(
 ) -> None:
     pytest.importorskip("minari", reason="data sets need the extra `minari`")
     back = _record(straight_map, tmp_path / "back.mcap", [Controls(throttle=0.4, reverse=True)] * 20)
-    config = MinariConfig(episodes=(back,), out=tmp_path / "sets", name="back-v0", map=straight_map)
+    config = MinariConfig(episodes=(back,), out=tmp_path / "sets" / "back-v0", map=straight_map)
     with pytest.raises(EpisodeError, match="--action controls"):
         write_minari(config)
     five = replace(config, action="controls")
     write_minari(five)
-    (told,) = list(_load(tmp_path / "sets", "back-v0").iterate_episodes())
+    (told,) = list(_load(config.out).iterate_episodes())
     np.testing.assert_allclose(told.actions[5], [0.0, 0.4, 0.0, 1.0, 0.0], atol=1e-7)
     with pytest.raises(OutputError, match="exists"):
         write_minari(five)
