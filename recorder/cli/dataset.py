@@ -66,6 +66,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         seed=arguments.seed,
         replay=replay_config(arguments, Path()),
     )
+    if arguments.hub is not None:
+        from recorder.generation.hub_tables import check_parquet
+
+        check_parquet()
     plan = plan_dataset(config)
     _tell(config, plan)
     if not arguments.yes:

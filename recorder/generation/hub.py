@@ -11,6 +11,7 @@ import os
 import shutil
 import tarfile
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,13 @@ from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
 from recorder.generation.croissant import croissant
 from recorder.generation.dataset_manifest import FILE_NAME
-from recorder.generation.hub_tables import CONDITIONS, TRAJECTORIES, write_conditions, write_trajectories
+from recorder.generation.hub_tables import (
+    CONDITIONS,
+    TRAJECTORIES,
+    check_parquet,
+    write_conditions,
+    write_trajectories,
+)
 from recorder.generation.quantities import size_text
 
 FOLDER_FILES, REPOSITORY_FILES, FILE_BYTES = 10_000, 100_000, 200e9
@@ -65,16 +72,39 @@ def prepare_for_hub(
         folder_files: Files of a folder from which they are put into shards.
 
     Raises:
-        ConfigError: there is no finished dataset, or it is too large for a hub.
+        ConfigError: there is no finished dataset, it is too large for a hub, or pyarrow is missing.
         OutputError: the folder exists.
     """
     if not (dataset / FILE_NAME).exists():
         raise ConfigError(f"{dataset} holds no {FILE_NAME}; give the folder of a finished dataset")
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another")
+    check_parquet()
+    with new_folder(folder) as part:
+        shards = _lay_out(dataset, part, url=url, date=date, folder_files=folder_files)
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    size = sum(path.stat().st_size for path in files)
+    return HubFolder(path=folder, files=len(files), size=size, shards=shards)
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """A folder under a temporary name, which takes its own if all goes well, and is removed if not."""
+    part = folder.with_name(f"{folder.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    try:
+        part.mkdir(parents=True)
+        yield part
+        part.rename(folder)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise
+
+
+def _lay_out(dataset: Path, folder: Path, *, url: str, date: str, folder_files: int) -> int:
+    """Write everything; return the number of shards."""
     document = yaml.safe_load((dataset / FILE_NAME).read_text("utf-8"))
     sums: dict[str, str] = dict(document["sha256"])
-    folder.mkdir(parents=True)
     shards: dict[str, str] = {}
     crowded = [Path(name) for name in _crowded(sums, folder_files)]
     for name in sums:
@@ -99,10 +129,8 @@ def prepare_for_hub(
     (folder / CROISSANT).write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
     (folder / CARD).write_text(_card(description, cite, poses, bool(shards)), encoding="utf-8")
     if problems := list(hub_problems(folder)):
-        raise ConfigError(f"{folder} is not for a hub: {problems[0]}")
-    files = [path for path in folder.rglob("*") if path.is_file()]
-    size = sum(path.stat().st_size for path in files)
-    return HubFolder(path=folder, files=len(files), size=size, shards=len(shards))
+        raise ConfigError(f"{dataset} is not for a hub: {problems[0]}")
+    return len(shards)
 
 
 def hub_problems(folder: Path) -> Iterator[str]:

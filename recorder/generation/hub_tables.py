@@ -76,6 +76,15 @@ def write_conditions(dataset: Path, path: Path, sha256: dict[str, str]) -> int:
     return len(rows)
 
 
+def check_parquet() -> None:
+    """Make sure that tables can be written.
+
+    Raises:
+        ConfigError: pyarrow is missing.
+    """
+    _pyarrow()
+
+
 def _pyarrow() -> tuple[Any, Any]:
     try:
         import pyarrow

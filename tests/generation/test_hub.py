@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 import tarfile
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import yaml
 from shared_fixtures.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, OutputError
+from recorder.cli.main import main
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.generation import hub
 from recorder.generation.dataset_manifest import checksums
@@ -104,3 +106,35 @@ def test_what_is_no_dataset_and_what_exists_is_refused(dataset: Path, folder: Pa
         prepare_for_hub(tmp_path, tmp_path / "hub", **WHERE)
     with pytest.raises(OutputError, match="exists"):
         prepare_for_hub(dataset, folder, **WHERE)
+
+
+def test_a_failure_leaves_nothing_behind(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> int:
+        raise OSError("No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(hub, "write_conditions", fail)
+        with pytest.raises(OSError, match="No space"):
+            prepare_for_hub(dataset, tmp_path / "hub", **WHERE)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_pyarrow_is_told_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    words = [
+        "dataset",
+        "--out",
+        str(tmp_path / "data"),
+        "--hub",
+        str(tmp_path / "hub"),
+        "--sample",
+        "1",
+        "--yes",
+    ]
+    assert main(words) == 1
+    assert "pip install 'carlaloc-env[report]'" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
