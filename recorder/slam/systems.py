@@ -107,7 +107,7 @@ SYSTEMS = {
         System(
             name="stereo_vo",
             title="stereo-vo",
-            what="our own stereo odometry on OpenCV: corners, tracks, PnP",
+            what="our own stereo odometry on OpenCV: corners, tracks, PnP, window adjustment",
             needs=("stereo",),
             runner=f"{_RUNNERS}.stereo_vo:run",
             frame="camera",

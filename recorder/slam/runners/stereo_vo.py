@@ -1,9 +1,10 @@
-"""Our own stereo baseline: corners, tracks and PnP of OpenCV, landmarks averaged over their sightings.
+"""Our own stereo baseline: corners, tracks and PnP of OpenCV, and adjustment of a window of keyframes.
 
 Corners (Shi and Tomasi 1994) are tracked from image to image and into the right image (Lucas and Kanade,
 pyramids after Bouguet). A landmark is the mean of all of its stereo sightings, each weighted by its
 information on depth, ~ 1/z⁴; the pose is that of its landmarks' sightings by PnP with RANSAC, then Levenberg
-and Marquardt. It closes no loops and knows no weather: a floor to stand on, not a competitor.
+and Marquardt. The last keyframes are adjusted together (`recorder.slam.keyframe_window`). It closes no loops
+and knows no weather: a floor to stand on, not a competitor.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
+from recorder.slam.bundle_adjustment import StereoCamera
+from recorder.slam.keyframe_window import KeyframeWindow
 from recorder.slam.sequence import SlamSequence, StereoPair
 from recorder.slam.system import FrameClock, StampedPose
 
@@ -26,6 +29,8 @@ DEPTH_MAX_BASELINES = 120.0
 """Landmarks further away than so many baselines say too little of the way."""
 RANSAC_PX, INLIERS_MIN = 1.5, 12
 """Error of an inlier [px], and inliers below which a pose is not believed."""
+KEYFRAME_PX, KEYFRAME_SHARE = 12.0, 0.8
+"""A keyframe is taken when landmarks have moved by so many pixels, or less of the last one's are left."""
 cv2: Any = untyped_cv2
 """OpenCV, whose stubs know arrays of one type only."""
 _WINDOW = {"winSize": (15, 15), "maxLevel": 3}
@@ -41,9 +46,11 @@ class _Tracks:
     """Where they are in the world [m], shape (N, 3)."""
     weight: Array
     """Information gathered on each, shape (N,)."""
+    label: NDArray[np.int64]
+    """Numbers that are never used twice, increasing, shape (N,)."""
 
     def take(self, rows: NDArray[np.bool_]) -> _Tracks:
-        return _Tracks(self.pixel[rows], self.position_m[rows], self.weight[rows])
+        return _Tracks(self.pixel[rows], self.position_m[rows], self.weight[rows], self.label[rows])
 
 
 class StereoOdometry:
@@ -53,13 +60,21 @@ class StereoOdometry:
         focal_px: Focal length [px].
         centre_px: Principal point [px], shape (2,).
         baseline_m: Distance of the cameras [m].
+        adjusted: Whether keyframes are adjusted together.
     """
 
-    def __init__(self, focal_px: float, centre_px: Array, baseline_m: float) -> None:
+    def __init__(
+        self, focal_px: float, centre_px: Array, baseline_m: float, *, adjusted: bool = True
+    ) -> None:
         self._focal_px, self._centre_px, self._baseline_m = focal_px, centre_px, baseline_m
         self._K = np.array([[focal_px, 0, centre_px[0]], [0, focal_px, centre_px[1]], [0, 0, 1.0]])
         self._last: U8 | None = None
-        self._tracks = _Tracks(np.zeros((0, 2), np.float32), np.zeros((0, 3)), np.zeros(0))
+        self._tracks = _Tracks(
+            np.zeros((0, 2), np.float32), np.zeros((0, 3)), np.zeros(0), np.zeros(0, np.int64)
+        )
+        self._labels = 0
+        camera = StereoCamera(focal_px=focal_px, centre_px=centre_px, baseline_m=baseline_m)
+        self._window = KeyframeWindow(camera) if adjusted else None
         self.pose: Array = np.eye(4)
         """Maps the left camera to the world, shape (4, 4)."""
         self._step: Array = np.eye(4)
@@ -74,6 +89,8 @@ class StereoOdometry:
             found = pose is not None
             self.pose = pose if pose is not None else before @ self._step
             self._step = np.linalg.inv(before) @ self.pose
+        if self._window is not None and not found:
+            self._window.clear()
         self._see(pair)
         self._last = pair.left
         return found
@@ -85,8 +102,8 @@ class StereoOdometry:
         if pair.left_mover is not None:
             column, row = np.where(good[:, None], moved, 0).astype(int).T
             good &= ~pair.left_mover[row, column]
-        kept = _Tracks(moved, self._tracks.position_m, self._tracks.weight).take(good)
-        return kept
+        tracks = self._tracks
+        return _Tracks(moved, tracks.position_m, tracks.weight, tracks.label).take(good)
 
     def _solved(self, guess: Array) -> Array | None:
         tracks = self._tracks
@@ -113,46 +130,71 @@ class StereoOdometry:
         return pose
 
     def _see(self, pair: StereoPair) -> None:
-        """Measure all landmarks in both images, and add new ones where few are left."""
+        """Measure all landmarks in both images; at a keyframe add new ones and adjust the window."""
         tracks = self._tracks
+        right = np.zeros(0)
         if len(tracks.pixel):
-            measured, weight, good = self._triangulated(pair, tracks.pixel)
+            measured, weight, good, right = self._triangulated(pair, tracks.pixel)
             share = np.where(good, weight / (weight + tracks.weight), 0.0)[:, None]
             tracks.position_m += (
                 share * (np.where(good[:, None], measured, 0.0) - tracks.position_m) * (share > 0)
             )
             tracks.weight += np.where(good, weight, 0.0)
-        if len(tracks.pixel) >= CORNERS_MIN:
+        if not self._is_keyframe():
             return
+        right = np.concatenate([right, self._add_corners(pair)])
+        if self._window is not None and len(self._tracks.pixel):
+            tracks = self._tracks
+            seen = np.column_stack([tracks.pixel, right])
+            self.pose, tracks.position_m = self._window.add(self.pose, tracks.label, seen, tracks.position_m)
+
+    def _is_keyframe(self) -> bool:
+        """Whether the view has changed enough, or too few landmarks are left."""
+        tracks = self._tracks
+        last = self._window.newest if self._window is not None else None
+        if last is None:
+            return len(tracks.pixel) < CORNERS_MIN
+        if len(tracks.pixel) < KEYFRAME_SHARE * min(len(last.label), CORNERS_MIN):
+            return True
+        _, here, there = np.intersect1d(tracks.label, last.label, assume_unique=True, return_indices=True)
+        moved_px = np.linalg.norm(tracks.pixel[here] - last.pixel[there, :2], axis=1)
+        return bool(np.median(moved_px) > KEYFRAME_PX)
+
+    def _add_corners(self, pair: StereoPair) -> Array:
+        """Look for landmarks where there are none; columns of the new ones in the right image [px]."""
+        tracks = self._tracks
         mask = np.full(pair.left.shape, 255, np.uint8)
         if pair.left_mover is not None:
             mask[pair.left_mover] = 0
         for x, y in tracks.pixel.astype(int).tolist():
             cv2.circle(mask, (x, y), SPACING_PX, 0, -1)
-        corners = cv2.goodFeaturesToTrack(
-            pair.left, CORNERS - len(tracks.pixel), 0.005, SPACING_PX, mask=mask
-        )
+        wanted = CORNERS - len(tracks.pixel)
+        corners = cv2.goodFeaturesToTrack(pair.left, wanted, 0.005, SPACING_PX, mask=mask) if wanted else None
         if corners is None:
-            return
+            return np.zeros(0)
         pixel = corners.reshape(-1, 2).astype(np.float32)
-        position, weight, good = self._triangulated(pair, pixel)
+        position, weight, good, right = self._triangulated(pair, pixel)
+        label = np.arange(self._labels, self._labels + int(good.sum()))
+        self._labels += len(label)
         self._tracks = _Tracks(
             np.concatenate([tracks.pixel, pixel[good]]),
             np.concatenate([tracks.position_m, position[good]]),
             np.concatenate([tracks.weight, weight[good]]),
+            np.concatenate([tracks.label, label]),
         )
+        return right[good]
 
     def _triangulated(
         self, pair: StereoPair, pixel: NDArray[np.float32]
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """World positions [m] of pixels of the left image, their information, and which are good."""
+    ) -> tuple[Array, Array, NDArray[np.bool_], Array]:
+        """World positions [m] of the left pixels, their information, which are good, and right columns."""
         right, good = _flow(pair.left, pair.right, pixel)
         disparity = (pixel[:, 0] - right[:, 0]).astype(np.float64)
         good &= (np.abs(pixel[:, 1] - right[:, 1]) < 1.0) & (disparity > self._focal_px / DEPTH_MAX_BASELINES)
         depth = self._focal_px * self._baseline_m / np.where(good, disparity, 1.0)
         ray = np.column_stack([(pixel - self._centre_px) / self._focal_px, np.ones(len(pixel))])
         position: Array = (ray * depth[:, None]) @ self.pose[:3, :3].T + self.pose[:3, 3]
-        return position, 1.0 / depth**4, good
+        return position, 1.0 / depth**4, good, np.where(good, right[:, 0], np.nan)
 
 
 def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
