@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from pathlib import Path
 from types import ModuleType
 
@@ -247,3 +248,12 @@ def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     assert ride.ended_by == "time"
     assert ride.completion > 0.15
     env.close()
+
+
+@pytest.mark.timeout(600)
+def test_env_runners_of_rllib_drive_in_processes_of_their_own() -> None:
+    pytest.importorskip("ray", reason="RLlib needs the extra `ray`")
+    drove, returns = load("14_rllib").main(runners=2, iterations=1, actions=64)
+    assert len(drove) == 2
+    assert os.getpid() not in drove
+    assert len(returns) == 1
