@@ -8,7 +8,14 @@ from bench import Bench, Row
 from drive_rows import recording, window
 from evaluation_row import evaluation
 from event_row import events
-from learning_rows import learn, learn_beside_highway_env, learn_reset, learn_vector
+from learning_rows import (
+    learn,
+    learn_beside_highway_env,
+    learn_make,
+    learn_memory,
+    learn_reset,
+    learn_vector,
+)
 from opening_row import opening
 from sensor_rows import camera, lidar, lidar_rate
 from world_rows import driving, memory, physics, start, steps
@@ -31,6 +38,8 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "learn_lidar": learn("lidar", 25.0),
     "learn_camera": learn("camera", 100.0),
     "learn_vector": learn_vector,
+    "learn_memory": learn_memory,
+    "learn_make": learn_make,
     "learn_reset": learn_reset,
     "learn_beside": learn_beside_highway_env,
     "opening": opening,
