@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -36,26 +37,31 @@ class Cell:
     """Figures of the runs that did not fail, sorted."""
     failed: int
     """Number of those that did."""
+    missing: int = 0
+    """Number of those that did neither, but have no such figure, as drift on a way shorter than a segment."""
 
     @property
     def is_fail(self) -> bool:
         """Whether half of the runs or more failed."""
-        return self.failed * 2 >= self.failed + len(self.values)
+        return self.failed > 0 and self.failed * 2 >= self.failed + self.missing + len(self.values)
 
     @property
     def median(self) -> float:
-        """Median of the runs that did not fail; NaN if the cell counts as failed."""
-        return float("nan") if self.is_fail else float(np.median(self.values))
+        """Median of the runs that did not fail; NaN if the cell counts as failed or nothing was measured."""
+        return float("nan") if self.is_fail or not self.values else float(np.median(self.values))
 
     @property
     def text(self) -> str:
         """Median, range of several runs, and how many failed."""
         if self.is_fail:
             return "fail"
+        if not self.values:
+            return "–"
         text = figure(self.median)
         if len(self.values) > 1:
             text += f" ({figure(self.values[0])}–{figure(self.values[-1])})"
-        return text + (f", {self.failed} of {self.failed + len(self.values)} fail" if self.failed else "")
+        runs = self.failed + self.missing + len(self.values)
+        return text + (f", {self.failed} of {runs} fail" if self.failed else "")
 
 
 def figure(value: float) -> str:
@@ -83,10 +89,12 @@ def cells(scores: Sequence[Score], value: Callable[[Score], float] = lambda scor
     return {
         condition: {
             method: Cell(
-                values=tuple(sorted(value(s) for s in found if s.failed is None)),
+                values=tuple(sorted(v for v in of_good if math.isfinite(v))),
+                missing=sum(not math.isfinite(v) for v in of_good),
                 failed=sum(s.failed is not None for s in found),
             )
             for method, found in methods.items()
+            for of_good in [[value(s) for s in found if s.failed is None]]
         }
         for condition, methods in sorted(grouped.items(), key=lambda item: _order(item[0]))
     }
@@ -100,7 +108,7 @@ def _order(condition: Condition) -> tuple[str, str, int, str]:
 
 def best(row: dict[str, Cell]) -> set[str]:
     """Methods whose median, as printed, is the smallest of a row with several."""
-    medians = {method: figure(cell.median) for method, cell in row.items() if not cell.is_fail}
+    medians = {method: figure(cell.median) for method, cell in row.items() if math.isfinite(cell.median)}
     if len(row) < 2 or not medians:
         return set()
     least = min(medians.values(), key=float)
@@ -136,7 +144,7 @@ def ratios(table: Table) -> list[Ratio]:
             if what is None:
                 continue
             for method in row.keys() & base.keys():
-                if not (row[method].is_fail or base[method].is_fail) and base[method].median > 0:
+                if math.isfinite(row[method].median) and base[method].median > 0:
                     found[method, what].append((row[method], base[method]))
     return [
         Ratio(

@@ -176,7 +176,7 @@ def _section(
         f"<section><h2>{escape(sequence.town)} {escape(sequence.weather)} {escape(sequence.traffic)}</h2>"
         f'<p class="legend"><span><i style="background:currentColor"></i>truth</span>{legend}'
         f"<span>{longest.length_m:.0f} m, {longest.duration_s:.0f} s, movers {sequence.movers:.1%}</span></p>"
-        f'<div class="row"><figure>{map_figure(longest.position_m[:, :2], lines, _lanes(sequence.town))}'
+        f'<div class="row"><figure>{map_figure(longest.position_m[:, :2], lines, lanes_of(sequence.town))}'
         "<figcaption>aligned, over the lanes of the town</figcaption></figure><figure>"
         f"{curve_figure(curves, 'time [s]', 'position error [m]', name=name)}"
         f"{curve_figure(over_way, 'distance [m]', 'position error [m]', name=name, axis=1)}<figcaption>"
@@ -220,7 +220,7 @@ def _jpeg(panels: U8) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
 
 
-def _lanes(town: str) -> list[Array]:
+def lanes_of(town: str) -> list[Array]:
     """Centre lines of a town's lanes [m]; none of a town that is not known here."""
     from carlaloc_env.town.build import load_town
 

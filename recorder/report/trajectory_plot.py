@@ -34,7 +34,8 @@ def plot_trajectories(
     check_output_file(path, suffixes=(".png",), overwrite=overwrite)
     if not results or any(Metric.APE_TRANSLATION not in result.values for result in results):
         raise EvaluationError("no position errors to draw; evaluate with Metric.APE_TRANSLATION")
-    figure, above, over_time = _figure()
+    figure = new_figure(13.0, 6.0)
+    above, over_time = figure.subplots(1, 2)
     longest = max(results, key=lambda result: result.matched).truth
     start_ns = min(int(result.truth.stamp_ns[0]) for result in results)
     above.plot(longest.position_m[:, 0], longest.position_m[:, 1], color="black", lw=2.5, label="truth")
@@ -57,10 +58,15 @@ def plot_trajectories(
     over_time.set_ylim(bottom=0)
     for axes in (above, over_time):
         axes.grid(alpha=0.3)
-    return _save(figure, Path(path))
+    return save_figure(figure, Path(path))
 
 
-def _figure() -> tuple[Any, Any, Any]:
+def new_figure(width_in: float, height_in: float) -> Any:
+    """An empty figure of matplotlib [inches].
+
+    Raises:
+        MissingDependencyError: matplotlib is not installed.
+    """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -69,13 +75,17 @@ def _figure() -> tuple[Any, Any, Any]:
             'plots need matplotlib; install it with: pip install "carlaloc-env[report]"'
         ) from error
     # Without pyplot, which keeps figures in a global list and may look for a display.
-    figure = Figure(figsize=(13.0, 6.0), layout="constrained")
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
     FigureCanvasAgg(figure)
-    above, over_time = figure.subplots(1, 2)
-    return figure, above, over_time
+    return figure
 
 
-def _save(figure: Any, path: Path) -> Path:
+def save_figure(figure: Any, path: Path) -> Path:
+    """Write a figure as a PNG, whole or not at all.
+
+    Raises:
+        EvaluationError: it cannot be written.
+    """
     part = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -8,6 +8,7 @@ import pytest
 
 from recorder.benchmark.cells import best, cells, ratios
 from recorder.benchmark.score import Score
+from recorder.benchmark.tables import error_rows
 
 
 def score(method: str, traffic: str, ape_m: float, failed: str | None = None, **others: Any) -> Score:
@@ -47,3 +48,14 @@ def test_ratios_pair_conditions_and_count_overlaps() -> None:
     assert found["seg(d) / d"].repeated == 0
     assert found["seg(d) / d"].median == pytest.approx(1.0 / 3.0)
     assert found["FoggyNoon / ClearNoon (static)"].median == pytest.approx(2.0)
+
+
+def test_what_was_not_measured_is_a_dash_and_never_the_best() -> None:
+    """Drift has no segment on a short way: that is neither a failure nor a figure."""
+    nan = float("nan")
+    runs = [score("a", "static", nan), score("b", "static", nan), score("a", "dynamic", nan)]
+    runs += [score("b", "dynamic", 3.0)]
+    table = cells(runs)
+    rows = error_rows(table, {"a": "A", "b": "B"}, by_weather=False)
+    assert rows[1:] == [["T", "s", "–", "–"], ["T", "d", "–", "**3.00**"]]
+    assert not [ratio for ratio in ratios(table) if ratio.what == "dynamic / static"]

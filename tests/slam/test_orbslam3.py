@@ -11,59 +11,24 @@ import cv2
 import numpy as np
 import pytest
 
+from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.camera.config import CameraConfig
 from recorder.slam.runners import orbslam3
 from recorder.slam.sequence import ImuSample, SlamSequence, StereoPair
 from recorder.slam.system import FrameClock
 from recorder.slam.systems import SYSTEMS
+from recorder.writers.calibration.orbslam3 import orbslam3_yaml
+from recorder.writers.rig_calibration import RigCalibration
 
 FOCAL_PX, BASELINE_M, DEPTH_M = 320.0, 0.5, 6.4
 WIDTH, HEIGHT, IMAGES = 640, 360, 40
-SETTINGS = f"""%YAML:1.0
-File.version: "1.0"
-Camera.type: "PinHole"
-Camera1.fx: {FOCAL_PX}
-Camera1.fy: {FOCAL_PX}
-Camera1.cx: 320.0
-Camera1.cy: 180.0
-Camera1.k1: 0.0
-Camera1.k2: 0.0
-Camera1.p1: 0.0
-Camera1.p2: 0.0
-Camera2.fx: {FOCAL_PX}
-Camera2.fy: {FOCAL_PX}
-Camera2.cx: 320.0
-Camera2.cy: 180.0
-Camera2.k1: 0.0
-Camera2.k2: 0.0
-Camera2.p1: 0.0
-Camera2.p2: 0.0
-Camera.width: 640
-Camera.height: 360
-Camera.fps: 20
-Camera.RGB: 1
-Stereo.ThDepth: 60.0
-Stereo.T_c1_c2: !!opencv-matrix
-   rows: 4
-   cols: 4
-   dt: f
-   data: [1.0, 0.0, 0.0, {BASELINE_M}, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-ORBextractor.nFeatures: 1000
-ORBextractor.scaleFactor: 1.2
-ORBextractor.nLevels: 8
-ORBextractor.iniThFAST: 20
-ORBextractor.minThFAST: 7
-Viewer.KeyFrameSize: 0.05
-Viewer.KeyFrameLineWidth: 1.0
-Viewer.GraphLineWidth: 0.9
-Viewer.PointSize: 2.0
-Viewer.CameraSize: 0.08
-Viewer.CameraLineWidth: 3.0
-Viewer.ViewpointX: 0.0
-Viewer.ViewpointY: -10.0
-Viewer.ViewpointZ: -0.1
-Viewer.ViewpointF: 2000.0
-"""
+EYE = Pinhole(width_px=WIDTH, height_px=HEIGHT, fx_px=FOCAL_PX, fy_px=FOCAL_PX, cx_px=320.0, cy_px=180.0)
+CAMERAS = tuple(
+    CameraConfig(name=name, mount=Mount(position_m=(1.5, y_m, 1.6), axes="optical"), pinhole=EYE)
+    for name, y_m in (("left", 0.5 * BASELINE_M), ("right", -0.5 * BASELINE_M))
+)
 
 
 class Wall(SlamSequence):
@@ -74,7 +39,8 @@ class Wall(SlamSequence):
         noise = np.random.default_rng(1).integers(0, 256, (HEIGHT, 1400), dtype=np.uint8)
         wall = cv2.GaussianBlur(noise, (0, 0), 2.0)
         self._wall = cv2.normalize(wall, None, 0, 255, cv2.NORM_MINMAX)  # type: ignore[call-overload]
-        (folder / "orbslam3_stereo.yaml").write_text(SETTINGS)
+        settings = orbslam3_yaml(RigCalibration.from_configs(CAMERAS), inertial=False)
+        (folder / "orbslam3_stereo.yaml").write_text(settings)
 
     @property
     def calibration(self) -> Path:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from recorder.slam.scans import Scan
@@ -71,6 +72,15 @@ def imu_params(sequence: SlamSequence, types: Any) -> Any:
     )
 
 
+_POINT = np.dtype(
+    [
+        ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("t", "<u4"), ("range", "<u4"),
+        ("row", "<u2"),
+    ]
+)  # fmt: skip
+"""A point of a bag's cloud, as evalio reads it; times in nanoseconds, ranges in millimetres."""
+
+
 def lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
     """A full grid of beams and columns, row by row."""
     if scan.ring is None or scan.intensity is None:
@@ -79,24 +89,41 @@ def lidar_measurement(scan: Scan, sequence: SlamSequence, types: Any) -> Any:
     sweep_s = sequence.lidar.sweep_ns * 1e-9
     # Times are float32: one that falls a breath before its column must not take the cell of the last.
     column = np.clip((scan.time_s / sweep_s * columns + 1e-2).astype(int), 0, columns - 1)
-    empty_ns = np.rint(np.arange(columns) * sweep_s / columns * 1e9).astype(int).tolist()
-    duration = types.Duration.from_nsec
-    grid = [types.Point(t=duration(empty_ns[c]), row=r, col=c) for r in range(rows) for c in range(columns)]
-    cells = (scan.ring * columns + column).tolist()
-    values = zip(
-        cells,
-        scan.points_xyz_m.tolist(),
-        scan.intensity.tolist(),
-        np.rint(scan.time_s * 1e9).astype(int).tolist(),
-        np.linalg.norm(scan.points_xyz_m, axis=1).tolist(),
-        strict=True,
+    grid = np.zeros((rows, columns), _POINT)
+    grid["t"] = np.rint(np.arange(columns) * sweep_s / columns * 1e9)
+    points = np.zeros(len(column), _POINT)
+    points["x"], points["y"], points["z"] = scan.points_xyz_m.T
+    points["intensity"] = scan.intensity
+    points["t"] = np.rint(scan.time_s * 1e9)
+    points["range"] = np.linalg.norm(scan.points_xyz_m, axis=1) * 1000
+    grid[scan.ring, column] = points
+    grid["row"] = np.arange(rows)[:, None]
+    return _from_bytes(grid, types.Stamp.from_nsec(scan.stamp_ns))
+
+
+def _from_bytes(grid: NDArray[np.void], stamp: Any) -> Any:
+    """A measurement by the function with which evalio reads bags: a call a point takes eight times longer."""
+    from evalio._cpp.helpers import DataType, Field, PointCloudMetadata, fill_col_row_major, pc2_to_evalio
+
+    kinds = {"<f4": DataType.FLOAT32, "<u4": DataType.UINT32, "<u2": DataType.UINT16}
+    layout = dict(_POINT.fields or {})
+    fields = [
+        Field(name=name, datatype=kinds[kind.str], offset=offset)
+        for name, (kind, offset, *_) in layout.items()
+    ]
+    rows, columns = grid.shape
+    about = PointCloudMetadata(
+        stamp=stamp,
+        height=rows,
+        width=columns,
+        point_step=_POINT.itemsize,
+        row_step=columns * _POINT.itemsize,
+        is_bigendian=0,
+        is_dense=1,
     )
-    for cell, (x, y, z), intensity, time_ns, distance in values:
-        grid[cell] = types.Point(
-            x=x, y=y, z=z, intensity=intensity, t=duration(time_ns), range=int(distance * 1000),
-            row=cell // columns, col=cell % columns,
-        )  # fmt: skip
-    return types.LidarMeasurement(types.Stamp.from_nsec(scan.stamp_ns), grid)
+    measurement = pc2_to_evalio(about, fields, grid.tobytes())
+    fill_col_row_major(measurement)
+    return measurement
 
 
 def loam(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
