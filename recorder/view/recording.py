@@ -111,11 +111,7 @@ def new_recording(path: str | Path, title: str, *, overwrite: bool = False) -> I
         MissingDependencyError: rerun is not installed.
     """
     path = check_output_file(path, suffixes=(SUFFIX,), overwrite=overwrite)
-    try:
-        import rerun
-        import rerun.blueprint
-    except ImportError as error:
-        raise MissingDependencyError('rerun is not installed; pip install "carlaloc-env[view]"') from error
+    rerun: Any = import_rerun()
     part = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
