@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.core.freed_memory import give_back_freed_memory
+from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.core.geodesy import GeoReference
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
 from carlaloc_env.town.town import SignalLenses, Town
@@ -70,6 +70,7 @@ class SensorStage:
             except ImportError as error:
                 raise RenderError(f"pictures need moderngl ({error}); pip install moderngl") from error
 
+            give_back_freed_memory()
             self._renderer = SceneRenderer(
                 self._scenery(), self.library, lamps_m=self._lamps_m, quality=self._quality
             )
@@ -97,7 +98,10 @@ class SensorStage:
         return self._chunks
 
     def _drop_scenery(self) -> None:
-        """Let the meshes go when renderer and ray caster both have their own copies: 0.1 GB of a town."""
+        """Let the meshes go when renderer and ray caster both have their own copies: 0.2 GB of a town."""
+        # Something else of the town may keep the whole file mapped, and every mesh of the library does.
+        for mesh in (*self._scenery()[:1], *self.library.meshes[:1]):
+            give_back_mapped_pages(mesh.vertices_m)
         if self._renderer is not None and self._rays is not None:
             self._chunks = None
 

@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from carlaloc_env.core.source_digest import source_digest
 
 _log = logging.getLogger(__name__)
@@ -101,7 +102,10 @@ def cached(
         _drop_old(stored, kept_files)
     except OSError as error:
         _log.warning("%s cannot be cached in %s (%s)", name, stored.parent, error)
-    return made
+        return made
+    # From the file, so that whoever made it shares its pages with those who come later.
+    arrays = load(stored)
+    return made if arrays is None else from_arrays(arrays)
 
 
 def _distrust(path: Path) -> str | None:
@@ -181,6 +185,8 @@ def load(path: Path) -> Arrays | None:
     if mark != arrays_hash(arrays):
         _log.warning("cached file %s does not match its hash and will be made again", path)
         return None
+    # The check has read all of it, and often little is needed.
+    give_back_mapped_pages(next(iter(arrays.values())))
     return arrays
 
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import mmap
 import sys
+from typing import Any
+
+from numpy.typing import NDArray
 
 
 def give_back_freed_memory() -> None:
@@ -15,3 +19,15 @@ def give_back_freed_memory() -> None:
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
         if trim is not None:
             trim(0)
+
+
+def give_back_mapped_pages(array: NDArray[Any]) -> None:
+    """Let go of the pages of the whole file that an array is a view of; they are read again when needed.
+
+    Other arrays are left alone, and so are all on systems that cannot do it.
+    """
+    base: Any = array
+    while base is not None and not isinstance(base, mmap.mmap):
+        base = getattr(base, "base", None)
+    if base is not None and hasattr(mmap, "MADV_DONTNEED"):
+        base.madvise(mmap.MADV_DONTNEED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from carlaloc_env.core.config_mapping import from_mapping, to_mapping
@@ -114,14 +114,15 @@ class Rig:
     def __init__(self, config: SensorRig, world: World) -> None:
         self.config = config
         self.sensors: tuple[Sensor, ...] = tuple(sensor.build(world) for sensor in config.sensors)
-        self.streams: dict[str, spaces.Space[Any]] = {}
+        names: list[str] = []
         for sensor in self.sensors:
-            for stream, space in sensor.streams().items():
-                if stream in self.streams:
-                    raise ConfigError(
-                        f"rig '{config.name}' has two streams named '{stream}'; rename one sensor"
-                    )
-                self.streams[stream] = space
+            # Spaces of pictures are as large as pictures: they are not kept.
+            names += sensor.streams()
+        for stream, times in Counter(names).items():
+            if times > 1:
+                raise ConfigError(f"rig '{config.name}' has two streams named '{stream}'; rename one sensor")
+        self.streams = tuple(names)
+        """Names of all streams, in the order of the sensors."""
 
     def measure(self, timeline: Timeline, first_ns: int, end_ns: int) -> list[Sample]:
         """All samples that become complete after `first_ns` and not later than `end_ns`.

@@ -89,7 +89,7 @@ class LevelSensors:
     @property
     def streams(self) -> tuple[str, ...]:
         """Names of all streams of the rig."""
-        return tuple(self._rig.streams)
+        return self._rig.streams
 
     def close(self) -> None:
         """Give GPU memory back."""

@@ -145,7 +145,7 @@ def test_spans_give_every_sample_once_and_late_ones_late(scenery: Any) -> None:
     assert counts == {"imu": 201, "lidar": 20, "lidar_semantic": 20, "gnss": 6, "speed": 21}
     assert [s.sensor for s in steps[1] if s.sensor.startswith("lidar")] == ["lidar", "lidar_semantic"]
     assert next(s for s in steps[1] if s.sensor == "lidar").stamp_ns == 0
-    order = [(s.stamp_ns, list(rig.streams).index(s.sensor)) for s in whole]
+    order = [(s.stamp_ns, rig.streams.index(s.sensor)) for s in whole]
     assert order == sorted(order)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths, box_corners
 from carlaloc_env.render.geometry.culling.triangle_culling import TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
@@ -101,6 +102,7 @@ class GeometryPass:
         bounds = [mesh.bounds_m if len(mesh.vertices_m) else np.zeros((2, 3)) for mesh in library.meshes]
         self._low_m, self._high_m = np.moveaxis(np.array(bounds, np.float64).reshape(-1, 2, 3), 1, 0)
         self._textures = upload_textures(programs, albedo, trilinear=not is_software(context))
+        give_back_mapped_pages(albedo)
         self._surface = surface_table()
         self._flush_target = context.simple_framebuffer((1, 1))
 

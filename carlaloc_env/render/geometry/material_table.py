@@ -47,20 +47,22 @@ def upload_textures(
     """
     context = programs.context
     layers, height, width = albedo.shape[:3]
-    linear = context.texture_array(
-        (width, height, layers), 4, np.ascontiguousarray(albedo, np.float16), dtype="f2"
-    )
-    linear.build_mipmaps()
-    linear.filter = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
     array = context.texture_array((width, height, layers), 4)
     array.repeat_x = array.repeat_y = True
     array.build_mipmaps()
     program = programs.compute("roots.comp")
-    linear.use(0)
-    for level in range(max(width, height).bit_length()):
-        array.bind_to_image(0, read=False, write=True, level=level)
-        program["u_level"] = level
-        program.run(-(-max(width >> level, 1) // 8), -(-max(height >> level, 1) // 8), layers)
+    # Material by material: a driver keeps what was last read from even when it has been released.
+    linear = context.texture_array((width, height, 1), 4, dtype="f2")
+    for layer in range(layers):
+        linear.write(np.ascontiguousarray(albedo[layer], np.float16))
+        linear.build_mipmaps()
+        linear.filter = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
+        linear.use(0)
+        program["u_layer"] = layer
+        for level in range(max(width, height).bit_length()):
+            array.bind_to_image(0, read=False, write=True, level=level)
+            program["u_level"] = level
+            program.run(-(-max(width >> level, 1) // 8), -(-max(height >> level, 1) // 8))
     context.memory_barrier()
     linear.release()
     array.filter = (

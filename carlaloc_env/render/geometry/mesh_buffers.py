@@ -8,14 +8,16 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import F32, U32
 from carlaloc_env.core.transforms import cross
-from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller
+from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, in_shared_memory
+from carlaloc_env.render.geometry.equal_vertices import without_doubles
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
 from carlaloc_env.render.gl.context import is_software
 from carlaloc_env.render.gl.growing_buffer import GrowingBuffer
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Instances, Mesh, merge
+from carlaloc_env.scene.mesh import Instances, Mesh
 
 VERTEX = np.dtype(
     [
@@ -58,9 +60,10 @@ _OPEN_SHARE = 0.1
 """Share of a body's area that may be missing."""
 
 
-def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
-    """Vertices of a mesh as `VERTEX` rows."""
-    out = np.zeros(len(mesh.vertices_m), dtype=VERTEX)
+def pack_vertices(mesh: Mesh, out: NDArray[np.void] | None = None) -> NDArray[np.void]:
+    """Vertices of a mesh as `VERTEX` rows, shape (V,); in `out` where it is given."""
+    if out is None:
+        out = np.empty(len(mesh.vertices_m), dtype=VERTEX)
     out["position"] = mesh.vertices_m
     out["normal"][:, :3] = mesh.normals
     out["normal"][:, 3] = lit_windows(mesh)
@@ -69,6 +72,17 @@ def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
     out["material"] = mesh.material
     out["id"] = (mesh.tag.astype(np.uint32) << np.uint32(24)) | (mesh.instance & np.uint32(0xFFFFFF))
     return out
+
+
+def _end_to_end(meshes: Sequence[Mesh]) -> tuple[NDArray[np.void], U32]:
+    """Packed vertices of all meshes, shape (V,), and triangles between them, shape (T, 3)."""
+    end = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])
+    vertices = np.empty(end[-1], VERTEX)
+    triangles = [np.zeros((0, 3), np.uint32)]
+    for mesh, begin in zip(meshes, end, strict=False):
+        pack_vertices(mesh, vertices[begin : begin + len(mesh.vertices_m)])
+        triangles.append(mesh.triangles + np.uint32(begin))
+    return vertices, np.concatenate(triangles)
 
 
 def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
@@ -96,9 +110,9 @@ def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
     return code
 
 
-def _closed(mesh: Mesh, count: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _closed(vertices_m: F32, triangles: U32, count: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether bodies of so many triangles (N,) are closed, shape (N,): then their areas add up to nothing."""
-    a, b, c = (np.take(mesh.vertices_m, mesh.triangles[:, k], axis=0) for k in range(3))
+    a, b, c = (np.take(vertices_m, triangles[:, k], axis=0) for k in range(3))
     across = cross(b - a, c - a)
     body = np.repeat(np.arange(len(count)), count)
     total = [np.bincount(body, across[:, axis], len(count)) for axis in range(3)]
@@ -134,21 +148,21 @@ class MeshBuffers:
         """Number of indices of each range, shape (N,)."""
         self.first = (np.cumsum(3 * counts) - 3 * counts).astype(np.uint32)
         """First index of each range, shape (N,)."""
-        whole = merge(meshes)
+        vertices, corners = without_doubles(*_end_to_end(meshes))
         # OpenGL refuses empty buffers; one unused vertex stands in for an empty scene.
-        vertices = pack_vertices(whole) if len(whole.vertices_m) else np.zeros(1, VERTEX)
-        indices = whole.triangles.astype(np.uint32) if len(whole.triangles) else np.zeros(3, np.uint32)
-        self.vertices = context.buffer(vertices.view(np.uint8))
-        self.indices = context.buffer(indices)
+        self.vertices = context.buffer((vertices if len(vertices) else np.zeros(1, VERTEX)).view(np.uint8))
+        self.indices = context.buffer(corners if len(corners) else np.zeros(3, np.uint32))
         self._commands = GrowingBuffer(context, 20 * (len(self.count) + 1))
         self._arrays: dict[tuple[int, int, int], moderngl.VertexArray] = {}
         # A graphics card is done with a triangle sooner than a CPU has found out that it does not show.
         self._body: Body | None = None
         if is_software(context):
-            solid = seen_from_front(models=models)[whole.material[whole.triangles[:, 2]]]
+            place_m = np.ascontiguousarray(vertices["position"])
+            solid = seen_from_front(models=models)[vertices["material"][corners[:, 2]]]
             if models:
-                solid &= np.repeat(_closed(whole, counts), counts)
-            self._body = Body(vertices_m=whole.vertices_m, triangles=whole.triangles, solid=solid)
+                solid &= np.repeat(_closed(place_m, corners, counts), counts)
+            del vertices
+            self._body = in_shared_memory(Body(vertices_m=place_m, triangles=corners, solid=solid))
             self._picked = GrowingBuffer(context, 12)
 
     def draw(

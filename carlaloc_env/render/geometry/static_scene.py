@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.freed_memory import give_back_freed_memory
+from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.render.geometry.clusters import cut, in_order
 from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers, seen_from_front
@@ -77,7 +77,7 @@ class StaticScene:
         self._low_m, self._high_m = _boxes(chunks)
         self._from_m = [how.from_m for how in far]
         parts = [
-            _cut_level([chunk if how is None else coarse(chunk, how) for chunk in chunks], level)
+            _cut_level([chunk if how is None else _coarse(chunk, how) for chunk in chunks], level)
             for level, how in enumerate((None, *far))
         ]
         tables = [part[k].table for k in range(len(_LAYERS)) for part in parts]
@@ -178,6 +178,8 @@ class _Part:
 def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
     """Clusters of all chunks in one level of detail, a part for every layer."""
     whole = merge(chunks)
+    for chunk in chunks:
+        give_back_mapped_pages(chunk.vertices_m)
     triangles = np.array([len(chunk.triangles) for chunk in chunks], dtype=np.intp)
     of = np.repeat(np.arange(len(chunks)), triangles)
     front, sort = _sorts(whole)
@@ -200,6 +202,13 @@ def _cut_level(chunks: Sequence[Mesh], level: int) -> list[_Part]:
         )
         parts.append(_Part(mesh=in_order(whole, found.order[first:last]), count=count, table=table))
     return parts
+
+
+def _coarse(chunk: Mesh, how: Coarseness) -> Mesh:
+    """A coarser level of a chunk; of a town's file no more is in memory meanwhile than of one chunk."""
+    found = coarse(chunk, how)
+    give_back_mapped_pages(chunk.vertices_m)
+    return found
 
 
 def _boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:

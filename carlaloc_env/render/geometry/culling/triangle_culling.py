@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_cache import Arrays, arrays_hash, cached
 from carlaloc_env.core.array_types import F32, U32, Array
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
@@ -27,6 +28,11 @@ BEHIND_M = 0.02
 """How far behind a surface a triangle must lie to be hidden [m]."""
 BEHIND_RATIO = 1e-3
 """The same as a part of its depth, on top of it."""
+
+SHARED_FROM_BYTES = 1 << 20
+"""Smaller bodies have memory of their own."""
+KEPT_FILES = 42
+"""Cached files kept: a town has six, and the models have one."""
 
 STILL = np.eye(3, 4, dtype=np.float32)[None]
 """Pose of what is in the world's frame already, as rows of instances."""
@@ -42,6 +48,29 @@ class Body:
     """Three corners each, shape (T, 3)."""
     solid: NDArray[np.bool_]
     """Whether the back of a triangle is never seen, shape (T,)."""
+
+
+def in_shared_memory(body: Body) -> Body:
+    """The same in a file of the cache if it is large: processes that draw one town share its pages.
+
+    What no camera comes near need not be in memory at all.
+    """
+    arrays: Arrays = {name: getattr(body, name) for name in Body.__slots__}
+    for value in arrays.values():
+        # As in a file, so that one compiled function takes both.
+        value.setflags(write=False)
+    if sum(value.nbytes for value in arrays.values()) < SHARED_FROM_BYTES:
+        return body
+    return cached(
+        "triangles",
+        "culling",
+        module=__name__,
+        make=lambda: body,
+        to_arrays=lambda _: arrays,
+        from_arrays=lambda found: Body(**found),
+        content=arrays_hash(arrays),
+        kept_files=KEPT_FILES,
+    )
 
 
 class TriangleCuller:
