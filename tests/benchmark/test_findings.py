@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from carlaloc_env.core.errors import EvaluationError
 from recorder.benchmark.cells import Ratio, ratios
-from recorder.benchmark.findings import BEGIN, END, findings_rows, read_results, verdict, write_findings
+from recorder.benchmark.findings import (
+    BEGIN,
+    END,
+    findings_rows,
+    findings_text,
+    read_results,
+    verdict,
+    write_findings,
+)
 from recorder.benchmark.paper import paper_table
 from recorder.benchmark.score import Score
 from recorder.benchmark.tables import csv_text
@@ -97,3 +106,14 @@ def test_what_is_no_table_of_results_is_told(tmp_path: Path) -> None:
     (tmp_path / "results.csv").write_text("a,b\n1,2\n")
     with pytest.raises(EvaluationError, match=r"give a results\.csv of benchmark"):
         read_results([tmp_path / "results.csv"])
+
+
+def test_what_lacked_its_input_is_no_failure_and_no_path_is_told() -> None:
+    good = score("Town01", "dynamic", 1.25, cloud="seg")
+    lacking = replace(good, run=2, failed="/home/me/x.bag has clouds without labels; replay with --topics a")
+    lost = replace(good, town="Town03", failed="crashed by SIGSEGV: /home/me/log.txt")
+    text = findings_text([good, lacking, lost])
+    assert "| Town01 | seg(d) | 1.25 |" in text
+    assert "crashed by SIGSEGV: log.txt" in text
+    assert "labels" not in text
+    assert "/home" not in text
