@@ -102,10 +102,7 @@ def cached(
         _drop_old(stored, kept_files)
     except OSError as error:
         _log.warning("%s cannot be cached in %s (%s)", name, stored.parent, error)
-        return made
-    # From the file, so that whoever made it shares its pages with those who come later.
-    arrays = load(stored)
-    return made if arrays is None else from_arrays(arrays)
+    return made
 
 
 def _distrust(path: Path) -> str | None:

@@ -26,7 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--estimate", type=input_path, action="append", metavar="TUM", help="estimate of a sequence; repeat"
     )
     parser.add_argument(
-        "--frame", default="lidar", help="whose poses estimates are: lidar, imu, camera, base_link"
+        "--frame",
+        choices=("lidar", "imu", "camera", "base_link"),
+        default="lidar",
+        help="whose poses estimates are",
     )
     parser.add_argument(
         "--period", type=positive_seconds, default=0.2, metavar="S", help="between clouds (default: 0.2)"
