@@ -9,9 +9,9 @@ import csv
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from recorder.report.trajectory_plot import new_figure
 
 PICTURES = Path(__file__).with_name("pictures")
 WINDOW = 15
@@ -23,8 +23,7 @@ def main() -> None:
     """Read and draw."""
     with (PICTURES / "learning.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    figure = Figure(figsize=(11.0, 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(11.0, 3.6)
     axes = figure.subplots(1, len(TITLES), sharey=True)
     for axis, (stage, title) in zip(axes, TITLES.items(), strict=True):
         of_stage = [row for row in rows if row["stage"] == stage]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -96,33 +97,27 @@ def write_minari(
         raise ConfigError("Minari is missing; pip install 'carlaloc-env[minari]'") from error
     if config.out.exists():
         raise OutputError(f"{config.out} exists; give another name or a new version")
+    drives = [Episode.load(path) for path in config.episodes]
     part = config.out.with_name(f".{config.out.name}.part")
     shutil.rmtree(part, ignore_errors=True)
-    (part / "data").mkdir(parents=True)
-    drives = [Episode.load(path) for path in config.episodes]
     total_s, done_s, steps = sum(drive.duration_s for drive in drives), 0.0, 0
     storage = None
     try:
+        (part / "data").mkdir(parents=True)
         for number, drive in enumerate(drives):
-            told = _Drive(drive, config)
-            if storage is None:
-                storage = MinariStorage.new(
-                    part / "data",
-                    told.view.space,
-                    told.action_space,
-                    _spec(config, drive),
-                    jpeg_encoding=False,
-                )
-            count = 0
-            for chunk in told.chunks(number):
-                storage.update_episodes([chunk])
-                count += len(chunk)
-                if progress is not None:
-                    progress(done_s + count * config.frame_skip * STEP_NS * 1e-9, total_s)
+            with closing(_Drive(drive, config)) as told:
+                if storage is None:
+                    kinds = told.view.space, told.action_space, _spec(config, drive)
+                    storage = MinariStorage.new(part / "data", *kinds, jpeg_encoding=False)
+                count = 0
+                for chunk in told.chunks(number):
+                    storage.update_episodes([chunk])
+                    count += len(chunk)
+                    if progress is not None:
+                        progress(done_s + count * config.frame_skip * STEP_NS * 1e-9, total_s)
             # Minari counts the steps of the last chunk alone.
             storage.update_episode_metadata([{"total_steps": count}], [number])
             steps, done_s = steps + count, done_s + drive.duration_s
-            told.close()
         assert storage is not None
         storage.update_metadata(_metadata(config, drives))
         part.rename(config.out)

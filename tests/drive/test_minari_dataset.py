@@ -192,3 +192,12 @@ def test_a_replay_says_where_such_data_sets_are_made(
 ) -> None:
     assert main(["replay", str(drive), "--out", str(tmp_path / "out"), "--format", "minari"]) == 1
     assert "use `carlaloc minari`" in capsys.readouterr().err
+
+
+def test_an_episode_that_cannot_be_read_leaves_nothing(drive: Path, tmp_path: Path) -> None:
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    (tmp_path / "bad.mcap").write_bytes(b"no episode")
+    config = MinariConfig(episodes=(drive, tmp_path / "bad.mcap"), out=tmp_path / "one-v0")
+    with pytest.raises(EpisodeError, match=r"bad\.mcap"):
+        write_minari(config)
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.mcap"]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_cache import Arrays, arrays_hash, cached
 from carlaloc_env.core.array_types import F32, U32, Array
-from carlaloc_env.core.jit import compiled
+from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
 
@@ -124,6 +124,20 @@ class TriangleCuller:
         return out[: kept.sum()], kept
 
 
+@inlined
+def _is_behind(
+    near_m: float, first_column: float, last_column: float, first_row: float, last_row: float, far_m: F32
+) -> bool:
+    """Whether all that has been drawn in tiles (far_m: its farthest depth) lies before a depth."""
+    near_m -= BEHIND_M + BEHIND_RATIO * near_m
+    rows, columns = far_m.shape
+    for row in range(int(max(first_row, 0.0)), min(int(last_row), rows - 1) + 1):
+        for column in range(int(max(first_column, 0.0)), min(int(last_column), columns - 1) + 1):
+            if far_m[row, column] >= near_m:
+                return False
+    return True
+
+
 @compiled
 def _keep(
     out: U32,
@@ -141,8 +155,7 @@ def _keep(
     """`to`: to (pixel · depth, depth), (N or 1, 3, 4); `shape`: width, height, focal length [px]."""
     at = 0
     width, height, focal = shape[0], shape[1], shape[2]
-    rows, columns = far_m.shape
-    per_tile = 1.0 / tile_px
+    is_drawn, per_tile = len(far_m) > 0, 1.0 / tile_px
     for n in range(len(first)):
         k = n if len(to) > 1 else 0
         # Written out: the compiler keeps the twelve numbers in registers.
@@ -190,22 +203,10 @@ def _keep(
                 area = (u1 - u0) * (v2 - v0) - (u2 - u0) * (v1 - v0)
                 if area > slack * (high_u - low_u + high_v - low_v):
                     continue
-            if rows > 0:
-                near -= BEHIND_M + BEHIND_RATIO * near
-                first_column = int(max(low_u, 0.0) * per_tile)
-                last_column = min(int(high_u * per_tile), columns - 1)
-                first_row = int(max(low_v, 0.0) * per_tile)
-                last_row = min(int(high_v * per_tile), rows - 1)
-                shown = False
-                for row in range(first_row, last_row + 1):
-                    for column in range(first_column, last_column + 1):
-                        if far_m[row, column] >= near:
-                            shown = True
-                            break
-                    if shown:
-                        break
-                if not shown:
-                    continue
+            if is_drawn and _is_behind(
+                near, low_u * per_tile, high_u * per_tile, low_v * per_tile, high_v * per_tile, far_m
+            ):
+                continue
             out[at], out[at + 1], out[at + 2] = a, b, c
             at += 3
         kept[n] = at - begun

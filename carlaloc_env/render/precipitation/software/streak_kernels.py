@@ -145,7 +145,6 @@ def streak_pixels(
                 share = min(light[n, 3] * wide / drawn * 1.5 * (1.0 - aside * aside), 1.0)
                 if share < 1e-6:
                     continue
-                keep = 1.0 - share
                 if layer[pixel, 3] == 0.0:
                     if image.size and not _shows(
                         image, pixel, light, n, share, light_of_code, unseen_of_code
@@ -153,10 +152,17 @@ def streak_pixels(
                         continue
                     touched[count] = pixel
                     count += 1
-                for channel in range(3):
-                    layer[pixel, channel] = light[n, channel] * share + layer[pixel, channel] * keep
-                layer[pixel, 3] = share + layer[pixel, 3] * keep
+                _lay_over(layer, pixel, light, n, share)
     return count
+
+
+@inlined
+def _lay_over(layer: NDArray[np.float32], pixel: int, light: Array, n: int, share: float) -> None:
+    """Mix a streak's light into a pixel."""
+    keep = 1.0 - share
+    for channel in range(3):
+        layer[pixel, channel] = light[n, channel] * share + layer[pixel, channel] * keep
+    layer[pixel, 3] = share + layer[pixel, 3] * keep
 
 
 @inlined
