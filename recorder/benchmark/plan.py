@@ -95,7 +95,8 @@ def _sequence(file: Path, root: Path) -> SequenceFolder:
     try:
         # The checksums at the end are thousands; what is wanted stands before them.
         found: Any = yaml.safe_load(read_text(file, "sequence's description").split("\nsha256:")[0])
-        lidars = SlamSequence(path).rig.of_kind("lidar")
+        sequence = SlamSequence(path)
+        lidars = sequence.rig.of_kind("lidar")
         return SequenceFolder(
             path=path,
             dataset=Path(os.path.relpath(path.parent.parent, root)).as_posix(),
@@ -103,7 +104,7 @@ def _sequence(file: Path, root: Path) -> SequenceFolder:
             weather=str(found["weather"]["name"]),
             traffic=str(found["traffic"]["name"]),
             movers=max((float(v) for v in found.get("movers", {}).values()), default=0.0),
-            labelled=any(str(name).endswith("_semantic") for name in found["samples"]),
+            labelled=bool(lidars) and sequence.has_labelled_scans,
             masked=sum(str(name).startswith("semantic_") for name in found["samples"]) >= 2,
             weather_matters_to_lidar=any(bool(getattr(lidar, "weather", False)) for lidar in lidars),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, cast
 
@@ -170,6 +171,15 @@ class SlamSequence:
         topic = self._topic(self._cloud_topics, "point clouds")
         with _reader(self.bag) as reader:
             return sum(c.msgcount for c in reader.connections if c.topic == topic)
+
+    @property
+    def has_labelled_scans(self) -> bool:
+        """Whether its sweeps can be had without movers: the bag has clouds, and the first one has labels."""
+        try:
+            topic = self._topic(self._cloud_topics, "point clouds")
+            return any(scan.tag is not None for _, scan in islice(read_scans(self.bag, topic), 1))
+        except EvaluationError:
+            return False
 
     @property
     def _cloud_topics(self) -> tuple[str, ...]:

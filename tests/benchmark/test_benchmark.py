@@ -130,6 +130,12 @@ def test_sweeps_that_no_weather_changes_are_run_once_and_seg_only_where_somethin
     assert len(visual) == 3
 
 
+def test_clouds_without_labels_are_not_asked_for_less_movers(tmp_path: Path) -> None:
+    found = find_sequences(write_dataset(tmp_path / "set", sweeps=2, labelled=False))
+    jobs = plan_jobs(found, [("a", SYSTEMS["kiss_icp"])], runs=1, clouds=("raw", "seg"))
+    assert [job.cloud for job in jobs] == ["raw"]
+
+
 def test_command_and_its_limit(data: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     words = ["benchmark", str(data), "--out", str(tmp_path), "--methods", "small_gicp", "--clouds", "raw"]
     assert main([*words, "--fail-above", "0.5", "--json"]) == 0

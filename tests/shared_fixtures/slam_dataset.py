@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,10 +76,22 @@ def sweep(stamp_ns: int) -> PointCloud:
     )
 
 
+def plain(cloud: PointCloud) -> PointCloud:
+    """A cloud without labels."""
+    return replace(cloud, sensor="lidar", tag=None, instance=None, cos_incidence=None)
+
+
 def write_dataset(
-    root: Path, *, sweeps: int = 25, conditions: tuple[str, ...] = ("ClearNoon_dynamic",)
+    root: Path,
+    *,
+    sweeps: int = 25,
+    conditions: tuple[str, ...] = ("ClearNoon_dynamic",),
+    labelled: bool = True,
 ) -> Path:
-    """A dataset of some conditions, named weather_traffic, as replay lays it out."""
+    """A dataset of some conditions, named weather_traffic, as replay lays it out.
+
+    Without labels the bag has plain clouds, as ``--topics slam`` leaves them, though both were made.
+    """
     folder = root / "Box"
     t_ns = np.arange(0, sweeps * SWEEP_NS + 1, 5_000_000)
     position, quat = pose(t_ns * 1e-9)
@@ -91,9 +104,11 @@ def write_dataset(
         path = folder / condition
         path.mkdir()
         calibration = RigCalibration.from_configs(rig().sensors)
-        with Rosbag1Writer(path / f"{condition}.bag", calibration, streams={"lidar_semantic"}) as writer:
+        stream = "lidar_semantic" if labelled else "lidar"
+        with Rosbag1Writer(path / f"{condition}.bag", calibration, streams={stream}) as writer:
             for k in range(sweeps):
-                writer.write(sweep(k * SWEEP_NS))
+                cloud = sweep(k * SWEEP_NS)
+                writer.write(cloud if labelled else plain(cloud))
         weather, traffic = condition.split("_")
         described = {
             "name": condition,
