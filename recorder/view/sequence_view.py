@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -134,20 +133,21 @@ def _one_a_cell(points_m: Array) -> NDArray[np.intp]:
 
 def _log_images(recording: Recording, sequence: SlamSequence, period_s: float) -> bool:
     """Images of the left camera, smaller; whether there are some."""
-    with suppress(EvaluationError):
+    try:
         camera, stamps_ns = sequence.stereo[0], sequence.image_stamps()
-        entity = f"{BASE_LINK}/{camera.frame_id}"
-        _log_lens(recording, camera, entity)
-        step = max(round(period_s * camera.rate_hz), 1)
-        for stamp_ns in stamps_ns[::step].tolist():
-            file = sequence.euroc / "cam0" / "data" / f"{stamp_ns}.png"
-            picture = cv2.imread(str(file))
-            if picture is None:
-                raise EvaluationError(f"{file} is no image; replay it anew")
-            jpeg = recording.rerun.EncodedImage(contents=_jpeg(picture), media_type="image/jpeg")
-            recording.at(stamp_ns, f"{entity}/image", jpeg)
-        return bool(len(stamps_ns))
-    return False
+    except EvaluationError:
+        return False
+    entity = f"{BASE_LINK}/{camera.frame_id}"
+    _log_lens(recording, camera, entity)
+    step = max(round(period_s * camera.rate_hz), 1)
+    for stamp_ns in stamps_ns[::step].tolist():
+        file = sequence.euroc / "cam0" / "data" / f"{stamp_ns}.png"
+        picture = cv2.imread(str(file))
+        if picture is None:
+            raise EvaluationError(f"{file} is no image; replay it anew")
+        jpeg = recording.rerun.EncodedImage(contents=_jpeg(picture), media_type="image/jpeg")
+        recording.at(stamp_ns, f"{entity}/image", jpeg)
+    return bool(len(stamps_ns))
 
 
 def _log_lens(recording: Recording, camera: CameraConfig, entity: str) -> None:

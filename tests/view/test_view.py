@@ -9,11 +9,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
+import yaml
 from shared_fixtures.slam_dataset import ELEVATIONS_DEG, ROOM_M, SWEEP_NS, rig, write_dataset
 
+from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.town import Town
 from recorder.cli.main import main
@@ -22,6 +27,7 @@ from recorder.evaluation.trajectory_files import read_tum
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 Capture = pytest.CaptureFixture[str]
+STEREO = {"left": 0.25, "right": -0.25}
 Column = Callable[[str, str], list[Any]]
 
 
@@ -79,6 +85,30 @@ def test_the_map_lies_where_the_walls_are(dataset: Path, tmp_path: Path) -> None
     faces = np.abs(np.abs(wall - [0, 0, 0.5 * ROOM_M[2]]) - 0.5 * ROOM_M).min(axis=1)
     assert np.percentile(faces, 99) < 0.02
     assert faces.max() < 0.04
+
+
+def test_images_are_shown_and_a_damaged_one_is_named(tmp_path: Path, capfd: Capture) -> None:
+    pytest.importorskip("rerun", reason="needs rerun-sdk")
+    root = write_dataset(tmp_path / "set", sweeps=5)
+    eyes = [CameraConfig(name=name, mount=Mount(position_m=(1.0, y, 1.5))) for name, y in STEREO.items()]
+    whole = SensorRig(name="box", sensors=(*rig().sensors, *eyes))
+    text = yaml.safe_dump({"town": "Box", "rig": yaml.safe_load(whole.to_yaml())}, sort_keys=False)
+    (root / "dataset.yaml").write_text(text)
+    folder = root / "Box" / "ClearNoon_dynamic"
+    images = folder / "mav0" / "cam0" / "data"
+    images.mkdir(parents=True)
+    names = [DEFAULT_EPOCH_NS + k * 50_000_000 for k in range(5)]
+    (images.parent / "data.csv").write_text("#stamp,file\n" + "".join(f"{n},{n}.png\n" for n in names))
+    for name in names:
+        cv2.imwrite(str(images / f"{name}.png"), np.full((36, 64, 3), 90, np.uint8))
+    out = tmp_path / "look.rrd"
+    assert main(["view", str(folder), "--period", "0.1", "--out", str(out)]) == 0
+    shown = columns_of(out)(f"world/base_link/{eyes[0].frame_id}/image", "stamp")
+    assert stamps(shown) == names[::2]
+    (images / f"{names[2]}.png").write_bytes(b"no image")
+    assert main(["view", str(folder), "--period", "0.1", "--out", str(tmp_path / "b.rrd")]) == 1
+    assert f"{names[2]}.png is no image; replay it anew" in capfd.readouterr().err
+    assert not (tmp_path / "b.rrd").exists()
 
 
 def test_an_episode_shows_who_took_part(short_drive: Path, tmp_path: Path) -> None:
