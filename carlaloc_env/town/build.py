@@ -13,6 +13,7 @@ from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.default_traffic import choose_traffic
 from carlaloc_env.town.default_zones import choose_zones
 from carlaloc_env.town.lanes.build_network import build_network
+from carlaloc_env.town.lanes.kept_tables import kept_tables
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.roads.road_classes import road_levels
@@ -47,7 +48,11 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         config = TownConfig.from_toml(town.toml)
     seed = int(key[:12], 16) if config.scenery_seed is None else config.scenery_seed
     levels = road_levels(xodr.roads, config)
-    network = build_network(xodr, None if levels is None else Relief(seed, levels))
+    network = build_network(
+        xodr,
+        None if levels is None else Relief(seed, levels),
+        keep=kept_tables(name, module=__name__, content=key, kept_files=KEPT_FILES, folder=cache_dir),
+    )
     route = _route(network, config)
     scenery = cached(
         name,

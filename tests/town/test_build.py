@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,8 @@ ROAD = """<?xml version="1.0"?>
 </laneSection></lanes>
 </road></OpenDRIVE>
 """
+KINDS = "town", "lanes"
+"""What is kept of a town: its meshes, and the samples of its lanes."""
 TOML = '[town]\nname = "small"\ndefault_zone = "downtown"\n[traffic]\nvehicles = 7\n'
 
 
@@ -54,6 +57,8 @@ def folder(tmp_path: Path) -> Path:
 
 def _bytes(town: Town) -> str:
     arrays = {"collision": town.collision_vertices_m, "triangles": town.collision_triangles}
+    tables = town.network.tables
+    arrays |= {field.name: getattr(tables, field.name) for field in fields(tables)}
     for number, chunk in enumerate(town.chunks):
         for name in ("vertices_m", "triangles", "normals", "uv_m", "colour", "material", "tag", "instance"):
             arrays[f"{number}/{name}"] = getattr(chunk, name)
@@ -71,10 +76,11 @@ def test_builds_are_equal_byte_for_byte(folder: Path, tmp_path: Path) -> None:
     assert (found.name, found.content_hash) == (first.name, first.content_hash)
 
 
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.999])
-def test_a_truncated_cache_is_built_again(folder: Path, tmp_path: Path, share: float) -> None:
+def test_a_truncated_cache_is_built_again(folder: Path, tmp_path: Path, share: float, kind: str) -> None:
     first = load_town(folder, cache_dir=tmp_path / "cache")
-    (stored,) = (tmp_path / "cache").iterdir()
+    (stored,) = (tmp_path / "cache").glob(f"*.{kind}")
     content = stored.read_bytes()
     stored.write_bytes(content[: int(len(content) * share)])
     again = load_town(folder, cache_dir=tmp_path / "cache")
@@ -82,9 +88,10 @@ def test_a_truncated_cache_is_built_again(folder: Path, tmp_path: Path, share: f
     assert load(stored) is not None
 
 
-def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path, kind: str) -> None:
     first = load_town(folder, cache_dir=tmp_path / "cache")
-    (stored,) = (tmp_path / "cache").iterdir()
+    (stored,) = (tmp_path / "cache").glob(f"*.{kind}")
     content = bytearray(stored.read_bytes())
     content[len(content) // 2] ^= 0x40
     stored.write_bytes(content)
@@ -130,7 +137,7 @@ def test_another_toml_gives_another_town(folder: Path, tmp_path: Path) -> None:
     second = load_town(folder, cache_dir=tmp_path / "cache")
     assert first.content_hash != second.content_hash
     assert _bytes(first) != _bytes(second)
-    assert len(list((tmp_path / "cache").iterdir())) == 2
+    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [2, 2]
 
 
 def test_nothing_half_written_stands_under_the_final_name(

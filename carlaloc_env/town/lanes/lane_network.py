@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.road_profile import Relief
 from carlaloc_env.core.transforms import wrap_angle
-from carlaloc_env.town.lanes.centre_lines import LanePose, LaneTables, build_tables
+from carlaloc_env.town.lanes.centre_lines import KeepTables, LanePose, LaneTables, build_tables
 from carlaloc_env.town.lanes.nearest_lane import LaneSearch, NearestLane
 from carlaloc_env.town.lanes.records import Crosswalk, SignalHead, StaticSign
 from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES, BrokenLink, LaneLinks
@@ -57,8 +58,15 @@ class LaneNetwork:
     `build_network` makes one with all that stands along its lanes; a bare one has lanes alone.
     """
 
-    def __init__(self, xodr: OpenDrive, relief: Relief | None = None) -> None:
+    def __init__(
+        self, xodr: OpenDrive, relief: Relief | None = None, *, keep: KeepTables | None = None
+    ) -> None:
         """Builds the lanes, on a relief where there is one.
+
+        Args:
+            xodr: The map.
+            relief: Undulation that the file does not hold.
+            keep: Gives the tables that were kept of these lanes, or what it is handed makes anew.
 
         Raises:
             MapError: The map is too large, or a lane is not finite.
@@ -88,9 +96,8 @@ class LaneNetwork:
             ]
             limits = _speed_limits(self.surface, xodr.roads, links.predecessors)
             rank = np.array([abs(lane.id) for lane in edges.lanes], dtype=np.int64)
-            self.tables: LaneTables = build_tables(
-                self.surface, start, end, self.forward, limits, rank, labels
-            )
+            make = partial(build_tables, self.surface, start, end, self.forward, limits, rank, labels)
+            self.tables: LaneTables = make() if keep is None else keep(make)
             self.lanes: tuple[Lane, ...] = self._lanes(links)
             self._searches: dict[tuple[tuple[str, ...], int], LaneSearch] = {}
         self.signals: tuple[SignalHead, ...] = ()
