@@ -16,6 +16,7 @@ from carlaloc_env.core.array_types import Array
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.generation.verification.stamps import open_bag
+from recorder.writers.ros.compact_messages import DRACO_FIELDS, depth_of_png, draco
 
 FRAMES = 5
 """Depth images that are compared."""
@@ -27,6 +28,12 @@ WINDOW_S = 0.5
 """Time over which the IMU is integrated [s]."""
 FORCE_MPS2, RATE_RADPS = 0.3, 0.02
 """Largest mean error of acceleration [m/s²] and angular rate [rad/s]; biases are smaller."""
+_CLOUDS = ("/lidar/points", "/lidar/draco")
+_DEPTHS = ("/depth", "/depth/compressedDepth")
+_IMUS = ("/imu/data", "/imu")
+"""Topics that are compared, by the names that the profiles give them."""
+_GENERIC = 4
+"""What Draco calls attributes that have no meaning of their own."""
 _GRAVITY_MPS2 = np.array([0.0, 0.0, -9.81])
 
 
@@ -38,58 +45,81 @@ def extrinsics_of(town: Path) -> dict[str, Array]:
 
 
 def check_fit(town: Path, bag: Path) -> Iterator[str]:
-    """What of the calibration does not fit a bag of the topics `standard` or `full`."""
+    """What of the calibration does not fit a bag, by the topics that it has."""
     T_base = extrinsics_of(town)
     truth = read_tum(town / "ground_truth" / "base_link.tum")
     with open_bag(bag) as reader:
         topics = {connection.topic: connection for connection in reader.connections}
+        clouds = [topics[name] for name in _CLOUDS if name in topics and "lidar" in T_base]
         for topic in sorted(topics):
-            if topic.endswith("/depth") and "/lidar/points" in topics and "lidar" in T_base:
-                yield from _check_depth(reader, topics, topic, T_base, truth)
-        if "/imu/data" in topics and "imu" in T_base:
-            yield from _check_imu(reader, topics["/imu/data"], T_base["imu"], truth)
+            info = topics.get(f"{topic.rpartition('/depth')[0]}/camera_info")
+            if topic.endswith(_DEPTHS) and clouds and info is not None:
+                yield from _check_depth(reader, topics[topic], clouds[0], info, T_base, truth)
+        for name in _IMUS:
+            if name in topics and "imu" in T_base:
+                yield from _check_imu(reader, topics[name], T_base["imu"], truth)
 
 
 def _check_depth(
-    reader: Any, topics: Mapping[str, Connection], topic: str, T_base: Mapping[str, Array], truth: Trajectory
+    reader: Any,
+    depths: Connection,
+    lidar: Connection,
+    camera_info: Connection,
+    T_base: Mapping[str, Array],
+    truth: Trajectory,
 ) -> Iterator[str]:
-    info_topic = topic.replace("/depth", "/camera_info")
-    if info_topic not in topics:
-        return
-    info = _first(reader, topics[info_topic])
-    stamps = [stamp for _, stamp, _ in reader.messages([topics[topic]])]
+    info = _first(reader, camera_info)
+    stamps = [stamp for _, stamp, _ in reader.messages([depths])]
     chosen = set(stamps[:: max(1, len(stamps) // FRAMES)])
-    clouds = {stamp: raw for _, stamp, raw in reader.messages([topics["/lidar/points"]]) if stamp in chosen}
+    clouds = {stamp: raw for _, stamp, raw in reader.messages([lidar]) if stamp in chosen}
     fitting, total = 0, 0
-    for connection, stamp, raw in reader.messages([topics[topic]]):
+    for connection, stamp, raw in reader.messages([depths]):
         if stamp in clouds:
             image = reader.deserialize(raw, connection.msgtype)
-            depth_m = image.data.view("<f4").reshape(image.height, image.width)
-            cloud = reader.deserialize(clouds[stamp], topics["/lidar/points"].msgtype)
-            points = _in_camera(cloud, stamp, T_base["lidar"], T_base[image.header.frame_id], truth)
-            found = _fitting(points, depth_m, info)
+            xyz, after_ns = _points_of(reader.deserialize(clouds[stamp], lidar.msgtype))
+            T_base_camera = T_base[image.header.frame_id]
+            points = _in_camera(xyz, after_ns, stamp, T_base["lidar"], T_base_camera, truth)
+            found = _fitting(points, _depth_of(image), info)
             fitting, total = fitting + int(found.sum()), total + len(found)
     if total >= 100 and fitting < FITTING_SHARE * total:
-        yield f"LiDAR does not fit {topic}: {100 * fitting / total:.0f} % of {total} points have its depth"
+        yield f"LiDAR does not fit {depths.topic}: {100 * fitting / total:.0f} % of {total} points have its depth"
 
 
-def _in_camera(
-    cloud: Any, stamp_ns: int, T_base_lidar: Array, T_base_camera: Array, truth: Trajectory
-) -> Array:
-    """Points of a cloud in the camera's frame at the stamp, each seen at its own time, shape (N, 3)."""
-    offsets = {field.name: (field.offset, field.datatype) for field in cloud.fields}
+def _depth_of(image: Any) -> Any:
+    """Planar depth [m] of a plain or a compressed image, 0 where there is none, shape (H, W)."""
+    if hasattr(image, "format"):
+        return depth_of_png(image.data.tobytes())
+    return image.data.view("<f4").reshape(image.height, image.width)
+
+
+def _points_of(cloud: Any) -> tuple[Array, Any]:
+    """Points [m] of a plain or a Draco cloud, shape (N, 3), and their times after the stamp [ns], shape (N,)."""
+    if hasattr(cloud, "format"):
+        found = draco().decode(cloud.data.tobytes())
+        times = DRACO_FIELDS.index("time_us")
+        generic = {a["unique_id"]: a["data"] for a in found.attributes if a["attribute_type"] == _GENERIC}
+        after_us = generic[sorted(generic)[times]].ravel()
+        return np.asarray(found.points, float), after_us.astype(np.int64) * 1000
+    offsets = {field.name: field.offset for field in cloud.fields}
     names = {"x": "<f4", "y": "<f4", "z": "<f4", "time": "<f4"}
     dtype = np.dtype(
         {
             "names": list(names),
             "formats": list(names.values()),
-            "offsets": [offsets[name][0] for name in names],
+            "offsets": [offsets[name] for name in names],
             "itemsize": cloud.point_step,
         }
     )
     rows = np.frombuffer(cloud.data.tobytes(), dtype)
-    xyz = np.stack([rows[axis] for axis in "xyz"], axis=1).astype(float)
-    at_ns = stamp_ns + np.round(rows["time"].astype(float) * 1e9).astype(np.int64)
+    after_ns = np.round(rows["time"].astype(float) * 1e9).astype(np.int64)
+    return np.stack([rows[axis] for axis in "xyz"], axis=1).astype(float), after_ns
+
+
+def _in_camera(
+    xyz: Array, after_ns: Any, stamp_ns: int, T_base_lidar: Array, T_base_camera: Array, truth: Trajectory
+) -> Array:
+    """Points of a cloud in the camera's frame at the stamp, each seen at its own time, shape (N, 3)."""
+    at_ns = stamp_ns + after_ns
     keep = at_ns <= truth.stamp_ns[-1]
     position, quat = _pose_at(truth, at_ns[keep])
     world = transforms.quat_rotate(quat, transforms.apply(T_base_lidar, xyz[keep])) + position

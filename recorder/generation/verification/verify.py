@@ -75,7 +75,7 @@ def _check_sequence(sequence: Path, topics: str) -> Iterator[str]:
             yield from check_euroc(sequence / "mav0")
         if (sequence / "kitti").is_dir():
             yield from check_kitti(sequence / "kitti")
-        if topics in ("standard", "full") and bags_of(sequence):
+        if bags_of(sequence):
             yield from check_fit(sequence.parent, bags_of(sequence)[0])
     # Damaged files make their readers raise whatever their parts do: struct, zlib, assertions, …
     except Exception as error:
