@@ -82,7 +82,8 @@ def _check_depth(
             found = _fitting(points, _depth_of(image), info)
             fitting, total = fitting + int(found.sum()), total + len(found)
     if total >= 100 and fitting < FITTING_SHARE * total:
-        yield f"LiDAR does not fit {depths.topic}: {100 * fitting / total:.0f} % of {total} points have its depth"
+        share = f"{100 * fitting / total:.0f} % of {total} points"
+        yield f"LiDAR does not fit {depths.topic}: {share} have its depth"
 
 
 def _depth_of(image: Any) -> Any:
@@ -93,7 +94,7 @@ def _depth_of(image: Any) -> Any:
 
 
 def _points_of(cloud: Any) -> tuple[Array, Any]:
-    """Points [m] of a plain or a Draco cloud, shape (N, 3), and their times after the stamp [ns], shape (N,)."""
+    """Points [m] of a plain or a Draco cloud, (N, 3), and their times after the stamp [ns], (N,)."""
     if hasattr(cloud, "format"):
         found = draco().decode(cloud.data.tobytes())
         times = DRACO_FIELDS.index("time_us")
