@@ -138,7 +138,10 @@ def columns_of(path: Path) -> Columns:
         return {"steps": np.asarray(cv2.imread(str(path), cv2.IMREAD_UNCHANGED))}
     if path.suffix == ".npz":
         with np.load(path) as file:
-            return {name: file[name] for name in file.files if file[name].dtype.kind in "iufb"}
+            arrays = {name: file[name] for name in file.files}
+        plain = {name: values for name, values in arrays.items() if values.dtype.kind in "iufb"}
+        tables = [values for values in arrays.values() if values.dtype.names]
+        return plain | {name: table[name] for table in tables for name in table.dtype.names or ()}
     if path.suffix == ".ply":
         return dict(_ply(path.read_bytes()))
     if path.suffix == ".tum":
