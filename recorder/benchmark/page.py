@@ -29,6 +29,7 @@ from recorder.benchmark.score import Score, evaluate_run, frames_of
 from recorder.benchmark.tables import RULE, Rows, all_tables
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
+from recorder.report.mosaic import panels_in
 
 PAGE = "report.html"
 STILLS, STILL_WIDTH_PX = 24, 480
@@ -170,7 +171,7 @@ def _section(
     stills = _stills(sequence, start_ns, peaks)
     legend = "".join(f'<span><i style="background:{c.colour}"></i>{escape(c.label)}</span>' for c in curves)
     listed = ",".join(f'[{t:.2f},{np.interp(t, *way):.1f},"{uri}"]' for t, uri in stills)
-    picture = f'<img id="img-{name}" alt="camera and LiDAR">' if stills else ""
+    picture = f'<img id="img-{name}" alt="what the sensors saw">' if stills else ""
     caption = f'<figcaption id="cap-{name}">{"" if stills else "no preview.mp4"}</figcaption>'
     return (
         f"<section><h2>{escape(sequence.town)} {escape(sequence.weather)} {escape(sequence.traffic)}</h2>"
@@ -210,12 +211,13 @@ def _stills(sequence: SequenceFolder, start_ns: int, peaks_s: Sequence[float]) -
     return found
 
 
-def _jpeg(panels: U8) -> str:
-    """The panels of the camera and the LiDAR of a preview, side by side."""
-    height, width = panels.shape[0] // 2, panels.shape[1] // 2
-    picture = np.hstack([panels[:height, :width], panels[height:, width:]])
-    size = (2 * STILL_WIDTH_PX, round(STILL_WIDTH_PX * height / width))
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+def _jpeg(image: U8) -> str:
+    """The first and the last panel of a preview side by side: camera and LiDAR, where the rig has both."""
+    panels = panels_in(image)
+    picture = np.hstack([panels[0], panels[-1]] if len(panels) > 1 else panels)
+    height, width = picture.shape[:2]
+    width_px = STILL_WIDTH_PX * min(len(panels), 2)
+    small = cv2.resize(picture, (width_px, round(width_px * height / width)), interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 60])
     return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
 

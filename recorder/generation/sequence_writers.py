@@ -27,7 +27,7 @@ from recorder.writers.formats.dsec_disparity import DsecDisparityWriter
 from recorder.writers.formats.euroc import EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv
 from recorder.writers.formats.kitti import KittiWriter
-from recorder.writers.formats.preview_video import PreviewWriter
+from recorder.writers.formats.preview_video import PreviewWriter, shown_streams
 from recorder.writers.formats.raw import RawWriter
 from recorder.writers.formats.tum import write_truth
 from recorder.writers.rig_calibration import RigCalibration
@@ -215,11 +215,24 @@ def writers_of(
     for name in dict.fromkeys(config.formats):
         made = _WRITERS[name](context)
         writers += [made] if isinstance(made, Writer) else made
-    if config.preview and calibration.cameras:
-        camera = calibration.cameras[0]
-        film = folder / "preview.mp4"
-        writers.append(PreviewWriter(film, camera=camera.name, rate_hz=camera.rate_hz, caption=caption))
+    if config.preview:
+        writers += _film(calibration, streams, folder / "preview.mp4", caption)
     return writers
+
+
+def _film(
+    calibration: RigCalibration, streams: tuple[str, ...], path: Path, caption: str
+) -> list[PreviewWriter]:
+    """The writer of the film of the first camera and the LiDAR; none of a rig without either."""
+    camera, lidar = next(iter(calibration.cameras), None), calibration.lidar
+    shown = shown_streams(
+        streams, camera=camera.name if camera else None, lidar=lidar.name if lidar else None
+    )
+    if not shown:
+        return []
+    first = lidar if camera is None or next(iter(shown.values())) == "cloud" else camera
+    assert first is not None
+    return [PreviewWriter(path, shown=shown, rate_hz=first.rate_hz, caption=caption)]
 
 
 class WriterGroup:

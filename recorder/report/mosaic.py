@@ -1,8 +1,8 @@
-"""One image of an instant: colour, depth, semantics, and the LiDAR from above."""
+"""One image of an instant: colour, depth, semantics, and the LiDAR from above, as far as there are such."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -19,6 +19,8 @@ STILL_RGB, MOVING_RGB = (60, 230, 60), (255, 190, 40)
 """Colours of points in the view from above, sRGB."""
 PANELS = {"rgb": "RGB", "depth": "depth", "semantic": "semantic", "cloud": "LiDAR from above"}
 """Labels of a mosaic's panels, by name, in their order."""
+PANEL_WIDTH_PX, PANEL_HEIGHT_PX = 640, 360
+"""Size of a panel [px]."""
 _COLOUR_OF_TAG = np.tile(np.array(STILL_RGB, np.uint8), (256, 1))
 _COLOUR_OF_TAG[[int(tag) for tag in DYNAMIC_TAGS]] = MOVING_RGB
 
@@ -47,51 +49,60 @@ def lidar_image(cloud: PointCloud, width_px: int, height_px: int) -> U8:
     return image
 
 
-def mosaic(
-    rgb: Image | None,
-    depth: DepthImage | None,
-    semantic: SemanticImage | None,
-    cloud: PointCloud | None,
-    *,
-    width_px: int = 1280,
-    caption: str = "",
-) -> U8:
-    """Four panels, 16:9 each, sRGB (width · 9/16, width, 3); a missing one stays black."""
-    samples = dict(zip(PANELS, (rgb, depth, semantic, cloud), strict=True))
-    panels = {name: panel_of(one, width_px=width_px) for name, one in samples.items() if one is not None}
-    return joined(panels, width_px=width_px, caption=caption)
-
-
-def panel_of(sample: Image | DepthImage | SemanticImage | PointCloud, *, width_px: int = 1280) -> U8:
-    """The panel of one sample in a mosaic of a width, sRGB (width · 9/32, width / 2, 3)."""
-    size_px = (width_px // 2, width_px * 9 // 32)
+def panel_of(sample: Image | DepthImage | SemanticImage | PointCloud) -> U8:
+    """The panel of one sample, sRGB, of shape (PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3)."""
     if isinstance(sample, Image):
-        return _panel(sample.rgb, size_px, PANELS["rgb"])
+        return _panel(sample.rgb, PANELS["rgb"])
     if isinstance(sample, DepthImage):
-        return _panel(depth_image(sample), size_px, PANELS["depth"])
+        return _panel(depth_image(sample), PANELS["depth"])
     if isinstance(sample, SemanticImage):
-        return _panel(semantic_image(sample), size_px, PANELS["semantic"])
-    return _panel(lidar_image(sample, *size_px), size_px, PANELS["cloud"])
+        return _panel(semantic_image(sample), PANELS["semantic"])
+    return _panel(lidar_image(sample, PANEL_WIDTH_PX, PANEL_HEIGHT_PX), PANELS["cloud"])
 
 
-def joined(panels: Mapping[str, U8], *, width_px: int = 1280, caption: str = "") -> U8:
-    """A mosaic of panels by their names in `PANELS`; a missing one stays black."""
-    size_px = (width_px // 2, width_px * 9 // 32)
-    four = [panels[name] if name in panels else _panel(None, size_px, text) for name, text in PANELS.items()]
-    image = np.vstack([np.hstack(four[:2]), np.hstack(four[2:])])
+def joined(panels: Mapping[str, U8], places: Sequence[str] = tuple(PANELS), *, caption: str = "") -> U8:
+    """A mosaic of panels: up to three in a row, four in a square.
+
+    Args:
+        panels: Panels by their names in `PANELS`; one whose place is kept but which is not there is black.
+        places: Names of all panels that have a place, in their order.
+        caption: Text below on the left.
+
+    Returns:
+        The image, sRGB, shape (H, W, 3), in an array of its own.
+    """
+    each = [panels[name] if name in panels else _blank(PANELS[name]) for name in places]
+    columns = _columns(len(each))
+    image = np.vstack([np.hstack(each[k : k + columns]) for k in range(0, len(each), columns)])
     if caption:
         _label(image, caption, (12, image.shape[0] - 12))
     return image
 
 
-def _panel(image: U8 | None, size_px: tuple[int, int], text: str) -> U8:
-    if image is None:
-        image = np.zeros((size_px[1], size_px[0], 3), np.uint8)
-    shrink = image.shape[1] > size_px[0]
+def panels_in(mosaic: U8) -> list[U8]:
+    """The panels of an image of `joined`, in their order; an image of another size is one panel."""
+    height, width = mosaic.shape[:2]
+    if height % PANEL_HEIGHT_PX or width % PANEL_WIDTH_PX:
+        return [mosaic]
+    rows = np.split(mosaic, height // PANEL_HEIGHT_PX)
+    return [panel for row in rows for panel in np.split(row, width // PANEL_WIDTH_PX, axis=1)]
+
+
+def _columns(panels: int) -> int:
+    return panels if panels <= 3 else 2
+
+
+def _panel(image: U8, text: str) -> U8:
+    size_px = (PANEL_WIDTH_PX, PANEL_HEIGHT_PX)
+    shrink = image.shape[1] > PANEL_WIDTH_PX
     resized = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA if shrink else cv2.INTER_NEAREST)
     panel: U8 = np.ascontiguousarray(resized, dtype=np.uint8)
     _label(panel, text, (12, 24))
     return panel
+
+
+def _blank(text: str) -> U8:
+    return _panel(np.zeros((PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3), np.uint8), text)
 
 
 def _label(image: U8, text: str, position_px: tuple[int, int]) -> None:

@@ -40,7 +40,7 @@ WRITERS: dict[str, Callable[[Path], Writer]] = {
     "euroc": lambda folder: EurocWriter(folder / "mav0", RIG),
     "kitti": lambda folder: KittiWriter(folder / "kitti", RIG),
     "dsec": lambda folder: DsecWriter(folder / "events_left.h5", stream="events_left"),
-    "preview": lambda folder: PreviewWriter(folder / "preview.mp4", camera="left", rate_hz=20.0),
+    "preview": lambda folder: PreviewWriter(folder / "preview.mp4", shown={"rgb_left": "rgb"}, rate_hz=20.0),
 }
 
 

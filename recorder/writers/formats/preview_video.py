@@ -1,7 +1,8 @@
-"""A short film of a sequence: colour, depth, semantics and LiDAR side by side."""
+"""A short film of a sequence: what its rig has of colour, depth, semantics and LiDAR, side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
@@ -14,33 +15,53 @@ from av.container import OutputContainer
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
-from recorder.report.mosaic import joined, panel_of
+from recorder.report.mosaic import PANEL_HEIGHT_PX, PANEL_WIDTH_PX, joined, panel_of
 from recorder.writers.base import Piece, Writer
 
 _STILL_EVERY = 60
-_PANEL_OF = {Image: "rgb", DepthImage: "depth", SemanticImage: "semantic"}
-_PANEL_SHAPE = (360, 640, 3)
-"""Shape of a panel of a film 1280 pixels wide."""
+_PANEL_SHAPE = (PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3)
 _X264 = {"crf": "23", "preset": "veryfast", "threads": "1"}
 """Quality and effort of the encoder; one thread, since every level has a process of its own."""
 
 
+def shown_streams(streams: Collection[str], *, camera: str | None, lidar: str | None) -> dict[str, str]:
+    """Streams that a film shows and the panel of each, in the order of `mosaic.PANELS`.
+
+    Args:
+        streams: Names of all streams of the rig.
+        camera: Name of the camera that is shown, if there is one.
+        lidar: Name of the LiDAR that is shown, if there is one; its labelled cloud, where the rig has it.
+    """
+    of_camera = {f"{panel}_{camera}": panel for panel in ("rgb", "depth", "semantic")} if camera else {}
+    clouds = [name for name in (f"{lidar}_semantic", f"{lidar}") if lidar and name in streams]
+    shown = {name: panel for name, panel in of_camera.items() if name in streams}
+    return {**shown, **dict.fromkeys(clouds[:1], "cloud")}
+
+
 class PreviewWriter(Writer):
-    """An mp4 with one image per instant of the first camera; nothing without a camera.
+    """An mp4 with one image per instant of the first stream shown; nothing where no stream is.
 
     The film is `target`; one of its images stands beside it as `<stem>.png`.
+
+    Args:
+        target: Path of the film.
+        shown: The panel of each stream shown, from `shown_streams`; each has a place in every image.
+        rate_hz: Samples of the first of them per second [Hz].
+        caption: What the film calls itself.
     """
 
-    def __init__(self, target: str | Path, *, camera: str, rate_hz: float, caption: str = "") -> None:
+    def __init__(
+        self, target: str | Path, *, shown: Mapping[str, str], rate_hz: float, caption: str = ""
+    ) -> None:
         super().__init__(target)
         # The container is chosen by the file's ending.
         self._part = self.target.with_name(f".part-{self.target.name}")
-        self._camera = camera
+        self._panel_of_stream = dict(shown)
+        self._places = tuple(shown.values())
         self._rate_hz = rate_hz
         self._caption = caption
         self._film: _Film | None = None
-        self._shown: dict[str, U8] = {}
-        self._cloud: U8 | None = None
+        self._panels: dict[str, U8] = {}
         self._still: U8 | None = None
         self._count = 0
 
@@ -49,31 +70,22 @@ class PreviewWriter(Writer):
 
     def encode(self, sample: Sample) -> list[Piece]:
         """The sample's panel of the film."""
-        if isinstance(sample, PointCloud):
-            kind = "plain" if sample.tag is None else "labelled"
-            return [Piece(sample.stamp_ns, "cloud", kind, panel_of(sample).tobytes())]
-        if isinstance(sample, (Image, DepthImage, SemanticImage)) and sample.sensor.endswith(
-            f"_{self._camera}"
-        ):
-            return [Piece(sample.stamp_ns, _PANEL_OF[type(sample)], "", panel_of(sample).tobytes())]
-        return []
+        place = self._panel_of_stream.get(sample.sensor)
+        if place is None or not isinstance(sample, (Image, DepthImage, SemanticImage, PointCloud)):
+            return []
+        return [Piece(sample.stamp_ns, place, "", panel_of(sample).tobytes())]
 
     def _place(self, piece: Piece) -> None:
-        panel = np.frombuffer(piece.data, np.uint8).reshape(_PANEL_SHAPE)
-        if piece.place == "cloud":
-            if piece.kind == "labelled" or self._cloud is None:
-                self._cloud = panel
-            return
-        if piece.place == "rgb":
+        if piece.place == self._places[0]:
             self._show()
-            self._shown.clear()
-        self._shown[piece.place] = panel
+            # A LiDAR may be slower than the camera: its last sweep stays.
+            self._panels = {name: panel for name, panel in self._panels.items() if name == "cloud"}
+        self._panels[piece.place] = np.frombuffer(piece.data, np.uint8).reshape(_PANEL_SHAPE)
 
     def _show(self) -> None:
-        if "rgb" not in self._shown:
+        if not self._places or self._places[0] not in self._panels:
             return
-        panels = self._shown if self._cloud is None else {**self._shown, "cloud": self._cloud}
-        image = joined(panels, caption=self._caption)
+        image = joined(self._panels, self._places, caption=self._caption)
         if self._film is None:
             self._film = _Film(self._part, image.shape[1], image.shape[0], self._rate_hz)
         self._film.add(image)
@@ -84,7 +96,7 @@ class PreviewWriter(Writer):
     def _finish(self) -> None:
         self._show()
         if self._film is None:
-            # A rig without a camera leaves no film, and no error.
+            # A stretch without a picture or sweep leaves no film, and no error.
             self._part.write_bytes(b"")
         else:
             self._film.complete()
