@@ -1,6 +1,7 @@
 """What a second of driving costs in the dataset factory, part by part, in processor time of one core.
 
-`recorder/generation/time_estimate.py` holds these figures: it tells from them how long a dataset takes.
+`recorder/generation/estimates/time_estimate.py` holds these figures and tells from them how long a dataset
+takes.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ COMMANDS = (
     "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
     "minari", "benchmark", "vocabulary", "view", "list", "completion",
 )  # fmt: skip
-"""Sub-commands; each is a module of this package with `add_arguments` and `run`."""
+"""Sub-commands; each is a module of `commands` with `add_arguments` and `run`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2
 
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         level=logging.DEBUG if arguments.verbose else logging.WARNING,
         format="%(levelname)s %(name)s: %(message)s",
     )
-    command = import_module(f"recorder.cli.{arguments.command}")
+    command = import_module(f"recorder.cli.commands.{arguments.command}")
     name = str(arguments.command)
     try:
         check_outputs(parser, arguments)
@@ -126,7 +126,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = shared_options()
     for name in COMMANDS:
-        module = import_module(f"recorder.cli.{name}")
+        module = import_module(f"recorder.cli.commands.{name}")
         summary = (module.__doc__ or "").strip().splitlines()[0]
         sub = commands.add_parser(
             name, parents=[shared], help=summary, description=module.__doc__,

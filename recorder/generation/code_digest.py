@@ -9,7 +9,7 @@ from pathlib import Path
 
 import carlaloc_env
 import recorder
-from recorder.generation.dataset_manifest import VERSIONED
+from recorder.generation.datasets.dataset_manifest import VERSIONED
 
 _SUFFIXES = (".py", ".glsl", ".vert", ".frag")
 

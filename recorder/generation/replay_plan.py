@@ -21,7 +21,7 @@ from recorder.episode.episode import Episode
 from recorder.episode.town import town_id_of
 from recorder.generation.code_digest import code_digest
 from recorder.generation.conditions import Condition, conditions_of
-from recorder.generation.dataset_manifest import is_begun, origin_of
+from recorder.generation.datasets.dataset_manifest import is_begun, origin_of
 from recorder.generation.units import Unit, units_of
 from recorder.writers.topics import profile_by_name
 

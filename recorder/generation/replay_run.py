@@ -15,7 +15,7 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.output_paths import path_below
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.generation.conditions import Condition
-from recorder.generation.dataset_manifest import checksums
+from recorder.generation.datasets.dataset_manifest import checksums
 from recorder.generation.level_sensors import LevelConfig
 from recorder.generation.replay_plan import ReplayPlan
 from recorder.generation.sequence_writers import (

@@ -18,8 +18,8 @@ from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.generation.conditions import Condition
-from recorder.generation.dataset_manifest import as_yaml, checksums
-from recorder.generation.sample_counts import SampleCounts
+from recorder.generation.datasets.dataset_manifest import as_yaml, checksums
+from recorder.generation.estimates.sample_counts import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
 from recorder.writers.formats.dsec import DsecWriter

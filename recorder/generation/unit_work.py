@@ -17,8 +17,8 @@ from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
+from recorder.generation.estimates.sample_counts import SampleCounts
 from recorder.generation.level_sensors import LevelConfig, LevelSensors
-from recorder.generation.sample_counts import SampleCounts
 from recorder.generation.sequence_writers import DatasetSequence, SequenceConfig, WriterGroup, writers_of
 from recorder.generation.spool import SpoolFile, SpoolWriter, merged
 from recorder.generation.units import Unit

@@ -19,7 +19,7 @@ from typing import IO, Any
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.names import check_name
 from carlaloc_env.core.output_paths import path_below
-from recorder.generation.dataset_manifest import is_begun, write_record
+from recorder.generation.datasets.dataset_manifest import is_begun, write_record
 
 try:
     import fcntl

@@ -11,7 +11,7 @@ import pytest
 
 from recorder.cli.dataset_bars import DatasetBars
 from recorder.cli.log_file import logged_to
-from recorder.generation.dataset_clock import DatasetProgress
+from recorder.generation.datasets.dataset_clock import DatasetProgress
 
 PROGRESS = DatasetProgress(
     town="Town03",

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from shared_fixtures.commands import all_commands, required_words
 
-from recorder.cli import info
 from recorder.cli.arguments import input_path
+from recorder.cli.commands import info
 from recorder.cli.json_output import to_json
 from recorder.cli.main import main
 

@@ -12,7 +12,7 @@ import pytest
 
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.cli.list import KINDS
+from recorder.cli.commands.list import KINDS
 from recorder.cli.main import COMMANDS, main
 from recorder.devices.registry import DEVICES
 from recorder.generation.replay_plan import FORMATS

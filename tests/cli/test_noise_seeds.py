@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from recorder.cli.replay import _of_noise_seeds
+from recorder.cli.commands.replay import _of_noise_seeds
 from recorder.generation.replay_plan import ReplayConfig
 
 CONFIG = ReplayConfig(episode=Path("drive.mcap"), out=Path("data"), seed=5)

@@ -13,7 +13,7 @@ import pytest
 from shared_fixtures.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import RenderError
-from recorder.generation.dataset_manifest import checksums
+from recorder.generation.datasets.dataset_manifest import checksums
 from recorder.generation.replay import replay
 from recorder.generation.working_folder import FOLDER, UNITS
 

@@ -14,7 +14,7 @@ from shared_fixtures.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import WriterError
 from recorder.generation import working_folder
-from recorder.generation.dataset_manifest import checksums
+from recorder.generation.datasets.dataset_manifest import checksums
 from recorder.generation.replay import replay
 from recorder.generation.working_folder import FOLDER, UNITS
 

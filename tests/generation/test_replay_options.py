@@ -10,7 +10,7 @@ import pytest
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera.config import CameraConfig
-from recorder.cli import replay as command
+from recorder.cli.commands import replay as command
 from recorder.generation import replay_plan, sequence_writers
 from recorder.generation.replay import ReplayConfig, rig_of
 

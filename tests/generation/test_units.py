@@ -10,7 +10,7 @@ from shared_fixtures.straight_drives import StraightDrive
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import RenderError
 from recorder.episode.traffic_level import traffic_level
-from recorder.generation.dataset_manifest import checksums
+from recorder.generation.datasets.dataset_manifest import checksums
 from recorder.generation.replay import replay
 from recorder.generation.units import units_of
 

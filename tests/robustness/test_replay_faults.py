@@ -17,7 +17,7 @@ import yaml
 from shared_fixtures.small_disks import small_disk
 
 from recorder.drive.record import RecordConfig, record
-from recorder.generation.dataset_manifest import checksums
+from recorder.generation.datasets.dataset_manifest import checksums
 
 KILLS, DISKS = 50, 20
 RIG = """\

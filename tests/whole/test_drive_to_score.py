@@ -19,7 +19,7 @@ from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.generation.dataset_manifest import checksums
+from recorder.generation.datasets.dataset_manifest import checksums
 from recorder.generation.replay import ReplayConfig, ReplayResult, replay
 from recorder.slam.bag_odometry import gicp_odometry, kiss_icp_odometry
 

@@ -11,7 +11,7 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.text_files import read_text
-from recorder.generation.dataset_manifest import FILE_NAME, checksums
+from recorder.generation.datasets.dataset_manifest import FILE_NAME, checksums
 from recorder.generation.verification.fit import check_fit
 from recorder.generation.verification.stamps import bags_of, check_bag, check_euroc, check_kitti
 from recorder.generation.working_folder import FOLDER

@@ -19,16 +19,16 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
 from carlaloc_env.core.output_paths import path_below
-from recorder.generation.dataset_clock import DRIVING, REPLAYING, DatasetClock, DatasetProgress
-from recorder.generation.dataset_manifest import FILE_NAME, as_yaml, checksums
-from recorder.generation.dataset_plan import (
+from recorder.generation.datasets.dataset_clock import DRIVING, REPLAYING, DatasetClock, DatasetProgress
+from recorder.generation.datasets.dataset_manifest import FILE_NAME, as_yaml, checksums
+from recorder.generation.datasets.dataset_plan import (
     EPISODES,
     SAMPLE_FROM_S,
     DatasetConfig,
     DrivePlan,
     plan_dataset,
 )
-from recorder.generation.quantities import duration_text
+from recorder.generation.estimates.quantities import duration_text
 from recorder.generation.replay import replay
 from recorder.generation.working_folder import take_lock
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recorder.generation.hub_tables import CONDITIONS, TRAJECTORIES
+from recorder.generation.hub.hub_tables import CONDITIONS, TRAJECTORIES
 
 CONTEXT: dict[str, Any] = {
     "@language": "en",

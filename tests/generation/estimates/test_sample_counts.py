@@ -11,7 +11,7 @@ import pytest
 from carlaloc_env.samples import PointCloud, SemanticImage
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from recorder.cli.main import main
-from recorder.generation.sample_counts import SampleCounts
+from recorder.generation.estimates.sample_counts import SampleCounts
 
 SEQUENCE = """\
 name: ClearNoon_dynamic

@@ -15,9 +15,9 @@ from typing import Any
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.schedule import Weather
 from recorder.generation.conditions import Condition
+from recorder.generation.estimates.size_estimate import bytes_per_second
 from recorder.generation.replay_plan import ReplayConfig
 from recorder.generation.sequence_writers import without_unwritten
-from recorder.generation.size_estimate import bytes_per_second
 
 DRIVING_COST = 0.05
 """Processor time of a second that the scripted driver drives among a town's traffic [s/s]."""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from recorder.generation.dataset_plan import DatasetPlan, DrivePlan
+from recorder.generation.datasets.dataset_plan import DatasetPlan, DrivePlan
 
 DRIVING, REPLAYING = "driving", "replaying"
 """Kinds of work."""

@@ -12,10 +12,10 @@ from carlaloc_env.core.output_paths import check_output_folder, path_below
 from carlaloc_env.town.sources import ALIASES, known_towns
 from recorder.episode.episode import Episode
 from recorder.generation.conditions import conditions_of
-from recorder.generation.quantities import size_text
+from recorder.generation.estimates.quantities import size_text
+from recorder.generation.estimates.size_estimate import bytes_per_second, spool_bytes_per_second
+from recorder.generation.estimates.time_estimate import DRIVING_COST, processes_of, replay_cost
 from recorder.generation.replay_plan import ReplayConfig, rig_of
-from recorder.generation.size_estimate import bytes_per_second, spool_bytes_per_second
-from recorder.generation.time_estimate import DRIVING_COST, processes_of, replay_cost
 
 EPISODES = "episodes"
 """Folder of the recorded drives."""

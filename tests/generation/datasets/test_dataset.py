@@ -16,13 +16,13 @@ from shared_fixtures.straight_drives import StraightDrive
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.rigs.presets import rig_by_name
 from recorder.cli.main import main
-from recorder.generation import dataset, dataset_plan
-from recorder.generation.dataset import make_dataset, write_manifest
-from recorder.generation.dataset_clock import DatasetProgress
-from recorder.generation.dataset_manifest import checksums
-from recorder.generation.dataset_plan import DatasetConfig, plan_dataset
+from recorder.generation.datasets import dataset, dataset_plan
+from recorder.generation.datasets.dataset import make_dataset, write_manifest
+from recorder.generation.datasets.dataset_clock import DatasetProgress
+from recorder.generation.datasets.dataset_manifest import checksums
+from recorder.generation.datasets.dataset_plan import DatasetConfig, plan_dataset
+from recorder.generation.estimates.size_estimate import bytes_per_second
 from recorder.generation.replay_plan import ReplayConfig
-from recorder.generation.size_estimate import bytes_per_second
 from recorder.generation.verification.verify import verify
 
 

@@ -16,9 +16,9 @@ from shared_fixtures.straight_drives import StraightDrive
 from carlaloc_env.core.errors import ConfigError, OutputError
 from recorder.cli.main import main
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.generation import hub
-from recorder.generation.dataset_manifest import checksums
-from recorder.generation.hub import hub_problems, prepare_for_hub
+from recorder.generation.datasets.dataset_manifest import checksums
+from recorder.generation.hub import prepare as hub
+from recorder.generation.hub.prepare import hub_problems, prepare_for_hub
 from recorder.generation.replay import ReplayConfig, replay
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="tables need pyarrow")

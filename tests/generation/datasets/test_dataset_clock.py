@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from recorder.generation.dataset_clock import DRIVING, REPLAYING, DatasetClock, DatasetProgress
-from recorder.generation.dataset_plan import DatasetPlan, DrivePlan
-from recorder.generation.quantities import duration_text, size_text
+from recorder.generation.datasets.dataset_clock import DRIVING, REPLAYING, DatasetClock, DatasetProgress
+from recorder.generation.datasets.dataset_plan import DatasetPlan, DrivePlan
+from recorder.generation.estimates.quantities import duration_text, size_text
 
 
 def plan(*, towns: int, driving_s: float, replaying_s: float) -> DatasetPlan:

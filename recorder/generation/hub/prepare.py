@@ -20,16 +20,16 @@ import yaml
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
-from recorder.generation.croissant import croissant
-from recorder.generation.dataset_manifest import FILE_NAME
-from recorder.generation.hub_tables import (
+from recorder.generation.datasets.dataset_manifest import FILE_NAME
+from recorder.generation.estimates.quantities import size_text
+from recorder.generation.hub.croissant import croissant
+from recorder.generation.hub.hub_tables import (
     CONDITIONS,
     TRAJECTORIES,
     check_parquet,
     write_conditions,
     write_trajectories,
 )
-from recorder.generation.quantities import size_text
 
 FOLDER_FILES, REPOSITORY_FILES, FILE_BYTES = 10_000, 100_000, 200e9
 """What a repository of the Hugging Face hub holds: entries of a folder, files in all, bytes of a file."""

@@ -1,0 +1,1 @@
+"""Sub-commands of `carlaloc`, one module each, with `add_arguments` and `run`."""

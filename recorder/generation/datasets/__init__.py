@@ -1,0 +1,1 @@
+"""Datasets of several drives: plan, clock, manifest, the sequences of all towns."""

@@ -1,0 +1,1 @@
+"""Estimates of time and size, made before the first byte is written."""

@@ -1,0 +1,1 @@
+"""What a hub for datasets asks for: card, Croissant, tables, shards."""
