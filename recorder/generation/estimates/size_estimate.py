@@ -71,9 +71,10 @@ def spool_bytes_per_second(rig: SensorRig, config: ReplayConfig, conditions: Seq
     """
     names = [name.replace("rosbag2", "rosbag1").split("_")[0] for name in config.formats]
     one = sum(bytes_per_second(rig, (name,), config.topics) for name in names)
-    cameras = [sensor for sensor in rig.sensors if sensor.kind == "camera"]
-    if config.preview and cameras:
-        one += _PANELS * _PANEL_BYTES * float(cameras[0].rate_hz)
+    cameras, lidars = ([s for s in rig.sensors if s.kind == kind] for kind in ("camera", "lidar"))
+    if config.preview and (cameras or lidars):
+        panels = _PANELS if cameras else 1
+        one += panels * _PANEL_BYTES * float((cameras or lidars)[0].rate_hz)
     levels = dict.fromkeys(condition.traffic for condition in conditions)
     return one * max(sum(condition.traffic == level for condition in conditions) for level in levels)
 

@@ -92,7 +92,8 @@ def _formats(rig: SensorRig, config: ReplayConfig) -> float:
     compressed = sum(_COMPRESSED.get(name, 0.0) for name in config.formats)
     bags = sum(name.startswith("rosbag") for name in config.formats)
     compressed += bags * _COMPACT.get(config.topics, 0.0)
-    film = _FILM * float(cameras[0].rate_hz) if config.preview and cameras else 0.0
+    filmed = cameras or [sensor for sensor in rig.sensors if sensor.kind == "lidar"]
+    film = _FILM * float(filmed[0].rate_hz) if config.preview and filmed else 0.0
     return compressed * pictures + film
 
 
