@@ -32,7 +32,7 @@ class SystemFile:
     frame: str
     """Frame of its poses: ``lidar``, ``imu``, ``camera`` (the left one) or ``base_link``."""
     command: tuple[str, ...]
-    """Program and words, see `recorder.slam.runners.command.run_command`."""
+    """Program and words, see `recorder.slam.runners.command.run_command`; ``{here}`` is the file's folder."""
     what: str = ""
     """A few words on it."""
     instant: str = "start"
@@ -93,6 +93,9 @@ def read_system_file(path: Path) -> SystemFile:
     given: dict[str, Any] = {
         key: tuple(map(str, value)) if isinstance(value, list) else str(value) for key, value in found.items()
     }
+    if "command" in given:
+        here = str(path.resolve().parent)
+        given["command"] = tuple(word.replace("{here}", here) for word in given["command"])
     try:
         return SystemFile(**given)
     except TypeError as error:

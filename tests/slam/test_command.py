@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -41,6 +42,7 @@ def test_poses_are_those_that_the_program_wrote(sequence: SlamSequence) -> None:
     [
         (["no_such_program_of_ours"], "cannot start no_such_program_of_ours"),
         ([sys.executable, "-c", "raise SystemExit(3)"], "ended with 3"),
+        (["sh", "-c", "no_such_program_of_ours"], "sh did not find a program"),
         ([sys.executable, "-c", "pass", "{bag}"], "wrote no {out}"),
         ([sys.executable, "{euroc}"], "has no mav0"),
     ],
@@ -48,6 +50,18 @@ def test_poses_are_those_that_the_program_wrote(sequence: SlamSequence) -> None:
 def test_failures_are_named(sequence: SlamSequence, words: list[str], message: str) -> None:
     with pytest.raises(EvaluationError, match=message):
         run_command(sequence, FrameClock(), words, sensor="lidar")
+
+
+def test_programs_beside_this_python_are_found(
+    sequence: SlamSequence, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """pip puts them there; PATH has that folder only while the environment is activated."""
+    monkeypatch.setenv("PATH", os.defpath)
+    out = tmp_path / "said.txt"
+    words = ["sh", "-c", f"command -v {Path(sys.executable).name} > {out}; false {{out}}"]
+    with pytest.raises(EvaluationError, match="ended with 1"):
+        run_command(sequence, FrameClock(), words, sensor="lidar")
+    assert out.read_text().strip()
 
 
 def test_the_example_is_a_system(tmp_path: Path) -> None:

@@ -63,6 +63,11 @@ def test_faults_are_named(tmp_path: Path, change: tuple[str, str], message: str)
         read_system_file(tmp_path / "a.yaml")
 
 
+def test_files_beside_it_are_named_by_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(GOOD.replace("command: [", 'command: ["{here}/play.py", '))
+    assert read_system_file(tmp_path / "a.yaml").command[0] == str(tmp_path / "play.py")
+
+
 @pytest.mark.parametrize("path", sorted(EXTERNAL.glob("*.yaml")), ids=lambda path: path.stem)
 def test_files_that_we_give_are_read(path: Path) -> None:
     found = read_system_file(path)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,6 +20,9 @@ _PATHS: dict[str, Callable[[SlamSequence], Path]] = {
     "{euroc}": lambda sequence: sequence.euroc,
     "{calibration}": lambda sequence: sequence.calibration,
 }
+
+_NOT_FOUND = 127
+"""Status by which a shell says that a program is missing."""
 
 
 def run_command(
@@ -62,10 +67,23 @@ def run_command(
     return list(zip(found.stamp_ns.tolist(), poses, strict=True))
 
 
+def program_path() -> str:
+    """Folders in which programs are looked for: those of ``PATH``, then that of this Python.
+
+    So the programs that pip put beside it are found although its environment is not activated.
+    """
+    return os.pathsep.join([os.environ.get("PATH", os.defpath), str(Path(sys.executable).parent)])
+
+
 def _run(words: list[str]) -> None:
+    environment = {**os.environ, "PATH": program_path()}
     try:
-        subprocess.run(words, check=True)
+        subprocess.run(words, check=True, env=environment)
     except OSError as error:
         raise EvaluationError(f"cannot start {words[0]}: {error.strerror}; install it") from error
     except subprocess.CalledProcessError as error:
+        if error.returncode == _NOT_FOUND:
+            raise EvaluationError(
+                f"{words[0]} did not find a program of its command; install it, its name is in log.txt"
+            ) from error
         raise EvaluationError(f"{words[0]} ended with {error.returncode}; see log.txt") from error
