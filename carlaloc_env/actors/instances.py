@@ -18,6 +18,7 @@ from carlaloc_env.actors.articulation import (
 from carlaloc_env.assets.catalog import EGO_TINT, VEHICLES
 from carlaloc_env.assets.number_plates import plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.mesh import EGO_INSTANCE, Instances, ModelLibrary, concatenate_instances
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.scene.signal_lenses import SignalLenses
@@ -104,8 +105,8 @@ def place_actors(
             low[who],
         )
         heading = frame.heading_rad[who].astype(np.float64)
-        position[who, 0] -= behind * np.cos(heading)
-        position[who, 1] -= behind * np.sin(heading)
+        position[who, 0] -= behind * elementary.cos(heading)
+        position[who, 1] -= behind * elementary.sin(heading)
     placed = Instances(
         model=model.astype(np.int32),
         T_world_model=ground_poses(
@@ -217,7 +218,9 @@ def ground_poses(
     """
     p = np.asarray(position_m, dtype=np.float64)
     heading, pitch, roll = (np.asarray(a, dtype=np.float64) for a in (heading_rad, pitch_rad, roll_rad))
-    c, s, cp, sp, cr, sr = (f(angle) for angle in (heading, pitch, roll) for f in (np.cos, np.sin))
+    c, s, cp, sp, cr, sr = (
+        f(angle) for angle in (heading, pitch, roll) for f in (elementary.cos, elementary.sin)
+    )
     T = np.zeros((len(p), 4, 4))
     T[:, 0, 0], T[:, 0, 1], T[:, 0, 2] = c * cp, -s * cr - c * sp * sr, s * sr - c * sp * cr
     T[:, 1, 0], T[:, 1, 1], T[:, 1, 2] = s * cp, c * cr - s * sp * sr, -c * sr - s * sp * cr

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carlaloc_env.core import transforms
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 
@@ -55,7 +55,7 @@ class GeoReference:
 
     def _T_ecef_enu(self) -> Array:
         lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
-        sl, cl, so, co = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+        sl, cl, so, co = elementary.sin(lat), elementary.cos(lat), elementary.sin(lon), elementary.cos(lon)
         axes = np.array([[-so, -sl * co, cl * co], [co, -sl * so, cl * so], [0.0, cl, sl]])
         origin = geodetic_to_ecef([self.latitude_deg, self.longitude_deg, self.height_m])
         return transforms.from_rotation(axes, origin)
@@ -65,12 +65,12 @@ def geodetic_to_ecef(geodetic: ArrayLike) -> Array:
     """Earth-centred points [m] (..., 3) of latitude [deg], longitude [deg], height [m]."""
     g = np.asarray(geodetic, dtype=np.float64)
     lat, lon, h = np.radians(g[..., 0]), np.radians(g[..., 1]), g[..., 2]
-    n = WGS84_A_M / np.sqrt(1.0 - _E2 * np.sin(lat) ** 2)
+    n = WGS84_A_M / np.sqrt(1.0 - _E2 * elementary.sin(lat) ** 2)
     return np.stack(
         [
-            (n + h) * np.cos(lat) * np.cos(lon),
-            (n + h) * np.cos(lat) * np.sin(lon),
-            (n * (1.0 - _E2) + h) * np.sin(lat),
+            (n + h) * elementary.cos(lat) * elementary.cos(lon),
+            (n + h) * elementary.cos(lat) * elementary.sin(lon),
+            (n * (1.0 - _E2) + h) * elementary.sin(lat),
         ],
         axis=-1,
     )
@@ -84,12 +84,15 @@ def ecef_to_geodetic(ecef_m: ArrayLike) -> Array:
     x, y, z = np.moveaxis(np.asarray(ecef_m, dtype=np.float64), -1, 0)
     b = WGS84_A_M * (1.0 - WGS84_F)
     p = np.hypot(x, y)
-    beta = np.arctan2(z * WGS84_A_M, p * b)
+    beta = elementary.arctan2(z * WGS84_A_M, p * b)
     ep2 = _E2 / (1.0 - _E2)
     lat = beta
     for _ in range(3):
-        lat = np.arctan2(z + ep2 * b * np.sin(beta) ** 3, p - _E2 * WGS84_A_M * np.cos(beta) ** 3)
-        beta = np.arctan2((1.0 - WGS84_F) * np.sin(lat), np.cos(lat))
-    n = WGS84_A_M / np.sqrt(1.0 - _E2 * np.sin(lat) ** 2)
-    height = p * np.cos(lat) + z * np.sin(lat) - n * (1.0 - _E2 * np.sin(lat) ** 2)
-    return np.stack([np.degrees(lat), np.degrees(np.arctan2(y, x)), height], axis=-1)
+        lat = elementary.arctan2(
+            z + ep2 * b * elementary.sin(beta) * elementary.sin(beta) ** 2,
+            p - _E2 * WGS84_A_M * elementary.cos(beta) * elementary.cos(beta) ** 2,
+        )
+        beta = elementary.arctan2((1.0 - WGS84_F) * elementary.sin(lat), elementary.cos(lat))
+    n = WGS84_A_M / np.sqrt(1.0 - _E2 * elementary.sin(lat) ** 2)
+    height = p * elementary.cos(lat) + z * elementary.sin(lat) - n * (1.0 - _E2 * elementary.sin(lat) ** 2)
+    return np.stack([np.degrees(lat), np.degrees(elementary.arctan2(y, x)), height], axis=-1)

@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, unknown_name
@@ -54,7 +55,7 @@ class Lens:
                 y * radial + c * (rr + 2 * y * y) + 2 * d * x * y,
             )
         r = np.sqrt(rr)
-        theta = np.arctan(r)
+        theta = elementary.arctan(r)
         tt = theta * theta
         scale = np.where(
             r > 1e-12, theta * (1 + tt * (a + tt * (b + tt * (c + tt * d)))) / np.maximum(r, 1e-12), 1.0
@@ -80,7 +81,7 @@ class Lens:
                 value = theta * (1 + tt * (a + tt * (b + tt * (c + tt * d)))) - rd
                 slope = 1 + tt * (3 * a + tt * (5 * b + tt * (7 * c + 9 * tt * d)))
                 theta = np.clip(theta - value / np.where(np.abs(slope) > 1e-6, slope, 1.0), 0.0, 1.5)
-            scale = np.where(rd > 1e-12, np.tan(theta) / np.maximum(rd, 1e-12), 1.0)
+            scale = np.where(rd > 1e-12, elementary.tan(theta) / np.maximum(rd, 1e-12), 1.0)
             x, y = xd * scale, yd * scale
         elif self.model == "radtan":
             for _ in range(60):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 
@@ -76,15 +76,15 @@ class RoughSurface:
         radius = np.hypot(east, north)
         inside = (radius >= waves_cpm[0]) & (radius < waves_cpm[1])
         # A two-sided density K·ρ⁻³ in the plane integrates to 4K·n⁻² along a line.
-        density = 0.25 * UNIT_M3 * REFERENCE_CPM**2 * np.where(inside, radius, 1.0) ** -3.0
+        density = 0.25 * UNIT_M3 * REFERENCE_CPM**2 / np.where(inside, radius**2 * radius, 1.0)
         gain: Array = np.where(inside, np.sqrt(density), 0.0) / spacing_m
-        gain *= np.exp(-2.0 * (math.pi * blur_m * radius) ** 2)
+        gain *= elementary.exp(-2.0 * (math.pi * blur_m * radius) ** 2)
         gain /= _knot_gain(east * spacing_m) * _knot_gain(north * spacing_m)
         white = rng.stream(seed, name).standard_normal((size, size))
         heights = np.fft.irfft2(np.fft.rfft2(white) * gain, s=(size, size))
         self._coefficients = (np.round(heights / _GRAIN_M) * _GRAIN_M).astype(np.float32)
-        turn = math.atan(_TURN)
-        self._to_lattice = (math.cos(turn) / spacing_m, math.sin(turn) / spacing_m)
+        turn = float(elementary.arctan(_TURN))
+        self._to_lattice = (float(elementary.cos(turn)) / spacing_m, float(elementary.sin(turn)) / spacing_m)
 
     def height(self, x_m: float, y_m: float) -> float:
         """Height at one place [m]."""
@@ -104,7 +104,7 @@ class RoughSurface:
 
 def _knot_gain(cycles: Array) -> Array:
     """What a cubic B-spline makes of its coefficients at its knots, by cycles per knot."""
-    gain: Array = (2.0 + np.cos(2.0 * math.pi * cycles)) / 3.0
+    gain: Array = (2.0 + elementary.cos(2.0 * math.pi * cycles)) / 3.0
     return gain
 
 

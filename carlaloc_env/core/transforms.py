@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 
 R_FLU_OPTICAL: Array = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -107,8 +108,8 @@ def rotvec_to_quat(rotvec_rad: ArrayLike) -> Array:
     """Exponential map: rotation vectors [rad] (..., 3) to unit quaternions (..., 4)."""
     v = np.asarray(rotvec_rad, dtype=np.float64)
     half = 0.5 * np.sqrt(np.sum(v * v, axis=-1, keepdims=True))
-    scale = 0.5 * np.sinc(half / np.pi)
-    return np.concatenate([v * scale, np.cos(half)], axis=-1)
+    scale = 0.5 * elementary.sinc(half / np.pi)
+    return np.concatenate([v * scale, elementary.cos(half)], axis=-1)
 
 
 def quat_to_rotvec(quat_xyzw: ArrayLike) -> Array:
@@ -116,7 +117,7 @@ def quat_to_rotvec(quat_xyzw: ArrayLike) -> Array:
     q = np.asarray(quat_xyzw, dtype=np.float64)
     q = np.where(q[..., 3:4] < 0, -q, q)
     sin_half = np.sqrt(np.sum(q[..., :3] ** 2, axis=-1, keepdims=True))
-    half = np.arctan2(sin_half, q[..., 3:4])
+    half = elementary.arctan2(sin_half, q[..., 3:4])
     safe = np.where(sin_half > 1e-12, sin_half, 1.0)
     return q[..., :3] * np.where(sin_half > 1e-12, 2.0 * half / safe, 2.0)
 
@@ -132,7 +133,14 @@ def rpy_to_quat(roll_rad: ArrayLike, pitch_rad: ArrayLike, yaw_rad: ArrayLike) -
     r, p, y = np.broadcast_arrays(
         *(0.5 * np.asarray(x, dtype=np.float64) for x in (roll_rad, pitch_rad, yaw_rad))
     )
-    cr, sr, cp, sp, cy, sy = np.cos(r), np.sin(r), np.cos(p), np.sin(p), np.cos(y), np.sin(y)
+    cr, sr, cp, sp, cy, sy = (
+        elementary.cos(r),
+        elementary.sin(r),
+        elementary.cos(p),
+        elementary.sin(p),
+        elementary.cos(y),
+        elementary.sin(y),
+    )
     return _joined(
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,
@@ -144,9 +152,9 @@ def rpy_to_quat(roll_rad: ArrayLike, pitch_rad: ArrayLike, yaw_rad: ArrayLike) -
 def quat_to_rpy(quat_xyzw: ArrayLike) -> Array:
     """Roll, pitch, yaw [rad] (..., 3) of unit quaternions (..., 4), inverse of `rpy_to_quat`."""
     x, y, z, w = _components(np.asarray(quat_xyzw, dtype=np.float64))
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    roll = elementary.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = elementary.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    yaw = elementary.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return _joined(roll, pitch, yaw)
 
 

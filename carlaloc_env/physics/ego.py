@@ -8,7 +8,7 @@ from math import cos, sin, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carlaloc_env.core import transforms
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
@@ -164,7 +164,7 @@ class EgoCar:
             omega_body_radps=np.array((wx, wy, wz)),
             speed_mps=bx,
             acceleration_mps2=(bx - self._speed_before_mps) / TICK_S,
-            heading_rad=float(np.arctan2(r21, r11)),
+            heading_rad=float(elementary.arctan2(r21, r11)),
             road_wheel_rad=self._steer_rad,
             wheel_spin_radps=tuple(wheels["spin_radps"].tolist()),
             wheel_travel_m=tuple(wheels["travel_m"].tolist()),

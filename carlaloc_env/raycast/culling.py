@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.jit import compiled
 
@@ -67,8 +68,8 @@ def candidates(
 def _seen_in_sectors(away_m: Array, radius_m: Array) -> tuple[Index, Index]:
     """Where the list of each sector begins (sectors + 1,), and the cylinders of all lists, ascending."""
     flat = np.hypot(away_m[:, 0], away_m[:, 1])
-    half = np.arcsin(np.minimum(radius_m / np.maximum(flat, 1e-9), 1.0))
-    middle = np.arctan2(away_m[:, 1], away_m[:, 0])
+    half = elementary.arcsin(np.minimum(radius_m / np.maximum(flat, 1e-9), 1.0))
+    middle = elementary.arctan2(away_m[:, 1], away_m[:, 0])
     # A sector to either side covers the rounding of float32.
     low = np.floor(_on_square(middle - half) * (_SECTORS / 4)).astype(np.intp) - 1
     high = np.floor(_on_square(middle + half) * (_SECTORS / 4)).astype(np.intp) + 1
@@ -82,7 +83,7 @@ def _seen_in_sectors(away_m: Array, radius_m: Array) -> tuple[Index, Index]:
 
 def _on_square(angle_rad: Array) -> Array:
     """Position on the outline of the square |x| + |y| = 1 of directions, 0–4 anticlockwise from east."""
-    x, y = np.cos(angle_rad), np.sin(angle_rad)
+    x, y = elementary.cos(angle_rad), elementary.sin(angle_rad)
     fraction = x / (np.abs(x) + np.abs(y))
     quadrant: Array = np.where(y >= 0, 1 - fraction, 3 + fraction)
     return quadrant

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.actors.articulation import steered_mesh
 from carlaloc_env.actors.ray_models import ray_models, ray_postures
-from carlaloc_env.core import transforms
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.raycast.culling import Cylinders, candidates
 from carlaloc_env.raycast.hits import Hits
@@ -169,8 +169,8 @@ class RayScene:
             since_s = np.asarray(1e-9 * (stamps_ns[near[steps]] - middle), dtype=np.float64)
             posture, behind = ray_postures(self._library, snapshot, eye, actors[steps], since_s)
             kind[steps] = posture * _STEER_KINDS + _STEER_KINDS // 2
-            position[steps, 0] -= behind * np.cos(heading[steps])
-            position[steps, 1] -= behind * np.sin(heading[steps])
+            position[steps, 0] -= behind * elementary.cos(heading[steps])
+            position[steps, 1] -= behind * elementary.sin(heading[steps])
         offset = rays[near, :3].astype(np.float64) - (position - self.middle_m)
         local = into_actor_frame(offset, rays[near, 3:], heading, pitch, roll)
         found = self._trace_kinds(local, kind, range_max_m)
@@ -203,7 +203,9 @@ class RayScene:
         middle = 0.5 * (bounds[:, 0, 2] + bounds[:, 1, 2])[back]
         half_height = 0.5 * (bounds[:, 1, 2] - bounds[:, 0, 2])[back]
         # Counted from the middle of the town, as rays are.
-        lean = sum(np.abs(np.sin(tilt.astype(np.float64))) for tilt in (frame.pitch_rad, frame.roll_rad))
+        lean = sum(
+            np.abs(elementary.sin(tilt.astype(np.float64))) for tilt in (frame.pitch_rad, frame.roll_rad)
+        )
         centre = frame.position_m - self.middle_m
         centre[:, 2] += middle
         # Half as much again and 15 cm leave room for turns, steered wheels and a walker's other postures.
@@ -241,7 +243,9 @@ def into_actor_frame(
         roll_rad: Rolls, left side up positive [rad], shape (M,).
     """
     ch, sh, cp, sp, cr, sr = (
-        f(angle.astype(np.float32)) for angle in (heading_rad, pitch_rad, roll_rad) for f in (np.cos, np.sin)
+        f(angle.astype(np.float32))
+        for angle in (heading_rad, pitch_rad, roll_rad)
+        for f in (elementary.cos, elementary.sin)
     )
     local = np.empty((len(offset_m), 6), dtype=np.float32)
     for first, vectors in ((0, offset_m), (3, directions)):

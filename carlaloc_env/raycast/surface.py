@@ -1,7 +1,12 @@
-"""One rigid set of triangles: an Embree tree, and what each triangle is made of."""
+"""One rigid set of triangles: an Embree tree, and what each triangle is made of.
+
+Embree finds which triangle a ray meets. How far away that is and at which angle is computed here from its
+corners: Embree's arithmetic, in single precision, differs with the processor.
+"""
 
 from __future__ import annotations
 
+import math
 from types import ModuleType
 from typing import Any
 
@@ -24,10 +29,10 @@ class Surface:
         corner = mesh.triangles[:, 0]
         self._material, self._tag = mesh.material[corner], mesh.tag[corner]
         self._instance = mesh.instance[corner]
+        self._triangles = np.ascontiguousarray(mesh.triangles, dtype=np.uint32)
+        self._vertices_m = np.ascontiguousarray(mesh.vertices_m, dtype=np.float32)
         if self._scene is not None:
-            triangles = np.ascontiguousarray(mesh.triangles, dtype=np.uint32)
-            vertices = np.ascontiguousarray(mesh.vertices_m, dtype=np.float32)
-            self._scene.add_triangles(self._tensor(vertices), self._tensor(triangles))
+            self._scene.add_triangles(self._tensor(self._vertices_m), self._tensor(self._triangles))
 
     def trace(self, rays: F32, range_max_m: float) -> Hits:
         """First hits of rays given as origins [m] and directions in the triangles' frame, shape (N, 6)."""
@@ -43,9 +48,8 @@ class Surface:
             cos_incidence=np.empty(count, np.float32),
         )
         _read(
-            answer["t_hit"].numpy(),
             answer["primitive_ids"].numpy(),
-            answer["primitive_normals"].numpy(),
+            (self._triangles, self._vertices_m),
             rays,
             np.float32(range_max_m),
             (self._tag, self._instance, self._material),
@@ -63,28 +67,37 @@ class Surface:
 
 @compiled
 def _read(
-    distance_m: F32,
     triangle: NDArray[np.uint32],
-    normal: F32,
+    mesh: tuple[NDArray[np.uint32], F32],
     rays: F32,
     range_max_m: np.float32,
     labels: tuple[NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint8]],
     out: tuple[F32, NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint8], F32],
 ) -> None:
-    """Embree's answer to N rays as the arrays of `Hits`."""
+    """What N rays meet, by the triangle of each, as the arrays of `Hits`."""
+    corners, vertices_m = mesh
     tag, instance, material = labels
     out_range, out_tag, out_instance, out_material, out_cosine = out
-    for i in range(len(distance_m)):
-        if not distance_m[i] <= range_max_m:
-            out_range[i] = np.inf
-            out_tag[i] = out_instance[i] = out_material[i] = 0
-            out_cosine[i] = 0.0
-            continue
+    for i in range(len(triangle)):
         t = triangle[i]
-        cosine = abs(normal[i, 0] * rays[i, 3] + normal[i, 1] * rays[i, 4] + normal[i, 2] * rays[i, 5])
-        out_range[i] = distance_m[i]
-        out_tag[i], out_instance[i], out_material[i] = tag[t], instance[t], material[t]
-        out_cosine[i] = min(cosine, np.float32(1.0))
+        distance_m, cosine = np.float32(np.inf), 0.0
+        if t < len(corners):
+            a, b, c = corners[t, 0], corners[t, 1], corners[t, 2]
+            x, y, z = float(vertices_m[a, 0]), float(vertices_m[a, 1]), float(vertices_m[a, 2])
+            bx, by, bz = vertices_m[b, 0] - x, vertices_m[b, 1] - y, vertices_m[b, 2] - z
+            cx, cy, cz = vertices_m[c, 0] - x, vertices_m[c, 1] - y, vertices_m[c, 2] - z
+            nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+            facing = nx * rays[i, 3] + ny * rays[i, 4] + nz * rays[i, 5]
+            height = nx * (x - rays[i, 0]) + ny * (y - rays[i, 1]) + nz * (z - rays[i, 2])
+            if facing != 0.0:
+                distance_m = np.float32(height / facing)
+                cosine = abs(facing) / math.sqrt(nx * nx + ny * ny + nz * nz)
+        if distance_m <= range_max_m:
+            out_range[i], out_cosine[i] = distance_m, min(cosine, 1.0)
+            out_tag[i], out_instance[i], out_material[i] = tag[t], instance[t], material[t]
+        else:
+            out_range[i], out_cosine[i] = np.inf, 0.0
+            out_tag[i] = out_instance[i] = out_material[i] = 0
 
 
 def import_open3d() -> ModuleType:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.samples.base import Sample, check
 
 
@@ -82,6 +83,8 @@ class RadarScan(Sample):
     @property
     def points_xyz_m(self) -> NDArray[np.float32]:
         """Detections as points [m] in the radar's frame, shape (N, 3)."""
-        flat = self.range_m * np.cos(self.elevation_rad)
-        up = self.range_m * np.sin(self.elevation_rad)
-        return np.stack([flat * np.cos(self.azimuth_rad), flat * np.sin(self.azimuth_rad), up], axis=-1)
+        flat = self.range_m * elementary.cos(self.elevation_rad)
+        up = self.range_m * elementary.sin(self.elevation_rad)
+        return np.stack(
+            [flat * elementary.cos(self.azimuth_rad), flat * elementary.sin(self.azimuth_rad), up], axis=-1
+        )

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
@@ -54,9 +55,11 @@ class Mesh:
         """The same mesh moved by a rigid transform (4, 4)."""
         m = np.asarray(T, dtype=np.float64)
         return Mesh(
-            vertices_m=(self.vertices_m @ m[:3, :3].T + m[:3, 3]).astype(np.float32),
+            vertices_m=(elementary.matrix_product(self.vertices_m, m[:3, :3].T) + m[:3, 3]).astype(
+                np.float32
+            ),
             triangles=self.triangles,
-            normals=(self.normals @ m[:3, :3].T).astype(np.float32),
+            normals=elementary.matrix_product(self.normals, m[:3, :3].T).astype(np.float32),
             uv_m=self.uv_m,
             colour=self.colour,
             material=self.material,

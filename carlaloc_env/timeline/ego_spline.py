@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import elementary_kernels
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
 from carlaloc_env.core.jit import compiled
@@ -191,8 +192,8 @@ def _attitude(first: Array, turn_rad: Array, u: float, out_quat: Array, out: Arr
         turn = (turn_rad[k, 0], turn_rad[k, 1], turn_rad[k, 2])
         x, y, z = b * turn[0], b * turn[1], b * turn[2]
         half = 0.5 * math.sqrt(x * x + y * y + z * z)
-        scale = 0.5 * math.sin(half) / half if half > 1e-9 else 0.5
-        x, y, z, c = x * scale, y * scale, z * scale, math.cos(half)
+        scale = 0.5 * elementary_kernels.sin(half) / half if half > 1e-9 else 0.5
+        x, y, z, c = x * scale, y * scale, z * scale, elementary_kernels.cos(half)
         w, alpha = _rotated(-x, -y, -z, c, w), _rotated(-x, -y, -z, c, alpha)
         alpha = (
             alpha[0] + db * (w[1] * turn[2] - w[2] * turn[1]) + ddb * turn[0],
@@ -219,7 +220,7 @@ def _turns(quat_xyzw: Array, rows: tuple[int, int, int, int], turn_rad: Array) -
         a, b = quat_xyzw[rows[k]], quat_xyzw[rows[k + 1]]
         x, y, z, w = _product(-a[0], -a[1], -a[2], a[3], b[0], b[1], b[2], b[3])
         sine = math.sqrt(x * x + y * y + z * z)
-        scale = 2.0 * math.atan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
+        scale = 2.0 * elementary_kernels.arctan2(sine, abs(w)) / sine if sine > 1e-12 else 2.0
         scale = scale if w >= 0 else -scale
         turn_rad[k, 0], turn_rad[k, 1], turn_rad[k, 2] = x * scale, y * scale, z * scale
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
@@ -180,8 +181,8 @@ def overlapping_boxes(frame: ActorFrame, catalog: ActorCatalog, which: Index) ->
     apart = np.zeros(len(pairs), dtype=np.bool_)
     for own, other in ((a, b), (b, a)):
         turn = heading[other] - heading[own]
-        cos, sin = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-        c, s = np.cos(heading[own]), np.sin(heading[own])
+        cos, sin = np.abs(elementary.cos(turn)), np.abs(elementary.sin(turn))
+        c, s = elementary.cos(heading[own]), elementary.sin(heading[own])
         along = np.abs(delta[:, 0] * c + delta[:, 1] * s)
         across = np.abs(delta[:, 1] * c - delta[:, 0] * s)
         apart[along > half[own, 0] + half[other, 0] * cos + half[other, 1] * sin] = True
@@ -197,8 +198,12 @@ def walkers_in_boxes(
     delta = frame.position_m[walkers, None].astype(np.float64) - frame.position_m[None, vehicles]
     heading = frame.heading_rad[vehicles].astype(np.float64)
     half = 0.5 * catalog.size_m[vehicles, :2].astype(np.float64)
-    along = np.abs(delta[..., 0] * np.cos(heading) + delta[..., 1] * np.sin(heading)) - half[:, 0]
-    across = np.abs(delta[..., 1] * np.cos(heading) - delta[..., 0] * np.sin(heading)) - half[:, 1]
+    along = (
+        np.abs(delta[..., 0] * elementary.cos(heading) + delta[..., 1] * elementary.sin(heading)) - half[:, 0]
+    )
+    across = (
+        np.abs(delta[..., 1] * elementary.cos(heading) - delta[..., 0] * elementary.sin(heading)) - half[:, 1]
+    )
     gap = np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0))
     touched: NDArray[np.bool_] = (gap < BODY_RADIUS_M) & (np.abs(delta[..., 2]) < _HEIGHT_M)
     result: NDArray[np.bool_] = np.any(touched, axis=1)
@@ -262,15 +267,15 @@ class _StopLines:
         fronts = []
         for frame in (before, after):
             heading = frame.heading_rad[vehicles].astype(np.float64)
-            nose = np.stack([np.cos(heading), np.sin(heading)], axis=-1) * half[:, None]
+            nose = np.stack([elementary.cos(heading), elementary.sin(heading)], axis=-1) * half[:, None]
             fronts.append(frame.position_m[vehicles, :2] + nose)
-        c, s = np.cos(self._heading), np.sin(self._heading)
+        c, s = elementary.cos(self._heading), elementary.sin(self._heading)
         old, new = ((f[:, None] - self._point[None, :, :2]) for f in fronts)
         was = old[..., 0] * c + old[..., 1] * s
         now = new[..., 0] * c + new[..., 1] * s
         side = np.abs(new[..., 1] * c - new[..., 0] * s)
         level = np.abs(after.position_m[vehicles, 2][:, None] - self._point[None, :, 2]) < _HEIGHT_M
-        along = np.cos(after.heading_rad[vehicles][:, None] - self._heading) > 0.8
+        along = elementary.cos(after.heading_rad[vehicles][:, None] - self._heading) > 0.8
         hit = (was < 0.0) & (now >= 0.0) & (side < self._half_m) & level & along
         rows = np.flatnonzero(hit.any(axis=0))
         late = [k for k in rows if (self._red_s[self._heads[k]] > LATE_S).all()]

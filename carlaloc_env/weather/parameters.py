@@ -18,6 +18,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.errors import ConfigError, unknown_name
 
 MOR_CONTRAST = 0.05
@@ -107,8 +108,10 @@ class WeatherParameters:
     def sun_direction(self) -> NDArray[np.float64]:
         """Unit vector towards the sun in the world (east, north, up), shape (3,)."""
         azimuth, altitude = math.radians(self.sun_azimuth_angle), math.radians(self.sun_altitude_angle)
-        level = math.cos(altitude)
-        return np.array([level * math.cos(azimuth), -level * math.sin(azimuth), math.sin(altitude)])
+        level = elementary.cos(altitude)
+        return np.array(
+            [level * elementary.cos(azimuth), -level * elementary.sin(azimuth), elementary.sin(altitude)]
+        )
 
     @property
     def is_night(self) -> bool:
@@ -131,7 +134,7 @@ class WeatherParameters:
     @property
     def fog_extinction_per_m(self) -> float:
         """Extinction by fog at height 0 [1/m]."""
-        return float(0.0375 * (self.fog_density / 80.0) ** 1.5)
+        return float(0.0375 * elementary.power(self.fog_density / 80.0, 1.5))
 
     @property
     def fog_scale_height_m(self) -> float:
@@ -144,7 +147,7 @@ class WeatherParameters:
 
         Rain: fit to the Marshall–Palmer sums 0.0010, 0.0016, 0.0028, 0.0043 1/m at 5, 10, 25, 50 mm/h.
         """
-        rain = 3.7e-4 * self.rain_mmph**0.63 if self.precipitation > 0 else 0.0
+        rain = 3.7e-4 * float(elementary.power(self.rain_mmph, 0.63)) if self.precipitation > 0 else 0.0
         haze = 1.0e-4 * self.mie_scattering_scale / 0.03
         return float(rain + haze + 0.03 * self.dust_storm / 100.0)
 
@@ -156,7 +159,7 @@ class WeatherParameters:
     @property
     def optical_range_m(self) -> float:
         """Meteorological optical range at height 0 [m]: where 5 % of the contrast is left."""
-        return -math.log(MOR_CONTRAST) / self.extinction_per_m
+        return -float(elementary.log(MOR_CONTRAST)) / self.extinction_per_m
 
     @property
     def surface_wetness(self) -> float:
@@ -174,8 +177,8 @@ class WeatherParameters:
         depth = self.fog_extinction_per_m * self.fog_scale_height_m + 30.0 * (
             self.uniform_extinction_per_m - 1.0e-4 * self.mie_scattering_scale / 0.03
         )
-        slant = depth / max(math.sin(math.radians(max(self.sun_altitude_angle, 5.0))), 0.1)
-        return 1.0 - (1.0 - clouds) * math.exp(-slant)
+        slant = depth / max(elementary.sin(math.radians(max(self.sun_altitude_angle, 5.0))), 0.1)
+        return 1.0 - (1.0 - clouds) * float(elementary.exp(-slant))
 
 
 def _row(*values: float) -> WeatherParameters:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.mesh import Mesh
@@ -84,7 +85,7 @@ def _corner_normals(weld: NDArray[np.int64], face: Array, area: Array, crease_de
     within = np.arange(len(own)) - np.repeat(np.cumsum(count[weld]) - count[weld], count[weld])
     other = order[start[weld[own]] + within]
     unit = face / area[:, None]
-    near = np.sum(unit[own] * unit[other], axis=-1) > np.cos(np.radians(crease_deg))
+    near = np.sum(unit[own] * unit[other], axis=-1) > elementary.cos(np.radians(crease_deg))
     total = np.stack(
         [np.bincount(own[near], face[other[near], axis], minlength=len(weld)) for axis in range(3)], axis=-1
     )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.modelling.normals import crease
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply, cross
 from carlaloc_env.scene.materials import Material
@@ -126,7 +127,10 @@ def tube(
     r = np.broadcast_to(np.asarray(radii_m, dtype=np.float64), (len(p),))
     across, other = _ring_axes(p)
     angle = 2 * np.pi * np.arange(sides) / sides
-    offset = np.cos(angle)[None, :, None] * across[:, None] + np.sin(angle)[None, :, None] * other[:, None]
+    offset = (
+        elementary.cos(angle)[None, :, None] * across[:, None]
+        + elementary.sin(angle)[None, :, None] * other[:, None]
+    )
     return rings(look, p[:, None] + r[:, None, None] * offset, caps=caps, crease_deg=crease_deg)
 
 
@@ -169,7 +173,7 @@ def lathe(
     """Body of revolution about the upright axis; profile of (radius, height) from the bottom up."""
     profile = np.asarray(profile_m, dtype=np.float64)
     angle = 2 * np.pi * np.arange(sides) / sides
-    radial = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    radial = np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
     grid = np.zeros((len(profile), sides, 3))
     grid[..., :2] = profile[:, :1, None] * radial
     grid[..., 2] = profile[:, 1:]
@@ -184,9 +188,9 @@ def ellipsoid(
     angle = 2 * np.pi * np.arange(sides) / sides
     grid = np.stack(
         [
-            np.cos(latitude)[:, None] * np.cos(angle),
-            np.cos(latitude)[:, None] * np.sin(angle),
-            np.broadcast_to(np.sin(latitude)[:, None], (ring_count + 1, sides)),
+            elementary.cos(latitude)[:, None] * elementary.cos(angle),
+            elementary.cos(latitude)[:, None] * elementary.sin(angle),
+            np.broadcast_to(elementary.sin(latitude)[:, None], (ring_count + 1, sides)),
         ],
         axis=-1,
     )
@@ -205,7 +209,9 @@ def extrude(look: Look, outline_m: ArrayLike, height_m: float, crease_deg: float
 def disc(look: Look, radius_m: float, sides: int = 16, x_m: float = 0.0) -> Mesh:
     """Round plate at x = `x_m` that faces along +x."""
     angle = 2 * np.pi * np.arange(sides) / sides
-    ring = np.stack([np.full(sides, x_m), radius_m * np.cos(angle), radius_m * np.sin(angle)], axis=-1)
+    ring = np.stack(
+        [np.full(sides, x_m), radius_m * elementary.cos(angle), radius_m * elementary.sin(angle)], axis=-1
+    )
     vertices = np.concatenate([ring, [[x_m, 0.0, 0.0]]])
     k = np.arange(sides)
     triangles = np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=-1)
@@ -233,7 +239,12 @@ def placed(
 
 def pose(position_m: ArrayLike = (0.0, 0.0, 0.0), yaw_rad: float = 0.0, pitch_rad: float = 0.0) -> Array:
     """Transform (4, 4): pitched (nose up positive), turned, then shifted [m]."""
-    c, s, cp, sp = np.cos(yaw_rad), np.sin(yaw_rad), np.cos(pitch_rad), np.sin(pitch_rad)
+    c, s, cp, sp = (
+        elementary.cos(yaw_rad),
+        elementary.sin(yaw_rad),
+        elementary.cos(pitch_rad),
+        elementary.sin(pitch_rad),
+    )
     T = np.eye(4)
     T[:3, :3] = [(c * cp, -s, -c * sp), (s * cp, c, -s * sp), (sp, 0.0, cp)]
     T[:3, 3] = position_m

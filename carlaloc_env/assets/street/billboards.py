@@ -6,6 +6,7 @@ import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, box, panel, placed, tube
 from carlaloc_env.assets.texture_atlas import atlas_uv, cell_corners
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -35,7 +36,7 @@ def billboard(
     for turn, cell in ((0.0, picture), (np.pi, picture + 3)):
         uv = cell_corners(atlas_uv(Material.BILLBOARD, cell))
         board = panel(Look(Material.BILLBOARD, Tag.STATIC), corners, uv, 0.06, frame)
-        spot = (0.24 * np.cos(turn), 0.0, middle)
+        spot = (0.24 * elementary.cos(turn), 0.0, middle)
         parts += [placed(mesh, spot, turn) for mesh in board]
     for z in (bottom_m - 0.07, bottom_m + height_m + 0.07):
         parts.append(box(frame, (0.56, width_m + 0.3, 0.14), (0.0, 0.0, z)))

@@ -6,6 +6,7 @@ import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, placed, tube
 from carlaloc_env.assets.street.fences_and_poles import fence
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -124,6 +125,8 @@ def _hoarding(width_m: float, depth_m: float) -> list[Mesh]:
         count = max(1, int(length / 3.0))
         for k in range(count):
             at = k * length / count
-            parts.append(placed(panel, (x + np.cos(yaw) * at, y + np.sin(yaw) * at, 0.0), yaw))
+            parts.append(
+                placed(panel, (x + elementary.cos(yaw) * at, y + elementary.sin(yaw) * at, 0.0), yaw)
+            )
     parts += [placed(road_barrier(), (depth_m / 2, y, 0.0)) for y in (-1.4, 1.4)]
     return parts

@@ -18,6 +18,7 @@ from carlaloc_env.assets.modelling.primitives import (
     tube,
 )
 from carlaloc_env.assets.texture_atlas import PosterCell, atlas_uv, cell_corners
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -79,7 +80,11 @@ def bin_(*, colour: Colour = (14, 40, 20)) -> Mesh:
     """Litter bin, 1 m high."""
     paint = Look(Material.METAL_PAINTED, _STATIC, colour)
     slats = [
-        placed(box(paint, (0.02, 0.07, 0.72)), (0.225 * np.cos(a), 0.225 * np.sin(a), 0.45), float(a))
+        placed(
+            box(paint, (0.02, 0.07, 0.72)),
+            (0.225 * elementary.cos(a), 0.225 * elementary.sin(a), 0.45),
+            float(a),
+        )
         for a in 2 * np.pi * np.arange(14) / 14
     ]
     body = lathe(_DARK, [(0.20, 0.0), (0.20, 0.84), (0.17, 0.84)], 14)
@@ -104,7 +109,7 @@ def hydrant(*, colour: Colour = (150, 12, 8)) -> Mesh:
     ]
     parts = [lathe(paint, profile, 12)]
     for yaw, radius, length in ((0.0, 0.075, 0.19), (0.5 * np.pi, 0.05, 0.17), (-0.5 * np.pi, 0.05, 0.17)):
-        end = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        end = np.array([elementary.cos(yaw), elementary.sin(yaw), 0.0])
         parts.append(tube(paint, [end * 0.05 + (0, 0, 0.38), end * length + (0, 0, 0.38)], radius, 8))
     return merge(parts)
 
@@ -176,7 +181,7 @@ def advertising_column(first_poster: int = 0) -> Mesh:
     for k in range(4):
         angle = 2 * np.pi * (k * sides // 4 + np.arange(sides // 4 + 1)) / sides
         for row, (low, high) in enumerate(((0.40, 1.70), (1.70, 3.0))):
-            ring = np.stack([0.64 * np.cos(angle), 0.64 * np.sin(angle)], axis=-1)
+            ring = np.stack([0.64 * elementary.cos(angle), 0.64 * elementary.sin(angle)], axis=-1)
             u0, v0, u1, v1 = atlas_uv(Material.POSTER, first_poster + 2 * k + 5 * row)
             u = u0 + (u1 - u0) * np.linspace(0, 1, len(angle))
             parts.append(_strip(Look(Material.POSTER, _STATIC), ring, low, high, u, (v0, v1)))
@@ -200,7 +205,10 @@ def post_box() -> Mesh:
     blue = Look(Material.METAL_PAINTED, _STATIC, (10, 30, 100))
     angle = np.linspace(0, np.pi, 9)
     profile = np.concatenate(
-        [[(-0.225, 0.18), (0.225, 0.18)], np.stack([0.225 * np.cos(angle), 1.02 + 0.22 * np.sin(angle)], -1)]
+        [
+            [(-0.225, 0.18), (0.225, 0.18)],
+            np.stack([0.225 * elementary.cos(angle), 1.02 + 0.22 * elementary.sin(angle)], -1),
+        ]
     )
     grid = np.stack(
         [np.stack([profile[:, 0], np.full(len(profile), y), profile[:, 1]], -1) for y in (0.25, -0.25)]

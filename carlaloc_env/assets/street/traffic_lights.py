@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, box, disc, lathe, placed, pose, rings, tube
 from carlaloc_env.assets.street.fences_and_poles import POST
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -97,7 +98,9 @@ def _visor() -> Mesh:
     for radius in (0.158, 0.150):
         for x, shrink in ((0.0, 0.0), (0.24, 0.0)):
             r = radius - shrink
-            grid.append(np.stack([np.full(12, x), -r * np.cos(angle), r * np.sin(angle)], axis=-1))
+            grid.append(
+                np.stack([np.full(12, x), -r * elementary.cos(angle), r * elementary.sin(angle)], axis=-1)
+            )
     out_near, out_far, in_near, in_far = (np.asarray(g) for g in grid)
     # Underside of the hood is cut back, as on a tunnel visor.
     for ring in (out_far, in_far):

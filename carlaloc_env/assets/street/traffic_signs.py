@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, surface, tube
 from carlaloc_env.assets.street.fences_and_poles import POST
 from carlaloc_env.assets.texture_atlas import STREET_NAMES, SignCell, atlas_uv, cell_corners, street_name_uv
+from carlaloc_env.core import elementary
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -89,10 +90,14 @@ def _outline(name: str) -> NDArray[np.float64]:
     """Outline in (y, z), anticlockwise seen from +x, inside the square ±0.5."""
     if name == "octagon":
         angle = np.pi / 8 + np.pi / 4 * np.arange(8)
-        return np.asarray(0.5 / np.cos(np.pi / 8) * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
+        return np.asarray(
+            0.5
+            / elementary.cos(np.pi / 8)
+            * np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
+        )
     if name == "circle":
         angle = 2 * np.pi * np.arange(20) / 20
-        return 0.5 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        return 0.5 * np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
     shapes = {
         "triangle": [(0.0, -0.5), (0.5, 0.5), (-0.5, 0.5)],
         "diamond": [(0.0, -0.5), (0.5, 0.0), (0.0, 0.5), (-0.5, 0.0)],
@@ -110,6 +115,6 @@ def _street_name(text: str) -> Mesh:
         for flip in (0.0, np.pi):
             plate = board("rectangle", 0.96, 0.24, corners)
             yaw = turn + flip
-            spot = (0.02 * np.cos(yaw), 0.02 * np.sin(yaw), 2.60 + 0.28 * (step > 0))
+            spot = (0.02 * elementary.cos(yaw), 0.02 * elementary.sin(yaw), 2.60 + 0.28 * (step > 0))
             parts.append(placed(plate, spot, yaw))
     return merge(parts)

@@ -7,6 +7,7 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, placed
 from carlaloc_env.assets.vegetation.foliage import GREEN
 from carlaloc_env.assets.vegetation.shrubs import tufts
+from carlaloc_env.core import elementary
 from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, make_mesh, merge
@@ -25,8 +26,8 @@ def maize(seed: int, tint: Colour) -> Mesh:
     yaw = np.pi * np.arange(leaves) + rng.normal(0.0, 0.5, leaves)
     z = np.linspace(0.35, 1.75, leaves)
     reach = 0.55 * (1.0 - 0.45 * (z / 2.0 - 0.4) ** 2) * rng.uniform(0.8, 1.15, leaves)
-    out = np.stack([np.cos(yaw), np.sin(yaw), np.zeros(leaves)], axis=-1)
-    side = 0.06 * np.stack([-np.sin(yaw), np.cos(yaw), np.zeros(leaves)], axis=-1)
+    out = np.stack([elementary.cos(yaw), elementary.sin(yaw), np.zeros(leaves)], axis=-1)
+    side = 0.06 * np.stack([-elementary.sin(yaw), elementary.cos(yaw), np.zeros(leaves)], axis=-1)
     base = np.column_stack([np.zeros((leaves, 2)), z])
     bend = base + out * 0.5 * reach[:, None] + [0.0, 0.0, 0.34]
     tip = base + out * reach[:, None] + [0.0, 0.0, 0.02]

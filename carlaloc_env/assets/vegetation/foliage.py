@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.scene.materials import Material
@@ -69,15 +70,15 @@ def leaf_triangles(
     across = _unit(cross(normal, directions(rng, count)))
     other = cross(normal, across)
     angle = 2 * np.pi * np.arange(3) / 3
-    corner = LONG * np.cos(angle)[None, :, None] * across[:, None]
-    corner = corner + np.sin(angle)[None, :, None] * other[:, None] / LONG
+    corner = LONG * elementary.cos(angle)[None, :, None] * across[:, None]
+    corner = corner + elementary.sin(angle)[None, :, None] * other[:, None] / LONG
     vertices = points[:, None] + 0.577 * size[:, None, None] * corner
     bent = _unit(0.5 * normal + 0.5 * out)
     light = rng.uniform(0.72, 1.0, (count, 1)) * np.clip(rng.normal(1.0, 0.06, (count, 3)), 0.8, 1.2)
     light = light * np.broadcast_to(shade, (count,))[:, None]
     colour = np.clip(np.array(tint) * GREEN * light, 0, 255).astype(np.uint8)
     uv = rng.uniform(0, 1, (count, 1, 2)) + 0.5 * size[:, None, None] * np.stack(
-        [np.cos(angle), np.sin(angle)], -1
+        [elementary.cos(angle), elementary.sin(angle)], -1
     )
     return make_mesh(
         vertices.reshape(-1, 3),
@@ -146,7 +147,7 @@ def clumps(
 def _turned(rng: np.random.Generator, count: int) -> Array:
     """The icosahedron's corners turned about the vertical at random, shape (count, 12, 3)."""
     angle = rng.uniform(0, 2 * np.pi, count)
-    c, s = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    c, s = elementary.cos(angle)[:, None], elementary.sin(angle)[:, None]
     x, y, z = _CORNERS.T
     return np.stack([c * x - s * y, s * x + c * y, np.broadcast_to(z, (count, 12))], axis=-1)
 

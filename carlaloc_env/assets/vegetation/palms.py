@@ -7,6 +7,7 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, tube
 from carlaloc_env.assets.vegetation.foliage import GREEN
 from carlaloc_env.assets.vegetation.tree_species import TreeForm
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -35,8 +36,8 @@ def palm(
     s = np.linspace(0.0, 1.0, 9 if detail == "high" else 6)
     along = reach[:, None] * s
     z = top + reach[:, None] * (rise[:, None] * s - (0.75 + 0.35 * rise[:, None]) * s**2)
-    half = 0.5 * width * np.sin(np.pi * np.clip(0.12 + 0.88 * s, 0, 1)) + 0.02
-    c, sn = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    half = 0.5 * width * elementary.sin(np.pi * np.clip(0.12 + 0.88 * s, 0, 1)) + 0.02
+    c, sn = elementary.cos(yaw)[:, None], elementary.sin(yaw)[:, None]
     grids = []
     for side in (-1.0, 0.0, 1.0):
         x = axis[-1, 0] + c * along - sn * side * half

@@ -6,6 +6,7 @@ import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, box, tube
 from carlaloc_env.assets.vegetation.foliage import GREEN, clumps, directions, leaf_triangles
+from carlaloc_env.core import elementary
 from carlaloc_env.core.rng import stream
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, make_mesh, merge
@@ -60,7 +61,7 @@ def shrub(seed: int = 0, detail: str = "high", tint: tuple[int, int, int] = (215
     stems = [
         tube(
             Look(Material.BARK, Tag.VEGETATION),
-            [(0, 0, 0), (0.4 * radius * np.cos(a), 0.4 * radius * np.sin(a), 0.6 * height)],
+            [(0, 0, 0), (0.4 * radius * elementary.cos(a), 0.4 * radius * elementary.sin(a), 0.6 * height)],
             [0.03, 0.01],
             4,
         )
@@ -82,9 +83,11 @@ def tufts(
     """Long grass or weeds: blades of one triangle each in a round patch, normals up like the ground's."""
     rng = stream(seed, "tufts")
     turn, reach = rng.uniform(0, 2 * np.pi, count), radius_m * np.sqrt(rng.uniform(0, 1, count))
-    foot = np.stack([reach * np.cos(turn), reach * np.sin(turn), np.full(count, -0.05)], axis=-1)
+    foot = np.stack(
+        [reach * elementary.cos(turn), reach * elementary.sin(turn), np.full(count, -0.05)], axis=-1
+    )
     yaw = rng.uniform(0, 2 * np.pi, count)
-    side = 0.5 * blade_m * np.stack([np.cos(yaw), np.sin(yaw), np.zeros(count)], axis=-1)
+    side = 0.5 * blade_m * np.stack([elementary.cos(yaw), elementary.sin(yaw), np.zeros(count)], axis=-1)
     high = height_m * rng.uniform(0.55, 1.0, count)
     lean = spread * high[:, None] * rng.normal(0, 1, (count, 2))
     tip = foot + np.concatenate([lean, high[:, None] + 0.05], axis=-1)

@@ -18,6 +18,7 @@ from carlaloc_env.assets.vegetation.foliage import (
 )
 from carlaloc_env.assets.vegetation.palms import palm
 from carlaloc_env.assets.vegetation.tree_species import DETAILS, FORMS, TreeForm
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.rng import stream
@@ -92,7 +93,7 @@ def _skeleton(
         start = np.array([np.interp(z, axis[:, 2], axis[:, i]) for i in range(3)])
         reach = _reach(form.shape, share) * 0.5 * crown * rng.uniform(0.8, 1.0)
         slope = form.rise[0] + share * (form.rise[1] - form.rise[0])
-        end = start + reach * np.array([np.cos(turn), np.sin(turn), slope])
+        end = start + reach * np.array([elementary.cos(turn), elementary.sin(turn), slope])
         bend = 0.5 * (start + end) + np.array([0, 0, -0.06 * reach if form.shape == "cone" else 0.08 * reach])
         r0 = radius * (0.32 if form.shape == "cone" else 0.5) * (1 - 0.6 * share)
         sparse = k % 4 == 0 and detail != "far" and (high or form.shape != "cone")
@@ -119,7 +120,7 @@ def _skeleton(
                 + 0.45 * reach * directions(rng, 1)[0] * np.array([1, 1, 0.6])
                 + np.array([0, 0, 0.2 * reach])
             )
-            r1 = r0 * 0.7 * max(form.twigs, 1) ** (-1 / 2.3)
+            r1 = r0 * 0.7 * float(elementary.power(max(form.twigs, 1), -1 / 2.3))
             if high:
                 wood.append(tube(bark, [at, tip], [r1, 0.3 * r1], 3, caps=False, crease_deg=80.0))
             tips.append(tip)
@@ -170,7 +171,7 @@ def _crown(
     squash = {"cone": 0.45, "column": 1.7}.get(form.shape, 0.82)
     ragged = 0.28 if high and form.shape != "cone" else 0.36
     # Surface of a spheroid over that of a sphere, after K. Thomsen's approximation.
-    flat = ((1.0 + 2.0 * squash**1.6075) / 3.0) ** (1.0 / 1.6075)
+    flat = elementary.power((1.0 + 2.0 * elementary.power(squash, 1.6075)) / 3.0, 1.0 / 1.6075)
     core_m2 = _CORE_FRACTION[detail] * area_m2 / flat
     radii = weight * np.sqrt(core_m2 / (CLUMP_AREA * float(np.sum(weight**2))))
     body = clumps(rng, chosen, radii, middle, form.tint, squash=squash, ragged=ragged)

@@ -11,6 +11,7 @@ import numpy as np
 from carlaloc_env.assets.modelling.decals import Decals
 from carlaloc_env.assets.modelling.primitives import Look
 from carlaloc_env.assets.vehicles.body import DARK
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 
@@ -174,4 +175,4 @@ def band(low_half: float, high_half: float, z0: float, z1: float) -> Array:
 def disc(y: float, z: float, radius_m: float, sides: int = 8) -> Array:
     """Outline of a circle, shape (N, 2)."""
     angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    return np.stack([y + radius_m * np.cos(angle), z + radius_m * np.sin(angle)], axis=-1)
+    return np.stack([y + radius_m * elementary.cos(angle), z + radius_m * elementary.sin(angle)], axis=-1)

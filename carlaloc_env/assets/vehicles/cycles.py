@@ -14,6 +14,7 @@ from carlaloc_env.assets.walkers.clothing import Build
 from carlaloc_env.assets.walkers.figure import figure
 from carlaloc_env.assets.walkers.pedalling import cranks, push_pedals
 from carlaloc_env.assets.walkers.skeleton import Joints
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -194,7 +195,9 @@ def _bicycle_wheel(tag: Tag) -> Mesh:
     """Thin tyre of 0.68 m and ten spokes about its axle."""
     spoke = Look(Material.METAL_GALVANISED, tag, (210, 210, 210))
     spokes = [
-        tube(spoke, [(0, 0, 0), (0.31 * np.sin(a), 0, 0.31 * np.cos(a))], 0.003, 3, caps=False)
+        tube(
+            spoke, [(0, 0, 0), (0.31 * elementary.sin(a), 0, 0.31 * elementary.cos(a))], 0.003, 3, caps=False
+        )
         for a in 2 * np.pi * (np.arange(10) + 0.5) / 10
     ]
     hub = tube(spoke, [(0, -0.06, 0), (0, 0.06, 0)], 0.02, 6)
@@ -210,12 +213,12 @@ def _tyre(tag: Tag, sides: int, around: int) -> Mesh:
     radius = 0.34
     angle = 2 * np.pi * np.arange(sides + 1) / sides
     small = 2 * np.pi * np.arange(around) / around + np.pi
-    r = (radius - 0.018) - 0.018 * np.cos(small)[None, :]
+    r = (radius - 0.018) - 0.018 * elementary.cos(small)[None, :]
     grid = np.stack(
         [
-            r * np.sin(angle)[:, None],
-            np.broadcast_to(0.018 * np.sin(small), (sides + 1, around)),
-            -r * np.cos(angle)[:, None],
+            r * elementary.sin(angle)[:, None],
+            np.broadcast_to(0.018 * elementary.sin(small), (sides + 1, around)),
+            -r * elementary.cos(angle)[:, None],
         ],
         axis=-1,
     )

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, mirrored, placed, rings, surface
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -51,7 +52,12 @@ def wheel_pose(
     turn_rad: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Transforms from wheels to their vehicles: Rz(steer)·Ry(turn)·Rz(π on the right), shape (N, 4, 4)."""
-    c, s, ct, st = np.cos(steer_rad), np.sin(steer_rad), np.cos(turn_rad), np.sin(turn_rad)
+    c, s, ct, st = (
+        elementary.cos(steer_rad),
+        elementary.sin(steer_rad),
+        elementary.cos(turn_rad),
+        elementary.sin(turn_rad),
+    )
     side = np.where(right, -1.0, 1.0)
     T = np.zeros((len(centre_m), 4, 4))
     T[:, 0, 0], T[:, 0, 1], T[:, 0, 2] = side * c * ct, -side * s, c * st
@@ -146,7 +152,9 @@ def arch_liner(
     """
     look = Look(Material.PLASTIC, tag, (5, 5, 5))
     angle = np.pi * np.arange(9) / 8
-    arc = np.stack([axle_x_m + radius_m * np.cos(angle), centre_z_m + radius_m * np.sin(angle)], axis=-1)
+    arc = np.stack(
+        [axle_x_m + radius_m * elementary.cos(angle), centre_z_m + radius_m * elementary.sin(angle)], axis=-1
+    )
     inner, outer = (np.insert(arc, 1, y, axis=1) for y in y_m)
     k = np.arange(8)
     # Seen from below, that is from inside the arch.
@@ -163,9 +171,9 @@ def _circles(profile: list[tuple[float, float]], sides: int) -> NDArray[np.float
     r, y = np.array(profile).T
     return np.stack(
         [
-            -r[:, None] * np.sin(angle),
+            -r[:, None] * elementary.sin(angle),
             np.broadcast_to(y[:, None], (len(r), sides)),
-            -r[:, None] * np.cos(angle),
+            -r[:, None] * elementary.cos(angle),
         ],
         axis=-1,
     )
@@ -184,7 +192,7 @@ def _dome(look: Look, radius_m: float, low_m: float, high_m: float, sides: int =
 
 
 def _hole(look: Look, ring_m: float, radius_m: float, y_m: float, turn: float) -> Mesh:
-    c, s = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
+    c, s = elementary.cos(2 * np.pi * turn), elementary.sin(2 * np.pi * turn)
     return placed(_plate(look, radius_m, y_m, 6), (ring_m * s, 0.0, ring_m * c))
 
 
@@ -192,7 +200,7 @@ def _spoke(
     look: Look, radii_m: tuple[float, float], half_m: float, y_m: tuple[float, float], turn: float
 ) -> Mesh:
     """Blade from hub to rim with a flat face and two flanks."""
-    c, s = np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)
+    c, s = elementary.cos(2 * np.pi * turn), elementary.sin(2 * np.pi * turn)
     (inner, outer), (low, high) = radii_m, y_m
     flat = [(inner, -half_m), (outer, -0.55 * half_m), (outer, 0.55 * half_m), (inner, half_m)]
     face = [(r * s + w * c, high, r * c - w * s) for r, w in flat]

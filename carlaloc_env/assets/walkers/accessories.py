@@ -7,6 +7,7 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, rings, tube
 from carlaloc_env.assets.walkers.clothing import SkinBuilder, by, up
 from carlaloc_env.assets.walkers.skeleton import BONES
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -19,7 +20,7 @@ def skirt(builder: SkinBuilder) -> None:
     knee = 0.5 * (j["knee_l"] + j["knee_r"])
     sides = 8 if builder.low else 14
     angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=-1)
+    ring = np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(sides)], axis=-1)
     look = builder.look(b.upper if b.coat else b.lower)
     top, bottom = hips + up(0.02), hips + (0.80 if b.coat else 0.84) * (knee - hips)
     shares = np.linspace(0.0, 1.0, 2 if builder.low else 4)[::-1]
@@ -34,7 +35,9 @@ def skirt(builder: SkinBuilder) -> None:
     t = np.clip((top[2] - at[:, 2]) / (top[2] - bottom[2]), 0.0, 1.0)
     thigh = np.where(at[:, 1] > 0, BONES.index("thigh_l"), BONES.index("thigh_r"))
     bones = np.stack([thigh, np.full(len(at), BONES.index("pelvis"))], axis=1)
-    builder.parts.append((mesh, bones, 0.9 * t**0.7 * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0)))
+    builder.parts.append(
+        (mesh, bones, 0.9 * elementary.power(t, 0.7) * np.clip(np.abs(at[:, 1]) / (0.05 * s), 0.5, 1.0))
+    )
 
 
 def things(builder: SkinBuilder) -> None:
@@ -92,7 +95,10 @@ def _backpack(builder: SkinBuilder, look: Look) -> None:
 def _block(look: Look, centre: Array, size_m: tuple[float, float, float]) -> Mesh:
     """Soft box: an eight-sided prism with smaller ends."""
     angle = 2 * np.pi * (np.arange(8) + 0.5) / 8
-    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(8)], axis=-1) / np.cos(np.pi / 8) ** 0.5
+    ring = (
+        np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(8)], axis=-1)
+        / elementary.cos(np.pi / 8) ** 0.5
+    )
     half = 0.5 * np.asarray(size_m)
     grid = [
         centre + ring * half * (f, f, 0) + up(t * half[2])

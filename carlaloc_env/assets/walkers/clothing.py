@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from carlaloc_env.assets.modelling.primitives import Look, ellipsoid, rings, surface
 from carlaloc_env.assets.walkers.gait import standing
 from carlaloc_env.assets.walkers.skeleton import BONES, Joints, Skin, shoe_sole
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
@@ -97,7 +98,7 @@ class SkinBuilder:
         """Skin over elliptic level rings (centre, half depth, half width, bones), from the bottom up."""
         sides = max(4, sides // 2) if self.low else sides
         angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-        ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=-1)
+        ring = np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(sides)], axis=-1)
         grid = np.stack([np.asarray(c) + ring * (d, w, 0.0) for c, d, w, _ in levels])
         mesh = rings(look, grid, caps=caps, crease_deg=80.0)
         heights = np.array([np.asarray(c)[2] for c, *_ in levels])

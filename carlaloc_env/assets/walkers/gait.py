@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from carlaloc_env.assets.walkers.skeleton import Joints, shoe_sole
+from carlaloc_env.core import elementary
 
 _CYCLE = np.arange(0.0, 1.0, 0.1)
 _HIP_DEG = np.array([25, 22, 14, 4, -5, -10, -2, 14, 26, 28], dtype=np.float64)
@@ -78,16 +79,19 @@ def _angles(phase: float, scale: float) -> tuple[float, float, float]:
 
 def _ankle_ahead(phase: float, stature_m: float, scale: float) -> float:
     hip, knee, _ = _angles(phase, scale)
-    return float(stature_m * (THIGH * np.sin(hip) + SHANK * np.sin(hip - knee)))
+    return float(stature_m * (THIGH * elementary.sin(hip) + SHANK * elementary.sin(hip - knee)))
 
 
 def _figure(phase: float, stature_m: float, scale: float, stoop_deg: float) -> Joints:
     """Joints about a pelvis at height zero."""
     h, swing = stature_m, min(scale, 1.2)
     turn = 2 * np.pi * phase
-    pelvis_yaw, trunk_yaw = np.radians(5) * swing * -np.cos(turn), np.radians(6) * swing * np.cos(turn)
-    sway = 0.02 * swing * np.sin(turn)
-    lean = np.sin(np.radians(stoop_deg))
+    pelvis_yaw, trunk_yaw = (
+        np.radians(5) * swing * -elementary.cos(turn),
+        np.radians(6) * swing * elementary.cos(turn),
+    )
+    sway = 0.02 * swing * elementary.sin(turn)
+    lean = elementary.sin(np.radians(stoop_deg))
     joints: Joints = {"pelvis": np.array([0.0, sway, 0.0])}
     joints["chest"] = np.array([0.6 * lean * TRUNK * h, 0.6 * sway, 0.55 * TRUNK * h])
     joints["neck"] = np.array([1.15 * lean * TRUNK * h, 0.4 * sway, 1.02 * TRUNK * h])
@@ -101,21 +105,31 @@ def _figure(phase: float, stature_m: float, scale: float, stoop_deg: float) -> J
 def _leg(joints: Joints, side: str, sign: float, phase: float, h: float, scale: float, yaw: float) -> None:
     hip, knee, ankle = _angles(phase, scale)
     half = 0.5 * HIP_WIDTH * h * sign
-    joints["hip" + side] = joints["pelvis"] + (-half * np.sin(yaw), half * np.cos(yaw), -0.02 * h)
+    joints["hip" + side] = joints["pelvis"] + (
+        -half * elementary.sin(yaw),
+        half * elementary.cos(yaw),
+        -0.02 * h,
+    )
     # Hips turn with the pelvis, but the ankle's distance ahead is measured from the pelvis.
-    joints["knee" + side] = joints["hip" + side] + THIGH * h * np.array([np.sin(hip), 0.0, -np.cos(hip)])
+    joints["knee" + side] = joints["hip" + side] + THIGH * h * np.array(
+        [elementary.sin(hip), 0.0, -elementary.cos(hip)]
+    )
     shin = hip - knee
     level = np.array(
-        [joints["pelvis"][0] + h * (THIGH * np.sin(hip) + SHANK * np.sin(shin)), 0.9 * half, 0.0]
+        [
+            joints["pelvis"][0] + h * (THIGH * elementary.sin(hip) + SHANK * elementary.sin(shin)),
+            0.9 * half,
+            0.0,
+        ]
     )
-    below = joints["knee" + side][2] - SHANK * h * np.cos(shin)
+    below = joints["knee" + side][2] - SHANK * h * elementary.cos(shin)
     joints["ankle" + side] = np.array([level[0], level[1], below])
     tilt = shin + ankle + np.radians(2.0) * (scale > 0)
     drop, length = FOOT_HEIGHT * h, 0.72 * FOOT_LENGTH * h
     joints["toe" + side] = joints["ankle" + side] + (
-        length * np.cos(tilt) + drop * np.sin(tilt),
+        length * elementary.cos(tilt) + drop * elementary.sin(tilt),
         0.06 * length * sign,
-        length * np.sin(tilt) - drop * np.cos(tilt),
+        length * elementary.sin(tilt) - drop * elementary.cos(tilt),
     )  # fmt: skip
 
 
@@ -124,16 +138,20 @@ def _arm(
 ) -> None:
     hip, _, _ = _angles(phase, 1.0)
     forward = (-0.7 * (hip - np.radians(8.0))) * swing
-    bend = np.radians(12 + 10 * swing) + np.radians(15.0) * max(0.0, np.sin(forward)) * 2
+    bend = np.radians(12 + 10 * swing) + np.radians(15.0) * max(0.0, elementary.sin(forward)) * 2
     half = 0.5 * SHOULDER_WIDTH * h * sign
-    joints["shoulder" + side] = joints["neck"] + (-half * np.sin(yaw), half * np.cos(yaw), -0.028 * h)
+    joints["shoulder" + side] = joints["neck"] + (
+        -half * elementary.sin(yaw),
+        half * elementary.cos(yaw),
+        -0.028 * h,
+    )
     outward = 0.14 * sign
     joints["elbow" + side] = joints["shoulder" + side] + UPPER_ARM * h * np.array(
-        [np.sin(forward), outward, -np.cos(forward)]
+        [elementary.sin(forward), outward, -elementary.cos(forward)]
     )
     angle = forward + bend
     joints["hand" + side] = joints["elbow" + side] + (FOREARM + HAND) * h * np.array(
-        [np.sin(angle), 0.03 * sign, -np.cos(angle)]
+        [elementary.sin(angle), 0.03 * sign, -elementary.cos(angle)]
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from carlaloc_env.assets.modelling.primitives import Look, box, tube
 from carlaloc_env.assets.walkers.gait import SHANK, THIGH
 from carlaloc_env.assets.walkers.skeleton import Joints
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 
@@ -26,7 +27,7 @@ def crank_angle(side: str, turn: float) -> float:
 def pedal_at(bottom_bracket_m: tuple[float, float, float], side: str, turn: float) -> Array:
     """Middle of a pedal [m], shape (3,)."""
     angle, sign = crank_angle(side, turn), 1.0 if side == "_l" else -1.0
-    swing = np.array([-CRANK_M * np.sin(angle), AXLE_M * sign, -CRANK_M * np.cos(angle)])
+    swing = np.array([-CRANK_M * elementary.sin(angle), AXLE_M * sign, -CRANK_M * elementary.cos(angle)])
     result: Array = np.array(bottom_bracket_m) + swing
     return result
 
@@ -59,8 +60,8 @@ def push_pedals(
         hip = joints["hip" + side]
         reach = ankle - hip
         far = float(np.hypot(reach[0], reach[2]))
-        opening = np.arccos(np.clip((thigh**2 + far**2 - shank**2) / (2 * thigh * far), -1.0, 1.0))
-        down = np.arctan2(reach[0], -reach[2]) + opening
-        knee = hip + np.array([thigh * np.sin(down), 0.5 * reach[1], -thigh * np.cos(down)])
+        opening = elementary.arccos(np.clip((thigh**2 + far**2 - shank**2) / (2 * thigh * far), -1.0, 1.0))
+        down = elementary.arctan2(reach[0], -reach[2]) + opening
+        knee = hip + np.array([thigh * elementary.sin(down), 0.5 * reach[1], -thigh * elementary.cos(down)])
         joints["knee" + side], joints["ankle" + side] = knee, ankle
         joints["toe" + side] = ankle + np.array([0.17, 0.01 * sign, -0.07])

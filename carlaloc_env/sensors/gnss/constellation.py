@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geodesy import GeoReference
 
@@ -41,17 +42,17 @@ class WalkerConstellation:
         """
         each = self.satellites // self.planes
         plane, slot = np.divmod(np.arange(self.satellites), each)
-        rate = math.sqrt(GM_M3PS2 / self.radius_m**3)
+        rate = math.sqrt(GM_M3PS2 / (self.radius_m * self.radius_m * self.radius_m))
         turn = 2.0 * math.pi
         along = turn * (slot / each + self.phasing * plane / self.satellites) + rate * time_s
         node = turn * plane / self.planes - EARTH_RATE_RADPS * time_s
         tilt = math.radians(self.inclination_deg)
-        x, y = np.cos(along), np.sin(along) * math.cos(tilt)
+        x, y = elementary.cos(along), elementary.sin(along) * elementary.cos(tilt)
         return self.radius_m * np.stack(
             [
-                x * np.cos(node) - y * np.sin(node),
-                x * np.sin(node) + y * np.cos(node),
-                np.sin(along) * math.sin(tilt),
+                x * elementary.cos(node) - y * elementary.sin(node),
+                x * elementary.sin(node) + y * elementary.cos(node),
+                elementary.sin(along) * elementary.sin(tilt),
             ],
             axis=-1,
         )

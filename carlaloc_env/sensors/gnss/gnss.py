@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium import spaces
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
@@ -174,7 +175,7 @@ class GnssSensor(Sensor):
         """
         config = self.config
         to = sky_directions(config.constellations, self._world.geo, config.epoch_s + stamp_ns * 1e-9)
-        mask = math.sin(math.radians(config.mask_deg))
+        mask = elementary.sin(math.radians(config.mask_deg))
         directions = np.concatenate([to, _even_sky(mask)])
         up = np.flatnonzero(directions[:, 2] > mask)
         hits = self._world.rays().cast(
@@ -253,4 +254,4 @@ def _even_sky(lowest_sine: float) -> Array:
     up = lowest_sine + (1.0 - lowest_sine) * k / _SKY_RAYS
     azimuth = math.pi * (3.0 - math.sqrt(5.0)) * k
     flat = np.sqrt(1.0 - up * up)
-    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up], axis=-1)
+    return np.stack([flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), up], axis=-1)

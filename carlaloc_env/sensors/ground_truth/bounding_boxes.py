@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.transforms import wrap_angle
@@ -43,9 +44,9 @@ class ActorBoxes:
     @property
     def axes(self) -> Array:
         """Unit vectors ahead, left and up of each box as rows, world, shape (N, 3, 3)."""
-        ch, sh = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        cp, sp = np.cos(self.pitch_rad), np.sin(self.pitch_rad)
-        cr, sr = np.cos(self.roll_rad)[:, None], np.sin(self.roll_rad)[:, None]
+        ch, sh = elementary.cos(self.heading_rad), elementary.sin(self.heading_rad)
+        cp, sp = elementary.cos(self.pitch_rad), elementary.sin(self.pitch_rad)
+        cr, sr = elementary.cos(self.roll_rad)[:, None], elementary.sin(self.roll_rad)[:, None]
         zero = np.zeros(len(self))
         ahead = np.stack([cp * ch, cp * sh, sp], axis=-1)
         left = np.stack([-sh, ch, zero], axis=-1)
@@ -89,9 +90,14 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> ActorBoxes:
             np.asarray(values, dtype=np.float64)
             for values in (frame.position_m, frame.heading_rad, frame.pitch_rad, frame.roll_rad)
         )
-        level = frame.speed_mps * np.cos(pitch)
+        level = frame.speed_mps * elementary.cos(pitch)
         velocity = np.stack(
-            [level * np.cos(heading), level * np.sin(heading), frame.speed_mps * np.sin(pitch)], axis=-1
+            [
+                level * elementary.cos(heading),
+                level * elementary.sin(heading),
+                frame.speed_mps * elementary.sin(pitch),
+            ],
+            axis=-1,
         )
         rate = np.zeros(count)
     else:
@@ -107,10 +113,10 @@ def boxes_at(timeline: Timeline, stamp_ns: int) -> ActorBoxes:
     pitch, roll = np.where(upright, 0.0, pitch), np.where(upright, 0.0, roll)
     centre = position.copy()
     lift = 0.5 * size[:, 2]
-    back, right = lift * np.sin(pitch) * np.cos(roll), lift * np.sin(roll)
-    centre[:, 0] += right * np.sin(heading) - back * np.cos(heading)
-    centre[:, 1] -= right * np.cos(heading) + back * np.sin(heading)
-    centre[:, 2] += lift * np.cos(pitch) * np.cos(roll)
+    back, right = lift * elementary.sin(pitch) * elementary.cos(roll), lift * elementary.sin(roll)
+    centre[:, 0] += right * elementary.sin(heading) - back * elementary.cos(heading)
+    centre[:, 1] -= right * elementary.cos(heading) + back * elementary.sin(heading)
+    centre[:, 2] += lift * elementary.cos(pitch) * elementary.cos(roll)
     return ActorBoxes(
         id=catalog.id,
         tag=catalog.tag,

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.actors.instances import ground_poses
-from carlaloc_env.core import transforms
+from carlaloc_env.core import elementary_kernels, transforms
 from carlaloc_env.core.array_types import F32, Array
 from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.jit import compiled, over_bands
@@ -212,7 +212,7 @@ def _distorted(model: int, lens: Any, x: Any, y: Any) -> Any:
     r = math.sqrt(rr)
     if r < 1e-12:
         return x, y
-    theta = math.atan(r)
+    theta = elementary_kernels.arctan(r)
     tt = theta * theta
     scale = theta * (1 + tt * (a + tt * (b + tt * (c + tt * d)))) / r
     return x * scale, y * scale

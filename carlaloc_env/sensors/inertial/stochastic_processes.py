@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 
 _BLOCK = 200
@@ -86,7 +86,7 @@ class GaussMarkov:
 
     def __init__(self, seed: int, name: str, width: int, *, period_s: float, time_constant_s: float) -> None:
         self._steps = WhiteSequence(seed, name, width)
-        self._phi = math.exp(-period_s / time_constant_s)
+        self._phi = float(elementary.exp(-period_s / time_constant_s))
         self._gain = math.sqrt(1.0 - self._phi * self._phi)
         self._ends = [rng.stream(seed, f"{name}/start").standard_normal(width)]
         self._width = width

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.weather.parameters import MOR_CONTRAST, WeatherParameters
@@ -52,13 +53,15 @@ class Atmosphere:
 
 def atmosphere_at(weather: WeatherParameters, height_m: float) -> Atmosphere:
     """Atmosphere of a weather at a height above the ground [m]; fog thins upwards as for the camera."""
-    fog = weather.fog_extinction_per_m * math.exp(-max(height_m, 0.0) / weather.fog_scale_height_m)
+    fog = weather.fog_extinction_per_m * float(
+        elementary.exp(-max(height_m, 0.0) / weather.fog_scale_height_m)
+    )
     rain = rain_extinction_per_m(weather.rain_mmph)
     total = fog + weather.uniform_extinction_per_m
     haze = max(total - rain, 0.0)
     return Atmosphere(
         extinction_per_m=total,
-        backscatter_per_m_sr=BACKSCATTER_PER_MOR * haze / -math.log(MOR_CONTRAST),
+        backscatter_per_m_sr=BACKSCATTER_PER_MOR * haze / -float(elementary.log(MOR_CONTRAST)),
         rain_mmph=weather.rain_mmph,
         wetness=weather.surface_wetness,
     )
@@ -66,7 +69,7 @@ def atmosphere_at(weather: WeatherParameters, height_m: float) -> Atmosphere:
 
 def rain_extinction_per_m(rain_mmph: float) -> float:
     """Extinction by rain [1/m]: drops of Marshall and Palmer that hide twice their cross-section."""
-    return 3.7e-4 * rain_mmph**0.63 if rain_mmph > 0 else 0.0
+    return 3.7e-4 * float(elementary.power(rain_mmph, 0.63)) if rain_mmph > 0 else 0.0
 
 
 class FogEcho:
@@ -80,10 +83,12 @@ class FogEcho:
         self.range_m = np.arange(0.0, range_limit_m + _STEP_M, _STEP_M)
         low, high = OVERLAP_M
         r = np.maximum(self.range_m, 1e-3)
-        density = np.clip((r - low) / (high - low), 0.0, 1.0) * np.exp(-2 * air.extinction_per_m * r) / r**2
+        density = (
+            np.clip((r - low) / (high - low), 0.0, 1.0) * elementary.exp(-2 * air.extinction_per_m * r) / r**2
+        )
         length = 0.5 * _LIGHT_MPS * 2.0 * PULSE_S
-        shape = np.sin(math.pi * np.arange(0.0, length, _STEP_M) / length) ** 2
-        spread = np.convolve(density, shape)[: len(r)] * _STEP_M
+        shape = elementary.sin(math.pi * np.arange(0.0, length, _STEP_M) / length) ** 2
+        spread = elementary.convolve(density, shape)[: len(r)] * _STEP_M
         self.power = math.pi * air.backscatter_per_m_sr * spread
         """Echo at each of `range_m`."""
         self.peak_m = float(self.range_m[np.argmax(self.power)])
@@ -125,14 +130,18 @@ class DropEcho:
         power_min: float,
         range_limit_m: float = 60.0,
     ) -> None:
-        slope_per_m = 4100.0 * air.rain_mmph**-0.21
+        slope_per_m = 4100.0 * elementary.power(air.rain_mmph, -0.21)
         r = np.linspace(max(range_min_m, 0.5), range_limit_m, 1200)
-        radius = r * math.tan(0.5 * divergence_rad)
+        radius = r * elementary.tan(0.5 * divergence_rad)
         volume = math.pi * radius * radius * (r[1] - r[0])
-        fade = WATER_REFLECTANCE * np.exp(-2 * air.extinction_per_m * r) / r**2
-        self.power = np.geomspace(0.02 * power_min, fade.max(), 240)
+        fade = WATER_REFLECTANCE * elementary.exp(-2 * air.extinction_per_m * r) / r**2
+        self.power = elementary.exp(
+            np.linspace(elementary.log(0.02 * power_min), elementary.log(fade.max()), 240)
+        )
         least = 2 * radius * np.sqrt(np.minimum(self.power[:, None] / fade, 1.0))
-        many = DROP_DENSITY_PER_M4 / slope_per_m * np.exp(-slope_per_m * np.maximum(least, DROP_MIN_M))
+        many = (
+            DROP_DENSITY_PER_M4 / slope_per_m * elementary.exp(-slope_per_m * np.maximum(least, DROP_MIN_M))
+        )
         many = np.where(self.power[:, None] <= fade, many, 0.0) * volume
         self.expected = np.sum(many, axis=1)
         """Mean number of drops in a beam with a stronger echo than each of `power`."""
@@ -147,7 +156,7 @@ class DropEcho:
         Returns:
             Powers, 0 where no drop is strong enough, and distances, each (N,).
         """
-        threshold = -np.log(uniform[:, 0])
+        threshold = -elementary.log(uniform[:, 0])
         row = np.searchsorted(-self.expected, -threshold) - 1
         power = np.where(row >= 0, self.power[np.maximum(row, 0)], 0.0)
         at_m = np.zeros(len(power))

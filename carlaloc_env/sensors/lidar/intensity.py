@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.scene import materials
@@ -54,7 +55,7 @@ class EchoModel:
     def survives(self, range_m: F32, uniform: Array) -> NDArray[np.bool_]:
         """Whether points survive CARLA's drop-off (RayCastLidar.cpp): some of all, more of the weak."""
         config = self._config
-        intensity = np.exp(-config.attenuation_per_m * range_m.astype(np.float64))
+        intensity = elementary.exp(-config.attenuation_per_m * range_m.astype(np.float64))
         slope = config.dropoff_zero_intensity / config.dropoff_intensity_limit
         likely = slope * intensity + 1.0 - config.dropoff_zero_intensity
         strong = intensity > config.dropoff_intensity_limit

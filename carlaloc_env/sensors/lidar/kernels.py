@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary_kernels
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.core.jit import compiled
 
@@ -156,7 +157,7 @@ def strengths(
         if retro[kind] > 0:
             strength += 155.0 * retro[kind] * math.sqrt(cosine)
         if strength > 0:
-            strength *= math.exp(-attenuation_per_m * range_m[i])
+            strength *= elementary_kernels.exp(-attenuation_per_m * range_m[i])
         out[i] = min(strength, 255.0)
 
 

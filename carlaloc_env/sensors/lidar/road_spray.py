@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Cylinders, candidates, into_actor_frame
 from carlaloc_env.sensors.ground_truth.bounding_boxes import boxes_at
@@ -80,7 +81,7 @@ def spray_ranges(
     a, b = (-half[plume] - start) / along, (half[plume] - start) / along
     enter = np.maximum(np.minimum(a, b).max(axis=-1), 0.0)
     leave = np.minimum(np.maximum(a, b).min(axis=-1), limit_m[rays])
-    distance = -np.log(uniform[rays]) / density[plume]
+    distance = -elementary.log(uniform[rays]) / density[plume]
     hit = np.flatnonzero((leave > enter) & (distance < leave - enter))
     np.minimum.at(caught, rays[hit], enter[hit] + distance[hit])
     return caught

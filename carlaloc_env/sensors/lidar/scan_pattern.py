@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import transforms
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import F32, Array, Index
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
@@ -119,7 +119,7 @@ class ScanPattern:
             np.arange(config.columns)[:, None] + 0.5
         ) / config.columns + self._firing_ns / config.sweep_ns
         azimuth = math.pi - 2 * math.pi * revolutions
-        flat = np.cos(elevation)
-        up = np.broadcast_to(np.sin(elevation), azimuth.shape)
-        along: Array = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up], axis=-1)
+        flat = elementary.cos(elevation)
+        up = np.broadcast_to(elementary.sin(elevation), azimuth.shape)
+        along: Array = np.stack([flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), up], axis=-1)
         return along.reshape(-1, 3)

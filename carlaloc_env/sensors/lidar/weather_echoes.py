@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.sensors.lidar.atmosphere import Atmosphere, DropEcho, FogEcho, wet_reflectance
 
@@ -66,7 +67,7 @@ def strongest_echoes(
         Distances [m], inf where no echo is seen, intensities 0–255, and whether it came from the air.
     """
     surface_m, alpha = solid.range_m, air.extinction_per_m
-    fade = np.exp(-2.0 * alpha * surface_m)
+    fade = elementary.exp(-2.0 * alpha * surface_m)
     change = np.ones(len(surface_m))
     ground = np.flatnonzero(solid.reflectance > 0)
     if air.wetness > 0:
@@ -83,8 +84,8 @@ def strongest_echoes(
 
     if air.backscatter_per_m_sr > 0:
         fog = _fog_echo(air)
-        normal = np.sqrt(-2.0 * np.log(uniform[:, 0])) * np.cos(2.0 * math.pi * uniform[:, 1])
-        wisp = np.exp(_WISP * normal - 0.5 * _WISP * _WISP)
+        normal = np.sqrt(-2.0 * elementary.log(uniform[:, 0])) * elementary.cos(2.0 * math.pi * uniform[:, 1])
+        wisp = elementary.exp(_WISP * normal - 0.5 * _WISP * _WISP)
         # As bright as a surface where the fog's echo peaks, wherever the wisp is.
         offer(
             fog.strongest(surface_m) * wisp,
@@ -98,7 +99,9 @@ def strongest_echoes(
     if spray_m is not None:
         caught = np.isfinite(spray_m)
         away = np.where(caught, spray_m, 1.0)
-        power = np.where(caught, _SPRAY_REFLECTANCE * np.exp(-2.0 * alpha * away) / (away * away), 0.0)
+        power = np.where(
+            caught, _SPRAY_REFLECTANCE * elementary.exp(-2.0 * alpha * away) / (away * away), 0.0
+        )
         offer(power, away, away)
     found_m[best < power_min] = np.inf
     return found_m, np.clip(strength, 0.0, 255.0).astype(np.float32), airborne

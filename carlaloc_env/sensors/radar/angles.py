@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.core import transforms
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.timeline.motion import Motion
 
@@ -13,7 +13,7 @@ def polar(local_m: Array) -> tuple[Array, Array, Array]:
     """Distance [m], azimuth and elevation [rad] of points (N, 3) in a sensor's frame."""
     flat = np.sqrt(local_m[:, 0] * local_m[:, 0] + local_m[:, 1] * local_m[:, 1])
     distance = np.sqrt(flat * flat + local_m[:, 2] * local_m[:, 2])
-    return distance, np.arctan2(local_m[:, 1], local_m[:, 0]), np.arctan2(local_m[:, 2], flat)
+    return distance, elementary.arctan2(local_m[:, 1], local_m[:, 0]), elementary.arctan2(local_m[:, 2], flat)
 
 
 def into(motion: Motion, vectors: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.semantic_tags import Tag
 
@@ -83,11 +84,11 @@ def actor_rcs_dbsm(tag: NDArray[np.uint8], aspect_rad: Array) -> Array:
         aspect_rad: Angle between the actor's nose and the direction to the radar [rad], shape (N,).
     """
     front, back, side, corner = _ASPECTS[tag].T
-    from_nose = np.abs(np.arctan2(np.sin(aspect_rad), np.cos(aspect_rad)))
+    from_nose = np.abs(elementary.arctan2(elementary.sin(aspect_rad), elementary.cos(aspect_rad)))
     level: Array = corner.copy()
     for peak, at in ((front, 0.0), (side, 0.5 * np.pi), (back, np.pi)):
         off = (from_nose - at) / _FLASH_RAD
-        level = level + (peak - corner) * np.exp(-0.5 * off * off)
+        level = level + (peak - corner) * elementary.exp(-0.5 * off * off)
     return level
 
 
@@ -113,7 +114,7 @@ def texture(points_m: Array) -> Array:
         key = (key ^ (key >> np.uint64(shift))) * np.uint64(factor)
     key ^= key >> np.uint64(31)
     uniform = ((key >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
-    log = np.log(uniform)
+    log = elementary.log(uniform)
     strength: Array = 0.5 * log * log
     return strength
 
@@ -125,7 +126,7 @@ def scenery_db(tag: NDArray[np.uint8], cos_incidence: NDArray[np.float32]) -> Ar
         tag: Semantic tags, shape (N,).
         cos_incidence: Cosine between ray and surface normal, shape (N,).
     """
-    off = np.arccos(np.clip(cos_incidence.astype(np.float64), 0.0, 1.0)) / _SPECULAR_RAD
-    flash = SPECULAR_DB * np.exp(-0.5 * off * off) * np.isin(tag, _SMOOTH)
+    off = elementary.arccos(np.clip(cos_incidence.astype(np.float64), 0.0, 1.0)) / _SPECULAR_RAD
+    flash = SPECULAR_DB * elementary.exp(-0.5 * off * off) * np.isin(tag, _SMOOTH)
     result: Array = _TABLE[tag] + flash
     return result

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import World
@@ -94,8 +94,8 @@ class Detector:
             azimuth_rad=azimuth[keep].astype(np.float32),
             elevation_rad=elevation[keep].astype(np.float32),
             doppler_mps=doppler[keep].astype(np.float32),
-            snr_db=(10.0 * np.log10(level)).astype(np.float32),
-            rcs_dbsm=(10.0 * np.log10(level / gain)).astype(np.float32),
+            snr_db=(10.0 * elementary.log10(level)).astype(np.float32),
+            rcs_dbsm=(10.0 * elementary.log10(level / gain)).astype(np.float32),
             tag=tag[keep].astype(np.uint8),
             instance=instance[keep].astype(np.uint32),
             origin=origin[keep].astype(np.uint8),
@@ -104,7 +104,7 @@ class Detector:
     def _pattern(self, azimuth_rad: Array, elevation_rad: Array) -> Array:
         """Two-way antenna gain relative to the axis, linear: `edge_loss_db` down at either edge."""
         a, e = azimuth_rad / self._half[0], elevation_rad / self._half[1]
-        result: Array = 10.0 ** (-0.1 * self._config.edge_loss_db * (a * a + e * e))
+        result: Array = elementary.power(10.0, -0.1 * self._config.edge_loss_db * (a * a + e * e))
         return result
 
     def _detect(
@@ -142,11 +142,14 @@ class Detector:
         count = int(generator.poisson(config.clutter_mean))
         uniform = generator.random((count, 4))
         azimuth, elevation = ((2 * uniform[:, k + 1] - 1) * self._half[k] for k in range(2))
-        flat = np.cos(elevation)
-        local = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
+        flat = elementary.cos(elevation)
+        local = np.stack(
+            [flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), elementary.sin(elevation)],
+            axis=-1,
+        )
         doppler = -dot(out_of(motion, local), motion.velocity_world_mps[0])
         # Noise above the threshold exceeds it by an exponential amount (square-law detector).
-        level = -math.log(config.pfa) - np.log(1.0 - uniform[:, 3]) - 1.0
+        level = -elementary.log(config.pfa) - elementary.log(1.0 - uniform[:, 3]) - 1.0
         nothing = np.zeros(count, np.uint8)
         return (
             config.range_min_m + uniform[:, 0] * (config.range_max_m - config.range_min_m),

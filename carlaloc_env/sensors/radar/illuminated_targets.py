@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
@@ -79,7 +79,7 @@ class RadarView:
         distance, azimuth, elevation = polar(local)
         radius = 0.5 * np.sqrt(np.sum(boxes.size_m * boxes.size_m, axis=-1))
         slack = np.where(
-            distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, 1e-3), 1.0)), np.pi
+            distance > radius, elementary.arcsin(np.minimum(radius / np.maximum(distance, 1e-3), 1.0)), np.pi
         )
         seen = distance - radius < self._config.range_max_m
         seen &= (np.abs(azimuth) < self._half[0] + slack) & (np.abs(elevation) < self._half[1] + slack)
@@ -91,23 +91,24 @@ class RadarView:
         uniform = generator.random((rows, columns, 2))
         azimuth = ((np.arange(columns) + uniform[..., 0]) / columns * 2 - 1) * self._half[0]
         elevation = ((np.arange(rows)[:, None] + uniform[..., 1]) / rows * 2 - 1) * self._half[1]
-        flat = np.cos(elevation)
-        return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1).reshape(
-            -1, 3
-        )
+        flat = elementary.cos(elevation)
+        return np.stack(
+            [flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), elementary.sin(elevation)],
+            axis=-1,
+        ).reshape(-1, 3)
 
     def _scenery(self, hits: Hits, directions: Array, local: Array, motion: Motion) -> RadarEchoes:
         """Each ray stands for the projected area R²·dΩ, whose cross-section is γ times as large."""
         distance, azimuth, elevation = polar(local * hits.range_m[:, None].astype(np.float64))
         solid = 4 * self._half[0] * self._half[1] / (self._config.columns * self._config.rows)
-        area = distance * distance * solid * np.cos(elevation)
+        area = distance * distance * solid * elementary.cos(elevation)
         strength = texture(motion.position_m[0] + distance[:, None] * directions)
         return RadarEchoes(
             range_m=distance,
             azimuth_rad=azimuth,
             elevation_rad=elevation,
             doppler_mps=-dot(directions, motion.velocity_world_mps[0]),
-            rcs_m2=area * strength * 10.0 ** (0.1 * scenery_db(hits.tag, hits.cos_incidence)),
+            rcs_m2=area * strength * elementary.power(10.0, 0.1 * scenery_db(hits.tag, hits.cos_incidence)),
             tag=hits.tag,
             instance=hits.instance,
         )
@@ -135,8 +136,8 @@ class RadarView:
         points = motion.position_m[0] + distance[:, None] * along
         _, azimuth, elevation = polar(into(motion, along))
         to_radar = motion.position_m[0] - boxes.centre_m
-        aspect = np.arctan2(to_radar[:, 1], to_radar[:, 0]) - boxes.heading_rad
-        whole = 10.0 ** (0.1 * actor_rcs_dbsm(boxes.tag, aspect))
+        aspect = elementary.arctan2(to_radar[:, 1], to_radar[:, 0]) - boxes.heading_rad
+        whole = elementary.power(10.0, 0.1 * actor_rcs_dbsm(boxes.tag, aspect))
         closing = boxes.velocity_at(of_box, points) - motion.velocity_world_mps[0]
         echoes = RadarEchoes(
             range_m=distance,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import transforms
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes
@@ -154,22 +154,22 @@ def _images(
     flat = np.sqrt(local[:, 0] * local[:, 0] + local[:, 1] * local[:, 1])
     return RadarEchoes(
         range_m=distance,
-        azimuth_rad=np.arctan2(local[:, 1], local[:, 0]),
-        elevation_rad=np.arctan2(local[:, 2], flat),
+        azimuth_rad=elementary.arctan2(local[:, 1], local[:, 0]),
+        elevation_rad=elementary.arctan2(local[:, 2], flat),
         doppler_mps=_dot(along, mirrored - motion.velocity_world_mps[0]),
-        rcs_m2=actors.rcs_m2[target] * 10.0 ** (-0.2 * loss_db),
+        rcs_m2=actors.rcs_m2[target] * elementary.power(10.0, -0.2 * loss_db),
         tag=actors.tag[target],
         instance=actors.instance[target],
     )
 
 
 def _directions_of(echoes: RadarEchoes, motion: Motion) -> Array:
-    flat = np.cos(echoes.elevation_rad)
+    flat = elementary.cos(echoes.elevation_rad)
     local = np.stack(
         [
-            flat * np.cos(echoes.azimuth_rad),
-            flat * np.sin(echoes.azimuth_rad),
-            np.sin(echoes.elevation_rad),
+            flat * elementary.cos(echoes.azimuth_rad),
+            flat * elementary.sin(echoes.azimuth_rad),
+            elementary.sin(echoes.elevation_rad),
         ],
         axis=-1,
     )

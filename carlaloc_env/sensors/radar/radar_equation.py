@@ -5,12 +5,12 @@ All functions are pure; angles in radians, levels in dB, detections as parallel 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 
 
@@ -53,7 +53,7 @@ def snr_at(pd: float, pfa: float) -> float:
 
     Inverse of P_d = P_fa^(1/(1+S)) (Swerling 1954; Skolnik, "Introduction to Radar Systems").
     """
-    return math.log(pfa) / math.log(pd) - 1.0
+    return float(elementary.log(pfa) / elementary.log(pd)) - 1.0
 
 
 def merge_cells(echoes: RadarEchoes, cell: tuple[float, float, float, float]) -> RadarEchoes:
@@ -113,7 +113,7 @@ def mean_snr(
     """
     ratio = reference_m / echoes.range_m
     squared = ratio * ratio
-    air = 10.0 ** (-0.2 * loss_db_per_m * echoes.range_m)
+    air: Array = elementary.power(10.0, -0.2 * loss_db_per_m * echoes.range_m)
     return at_reference * echoes.rcs_m2 * squared * squared * pattern * air
 
 
@@ -131,8 +131,8 @@ def detect(snr: Array, pfa: float, uniform: Array) -> tuple[NDArray[np.intp], Ar
     Returns:
         Indices of detections (M,) and their measured ratios, linear (M,).
     """
-    output = -(1.0 + snr) * np.log(uniform)
-    seen = np.flatnonzero(output > -math.log(pfa))
+    output = -(1.0 + snr) * elementary.log(uniform)
+    seen = np.flatnonzero(output > -elementary.log(pfa))
     return seen, output[seen] - 1.0
 
 
@@ -152,4 +152,4 @@ RAIN_77_GHZ = (1.13, 0.718)
 def rain_loss_db_per_m(rain_mmph: float) -> float:
     """One-way attenuation by rain at 77 GHz [dB/m]; fog and dust are negligible at 4 mm wavelength."""
     k, alpha = RAIN_77_GHZ
-    return 1e-3 * k * rain_mmph**alpha if rain_mmph > 0 else 0.0
+    return 1e-3 * k * float(elementary.power(rain_mmph, alpha)) if rain_mmph > 0 else 0.0

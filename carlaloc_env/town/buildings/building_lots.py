@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.buildings.buildings import BuildingPlan, draw_plan
 from carlaloc_env.town.ground.height_fields import densify
@@ -201,7 +201,7 @@ def _fit(
     chord = end - start
     if np.hypot(*chord) < 0.9 * plan.width_m:
         return None
-    heading = float(np.arctan2(chord[1], chord[0]))
+    heading = float(elementary.arctan2(chord[1], chord[0]))
     right = np.array([chord[1], -chord[0]]) / np.hypot(*chord)
     for shift in (0.0, 0.6, 1.5):
         distance = CLEARANCE_M + 0.05 + plan.appearance.style.front_m + extra_m + shift
@@ -230,7 +230,7 @@ def _on(line: Array, length: Array, at: float) -> Array:
 
 
 def _rectangle(corner: Array, heading: float, width: float, depth: float) -> Area:
-    along = np.array([np.cos(heading), np.sin(heading)])
+    along = np.array([elementary.cos(heading), elementary.sin(heading)])
     inward = np.array([-along[1], along[0]])
     points = [
         corner,
@@ -247,7 +247,7 @@ def lot_boxes(lots: Sequence[Lot], base_m: Sequence[float]) -> Array:
     for lot, base in zip(lots, base_m, strict=True):
         plan = lot.plan
         box = box_quads([0.0, 0.0, base - 1.0], [plan.width_m, plan.depth_m, base + plan.height_m])
-        c, s = np.cos(lot.heading_rad), np.sin(lot.heading_rad)
+        c, s = elementary.cos(lot.heading_rad), elementary.sin(lot.heading_rad)
         turned = box.copy()
         turned[..., 0] = lot.corner_m[0] + c * box[..., 0] - s * box[..., 1]
         turned[..., 1] = lot.corner_m[1] + s * box[..., 0] + c * box[..., 1]

@@ -6,6 +6,7 @@ import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, lathe
 from carlaloc_env.assets.vegetation.farm_plants import bale
+from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -81,7 +82,10 @@ def silo(diameter_m: float = 5.0, height_m: float = 15.0) -> Mesh:
     steel = Look(Material.SHEET_METAL, Tag.BUILDING, (225, 228, 230))
     hoop = Look(Material.METAL_GALVANISED, Tag.BUILDING, (170, 172, 174))
     body = lathe(steel, [(r, -0.5), (r, h)], 22)
-    dome = [(r * np.cos(a), h + 0.75 * r * np.sin(a)) for a in np.linspace(0.0, 0.5 * np.pi - 0.05, 6)]
+    dome = [
+        (r * elementary.cos(a), h + 0.75 * r * elementary.sin(a))
+        for a in np.linspace(0.0, 0.5 * np.pi - 0.05, 6)
+    ]
     parts = [body, lathe(hoop, [(r + 0.12, h - 0.05), *dome], 22)]
     for z in np.arange(0.6, h, 1.4):
         parts.append(lathe(hoop, [(r, z - 0.06), (r + 0.05, z), (r, z + 0.06)], 22))

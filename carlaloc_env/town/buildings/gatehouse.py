@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -76,7 +76,7 @@ def gatehouse_lamps(feature: Feature, paved: Area, floor: HeightOf) -> Array:
     m = _measures(feature, paved, floor)
     tubes = _tubes(m)
     points = np.column_stack([tubes, np.full(len(tubes), PASSAGE_M - SLAB_M - 0.3), np.ones(len(tubes))])
-    placed: Array = (points @ _pose(feature, m)[0].T)[:, :3]
+    placed: Array = elementary.matrix_product(points, _pose(feature, m)[0].T)[:, :3]
     return placed
 
 
@@ -84,7 +84,7 @@ def _measures(feature: Feature, paved: Area, floor: HeightOf) -> _Measures:
     size = feature.size
     width, depth = (size[0], size[1]) if len(size) > 1 else (WIDTH_M, DEPTH_M)
     heading = np.radians(feature.heading_deg)
-    ahead = np.array([np.cos(heading), np.sin(heading)])
+    ahead = np.array([elementary.cos(heading), elementary.sin(heading)])
     # The building's x axis, seen from before its front: to the right.
     across = np.array([-ahead[1], ahead[0]])
     along = np.linspace(-0.5 * depth, 0.5 * depth, 13)[:, None] * ahead + feature.position
@@ -107,7 +107,7 @@ def _measures(feature: Feature, paved: Area, floor: HeightOf) -> _Measures:
 def _pose(feature: Feature, m: _Measures) -> Array:
     """Transform (1, 4, 4) of the building's frame to the world."""
     heading = np.radians(feature.heading_deg)
-    c, s = np.cos(heading), np.sin(heading)
+    c, s = elementary.cos(heading), elementary.sin(heading)
     x, y = 0.5 * m.depth_m, -0.5 * m.width_m
     corner = (feature.position[0] + c * x - s * y, feature.position[1] + s * x + c * y, m.base_m)
     result: Array = poses([corner], heading + np.pi / 2)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.checks.problem import Row, Severity
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -43,7 +44,7 @@ def link_problems(network: LaneNetwork) -> list[Row]:
             np.abs(wrap_angle(end.heading_rad - start.heading_rad)),
             np.abs(delta[:, 2]),
             np.abs(width),
-            np.abs(np.tan(end.pitch_rad) - np.tan(start.pitch_rad)),
+            np.abs(elementary.tan(end.pitch_rad) - elementary.tan(start.pitch_rad)),
             np.abs(end.curvature_radpm - start.curvature_radpm),
         ]
     )

@@ -10,10 +10,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.lane_strips import Strip
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
+_GRAIN_M = 2.0**-20
+"""Step of solved heights [m]."""
 HeightOf = Callable[[Array], Array]
 """Height of the ground [m] at points (N, 2) of the world [m]."""
 
@@ -73,14 +76,14 @@ class JunctionField:
         total, weight = np.zeros(len(xy_m)), np.zeros(len(xy_m))
         for road, s, pose, line, t_left, t_right, middles in self._roads:
             _, row = line.query(xy_m[:, :2])
-            cos, sin = np.cos(pose.heading_rad[row]), np.sin(pose.heading_rad[row])
+            cos, sin = elementary.cos(pose.heading_rad[row]), elementary.sin(pose.heading_rad[row])
             dx, dy = xy_m[:, 0] - pose.x_m[row], xy_m[:, 1] - pose.y_m[row]
             along, t = cos * dx + sin * dy, cos * dy - sin * dx
             stretch = np.maximum(1.0 - pose.curvature_radpm[row] * t, 0.2)
             at = s[row] + along / stretch
             over = np.maximum(0.0, np.maximum(s[0] - at, at - s[-1]))
             aside = np.maximum(0.0, np.maximum(t - t_left[row], t_right[row] - t))
-            w = np.exp(-((over**2 + aside**2) / self.FADE_M**2))
+            w = elementary.exp(-((over**2 + aside**2) / self.FADE_M**2))
             off = np.min([np.abs(t - middle[row]) for middle in middles], axis=0) if middles else aside + 1.5
             w = w / (self.CENTRE_M**2 + off**2) ** 2 + 1e-12
             inside = np.clip(at, s[0], s[-1])
@@ -156,5 +159,6 @@ def _membrane(known: Array, fixed: NDArray[np.bool_]) -> Array:
         shape=(known.size, known.size),
     ).tocsc()
     right = np.where(free, 0.0, known.ravel())
-    result: Array = np.asarray(spsolve(matrix, right)).reshape(rows, columns)
-    return result
+    # Rounded to a micrometre, since the last bits of a solver depend on the processor.
+    result: Array = np.round(spsolve(matrix, right) / _GRAIN_M) * _GRAIN_M
+    return result.reshape(rows, columns)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.meshing.polygons import strip_polygon, union
 from carlaloc_env.town.opendrive.records import LaneRecord, Road
@@ -142,8 +143,10 @@ def _partings(strips: Sequence[Strip]) -> frozenset[str]:
 def _turn_rad(strip: Strip) -> float:
     """Heading change between both ends of a strip [rad], without its sign."""
     first, last = strip.edges_m[0, 1] - strip.edges_m[0, 0], strip.edges_m[0, -1] - strip.edges_m[0, -2]
-    cosine = float(first[:2] @ last[:2]) / max(float(np.hypot(*first[:2]) * np.hypot(*last[:2])), 1e-12)
-    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    cosine = float(first[0] * last[0] + first[1] * last[1]) / max(
+        float(np.hypot(*first[:2]) * np.hypot(*last[:2])), 1e-12
+    )
+    return float(elementary.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def _strip(road: Road, number: int, section: int, surface: RoadSurface) -> Strip | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -141,8 +142,12 @@ def _cover(out: MeshBuilder, area: Area, kind: str, ground: Terrain) -> None:
 def _mottle(xy: Array) -> Array:
     """Slow variation between −1 and 1 without randomness, shape (M,)."""
     x, y = xy.T
-    slow = np.sin(0.11 * x + 1.3 * np.sin(0.05 * y)) * np.sin(0.09 * y + 1.1 * np.sin(0.04 * x))
-    quick = np.sin(0.37 * x + 2.1 * np.sin(0.13 * y)) * np.sin(0.31 * y + 1.9 * np.sin(0.17 * x))
+    slow = elementary.sin(0.11 * x + 1.3 * elementary.sin(0.05 * y)) * elementary.sin(
+        0.09 * y + 1.1 * elementary.sin(0.04 * x)
+    )
+    quick = elementary.sin(0.37 * x + 2.1 * elementary.sin(0.13 * y)) * elementary.sin(
+        0.31 * y + 1.9 * elementary.sin(0.17 * x)
+    )
     wave: Array = 0.6 * slow + 0.4 * quick
     return wave
 

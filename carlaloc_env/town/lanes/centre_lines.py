@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
@@ -89,7 +90,7 @@ class LaneTables:
         heading = self.heading_rad[row] * g + self.heading_rad[after] * f
         slope = t0[:, 2] * g + t1[:, 2] * f
         curvature = self.curvature_radpm[row] * g + self.curvature_radpm[after] * f
-        return LanePose(position, wrap_angle(heading), np.arctan(slope), curvature)
+        return LanePose(position, wrap_angle(heading), elementary.arctan(slope), curvature)
 
     def along(self, lane: Index, station_m: Array) -> Array:
         """|s − s at the travel start| of stations, (M,)."""
@@ -166,7 +167,7 @@ def build_tables(
         length_m=length,
         along_m=np.abs(s - travel_start[owner]),
         position_m=curve.position_m,
-        tangent=np.stack([np.cos(heading), np.sin(heading), curve.slope * sign], axis=-1),
+        tangent=np.stack([elementary.cos(heading), elementary.sin(heading), curve.slope * sign], axis=-1),
         heading_rad=heading,
         curvature_radpm=curve.curvature_radpm * sign,
         width_m=surface.edges.width(owner, s),

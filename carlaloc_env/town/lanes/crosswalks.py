@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.town.lanes.signals import object_pose
 from carlaloc_env.town.opendrive.records import CornerLocal, Outline, Road, RoadObject
@@ -84,11 +85,11 @@ def _axis(
     xy = points[:, :2] - centre[:2]
     xx, yy, xy_sum = (float(np.sum(k)) for k in (xy[:, 0] ** 2, xy[:, 1] ** 2, xy[:, 0] * xy[:, 1]))
     # Principal axis of the corners, in closed form.
-    turn = 0.5 * math.atan2(2.0 * xy_sum, xx - yy)
+    turn = 0.5 * elementary.arctan2(2.0 * xy_sum, xx - yy)
     spread = math.hypot(xx - yy, 2.0 * xy_sum)
     if xx + yy + spread < 1.7 * (xx + yy - spread):
         turn = road_heading_rad + 0.5 * math.pi
-    axis = np.array([math.cos(turn), math.sin(turn)])
+    axis = np.array([elementary.cos(turn), elementary.sin(turn)])
     along = xy[:, 0] * axis[0] + xy[:, 1] * axis[1]
     across = xy[:, 1] * axis[0] - xy[:, 0] * axis[1]
     middle = 0.5 * (across.max() + across.min())

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.road_profile import Relief
@@ -120,7 +121,7 @@ class LaneNetwork:
         sign = np.where(self.forward[lanes], 1.0, -1.0)
         heading = wrap_angle(curve.heading_rad + np.where(self.forward[lanes], 0.0, np.pi))
         return LanePose(
-            curve.position_m, heading, np.arctan(curve.slope) * sign, curve.curvature_radpm * sign
+            curve.position_m, heading, elementary.arctan(curve.slope) * sign, curve.curvature_radpm * sign
         )
 
     def s_m(self, lane: ArrayLike, station_m: ArrayLike) -> Array:

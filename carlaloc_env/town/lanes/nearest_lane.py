@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M, LaneTables
 
@@ -67,7 +68,7 @@ class LaneSearch:
         length = tables.length_m[lane]
         for _ in range(3):
             pose = tables.pose(lane, station)
-            c, s = np.cos(pose.heading_rad), np.sin(pose.heading_rad)
+            c, s = elementary.cos(pose.heading_rad), elementary.sin(pose.heading_rad)
             dx, dy = points[:, 0] - pose.position_m[:, 0], points[:, 1] - pose.position_m[:, 1]
             ahead, left = c * dx + s * dy, c * dy - s * dx
             # Newton on the foot point; 1 − κ·offset is kept positive inside the curve's centre.
@@ -75,6 +76,6 @@ class LaneSearch:
             station = np.clip(station + np.clip(move, -1.0, 1.0), 0.0, length)
         pose = tables.pose(lane, station)
         delta = points - pose.position_m[:, : self._dimensions]
-        c, s = np.cos(pose.heading_rad), np.sin(pose.heading_rad)
+        c, s = elementary.cos(pose.heading_rad), elementary.sin(pose.heading_rad)
         offset = c * delta[:, 1] - s * delta[:, 0]
         return lane, station, offset, np.sqrt(np.sum(delta * delta, axis=1))

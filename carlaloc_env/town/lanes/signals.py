@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.transforms import from_rotation
 from carlaloc_env.town.lanes.records import SIGN_CODES, SIGN_KINDS, SignalHead, StaticSign
 from carlaloc_env.town.opendrive.read_lanes import MPS_PER_UNIT
@@ -210,14 +210,14 @@ def _pose(
         lane = np.array([e.lane for e in stops])
         station = np.array([e.station_m for e in stops])
         heading = network.tables.pose(lane, station).heading_rad
-        looking = T[0, 0] * np.cos(heading).sum() + T[1, 0] * np.sin(heading).sum()
+        looking = T[0, 0] * elementary.cos(heading).sum() + T[1, 0] * elementary.sin(heading).sum()
     elif network.xodr.vendor == "VectorZero":
         # RoadRunner's poles without lanes already look at their drivers.
         looking = 0.0
     else:
         road_number, s = np.array([network.road_index[road.id]]), np.array([signal.s_m])
         heading_s = float(network.surface.heading(road_number, s)[0])
-        along = T[0, 0] * math.cos(heading_s) + T[1, 0] * math.sin(heading_s)
+        along = T[0, 0] * elementary.cos(heading_s) + T[1, 0] * elementary.sin(heading_s)
         looking = -along if signal.orientation == "-" else along
     if looking > 0.0:
         T[:3, :2] *= -1.0
@@ -230,5 +230,5 @@ def _stand(
     n, s = np.array([network.road_index[road.id]]), np.array([s_m])
     position = network.surface.position(n, s, np.array([t_m]))[0] + np.array([0.0, 0.0, z_m])
     h = float(network.surface.heading(n, s)[0]) + heading_rad
-    c, w = math.cos(h), math.sin(h)
+    c, w = elementary.cos(h), elementary.sin(h)
     return from_rotation(np.array([[c, -w, 0.0], [w, c, 0.0], [0.0, 0.0, 1.0]]), position)

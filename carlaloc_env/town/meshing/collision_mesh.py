@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.meshing.polygons import unique_rows
@@ -18,7 +19,7 @@ POST_SIDES = 6
 def posts(feet_m: Array, radius_m: Array, height_m: Array) -> Array:
     """Upright prisms of poles and trunks, feet (N, 3), shape (N·sides, 4, 3)."""
     angle = np.arange(POST_SIDES + 1) * (2 * np.pi / POST_SIDES)
-    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    ring = np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
     low = np.repeat(feet_m[:, None, :], POST_SIDES + 1, axis=1)
     low[..., :2] += ring * radius_m[:, None, None]
     high = low.copy()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -16,8 +17,8 @@ def poses(feet_m: ArrayLike, yaw_rad: ArrayLike, scale: ArrayLike = 1.0) -> Arra
     yaw = np.broadcast_to(np.asarray(yaw_rad, dtype=np.float64), (len(feet),))
     size = np.broadcast_to(np.asarray(scale, dtype=np.float64), (len(feet),))
     T = np.zeros((len(feet), 4, 4))
-    T[:, 0, 0] = T[:, 1, 1] = np.cos(yaw) * size
-    T[:, 1, 0] = np.sin(yaw) * size
+    T[:, 0, 0] = T[:, 1, 1] = elementary.cos(yaw) * size
+    T[:, 1, 0] = elementary.sin(yaw) * size
     T[:, 0, 1] = -T[:, 1, 0]
     T[:, 2, 2] = size
     T[:, :3, 3] = feet

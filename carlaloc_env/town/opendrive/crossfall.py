@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.town.opendrive.cubic_tables import CubicTable
 from carlaloc_env.town.opendrive.lane_boundaries import LaneEdges
@@ -157,7 +158,10 @@ class Crossfall:
         for side in (1, -1):
             t = middle + side * self._reach[side]
             drop = FALL * self._reach[side] + (GUTTER_FALL - FALL) * self._gutter[side]
-            x, y = pose.x_m - np.sin(pose.heading_rad) * t, pose.y_m + np.cos(pose.heading_rad) * t
+            x, y = (
+                pose.x_m - elementary.sin(pose.heading_rad) * t,
+                pose.y_m + elementary.cos(pose.heading_rad) * t,
+            )
             points.append(np.stack([x, y, z], axis=-1))
             drops.append(np.where(flat[number], 0.0, drop))
             rows.append(np.arange(len(s)))
@@ -192,8 +196,8 @@ class Crossfall:
         pose, t = plan.evaluate(road, s), self._edges.lane_offset(road, s).t_m
         return np.array(
             [
-                pose.x_m[0] - np.sin(pose.heading_rad[0]) * t[0],
-                pose.y_m[0] + np.cos(pose.heading_rad[0]) * t[0],
+                pose.x_m[0] - elementary.sin(pose.heading_rad[0]) * t[0],
+                pose.y_m[0] + elementary.cos(pose.heading_rad[0]) * t[0],
             ]
         )
 

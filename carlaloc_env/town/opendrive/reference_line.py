@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.opendrive.cubic_tables import last_at_or_before
 from carlaloc_env.town.opendrive.records import GEOMETRY_KINDS, Geometry, Road
@@ -73,12 +74,12 @@ class PlanView:
         inside = np.clip(ds, 0.0, length)
         u, v, turn, k, slope = self._local(row, inside)
         rest = ds - inside
-        u += rest * np.cos(turn)
-        v += rest * np.sin(turn)
+        u += rest * elementary.cos(turn)
+        v += rest * elementary.sin(turn)
         rate = self._curves.rate(row)
         straight = rest != 0.0
         k[straight], slope[straight], rate[straight] = 0.0, 0.0, 1.0
-        c, s = np.cos(self._h[row]), np.sin(self._h[row])
+        c, s = elementary.cos(self._h[row]), elementary.sin(self._h[row])
         x = self._x[row] + c * u - s * v
         y = self._y[row] + s * u + c * v
         return LinePose(x, y, self._h[row] + turn, k, slope, rate)
@@ -92,8 +93,8 @@ class PlanView:
             curvature, l_arc = self._k0[row[arc]], ds[arc]
             half = 0.5 * curvature * l_arc
             # sin(x)/x keeps the arc exact as its curvature goes to zero.
-            chord = l_arc * np.sinc(half / np.pi)
-            u[arc], v[arc] = chord * np.cos(half), chord * np.sin(half)
+            chord = l_arc * elementary.sinc(half / np.pi)
+            u[arc], v[arc] = chord * elementary.cos(half), chord * elementary.sin(half)
             turn[arc], k[arc] = 2.0 * half, curvature
         spiral = np.flatnonzero(kind == 2)
         if len(spiral):
@@ -129,8 +130,8 @@ def clothoid(curvature_radpm: Array, rate: Array, length_m: Array) -> tuple[Arra
         for node, weight in zip(_NODES, _WEIGHTS, strict=True):
             at = (n + 0.5 * (node + 1.0)) * h
             theta = at * (k + 0.5 * c * at)
-            u[own] += weight * np.cos(theta)
-            v[own] += weight * np.sin(theta)
+            u[own] += weight * elementary.cos(theta)
+            v[own] += weight * elementary.sin(theta)
     half = 0.5 * step
     return u * half, v * half, turn
 
@@ -191,7 +192,7 @@ class PolynomialCurves:
         w = np.sqrt(w2)
         k = (u1 * v2 - v1 * u2) / (w2 * w)
         slope = ((u1 * v3 - v1 * u3) / (w2 * w) - 3.0 * k * (u1 * u2 + v1 * v2) / w2) / w
-        return u, v, np.arctan2(v1, u1), k, slope
+        return u, v, elementary.arctan2(v1, u1), k, slope
 
     def _speed(self, slot: Index, p: Array) -> Array:
         _, u1, _, _ = _derivatives(self._u[:, slot], p)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.road_profile import Relief
 from carlaloc_env.town.opendrive.crossfall import Crossfall
@@ -64,10 +65,10 @@ class RoadSurface:
         z, _, _ = self._elevation.evaluate(road, s_m)
         tilt, _, _ = self._tilt.evaluate(road, s_m)
         h = h_m + self._shape(road, s_m, t_m)[0]
-        across = t_m * np.cos(tilt) - h * np.sin(tilt)
-        x = line.x_m - np.sin(line.heading_rad) * across
-        y = line.y_m + np.cos(line.heading_rad) * across
-        points = np.stack([x, y, z + t_m * np.sin(tilt) + h * np.cos(tilt)], axis=-1)
+        across = t_m * elementary.cos(tilt) - h * elementary.sin(tilt)
+        x = line.x_m - elementary.sin(line.heading_rad) * across
+        y = line.y_m + elementary.cos(line.heading_rad) * across
+        points = np.stack([x, y, z + t_m * elementary.sin(tilt) + h * elementary.cos(tilt)], axis=-1)
         if self.relief is not None:
             points[:, 2] += self.relief.heights(points)[:, 0]
         return points
@@ -89,7 +90,7 @@ class RoadSurface:
         t, t1, t2 = edge
         shape, shape_s, shape_t = self._shape(road, s_m, t)
         h, h1 = h_m + shape, h_slope + shape_s + shape_t * t1
-        c, s = np.cos(tilt), np.sin(tilt)
+        c, s = elementary.cos(tilt), elementary.sin(tilt)
         across = t * c - h * s
         across1 = t1 * c - h1 * s - (t * s + h * c) * tilt1
         # The rest of τ'' needs third-order detail of tilted roads and changes no heading.
@@ -103,8 +104,8 @@ class RoadSurface:
         heading = line.heading_rad
         position = np.stack(
             [
-                line.x_m - np.sin(heading) * across,
-                line.y_m + np.cos(heading) * across,
+                line.x_m - elementary.sin(heading) * across,
+                line.y_m + elementary.cos(heading) * across,
                 z + t * s + h * c,
             ],
             axis=-1,
@@ -115,7 +116,7 @@ class RoadSurface:
             ahead, left = self._slopes(ground, heading)
             rise = rise + ahead * along + left * across1
         return SurfaceCurve(
-            position, heading + np.arctan2(across1, along), rise / stretch, turn / stretch, stretch
+            position, heading + elementary.arctan2(across1, along), rise / stretch, turn / stretch, stretch
         )
 
     def lane_centre(self, lane: Index, s_m: Array) -> SurfaceCurve:
@@ -133,7 +134,7 @@ class RoadSurface:
         own = self.edges.side[lane] * (outer - inner) / width
         centre = self.edges.centre(lane, s_m).t_m
         shape = self._shape(road, s_m, centre)[2]
-        bank = np.tan(self.tilt_rad(road, s_m) + np.arctan(shape + own))
+        bank: Array = elementary.tan(self.tilt_rad(road, s_m) + elementary.arctan(shape + own))
         if self.relief is not None:
             ground = self.relief.heights(self.position(road, s_m, centre))
             bank += self._slopes(ground, self.heading(road, s_m))[1]
@@ -150,7 +151,7 @@ class RoadSurface:
     @staticmethod
     def _slopes(ground: Array, heading_rad: Array) -> tuple[Array, Array]:
         """Rise of the relief along the reference line and to its left, (M,) each."""
-        cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+        cos, sin = elementary.cos(heading_rad), elementary.sin(heading_rad)
         return cos * ground[:, 1] + sin * ground[:, 2], cos * ground[:, 2] - sin * ground[:, 1]
 
     def _shape(self, road: Index, s_m: Array, t_m: Array) -> tuple[Array, Array, Array]:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.road_events import no_events
 from carlaloc_env.scene.materials import Material
@@ -64,7 +64,7 @@ def add_junction_details(
     number = inner.area / AREA_M2 * (DETAILS if fast else 1.0)
     sheets = _Sheets(inner)
     for point in _points(inner, 0 if fast else draw.poisson(number), draw):
-        rings = point + cover_rings() @ _turned(draw)
+        rings = point + elementary.matrix_product(cover_rings(), _turned(draw))
         if shapely.contains_xy(inner, *rings[:12].T).all():
             sheets.add(rings, lay_cover)
             lid = COVER_RADIUS_M * SQUARE * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0]])
@@ -135,7 +135,9 @@ class _Sheets:
 
 def _turned(draw: np.random.Generator) -> Array:
     turn = float(draw.uniform(0.0, 2.0 * np.pi))
-    return np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    return np.array(
+        [[elementary.cos(turn), elementary.sin(turn)], [-elementary.sin(turn), elementary.cos(turn)]]
+    )
 
 
 def _gutters(out: MeshBuilder, junction: JunctionArea, field: JunctionField) -> None:
@@ -166,7 +168,7 @@ def _points(area: Area, count: int, draw: np.random.Generator) -> Array:
 def _patch(point: Array, draw: np.random.Generator) -> Area:
     """A rectangle in any direction."""
     turn = float(draw.uniform(0.0, np.pi))
-    along = np.array([np.cos(turn), np.sin(turn)])
+    along = np.array([elementary.cos(turn), elementary.sin(turn)])
     half = along * float(draw.uniform(0.6, 3.0))
     line = shapely.LineString([point - half, point + half])
     return shapely.buffer(line, float(draw.uniform(0.4, 1.0)), cap_style="flat")
@@ -175,6 +177,6 @@ def _patch(point: Array, draw: np.random.Generator) -> Area:
 def _crack(point: Array, draw: np.random.Generator) -> Area:
     """A line that wanders."""
     turn = float(draw.uniform(0.0, 2.0 * np.pi)) + np.cumsum(draw.normal(0.0, 0.35, 9))
-    steps = np.stack([np.cos(turn), np.sin(turn)], axis=-1) * float(draw.uniform(0.3, 0.8))
+    steps = np.stack([elementary.cos(turn), elementary.sin(turn)], axis=-1) * float(draw.uniform(0.3, 0.8))
     line = shapely.LineString(point + np.cumsum(steps, axis=0))
     return shapely.buffer(line, float(draw.uniform(0.02, 0.035)), cap_style="flat", join_style="bevel")

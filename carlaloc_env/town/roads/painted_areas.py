@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -151,4 +152,4 @@ def _arrow(name: str) -> Area:
 
 
 def _moved(shape: Area, T: Array) -> Area:
-    return shapely.transform(shape, lambda xy: xy @ T[:2, :2].T + T[:2, 3])
+    return shapely.transform(shape, lambda xy: elementary.matrix_product(xy, T[:2, :2].T) + T[:2, 3])

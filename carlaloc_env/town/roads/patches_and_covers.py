@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -40,7 +41,7 @@ def cover_rings() -> Array:
     angle = np.tile(np.arange(12) * (np.pi / 6), 3)
     radius = np.repeat([COVER_RADIUS_M, COVER_RADIUS_M - 0.06, 0.12], 12)
     # Angles run from left to forward: clockwise seen from above.
-    return np.stack([radius * np.sin(angle), radius * np.cos(angle)], axis=-1)
+    return np.stack([radius * elementary.sin(angle), radius * elementary.cos(angle)], axis=-1)
 
 
 def lay_cover(out: MeshBuilder, rings: Array) -> None:

@@ -9,6 +9,7 @@ import shapely
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.road_profile import LevelGrid
 from carlaloc_env.core.rough_surface import class_level
@@ -39,14 +40,14 @@ def road_levels(roads: Sequence[Road], config: TownConfig) -> LevelGrid | None:
     points, fast = _samples(roads)
     if config.road_roughness == 0.0 or not len(points):
         return None
-    level = np.log([class_level(name) for name in _classes(points, fast, config)])
+    level = elementary.log([class_level(name) for name in _classes(points, fast, config)])
     cell = max(CELL_M, float(np.sqrt(np.prod(np.ptp(points, axis=0)) / MOST_CELLS)))
     low = np.floor(points.min(axis=0) / cell - 4.0) * cell
     shape = np.ceil((points.max(axis=0) - low) / cell + 4.0).astype(int)
     i, j = np.indices(shape).reshape(2, -1)
     _, nearest = cKDTree(points).query(low + np.stack([i, j], axis=-1) * cell)
     grid = gaussian_filter(level[nearest].reshape(shape), BLEND_M / cell, mode="nearest")
-    return LevelGrid((float(low[0]), float(low[1])), cell, config.road_roughness * np.exp(grid))
+    return LevelGrid((float(low[0]), float(low[1])), cell, config.road_roughness * elementary.exp(grid))
 
 
 def is_even(road: Road) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
 
@@ -38,7 +39,7 @@ def inside_line(
     count = round(EASE_M / step_m)
     for _ in range(2):
         padded = np.pad(aside, count, mode="edge")
-        aside = np.convolve(padded, np.full(2 * count + 1, 1.0 / (2 * count + 1)), mode="valid")
+        aside = elementary.convolve(padded, np.full(2 * count + 1, 1.0 / (2 * count + 1)), mode="valid")
     xy = np.stack([np.interp(s, s_m, xy_m[:, k]) for k in range(2)], axis=-1)
-    xy += aside[:, None] * np.stack([-np.sin(h), np.cos(h)], axis=-1)
-    return s, xy, h + np.arctan(np.gradient(aside, step_m)) if len(s) > 1 else h
+    xy += aside[:, None] * np.stack([-elementary.sin(h), elementary.cos(h)], axis=-1)
+    return s, xy, h + elementary.arctan(np.gradient(aside, step_m)) if len(s) > 1 else h

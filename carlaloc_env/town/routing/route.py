@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.transforms import wrap_angle
@@ -82,7 +83,7 @@ class Route:
         return RoutePose(
             position,
             wrap_angle(heading),
-            np.arctan(self.slope[row] * g + self.slope[after] * f),
+            elementary.arctan(self.slope[row] * g + self.slope[after] * f),
             self.curvature_radpm[row] * g + self.curvature_radpm[after] * f,
             self.speed_limit_mps[row],
             self.lane[row],
@@ -137,7 +138,7 @@ class Route:
 
     def _tangents(self, rows: Index) -> NDArray[np.float64]:
         heading = self.heading_rad[rows]
-        return np.stack([np.cos(heading), np.sin(heading), self.slope[rows]], axis=-1)
+        return np.stack([elementary.cos(heading), elementary.sin(heading), self.slope[rows]], axis=-1)
 
     def _locate(self, s_m: Array) -> tuple[Index, Index, Array]:
         number = len(self.position_m)
@@ -233,7 +234,7 @@ def _sampled(network: LaneNetwork, line: RouteLine, fitted: NDArray[np.bool_], l
     turn = wrap_angle(np.diff(line.heading_rad))
     half = 0.5 * turn
     # Arc over chord, which keeps the length of curves.
-    arc = chord / np.maximum(np.sinc(np.clip(half, -1.0, 1.0) / np.pi), 0.5)
+    arc = chord / np.maximum(elementary.sinc(np.clip(half, -1.0, 1.0) / np.pi), 0.5)
     total = np.concatenate([[0.0], np.cumsum(arc)])
     length = float(total[-1])
     if length < 2.0 * TABLE_STEP_M:
@@ -245,7 +246,9 @@ def _sampled(network: LaneNetwork, line: RouteLine, fitted: NDArray[np.bool_], l
     f = np.clip((s - total[row]) / span, 0.0, 1.0)
     g = 1.0 - f
     w = f * f * (3.0 - 2.0 * f)
-    tangent = np.stack([np.cos(line.heading_rad), np.sin(line.heading_rad), line.slope], axis=-1)
+    tangent = np.stack(
+        [elementary.cos(line.heading_rad), elementary.sin(line.heading_rad), line.slope], axis=-1
+    )
     position = (
         p[row] * (1.0 - w)[:, None]
         + p[row + 1] * w[:, None]

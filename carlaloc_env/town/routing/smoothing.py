@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.transforms import wrap_angle
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -71,7 +72,7 @@ def _believable(position_m: NDArray[np.float64], heading_rad: Array) -> Array:
     if len(position_m) < 3:
         return heading_rad
     step = np.gradient(position_m[:, :2], axis=0)
-    gone = np.arctan2(step[:, 1], step[:, 0])
+    gone = elementary.arctan2(step[:, 1], step[:, 0])
     result: Array = np.where(np.abs(wrap_angle(gone - heading_rad)) < _ASTRAY_RAD, heading_rad, gone)
     return result
 
@@ -221,7 +222,7 @@ def _blend(network: LaneNetwork, old: Index, new: Index, s: Array, tau: Array, l
         sign
         * ((1.0 - fraction) * a.stretch * turn(a.heading_rad) + fraction * b.stretch * turn(b.heading_rad))
         + rate * gap[:, k]
-        for k, turn in enumerate((np.cos, np.sin))
+        for k, turn in enumerate((elementary.cos, elementary.sin))
     ]
     speed = np.maximum(np.hypot(*velocity), 1e-9)
     climb = (
@@ -229,5 +230,9 @@ def _blend(network: LaneNetwork, old: Index, new: Index, s: Array, tau: Array, l
     )
     lane = np.where(fraction < 0.5, old, new)
     return RouteLine(
-        position, np.arctan2(velocity[1], velocity[0]), climb / speed, lane, network.station_m(lane, s)
+        position,
+        elementary.arctan2(velocity[1], velocity[0]),
+        climb / speed,
+        lane,
+        network.station_m(lane, s),
     )

@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego_car import (
     EGO_REAR_M,
@@ -77,7 +78,7 @@ class FreeSpace(NamedTuple):
 
 def swept(xy_m: Array, heading_rad: Array, points_m: Array) -> Array:
     """Where points (K, 2) of a car come whose rear axle follows a line of N points, (N·K, 2)."""
-    c, n = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
+    c, n = elementary.cos(heading_rad)[:, None], elementary.sin(heading_rad)[:, None]
     x = xy_m[:, :1] + c * points_m[:, 0] - n * points_m[:, 1]
     y = xy_m[:, 1:2] + n * points_m[:, 0] + c * points_m[:, 1]
     return np.stack([x.ravel(), y.ravel()], axis=-1)
@@ -194,7 +195,9 @@ def _lanes_near(network: LaneNetwork, own: RouteLine, low: Array, high: Array) -
             continue
         at = slice(int(tables.first[number]), int(tables.first[number] + tables.count[number]))
         half = 0.5 * tables.width_m[at][:, None]
-        left = np.stack([-np.sin(tables.heading_rad[at]), np.cos(tables.heading_rad[at])], axis=-1)
+        left = np.stack(
+            [-elementary.sin(tables.heading_rad[at]), elementary.cos(tables.heading_rad[at])], axis=-1
+        )
         middle = tables.position_m[at, :2]
         found.append(strip_polygon(middle + half * left, middle - half * left))
     return found

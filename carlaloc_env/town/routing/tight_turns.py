@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.off_tracking import inside_line
@@ -179,14 +180,14 @@ def _candidate(
     count = max(2, round((s[-1] - b) / SAMPLE_M))
     tail, out = _beside(s, xy, heading, np.linspace(b, s[-1], count + 1), lateral_m[1], rising=False)
     reach = float(np.hypot(*(tail[0] - lead[-1])))
-    p1 = lead[-1] + handles[0] * reach * np.array([np.cos(into), np.sin(into)])
-    p2 = tail[0] - handles[1] * reach * np.array([np.cos(out), np.sin(out)])
+    p1 = lead[-1] + handles[0] * reach * np.array([elementary.cos(into), elementary.sin(into)])
+    p2 = tail[0] - handles[1] * reach * np.array([elementary.cos(out), elementary.sin(out)])
     f = np.linspace(0.0, 1.0, max(4, round((b - a) / SAMPLE_M)) + 1)[:, None]
     g = 1.0 - f
-    curve = g**3 * lead[-1] + 3 * g * g * f * p1 + 3 * g * f * f * p2 + f**3 * tail[0]
+    curve = g * g * g * lead[-1] + 3 * g * g * f * p1 + 3 * g * f * f * p2 + f * f * f * tail[0]
     path = np.concatenate([lead[:-1], curve, tail[1:]])
     step = np.gradient(path, axis=0)
-    turned = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
+    turned = np.unwrap(elementary.arctan2(step[:, 1], step[:, 0]))
     turned += 2 * np.pi * np.round((heading[0] - turned[0]) / (2 * np.pi))
     turned[0], turned[-1] = heading[0], heading[-1]
     return path, turned
@@ -198,10 +199,10 @@ def _beside(
     """Points up to `lateral_m` to the left of the middle, and the middle's heading where it is all."""
     share = (at - at[0]) / (at[-1] - at[0])
     share = share if rising else 1.0 - share
-    off = lateral_m * share**3 * (10.0 - share * (15.0 - 6.0 * share))
+    off = lateral_m * share * share * share * (10.0 - share * (15.0 - 6.0 * share))
     h = np.interp(at, s, heading)
     points = np.stack([np.interp(at, s, xy[:, k]) for k in range(2)], axis=-1)
-    points += off[:, None] * np.stack([-np.sin(h), np.cos(h)], axis=-1)
+    points += off[:, None] * np.stack([-elementary.sin(h), elementary.cos(h)], axis=-1)
     return points, float(h[-1] if rising else h[0])
 
 

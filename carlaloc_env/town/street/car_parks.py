@@ -10,7 +10,7 @@ import shapely
 
 from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.street.traffic_signs import sign
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -92,7 +92,7 @@ def place_car_parks(
         a, b = edge.line_m[start, :2], edge.line_m[end, :2]
         along = (b - a) / np.hypot(*(b - a))
         inward = np.array([along[1], -along[0]])
-        bow = np.abs((edge.line_m[start:end, :2] - a) @ inward).max()
+        bow = np.abs(np.sum((edge.line_m[start:end, :2] - a) * inward, axis=1)).max()
         if bow > 0.4 or (edge.state[start:end] != State.GROUND).any():
             continue
         # Seen from the street the line's free side is its right: its end is the left corner.
@@ -121,13 +121,13 @@ def add_car_park(
             if draw.random() > OCCUPIED or (row == 0 and entrance <= bay < entrance + 2):
                 continue
             spot = park.points(np.array(0.5 + (bay + 0.5) * BAY_M[0]), np.array(depth))
-            heading = float(np.arctan2(-park.inward[1], -park.inward[0])) + turn
+            heading = float(elementary.arctan2(-park.inward[1], -park.inward[0])) + turn
             yaw = heading + (np.pi if draw.random() < 0.3 else 0.0)
             cars.put(np.array([*spot, float(ground.height(spot[None])[0]) + _LIFT_M]), yaw, draw)
     _fences(out, park, ground, instance)
     post = park.points(np.array(0.5 + entrance * BAY_M[0] - 0.4), np.array(0.5))
     foot = np.array([*post, float(ground.height(post[None])[0])])
-    facing = float(np.arctan2(-park.inward[1], -park.inward[0]))
+    facing = float(elementary.arctan2(-park.inward[1], -park.inward[0]))
     out.add(copies(sign("parking"), poses(foot, facing), instance))
 
 
@@ -177,7 +177,7 @@ def _fences(out: MeshBuilder, park: CarPark, ground: Terrain, instance: int) -> 
         for k in range(count):
             xy = start + direction * k * length / count
             feet.append([*xy, float(ground.height(xy[None])[0])])
-            yaws.append(float(np.arctan2(direction[1], direction[0])))
+            yaws.append(float(elementary.arctan2(direction[1], direction[0])))
     out.add(copies(_mesh_fence(), poses(np.array(feet), np.array(yaws)), instance))
 
 

@@ -11,7 +11,7 @@ import shapely
 from carlaloc_env.assets.street.billboards import billboard
 from carlaloc_env.assets.street.construction_sites import construction_site
 from carlaloc_env.assets.street.furniture import bus_shelter
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -134,7 +134,7 @@ def _extent(feature: Feature) -> tuple[float, float]:
 
 def _placed(feature: Feature, xy: Array) -> Array:
     heading = np.radians(feature.heading_deg)
-    c, s = np.cos(heading), np.sin(heading)
+    c, s = elementary.cos(heading), elementary.sin(heading)
     x, y = xy.T
     return np.stack([feature.position[0] + c * x - s * y, feature.position[1] + s * x + c * y], axis=-1)
 
@@ -174,7 +174,7 @@ def feature_car_parks(features: Sequence[Feature]) -> list[CarPark]:
         depth, width = _extent(feature)
         bays, rows = max(4, int((width - 1.0) / BAY_M[0])), max(1, int(depth / DEPTH_M))
         heading = np.radians(feature.heading_deg)
-        inward = -np.array([np.cos(heading), np.sin(heading)])
+        inward = -np.array([elementary.cos(heading), elementary.sin(heading)])
         along = np.array([-inward[1], inward[0]])
         for row in range(rows):
             away = row * DEPTH_M - rows * DEPTH_M / 2

@@ -11,7 +11,7 @@ import shapely
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_uv
 from carlaloc_env.assets.vehicles.all_vehicles import vehicle
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -98,7 +98,7 @@ class ParkedCars:
         for name, foot, yaw in zip(self.names, self.feet_m, self.yaws_rad, strict=True):
             length, width, height = VEHICLES[name].size_m
             box = box_quads([-length / 2, -width / 2, 0.0], [length / 2, width / 2, height])
-            c, s = np.cos(yaw), np.sin(yaw)
+            c, s = elementary.cos(yaw), elementary.sin(yaw)
             turned = box.copy()
             turned[..., 0] = foot[0] + c * box[..., 0] - s * box[..., 1]
             turned[..., 1] = foot[1] + s * box[..., 0] + c * box[..., 1]
@@ -117,7 +117,7 @@ def _with_plates(cars: Mesh) -> Mesh:
 
 def rectangle(centre: Array, yaw: float, length: float, width: float) -> Area:
     """Plan-view rectangle about a point."""
-    c, s = np.cos(yaw), np.sin(yaw)
+    c, s = elementary.cos(yaw), elementary.sin(yaw)
     corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * 0.5 * np.array([length, width])
     turn = np.array([[c, s], [-s, c]])
     return shapely.Polygon(corners[:, :1] * turn[0] + corners[:, 1:] * turn[1] + centre)
@@ -166,7 +166,7 @@ def _park_lane(
         if shapely.dwithin(crosswalks, shapely.Point(*spots[1][:2]), CROSSWALK_M):
             continue
         ahead = (spots[2] - spots[0]) * (-1.0 if strip.lanes[lane].id > 0 else 1.0)
-        cars.put(spots[1], float(np.arctan2(ahead[1], ahead[0])), draw)
+        cars.put(spots[1], float(elementary.arctan2(ahead[1], ahead[0])), draw)
 
 
 def park_on_verges(
@@ -191,7 +191,7 @@ def park_on_verges(
             if chance > VERGES.get(kinds[row], 0.0):
                 continue
             xy = edge.line_m[row, :2] + edge.right[row] * (VERGE_M + 1.05)
-            yaw = float(np.arctan2(edge.right[row, 0], -edge.right[row, 1]))
+            yaw = float(elementary.arctan2(edge.right[row, 0], -edge.right[row, 1]))
             if shapely.dwithin(blocked, rectangle(xy, yaw, 6.0, 2.05), 0.12):
                 continue
             cars.put(np.array([*xy, float(ground.height(xy[None])[0]) - 0.03]), yaw, draw)
@@ -237,7 +237,7 @@ def _drive(
 ) -> Area | None:
     width, length = DRIVE_M
     away = edge.right[row]
-    yaw = float(np.arctan2(away[1], away[0]))
+    yaw = float(elementary.arctan2(away[1], away[0]))
     centre = edge.line_m[row, :2] + away * (0.06 + length / 2)
     area = rectangle(centre, yaw, length, width)
     inner = rectangle(centre + 0.3 * away, yaw, length - 0.5, width)

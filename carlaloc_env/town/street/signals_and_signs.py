@@ -6,6 +6,7 @@ import numpy as np
 
 from carlaloc_env.assets.street.traffic_lights import traffic_light
 from carlaloc_env.assets.street.traffic_signs import sign
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.transforms import apply
 from carlaloc_env.scene.mesh import Mesh
@@ -32,7 +33,7 @@ def add_signals(
     for number, head in enumerate(network.signals):
         place = _beside_lanes(network, head)
         feet[number] = (*place, floor(place[None])[0])
-        yaw = np.arctan2(head.T_world_signal[1, 0], head.T_world_signal[0, 0])
+        yaw = elementary.arctan2(head.T_world_signal[1, 0], head.T_world_signal[0, 0])
         T = poses(feet[number], yaw)
         arm, heads = _arm(network, head, T[0])
         mesh, lenses = traffic_light(heads, arm)
@@ -63,7 +64,7 @@ def add_signs(network: LaneNetwork, floor: HeightOf, ids: InstanceIds) -> tuple[
             continue
         position = item.T_world_sign[:3, 3]
         foot = np.array([*position[:2], floor(position[None, :2])[0]])
-        yaw = np.arctan2(item.T_world_sign[1, 0], item.T_world_sign[0, 0])
+        yaw = elementary.arctan2(item.T_world_sign[1, 0], item.T_world_sign[0, 0])
         meshes.append(copies(sign(*kind), poses(foot, yaw), ids.take()))
         feet.append(foot)
     return meshes, np.array(feet).reshape(-1, 3)
@@ -76,7 +77,7 @@ def _beside_lanes(network: LaneNetwork, head: SignalHead) -> Array:
     if not head.lanes or near.distance_m[0] > 0.5 * network.width_m(near.lane, near.station_m)[0]:
         return place
     pose = network.pose(np.array(head.lanes[:1]), np.array(head.stop_station_m[:1]))
-    right = np.array([np.sin(pose.heading_rad[0]), -np.cos(pose.heading_rad[0])])
+    right = np.array([elementary.sin(pose.heading_rad[0]), -elementary.cos(pose.heading_rad[0])])
     away = np.arange(0.0, _FARTHEST_POST_M, 0.25)
     for side in (right, -right):
         places: Array = place + away[:, None] * side

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.buildings.building_lots import Lot, place_lots
 from carlaloc_env.town.buildings.buildings import building_mesh
@@ -52,7 +52,7 @@ class Plots:
         meshes = []
         for lot, base in zip(self.lots, self.bases_m, strict=True):
             T = np.eye(4)
-            c, s = np.cos(lot.heading_rad), np.sin(lot.heading_rad)
+            c, s = elementary.cos(lot.heading_rad), elementary.sin(lot.heading_rad)
             T[:2, :2] = [[c, -s], [s, c]]
             T[:3, 3] = (*lot.corner_m, base)
             mesh = building_mesh(lot.plan, rng.stream(seed, lot.name, index=1), instance=ids.take())
@@ -96,7 +96,7 @@ def _base_heights(lots: Sequence[Lot], ground: Terrain) -> list[float]:
     """Height of each building's floor: the mean of the ground along its front."""
     bases = []
     for lot in lots:
-        along = np.array([np.cos(lot.heading_rad), np.sin(lot.heading_rad)])
+        along = np.array([elementary.cos(lot.heading_rad), elementary.sin(lot.heading_rad)])
         points = lot.corner_m + np.linspace(0.0, lot.plan.width_m, 5)[:, None] * along
         bases.append(float(ground.height(points).mean()))
     return bases

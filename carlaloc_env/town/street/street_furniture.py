@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.lane_strips import Strip
@@ -116,7 +116,12 @@ class Furnisher:
             return feet
         yaw = np.array(self.placed.yaws[key])
         reach = np.stack(
-            [np.cos(yaw) * LAMP_ARM_M, np.sin(yaw) * LAMP_ARM_M, np.full(len(yaw), LAMP_HEIGHT_M)], -1
+            [
+                elementary.cos(yaw) * LAMP_ARM_M,
+                elementary.sin(yaw) * LAMP_ARM_M,
+                np.full(len(yaw), LAMP_HEIGHT_M),
+            ],
+            -1,
         )
         result: Array = feet + reach
         return result
@@ -201,7 +206,9 @@ class Furnisher:
             row = _Row(line, far, at)
             width = float(np.hypot(*(far[at] - line[at])[:2]))
             foot = row.at(width + 0.55, -0.1)
-            end = foot + 3.0 * np.array([np.cos(row.yaw + np.pi / 2), np.sin(row.yaw + np.pi / 2), 0.0])
+            end = foot + 3.0 * np.array(
+                [elementary.cos(row.yaw + np.pi / 2), elementary.sin(row.yaw + np.pi / 2), 0.0]
+            )
             line_of_hedge = shapely.LineString([foot[:2], end[:2]])
             if len(self._footprints.query(line_of_hedge, predicate="dwithin", distance=1.2)):
                 continue
@@ -230,7 +237,7 @@ class _Row:
         self._kerb = line[at]
         self._slope = (far[at][2] - line[at][2]) / max(np.hypot(*(far[at] - line[at])[:2]), 0.1)
         self._away = np.array([-tangent[1], tangent[0], 0.0])
-        self.yaw = float(np.arctan2(-self._away[1], -self._away[0]))
+        self.yaw = float(elementary.arctan2(-self._away[1], -self._away[0]))
         """Direction towards the road [rad]."""
 
     def at(self, distance_m: float, rise_m: float = 0.0) -> Array:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_levels import State
 from carlaloc_env.town.ground.road_edges import RoadEdge
@@ -57,18 +58,18 @@ def delineator_feet(
         if len(rows):
             feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
             # Traffic keeps to the right: it comes along the line, whose free side is on its right.
-            yaws.append(np.arctan2(edge.right[rows, 0], -edge.right[rows, 1]))
+            yaws.append(elementary.arctan2(edge.right[rows, 0], -edge.right[rows, 1]))
     return np.concatenate(feet), np.concatenate(yaws)
 
 
 def spacing_m(line_m: Array) -> Array:
     """Distance of posts [m] at every metre of a line (N, 3) with a point per metre, shape (N − 1,)."""
     step = np.diff(line_m[:, :2], axis=0)
-    turn = np.diff(np.unwrap(np.arctan2(step[:, 1], step[:, 0])))
+    turn = np.diff(np.unwrap(elementary.arctan2(step[:, 1], step[:, 0])))
     if len(turn) < 3:
         return np.full(len(step), SPACING_M[-1][1])
     width = min(SMOOTH_M, len(turn))
-    curvature = np.abs(np.convolve(turn, np.ones(width) / width, mode="same"))
+    curvature = np.abs(elementary.convolve(turn, np.ones(width) / width, mode="same"))
     curvature = np.concatenate([curvature[:1], curvature])
     radius, distance = np.array(SPACING_M).T
     found: Array = np.interp(1.0 / np.maximum(curvature, 1e-9), radius, distance)

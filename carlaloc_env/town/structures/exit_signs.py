@@ -16,6 +16,7 @@ import shapely
 
 from carlaloc_env.assets.street.direction_signs import cantilever, countdown_marker, verge_sign
 from carlaloc_env.assets.texture_atlas import STREET_NAMES
+from carlaloc_env.core import elementary, transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.grade_levels import WALL_M
@@ -74,7 +75,7 @@ def exits(network: LaneNetwork) -> list[Exit]:
             if network.lanes[k].junction_id is not None and network.lanes[k].road_id != lane.road_id
         ]
         goes_on = any(_is_fast(network.lanes[k]) for other in others for k in other.successors)
-        if goes_on and abs(np.angle(np.exp(1j * (ends[1] - ends[0])))) < _PARTING_RAD:
+        if goes_on and abs(transforms.wrap_angle(ends[1] - ends[0])) < _PARTING_RAD:
             found.append(Exit(ramp=lane.index, through=_rightmost(network, before[0]).index))
     return found
 
@@ -153,7 +154,7 @@ class _Placer:
                 return None
             pose = self._network.pose([lane], [station])
             heading, at = float(pose.heading_rad[0]), pose.position_m[0]
-            right = np.array([np.sin(heading), -np.cos(heading)])
+            right = np.array([elementary.sin(heading), -elementary.cos(heading)])
             line = at[:2] + np.arange(1.0, _WIDEST_M, _STEP_M)[:, None] * right
             off = shapely.distance(self._paved, shapely.points(line)) > 0.05
             if not off.any():
@@ -177,7 +178,7 @@ class _Placer:
             info = self._network.lanes[lane]
             station = np.arange(0.0, info.length_m, 1.0)
             pose = self._network.pose([lane] * len(station), station)
-            left = np.stack([-np.sin(pose.heading_rad), np.cos(pose.heading_rad)], axis=-1)
+            left = np.stack([-elementary.sin(pose.heading_rad), elementary.cos(pose.heading_rad)], axis=-1)
             half = 0.5 * self._network.width_m([lane] * len(station), station)
             for away in GORE_AWAY_M:
                 xy = pose.position_m[:, :2] + (half + away)[:, None] * left

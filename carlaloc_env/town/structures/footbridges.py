@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.assets.modelling.primitives import Look, box, tube
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -41,7 +42,7 @@ def footbridge(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     """Footbridge whose deck runs along the heading; the stairs at its ends go on in line."""
     length = feature.size[0] if feature.size else LENGTH_M
     centre, heading = np.array(feature.position), np.radians(feature.heading_deg)
-    along = np.array([np.cos(heading), np.sin(heading)])
+    along = np.array([elementary.cos(heading), elementary.sin(heading)])
     station = np.linspace(-0.5 * length, 0.5 * length, int(length) + 1)
     places = centre + station[:, None] * along
     shapely.prepare(paved)

@@ -8,6 +8,7 @@ import shapely
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, tube
 from carlaloc_env.assets.street.direction_signs import BOARD_M, CLEAR_M, direction_board
 from carlaloc_env.assets.street.furniture import bench, bollard, lamp
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -31,7 +32,7 @@ def gantry(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     """Gantry over a whole road: boards towards both directions; its front looks along the heading."""
     centre, heading = np.array(feature.position), np.radians(feature.heading_deg)
     # Whoever sees the front drives against the heading and keeps to the right.
-    right = np.array([-np.sin(heading), np.cos(heading)])
+    right = np.array([-elementary.sin(heading), elementary.cos(heading)])
     shapely.prepare(paved)
     reach = [_reach(centre, sign * right, paved) for sign in (1.0, -1.0)]
     feet = np.array([centre + reach[0] * right, centre - reach[1] * right])
@@ -51,7 +52,7 @@ def gantry(feature: Feature, paved: Area, floor: HeightOf) -> Mesh:
     for side, yaw, names in ((1.0, 0.0, (2, 5, 7)), (-1.0, np.pi, (3, 4, 6))):
         span = reach[0] if side > 0 else reach[1]
         for k, share in enumerate((0.38, 0.72) if span > 2.4 * BOARD_M[0] else (0.55,)):
-            at = (0.12 * np.cos(yaw) - 0.2, side * share * span, z + 1.2)
+            at = (0.12 * elementary.cos(yaw) - 0.2, side * share * span, z + 1.2)
             parts.append(placed(direction_board(names[k], names[k + 1]), at, yaw))
     T = poses([(*centre, 0.0)], heading)
     return copies(merge(parts), T, 0)
@@ -70,7 +71,7 @@ def pier(feature: Feature, _: Area, floor: HeightOf) -> Mesh:
     length = feature.size[0] if feature.size else 60.0
     width = PIER_WIDTH_M if length >= SMALL_PIER_M else 0.5 * PIER_WIDTH_M
     heading = np.radians(feature.heading_deg)
-    ahead = np.array([np.cos(heading), np.sin(heading)])
+    ahead = np.array([elementary.cos(heading), elementary.sin(heading)])
     shore = np.array(feature.position) - 0.5 * length * ahead
     top = float(floor(shore[None])[0]) + 0.12
     parts = [box(_WOOD, (length + 2.0, width, 0.08), (-1.0, 0.0, -0.04))]

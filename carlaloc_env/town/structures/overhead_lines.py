@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from carlaloc_env.assets.street.fences_and_poles import utility_pole, utility_wires_m
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
@@ -106,10 +106,17 @@ def catenary_m(length_m: float, rise_m: float, pull_m: float, fraction: Array) -
     rise = 2c·sinh(L/2c)·sinh((L/2 − x0)/c).
     """
     half = 0.5 * length_m
-    x0 = half - pull_m * float(np.arcsinh(rise_m / (2.0 * pull_m * np.sinh(half / pull_m))))
+    grown = elementary.exp(half / pull_m)
+    slope = rise_m / (pull_m * (grown - 1.0 / grown))
+    x0 = half - pull_m * float(elementary.log(slope + np.sqrt(slope * slope + 1.0)))
     x = fraction * length_m
-    result: Array = pull_m * (np.cosh((x - x0) / pull_m) - np.cosh(x0 / pull_m))
+    result: Array = pull_m * (_cosh((x - x0) / pull_m) - _cosh(np.asarray(x0 / pull_m)))
     return result
+
+
+def _cosh(x: Array) -> Array:
+    grown: Array = elementary.exp(x)
+    return 0.5 * (grown + 1.0 / grown)
 
 
 def _rows(edge: RoadEdge, away: float, blocked: Area, ground: Terrain) -> list[tuple[Array, Array]]:
@@ -141,7 +148,7 @@ def _free(edge: RoadEdge, row: int, away: float, blocked: Area) -> tuple[Array, 
         xy = edge.line_m[at, :2] + away * edge.right[at]
         if edge.state[at] == State.GROUND and shapely.distance(blocked, shapely.Point(*xy)) > CLEAR_M:
             # The cross-arm lies across the road.
-            return xy, float(np.arctan2(edge.right[at, 0], -edge.right[at, 1]))
+            return xy, float(elementary.arctan2(edge.right[at, 0], -edge.right[at, 1]))
     return None
 
 

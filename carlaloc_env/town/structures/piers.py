@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -80,7 +81,7 @@ def _pier(out: MeshBuilder, feet: Array, left: Array, right: Array, parts: Raise
         np.column_stack([np.full((len(feet), 2), -COLUMN_M), ground]),
         np.column_stack([np.full((len(feet), 2), COLUMN_M), under - head + 0.02]),
     ).reshape(5, len(feet), 4, 3)
-    boxes[..., :2] = boxes[..., :2] @ turn + feet[None, :, None, :2]
+    boxes[..., :2] = elementary.matrix_product(boxes[..., :2], turn) + feet[None, :, None, :2]
     faces = [boxes.reshape(-1, 4, 3)]
     if head:
         half = 0.5 * float(np.hypot(*(feet[-1] - feet[0])[:2])) + 1.2
@@ -88,6 +89,6 @@ def _pier(out: MeshBuilder, feet: Array, left: Array, right: Array, parts: Raise
         slope = np.array([0.0, 0.0, float(under[-1] - under[0]) / max(2.0 * (half - 1.2), 1.0)])
         beam = box_quads([-half, -0.65, -head], [half, 0.65, 0.05], bottom=True)
         beam[..., 2] += slope[2] * beam[..., 0] + float(under.mean())
-        beam[..., :2] = beam[..., :2] @ turn + middle[:2]
+        beam[..., :2] = elementary.matrix_product(beam[..., :2], turn) + middle[:2]
         faces.append(beam)
     out.quads(np.concatenate(faces), material=Material.CONCRETE, tag=Tag.BRIDGE, colour=DIM)

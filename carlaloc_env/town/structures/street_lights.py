@@ -9,6 +9,7 @@ import shapely
 
 from carlaloc_env.assets.modelling.primitives import placed
 from carlaloc_env.assets.street import furniture
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.town.ground.grade_levels import WALL_M, State
@@ -73,7 +74,9 @@ def mast_meshes(
             continue
         meshes.append(copies(mesh, poses(feet, yaw), ids.take(len(feet))))
         for arm in arms:
-            offset = np.stack([np.cos(yaw) * arm, np.sin(yaw) * arm, np.full(len(yaw), height)], axis=-1)
+            offset = np.stack(
+                [elementary.cos(yaw) * arm, elementary.sin(yaw) * arm, np.full(len(yaw), height)], axis=-1
+            )
             lights.append(feet + offset)
     return meshes, np.concatenate(lights), np.concatenate([double, single, deck])
 
@@ -91,7 +94,7 @@ def _on_medians(medians: Sequence[Array]) -> tuple[Array, Array]:
         rows = np.arange(int(STEP_M / 2), len(line) - 4, int(STEP_M))
         right = right_of(line)[rows]
         feet.append(line[rows] + np.array([0.0, 0.0, -0.05]))
-        yaws.append(np.arctan2(right[:, 1], right[:, 0]))
+        yaws.append(elementary.arctan2(right[:, 1], right[:, 0]))
     return np.concatenate(feet), np.concatenate(yaws)
 
 
@@ -119,7 +122,7 @@ def _beside(
         rows, xy = rows[free], xy[free]
         if len(rows):
             feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
-            yaws.append(np.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
+            yaws.append(elementary.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
     return np.concatenate(feet), np.concatenate(yaws)
 
 
@@ -138,5 +141,5 @@ def _on_parapets(edges: Sequence[RoadEdge], overhead: Area) -> tuple[Array, Arra
         on_rim = shapely.dwithin(rim, shapely.points(foot[:, :2]), RIM_M)
         rows, foot = rows[on_rim], foot[on_rim]
         feet.append(foot)
-        yaws.append(np.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
+        yaws.append(elementary.arctan2(-edge.right[rows, 1], -edge.right[rows, 0]))
     return np.concatenate(feet), np.concatenate(yaws)

@@ -12,7 +12,7 @@ import shapely
 from carlaloc_env.assets.vegetation.farm_plants import bale, fence_panel, maize, stalks
 from carlaloc_env.assets.vegetation.tree_species import DETAILS
 from carlaloc_env.assets.vegetation.trees import tree
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour
@@ -110,15 +110,17 @@ def _cut(land: Land, part: Area, draw: np.random.Generator, before: Sequence[Plo
     """Plots of one polygon: its smallest rectangle split again and again, less verges and what is built."""
     box = np.asarray(shapely.get_coordinates(shapely.minimum_rotated_rectangle(part)))[:4]
     side = box[1] - box[0]
-    turn = float(np.arctan2(side[1], side[0]))
-    axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    local = (box - box[0]) @ axes.T
+    turn = float(elementary.arctan2(side[1], side[0]))
+    axes = np.array(
+        [[elementary.cos(turn), elementary.sin(turn)], [-elementary.sin(turn), elementary.cos(turn)]]
+    )
+    local = elementary.matrix_product(box - box[0], axes.T)
     low, high = local.min(axis=0), local.max(axis=0)
     found: list[Plot] = []
     for x0, y0, x1, y1 in _split(low, high, draw):
         corners = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
         corners = corners + np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * TRACK_M / 2
-        whole = shapely.intersection(shapely.Polygon(corners @ axes + box[0]), part)
+        whole = shapely.intersection(shapely.Polygon(elementary.matrix_product(corners, axes) + box[0]), part)
         rows = turn if x1 - x0 > y1 - y0 else turn + np.pi / 2
         for area in _free_parts(land, whole):
             near = {p.kind for p in [*before, *found] if shapely.dwithin(p.area, area, 2 * VERGE_M + 14.0)}
@@ -167,7 +169,7 @@ def _stand(out: MeshBuilder, land: Land, plot: Plot, draw: np.random.Generator) 
         return
     uneven = draw.normal(0.0, 0.06, len(xy)) if crop.height_m > 0.3 else np.zeros(len(xy))
     z = land.ground.height(xy) + crop.height_m * (1.0 + uneven)
-    c, s = np.cos(plot.turn_rad), np.sin(plot.turn_rad)
+    c, s = elementary.cos(plot.turn_rad), elementary.sin(plot.turn_rad)
     uv = np.stack([c * xy[:, 0] + s * xy[:, 1], c * xy[:, 1] - s * xy[:, 0]], axis=-1)
     light = draw.uniform(0.86, 1.0, len(xy)) * draw.uniform(0.85, 1.0)
     tint = np.array(crop.tint) * light[:, None]
@@ -199,7 +201,7 @@ def _border_plants(props: PropField, land: Land, plot: Plot, draw: np.random.Gen
     reach = np.hypot(x1 - x0, y1 - y0) / 2
     axis = np.arange(-reach, reach, step)
     grid = np.stack([a.ravel() for a in np.meshgrid(axis, axis, indexing="ij")], axis=-1)
-    c, s = np.cos(plot.turn_rad), np.sin(plot.turn_rad)
+    c, s = elementary.cos(plot.turn_rad), elementary.sin(plot.turn_rad)
     turned = np.stack([c * grid[:, 0] - s * grid[:, 1], s * grid[:, 0] + c * grid[:, 1]], axis=-1)
     xy = turned + np.array([(x0 + x1) / 2, (y0 + y1) / 2])
     roads = land.roads.distance_m(xy)
@@ -248,7 +250,7 @@ def _rows(plot: Plot, across_m: float, along_m: float) -> Array:
     reach = np.hypot(x1 - x0, y1 - y0) / 2
     u, v = np.arange(-reach, reach, along_m), np.arange(-reach, reach, across_m)
     grid = np.stack([a.ravel() for a in np.meshgrid(u, v, indexing="ij")], axis=-1)
-    c, s = np.cos(plot.turn_rad), np.sin(plot.turn_rad)
+    c, s = elementary.cos(plot.turn_rad), elementary.sin(plot.turn_rad)
     xy = np.stack([c * grid[:, 0] - s * grid[:, 1], s * grid[:, 0] + c * grid[:, 1]], axis=-1)
     xy = xy + np.array([(x0 + x1) / 2, (y0 + y1) / 2])
     return np.asarray(xy[shapely.contains_xy(inner, xy[:, 0], xy[:, 1])])
@@ -268,7 +270,7 @@ def _fence(props: PropField, land: Land, plot: Plot) -> None:
         a, b = ring[:-1], ring[1:]
         length = np.sqrt(np.sum((b - a) ** 2, axis=1))
         near = (land.roads.distance_m((a + b) / 2) < NEAR_M) & (length > 1.0)
-        yaw = np.arctan2(b[:, 1] - a[:, 1], b[:, 0] - a[:, 0])
+        yaw = elementary.arctan2(b[:, 1] - a[:, 1], b[:, 0] - a[:, 0])
         props.put("pasture fence", fence_panel, land.on_ground(a[near], -0.05), yaw[near], length[near] / 3.0)
 
 
@@ -276,7 +278,7 @@ def _hedgerow(props: PropField, land: Land, plot: Plot, draw: np.random.Generato
     """Bushes along the border, with gaps."""
     for ring in rings(shapely.buffer(plot.area, 0.8), 1.7):
         near = land.roads.distance_m(ring) < 2 * NEAR_M
-        wave = np.sin(0.045 * ring[:, 0] + 1.7) + np.sin(0.05 * ring[:, 1] + plot.turn_rad)
+        wave = elementary.sin(0.045 * ring[:, 0] + 1.7) + elementary.sin(0.05 * ring[:, 1] + plot.turn_rad)
         chosen = ring[near & (wave > 0.1)]
         chosen = chosen[land.taken.distance_m(chosen) > 3.0]
         put_bushes(props, land.on_ground(chosen, -0.1), draw)

@@ -11,7 +11,7 @@ from carlaloc_env.assets.modelling.primitives import Look, box
 from carlaloc_env.assets.street.fences_and_poles import fence
 from carlaloc_env.assets.vegetation.farm_plants import picket_panel
 from carlaloc_env.assets.vegetation.shrubs import shrub
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -57,7 +57,7 @@ def add_gardens(cover: MeshBuilder, props: PropField, land: Land, lots: Sequence
         if style.ground != "dwelling" or style.front_m < LEAST_M or lot.plan.storeys > 3:
             continue
         draw = rng.stream(land.seed, lot.name, index=2)
-        along = np.array([np.cos(lot.heading_rad), np.sin(lot.heading_rad)])
+        along = np.array([elementary.cos(lot.heading_rad), elementary.sin(lot.heading_rad)])
         outward = np.array([along[1], -along[0]])
         origin = lot.corner_m + outward * (style.front_m - 0.02)
         bays = max(1, round((lot.plan.width_m - 0.8) / style.bay_m))

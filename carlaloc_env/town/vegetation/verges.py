@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from carlaloc_env.assets.street.billboards import billboard
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -146,12 +146,12 @@ def _bank(out: MeshBuilder, land: Land, line: Array, right: Array, draw: np.rand
     clear = land.taken.distance_m(xy[:, 1:].reshape(-1, 2)).reshape(len(rows), -1)
     good = (clear > np.minimum(offsets[1:] - 1.5, 3.0)).all(axis=1)
     # The bank rises and ends over three cross-sections.
-    grow = np.convolve(good.astype(float), np.ones(5) / 5.0, mode="same") * good
-    grow = np.where(np.convolve(good, np.ones(3), mode="same") >= 2, grow, 0.0)
+    grow = elementary.convolve(good.astype(float), np.ones(5) / 5.0, mode="same") * good
+    grow = np.where(elementary.convolve(good, np.ones(3), mode="same") >= 2, grow, 0.0)
     grow[[0, -1]] = 0.0
     if (grow > 0).sum() < 4:
         return np.zeros((0, 3))
-    wave = 1.0 + 0.15 * np.sin(0.7 * rows / 3.0)
+    wave = 1.0 + 0.15 * elementary.sin(0.7 * rows / 3.0)
     z = land.ground.height(xy.reshape(-1, 2)).reshape(len(rows), -1)
     z = z + np.where(heights > 0, heights * (grow * wave)[:, None], heights)
     z = np.where(grow[:, None] > 0, z, z - 0.5)
@@ -179,6 +179,6 @@ def _board(props: PropField, land: Land, line: Array, boards: list[Array], draw:
         return
     boards.append(foot)
     # Traffic on the right keeps the free side on its right; it comes from behind the line's direction.
-    yaw = np.arctan2(-right[1], -right[0]) + 0.9
+    yaw = elementary.arctan2(-right[1], -right[0]) + 0.9
     variant = int(draw.integers(0, 8))
     props.put(("billboard", variant), partial(billboard, variant), foot[None], yaw)

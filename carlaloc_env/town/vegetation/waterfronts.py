@@ -10,7 +10,7 @@ import shapely
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe
 from carlaloc_env.assets.street.furniture import bench, planter
 from carlaloc_env.assets.vegetation.shrubs import shrub
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -55,10 +55,10 @@ def _edge(
     ok &= (land.roads.distance_m(xy) > KEPT_M) & (land.roads.distance_m(ends) > KEPT_M)
     length = np.sqrt(np.sum((ends - xy) ** 2, axis=1))
     ok &= (length > 0.5 * BAY_M) & (length < 1.4 * BAY_M)
-    yaw = np.arctan2(ends[:, 1] - xy[:, 1], ends[:, 0] - xy[:, 0])
+    yaw = elementary.arctan2(ends[:, 1] - xy[:, 1], ends[:, 0] - xy[:, 0])
     feet = land.on_ground((xy + ends) / 2, -0.02)
     props.put("balustrade", balustrade, feet[ok], yaw[ok])
-    inland = np.arctan2(-right[:, 1], -right[:, 0])
+    inland = elementary.arctan2(-right[:, 1], -right[:, 0])
     for step, first, distance, name in ((9, 3, 3.2, "palm"), (9, 7, 2.2, "planter"), (18, 1, 1.7, "bench")):
         at = np.arange(first, len(line), step)
         spots = line[at, :2] + right[at] * distance

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags
@@ -86,7 +87,7 @@ def weighted_order(draw: np.random.Generator, weight: Array, group: Index | None
             one after the other; None: each is a group of its own.
     """
     uniform = draw.random(len(weight))
-    order: Index = np.argsort(np.log(uniform if group is None else uniform[group]) / weight, kind="stable")[
-        ::-1
-    ]
+    order: Index = np.argsort(
+        elementary.log(uniform if group is None else uniform[group]) / weight, kind="stable"
+    )[::-1]
     return order

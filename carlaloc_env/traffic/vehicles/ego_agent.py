@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.ego_car import EGO_SIZE_M
 from carlaloc_env.core.jit import compiled
@@ -72,8 +73,8 @@ class EgoView:
             x_m=float(x),
             y_m=float(y),
             z_m=float(z),
-            cos=float(np.cos(self.heading_rad)),
-            sin=float(np.sin(self.heading_rad)),
+            cos=float(elementary.cos(self.heading_rad)),
+            sin=float(elementary.sin(self.heading_rad)),
             speed_mps=float(self.speed_mps),
             half_length_m=0.5 * float(self.length_m),
             half_width_m=0.5 * float(self.width_m),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng
+from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.traffic.tables.demand import weighted_order
@@ -101,8 +101,8 @@ class Walkers:
         boxes = self.boxes
         boxes.position_m[:-1] = poses.position_m[:, :2]
         boxes.height_m[:-1] = poses.position_m[:, 2]
-        boxes.direction[:-1, 0] = np.cos(poses.heading_rad)
-        boxes.direction[:-1, 1] = np.sin(poses.heading_rad)
+        boxes.direction[:-1, 0] = elementary.cos(poses.heading_rad)
+        boxes.direction[:-1, 1] = elementary.sin(poses.heading_rad)
         boxes.speed_mps[:-1] = fleet.speed_mps[:-1]
         boxes.position_m[-1] = ego.x_m, ego.y_m
         boxes.height_m[-1] = ego.z_m
