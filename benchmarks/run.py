@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from bench import Bench, Row
-from rows import ROWS
+from rows.table import ROWS
 
 from carlaloc_env.core.errors import CarlaLocError, unknown_name
 

@@ -2,6 +2,7 @@
 
 Examples:
   carlaloc verify data
+  carlaloc verify data --against /mnt/made_elsewhere/data
 """
 
 from __future__ import annotations
@@ -16,13 +17,19 @@ from recorder.cli.arguments import input_path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc verify`."""
     parser.add_argument("folder", type=input_path, help="folder of the dataset")
+    parser.add_argument(
+        "--against",
+        type=input_path,
+        metavar="DIR",
+        help="compare with the same dataset made elsewhere; pictures and events may differ within bounds",
+    )
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Verify."""
     from recorder.generation.verification.verify import verify
 
-    result = verify(arguments.folder)
+    result = verify(arguments.folder, against=arguments.against)
     return {**asdict(result), "failed": bool(result.findings)}
 
 
@@ -30,5 +37,7 @@ def show(result: dict[str, Any]) -> None:
     """Print what is wrong."""
     for line in result["findings"]:
         print(line)
+    if result["within"]:
+        print(f"{len(result['within'])} files differ within the bounds for another kind of processor")
     wrong = f"{len(result['findings'])} things are wrong" if result["findings"] else "nothing is wrong"
     print(f"{result['files']} files, {result['sequences']} sequences: {wrong}")

@@ -12,6 +12,7 @@ import yaml
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.text_files import read_text
 from recorder.generation.datasets.dataset_manifest import FILE_NAME, checksums
+from recorder.generation.verification.against import compare
 from recorder.generation.verification.fit import check_fit
 from recorder.generation.verification.stamps import bags_of, check_bag, check_euroc, check_kitti
 from recorder.generation.working_folder import FOLDER
@@ -28,17 +29,22 @@ class Verification:
     """Number of sequences."""
     findings: tuple[str, ...]
     """What is wrong, a line each; empty: the dataset is whole and true."""
+    within: tuple[str, ...] = ()
+    """Files that differ from those of another making within the bounds, a line each."""
 
 
-def verify(folder: Path, progress: Callable[[str], None] | None = None) -> Verification:
+def verify(
+    folder: Path, progress: Callable[[str], None] | None = None, *, against: Path | None = None
+) -> Verification:
     """Look for all that can be wrong with a finished dataset.
 
     Args:
         folder: Folder with `dataset.yaml`.
         progress: Told what is looked at.
+        against: The same dataset, made elsewhere: pictures and events may differ from it within bounds.
 
     Raises:
-        ConfigError: the folder holds no dataset.
+        ConfigError: a folder holds no dataset.
     """
     document = _document(folder)
     tell = progress or (lambda _: None)
@@ -49,8 +55,17 @@ def verify(folder: Path, progress: Callable[[str], None] | None = None) -> Verif
     for name in document["sequences"]:
         tell(name)
         findings += [f"{name}: {what}" for what in _check_sequence(folder / name, str(document["topics"]))]
+    within: tuple[str, ...] = ()
+    if against is not None:
+        tell(str(against))
+        comparison = compare(folder, against)
+        findings += comparison.findings
+        within = comparison.within
     return Verification(
-        files=len(document["sha256"]), sequences=len(document["sequences"]), findings=tuple(findings)
+        files=len(document["sha256"]),
+        sequences=len(document["sequences"]),
+        findings=tuple(findings),
+        within=within,
     )
 
 

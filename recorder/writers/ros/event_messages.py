@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores
 
+from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Events
 
 
@@ -29,6 +30,10 @@ _CDR = np.dtype(
     }
 )
 """CDR aligns every number to its own size: 16 bytes per event, the last two of them the next one's x."""
+
+
+EVENT_TYPE = "dvs_msgs/msg/EventArray"
+"""Type of the messages."""
 
 
 def ros1_with_events(empty: bytes, sample: Events, epoch_ns: int) -> bytes:
@@ -65,6 +70,45 @@ def cdr_with_events(empty: bytes, sample: Events, epoch_ns: int) -> bytes:
         body[:4] = events["x"][:1].tobytes() + events["y"][:1].tobytes()
         del body[-3:]
     return empty[:-4] + _count(events) + body
+
+
+def unpacked_events(data: bytes) -> tuple[bytes, NDArray[np.void]]:
+    """Events of a serialised message of ROS 1 or, with its four bytes of encoding before it, of ROS 2.
+
+    Args:
+        data: The message.
+
+    Returns:
+        What stands before their count, and rows of t since 1970 [ns], x, y and p (1: brighter), shape (N,).
+    """
+    # ROS 2: time, text, sizes; ROS 1 has a number before the time. Both end with 13 or 16 bytes an event.
+    ros2 = data[:4] == b"\x00\x01\x00\x00" and _rows_at(data, 12, 4) is not None
+    rows = _rows_at(data, 12, 4) if ros2 else _rows_at(data, 12, 1)
+    if rows is None:
+        raise WriterError("a message of events ends early; write the bag anew")
+    at, count = rows
+    found = np.zeros(count, [("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
+    if ros2:
+        body = np.frombuffer(data[at:] + bytes(3), _CDR, count)
+        found["x"][1:] = body["next_x"][:-1]
+        found["y"][1:] = body["y"][1:]
+        if count:
+            found["x"][0], found["y"][0] = np.frombuffer(data[at : at + 4], "<u2")
+    else:
+        body = np.frombuffer(data[at:], _ROS1, count)
+        found["x"], found["y"] = body["x"], body["y"]
+    found["t"] = body["sec"].astype(np.int64) * 10**9 + body["nsec"]
+    found["p"] = body["polarity"]
+    return data[: at - 4], found
+
+
+def _rows_at(data: bytes, text_at: int, aligned: int) -> tuple[int, int] | None:
+    """Where the events of a message begin and how many they are, None where its length says otherwise."""
+    text_end = text_at + 4 + int.from_bytes(data[text_at : text_at + 4], "little")
+    count_at = -(-text_end // aligned) * aligned + 8
+    count = int.from_bytes(data[count_at : count_at + 4], "little")
+    size = 13 * count if aligned == 1 else max(16 * count - 3, 0)
+    return (count_at + 4, count) if count_at + 4 + size == len(data) else None
 
 
 def _count(events: NDArray[np.void]) -> bytes:

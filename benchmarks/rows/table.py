@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bench import Bench, Row
-from drive_rows import recording, window
-from evaluation_row import evaluation
-from event_row import events
-from learning_rows import (
+
+from rows.dataset_rows import dataset_beside, dataset_full, dataset_plain
+from rows.drive_rows import recording, window
+from rows.evaluation_row import evaluation
+from rows.event_row import events
+from rows.learning_rows import (
     learn,
     learn_beside_highway_env,
     learn_make,
@@ -16,10 +18,10 @@ from learning_rows import (
     learn_reset,
     learn_vector,
 )
-from opening_row import opening
-from sensor_rows import camera, lidar, lidar_rate
-from world_rows import driving, memory, physics, start, steps
-from writer_rows import lidar_bag, mcap_rate, rosbag1_rate
+from rows.opening_row import opening
+from rows.sensor_rows import camera, lidar, lidar_rate
+from rows.world_rows import driving, memory, physics, start, steps
+from rows.writer_rows import lidar_bag, mcap_rate, rosbag1_rate
 
 ROWS: dict[str, Callable[[Bench], Row]] = {
     "lidar": lidar,
@@ -50,5 +52,8 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "rosbag1": rosbag1_rate,
     "mcap": mcap_rate,
     "lidar_bag": lidar_bag,
+    "dataset": dataset_plain,
+    "dataset_full": dataset_full,
+    "dataset_beside": dataset_beside,
 }
 """All rows by name."""

@@ -172,7 +172,7 @@ def memory(bench: Bench) -> Row:
     if not can_measure():
         return row(value=None, note="needs Linux's /proc")
     _ = bench.town
-    demo = Path(__file__).parents[1] / "examples" / "demo.py"
+    demo = Path(__file__).parents[2] / "examples" / "demo.py"
     seconds = ("3", "1", "0.1") if bench.quick else ("8", "3", "1")
     options = zip(("--duration", "--camera-start", "--camera-duration"), seconds, strict=True)
     with tempfile.TemporaryDirectory() as folder:
