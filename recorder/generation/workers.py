@@ -106,9 +106,13 @@ class LocalProcesses:
     def stop(self, executor: Executor) -> None:
         """End all processes; none of them has anything to put in order."""
         executor.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - self._foreign:
+        ours = set(multiprocessing.active_children()) - self._foreign
+        for process in ours:
             process.kill()
-            process.join()
+        for process in ours:
+            # The executor's thread waits for them, too; who comes second hears of an end a moment later.
+            while process.is_alive():
+                process.join(0.01)
 
 
 class DaskCluster:
