@@ -34,3 +34,12 @@ def test_whole_routes_among_others() -> None:
         check(one)
     assert sum(one.moving_50 for one in found) / len(found) >= 8.0
     assert sum(one.moving_25 for one in found) / len(found) >= 3.0
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_a_junction_comes_loose_again() -> None:
+    """Three who wait for each other: one merges before the ego, which stands and has the right of way."""
+    found = drive("Town07", seed=4, duration_s=250.0)
+    check(found)
+    assert found.length_m > 740.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.junctions.conflict_times import is_conflict_free
 from carlaloc_env.traffic.tables.conflict_zones import MERGING, PARTING
@@ -13,6 +14,8 @@ STANDING_MPS = 0.1
 """Slower than this, a vehicle stands [m/s]."""
 _STANDING_INSIDE_S = 8.0
 """A vehicle that has waited longer inside a junction goes on before those that stand [s]."""
+_GOES_FIRST_S = 5.0
+"""So long it keeps going before them: to have begun is not to be through [s]."""
 _BEFORE_ZONE_M = 0.6
 """Gap to a zone before which a vehicle stops [m]."""
 
@@ -21,9 +24,13 @@ _BEFORE_ZONE_M = 0.6
 def wait_inside(requests: Requests, roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> None:
     """Stop before zones on the path that a vehicle admitted earlier, or one standing there, holds.
 
-    Writes `fleet.stop_gap_m`, (N + 1,), for the first `count` vehicles.
+    Writes `fleet.stop_gap_m` and `goes_first_s`, each (N + 1,), for the first `count` vehicles.
     """
     for v in range(count):
+        if fleet.waited_s[v] > _STANDING_INSIDE_S:
+            fleet.goes_first_s[v] = _GOES_FIRST_S
+        else:
+            fleet.goes_first_s[v] = max(fleet.goes_first_s[v] - STEP_NS / 1e9, 0.0)
         for slot in range(HELD):
             lane = fleet.held_lane[v, slot]
             if lane < 0:
@@ -66,7 +73,7 @@ def _must_wait(
             continue
         if fleet.held_ticket[h, h_slot] > fleet.held_ticket[v, slot]:
             continue
-        if fleet.waited_s[v] > _STANDING_INSIDE_S and fleet.speed_mps[h] < STANDING_MPS:
+        if fleet.goes_first_s[v] > 0.0 and fleet.speed_mps[h] < STANDING_MPS:
             continue
         ahead = to_zone_m - roads.zone.enter_m[z]
         if not is_conflict_free(roads, drivers, fleet, v, ahead, z, h, h_front, 0.4):
