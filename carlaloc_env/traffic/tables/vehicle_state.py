@@ -92,7 +92,7 @@ class Fleet:
     waited_s: Array
     """Time for which it has stood [s], (N + 1,)."""
     goes_first_s: Array
-    """Time left for which it goes before those that stand, after a long wait inside a junction [s], (N + 1,)."""
+    """Time left for which it goes before those that stand, having waited in a junction [s], (N + 1,)."""
     stopped_s: Array
     """Time for which it has stood at the stop sign before it [s], (N + 1,)."""
     goals: Annotated[Index, GOALS]

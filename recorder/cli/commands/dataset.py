@@ -43,7 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--sample", type=positive_seconds, metavar="S", help="only so much of each drive, such as 5s"
     )
-    parser.add_argument("--seed", type=seed, default=0, help="seed of traffic and driver (default: 0)")
+    parser.add_argument(
+        "--seed", type=seed, help="seed of traffic and driver; else that of each town's standard drive"
+    )
     parser.add_argument(
         "--manifest", type=OutputFolder(), metavar="DIR", help="also write drives, recipe and checksums there"
     )
@@ -76,7 +78,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         _ask()
     arguments.out.mkdir(parents=True, exist_ok=True)
     with logged_to(arguments.out / LOG, "recorder"), DatasetBars() as bars:
-        path = make_dataset(config, bars.update, record=_recorder(arguments.seed))
+        path = make_dataset(config, bars.update, record=_recorder(config.seed_of))
     if arguments.manifest is not None:
         write_manifest(arguments.out, arguments.manifest)
     if arguments.hub is not None:
@@ -116,12 +118,12 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}{'es' if noun.endswith('s') else 's'}"
 
 
-def _recorder(seed: int) -> Record:
-    """The scripted driver."""
+def _recorder(seed_of: Callable[[str], int]) -> Record:
+    """The scripted driver, with the seed of each town."""
     from recorder.drive.record import RecordConfig, record
 
     def drive(town: str, out: Path, duration_s: float | None, tell: Callable[[float], None]) -> None:
-        config = RecordConfig(map=town, out=out, duration_s=duration_s, seed=seed)
+        config = RecordConfig(map=town, out=out, duration_s=duration_s, seed=seed_of(town))
         record(config, progress=lambda driven_s, _: tell(driven_s))
 
     return drive

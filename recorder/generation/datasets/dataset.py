@@ -120,7 +120,8 @@ def _recipe(config: DatasetConfig) -> dict[str, Any]:
         "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
         "rig": r.rig, "formats": list(r.formats), "topics": r.topics, "quality": r.quality,
         "preview": r.preview, "lens_drops": r.lens_drops, "leaf_wind_mps": r.leaf_wind_mps,
-        "noise_seed": r.seed, "seed": config.seed, "sample_s": config.sample_s,
+        "noise_seed": r.seed, "sample_s": config.sample_s,
+        "drive_seeds": {town: config.seed_of(town) for town in config.towns},
         "episodes": None if config.episodes is None else "a person's",
     }  # fmt: skip
 
