@@ -29,7 +29,7 @@ STANDARD_SEEDS = {
     "Town01": 7, "Town03": 1, "Town04": 5, "Town05": 2, "Town06": 0, "Town07": 8, "Town10": 6,
 }  # fmt: skip
 """Seeds of the standard drives. Of seeds 0 to 9, the one whose drive among the paper's traffic comes to the
-route's end in the fewest whole seconds, without a collision or a broken rule; the smallest of several."""
+route's end in the fewest seconds, rounded, without a collision or a broken rule; the smallest of several."""
 PACE_MPS = 5.0
 """Pace of a drive, waiting included, by which its length is guessed before it is driven [m/s]."""
 
