@@ -13,9 +13,10 @@ from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths, box_corners
 from carlaloc_env.render.geometry.culling.triangle_culling import TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
+from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
 from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
 from carlaloc_env.render.geometry.material_table import surface_table, upload_textures
-from carlaloc_env.render.geometry.mesh_buffers import InstanceBuffer, MeshBuffers
+from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
 from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene

@@ -12,12 +12,13 @@ from carlaloc_env.core.array_types import F32, U32
 from carlaloc_env.core.transforms import cross
 from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, in_shared_memory
 from carlaloc_env.render.geometry.equal_vertices import without_doubles
+from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
 from carlaloc_env.render.gl.context import is_software
 from carlaloc_env.render.gl.growing_buffer import GrowingBuffer
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Instances, Mesh
+from carlaloc_env.scene.mesh import Mesh
 
 VERTEX = np.dtype(
     [
@@ -30,15 +31,13 @@ VERTEX = np.dtype(
     ]
 )
 """One packed vertex, 36 bytes; `uv` counts texture repeats, `id` is tag << 24 | instance."""
-INSTANCE = np.dtype([("rows", "<f4", (3, 4)), ("tint", "u1", 4), ("id", "<u4")])
-"""One packed instance, 56 bytes: the top three rows of its pose, its colour, its instance id."""
 
 _FULL = ("3f4 4f2 2f4 3f1 1u1 1u4", "in_position", "in_normal", "in_uv", "in_colour", "in_material", "in_id")
 """Layout of `VERTEX` and its attributes."""
 _BARE = ("3f4 24x", "in_position")
 """The same of the positions alone."""
 _POSES = ("4f4 4f4 4f4 4f1 1u4/i", "in_row0", "in_row1", "in_row2", "in_tint", "in_instance")
-"""Layout of `INSTANCE` and its attributes."""
+"""Layout of `instance_buffer.INSTANCE` and its attributes."""
 _BARE_POSES = ("4f4 4f4 4f4 8x/i", "in_row0", "in_row1", "in_row2")
 """The same of the poses alone."""
 
@@ -151,12 +150,13 @@ class MeshBuffers:
         vertices, corners = without_doubles(*_end_to_end(meshes))
         # OpenGL refuses empty buffers; one unused vertex stands in for an empty scene.
         self.vertices = context.buffer((vertices if len(vertices) else np.zeros(1, VERTEX)).view(np.uint8))
-        self.indices = context.buffer(corners if len(corners) else np.zeros(3, np.uint32))
         self._commands = GrowingBuffer(context, 20 * (len(self.count) + 1))
         self._arrays: dict[tuple[int, int, int], moderngl.VertexArray] = {}
         # A graphics card is done with a triangle sooner than a CPU has found out that it does not show.
         self._body: Body | None = None
-        if is_software(context):
+        if not is_software(context):
+            self._indices = context.buffer(corners if len(corners) else np.zeros(3, np.uint32))
+        else:
             place_m = np.ascontiguousarray(vertices["position"])
             solid = seen_from_front(models=models)[vertices["material"][corners[:, 2]]]
             if models:
@@ -194,7 +194,25 @@ class MeshBuffers:
         commands[:, 1] = 1 if instances is None else instances.number[which]
         if instances is not None:
             commands[:, 4] = instances.begin[which]
-        self._run(self._array(program, self.indices, bare, instances), commands)
+        if self._body is None:
+            self._run(self._array(program, self._indices, bare, instances), commands)
+            return
+        # On a CPU the body's file, which processes share, is all that holds the triangles.
+        commands[:, 2] = np.cumsum(self.count[which]) - self.count[which]
+        corners = _ranges(self._body.triangles, self.first[which], self.count[which])
+        if bare and instances is None:
+            self._draw_once(program, corners, commands)
+            return
+        self._picked.write(corners)
+        self._run(self._array(program, self._picked.buffer, bare, instances), commands)
+
+    def _draw_once(self, program: moderngl.Program, corners: U32, commands: NDArray[np.uint32]) -> None:
+        """Draw positions from a buffer that is not kept: a map of shadows serves for tens of metres."""
+        indices = self._context.buffer(corners)
+        array = self._context.vertex_array(program, [(self.vertices, *_BARE)], indices)
+        self._run(array, commands)
+        array.release()
+        indices.release()
 
     def _draw_culled(
         self,
@@ -247,52 +265,19 @@ class MeshBuffers:
         for array in self._arrays.values():
             array.release()
         self.vertices.release()
-        self.indices.release()
         self._commands.release()
-        if self._body is not None:
+        if self._body is None:
+            self._indices.release()
+        else:
             self._picked.release()
 
 
-class InstanceBuffer:
-    """Instances sorted by model in a buffer, with each model's range; rewritten for every drawing."""
-
-    def __init__(self, context: moderngl.Context, models: int) -> None:
-        self._rows = GrowingBuffer(context, 256 * INSTANCE.itemsize)
-        self.number = np.zeros(models, dtype=np.int64)
-        """Instances of each model, shape (M,)."""
-        self.begin = np.zeros(models, dtype=np.int64)
-        """First row of each model, shape (M,)."""
-        self.model = np.zeros(0, dtype=np.int32)
-        """Model of each row, shape (N,)."""
-        self.rows = np.zeros((0, 3, 4), dtype=np.float32)
-        """Pose of each row, shape (N, 3, 4)."""
-
-    @property
-    def buffer(self) -> moderngl.Buffer:
-        """The instances as shaders read them."""
-        return self._rows.buffer
-
-    @property
-    def used(self) -> NDArray[np.intp]:
-        """Models that have instances."""
-        return np.flatnonzero(self.number)
-
-    def fill(self, instances: Instances, which: NDArray[np.intp]) -> None:
-        """Hold some of the instances."""
-        order = which[np.argsort(instances.model[which], kind="stable")]
-        self.number = np.bincount(instances.model[order], minlength=len(self.number))
-        self.begin = np.cumsum(self.number) - self.number
-        self.model = instances.model[order]
-        self.rows = np.ascontiguousarray(instances.T_world_model[order, :3, :], dtype=np.float32)
-        out = np.zeros(max(len(order), 1), dtype=INSTANCE)
-        out["rows"][: len(order)] = self.rows
-        out["tint"][: len(order), :3] = instances.tint[order]
-        out["id"][: len(order)] = instances.instance[order]
-        self._rows.write(out.tobytes())
-
-    def release(self) -> None:
-        """Free the buffer."""
-        self._rows.release()
+def _ranges(triangles: U32, first: U32, count: U32) -> U32:
+    """Triangles (T, 3) of ranges of indices (N,), one range after the other, shape (M, 3)."""
+    number = count.astype(np.int64) // 3
+    before = np.cumsum(number) - number
+    rows = np.repeat(first.astype(np.int64) // 3 - before, number) + np.arange(number.sum())
+    return np.take(triangles, rows, axis=0)
 
 
 def seen_from_front(*, models: bool = False) -> NDArray[np.bool_]:
