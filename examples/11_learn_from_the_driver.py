@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from pupil import Pupil
-from town01_route import make_env, ride
-from unseen import score
+from learning.pupil import Pupil
+from learning.town01_route import make_env, ride
+from learning.unseen import score
 
 
 def main(

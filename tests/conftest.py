@@ -7,14 +7,14 @@ import signal
 import pytest
 
 pytest_plugins = [
-    "shared_fixtures.scenes",
-    "shared_fixtures.sticks",
-    "shared_fixtures.straight_drives",
-    "shared_fixtures.drives",
-    "shared_fixtures.lifecycles",
-    "shared_fixtures.meshes",
-    "shared_fixtures.small_towns",
-    "shared_fixtures.towns",
+    "shared_fixtures.worlds.scenes",
+    "shared_fixtures.drives.sticks",
+    "shared_fixtures.drives.straight_drives",
+    "shared_fixtures.drives.drives",
+    "shared_fixtures.processes.lifecycles",
+    "shared_fixtures.worlds.meshes",
+    "shared_fixtures.worlds.small_towns",
+    "shared_fixtures.worlds.towns",
 ]
 
 LONG = ("tests/whole/", "tests/env/", "tests/window/", "tests/drive/")

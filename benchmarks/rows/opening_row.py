@@ -16,7 +16,7 @@ from pathlib import Path
 from bench import Bench, Row
 from scenario import TOWN
 
-from carlaloc_env.core.array_cache import default_cache_dir
+from carlaloc_env.core.files.array_cache import default_cache_dir
 
 PATIENCE_S = 300.0
 

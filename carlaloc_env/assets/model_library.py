@@ -15,7 +15,7 @@ from carlaloc_env.assets.vehicles.ego import ego_body
 from carlaloc_env.assets.vehicles.lit_lamps import lit_lamps
 from carlaloc_env.assets.vehicles.parts import PlateMount, plate
 from carlaloc_env.assets.walkers.all_walkers import walker_models
-from carlaloc_env.core.array_cache import Arrays, cached
+from carlaloc_env.core.files.array_cache import Arrays, cached
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary

@@ -9,7 +9,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
-from carlaloc_env.core.source_digest import source_digest
+from carlaloc_env.core.files.source_digest import source_digest
 
 P = ParamSpec("P")
 R = TypeVar("R")

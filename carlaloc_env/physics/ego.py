@@ -8,12 +8,13 @@ from math import cos, sin, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carlaloc_env.core import elementary, transforms
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.road_profile import no_roughness
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.road.road_profile import no_roughness
 from carlaloc_env.physics.ground_heights import highest_below
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain

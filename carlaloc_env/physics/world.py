@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
-from carlaloc_env.core.road_profile import Roughness
+from carlaloc_env.core.road.road_profile import Roughness
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog
 from carlaloc_env.physics.ground_heights import ground_table

@@ -12,10 +12,10 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from carlaloc_env.core.config_mapping import from_mapping, to_mapping
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.files.config_mapping import from_mapping, to_mapping
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.names import check_name
-from carlaloc_env.core.text_files import read_text
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.sensors.limits import SENSORS_MAX

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from carlaloc_env.core.array_cache import Arrays, cached
-from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.core.road_profile import Relief, Roughness
+from carlaloc_env.core.files.array_cache import Arrays, cached
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.road.road_profile import Relief, Roughness
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import TownConfig

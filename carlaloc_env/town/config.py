@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from carlaloc_env.core import config_mapping
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.core.rough_surface import ROAD_CLASSES
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files import config_mapping
+from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.road.rough_surface import ROAD_CLASSES
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -7,8 +7,8 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from carlaloc_env.core.array_cache import content_hash
 from carlaloc_env.core.errors import MapError, unknown_name
+from carlaloc_env.core.files.array_cache import content_hash
 from carlaloc_env.core.names import check_name
 
 BUILDER_VERSION = 1

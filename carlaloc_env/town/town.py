@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.geodesy import GeoReference
-from carlaloc_env.core.road_profile import Roughness
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.road.road_profile import Roughness
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.config import TownConfig

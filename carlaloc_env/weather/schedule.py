@@ -19,7 +19,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.weather.parameters import WeatherParameters, weather_by_name
 
 STEP_NS = 1_000_000_000

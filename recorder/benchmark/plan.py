@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from recorder.slam.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.slam.system import System
 

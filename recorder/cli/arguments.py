@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.output_paths import EPISODE_SUFFIX, check_output_file, check_output_folder
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file, check_output_folder
 from recorder.episode.file_names import check_episode_output
 
 _PART_MAX_BYTES = 255

@@ -12,9 +12,9 @@ from typing import Any
 
 import yaml
 
-from carlaloc_env.core.config_mapping import from_mapping, to_mapping
 from carlaloc_env.core.errors import ConfigError, DeviceError
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.config_mapping import from_mapping, to_mapping
+from carlaloc_env.core.files.text_files import read_text
 from recorder.devices.axes import AxisShape
 from recorder.devices.commands import Command
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.config_mapping import from_mapping
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.core.files.config_mapping import from_mapping
 from carlaloc_env.driving.driving_world import DriveListener, DrivingWorld
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.physics.ego import EgoState

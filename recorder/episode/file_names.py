@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.output_paths import EPISODE_SUFFIX, check_output_file
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file
 
 RECORDING_SUFFIX = ".recording"
 """Added to the name of an episode until it is closed."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.text_files import read_text
-from carlaloc_env.core.transforms import matrix_to_quat
+from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.core.geometry.transforms import matrix_to_quat
 from recorder.evaluation.trajectory import Trajectory
 
 _NANOSECONDS_FROM = 10**14

@@ -9,7 +9,7 @@ from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, WriterError, unknown_name
-from carlaloc_env.core.output_paths import check_output_folder, path_below
+from carlaloc_env.core.files.output_paths import check_output_folder, path_below
 from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.output_paths import path_below
+from carlaloc_env.core.files.output_paths import path_below
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.generation.conditions import Condition
 from recorder.generation.datasets.dataset_manifest import checksums

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 
 FILE_NAME = "sequence.yaml"
 """Name of the file in a sequence's folder."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.clock import TICK_NS
-from carlaloc_env.core.output_paths import path_below
+from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera.config import CameraConfig

@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import IO, Any
 
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.core.names import check_name
-from carlaloc_env.core.output_paths import path_below
 from recorder.generation.datasets.dataset_manifest import is_begun, write_record
 
 try:

@@ -10,7 +10,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.output_paths import check_output_file
+from carlaloc_env.core.files.output_paths import check_output_file
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
 from recorder.report.trajectory_plot import new_figure, save_figure

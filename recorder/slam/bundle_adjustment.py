@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.transforms import quat_to_matrix, rotvec_to_quat
+from carlaloc_env.core.geometry.transforms import quat_to_matrix, rotvec_to_quat
 
 HUBER_PX = 1.0
 """Error from which a sighting counts linearly [px]."""

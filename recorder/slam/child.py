@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from carlaloc_env.core.transforms import matrix_to_quat
+from carlaloc_env.core.geometry.transforms import matrix_to_quat
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.sequence import SlamSequence

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.transforms import matrix_to_quat
+from carlaloc_env.core.geometry.transforms import matrix_to_quat
 from recorder.evaluation.trajectory import Trajectory
 
 Progress = Callable[[int, int], None]

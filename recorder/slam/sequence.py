@@ -18,7 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera.config import CameraConfig

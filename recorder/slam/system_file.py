@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from recorder.slam.runners.command import run_command
 from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import END, MIDDLE, START, FrameClock, StampedPose, System

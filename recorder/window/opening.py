@@ -9,8 +9,8 @@ from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import TypeVar
 
-from carlaloc_env.core.array_cache import default_cache_dir
 from carlaloc_env.core.errors import DeviceError
+from carlaloc_env.core.files.array_cache import default_cache_dir
 from recorder.window.window import Window
 
 T = TypeVar("T")

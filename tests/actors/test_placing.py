@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shared_fixtures.meshes import model
+from shared_fixtures.worlds.meshes import model
 
 from carlaloc_env.actors.instances import (
     ground_poses,

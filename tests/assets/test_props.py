@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from shared_fixtures.meshes import facing_away, signed_volume_m3
+from shared_fixtures.worlds.meshes import facing_away, signed_volume_m3
 
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, mirrored, tube
 from carlaloc_env.assets.street.all_props import PROPS, prop

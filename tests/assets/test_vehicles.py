@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared_fixtures.meshes import facing_away, model, signed_volume_m3
+from shared_fixtures.worlds.meshes import facing_away, model, signed_volume_m3
 
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.assets.number_plates import PLATES, plate_of, plate_text, plate_uv

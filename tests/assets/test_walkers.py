@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared_fixtures.meshes import model
+from shared_fixtures.worlds.meshes import model
 
 from carlaloc_env.actors.instances import (
     place_actors,

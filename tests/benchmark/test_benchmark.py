@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
-from shared_fixtures.slam_dataset import write_dataset
+from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import ConfigError
 from recorder.benchmark.plan import find_sequences, plan_jobs

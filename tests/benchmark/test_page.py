@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.slam_dataset import write_dataset
+from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.figures import (
     Box,

@@ -13,7 +13,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from shared_fixtures.slam_dataset import write_dataset
+from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.page import write_page
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
@@ -31,7 +31,7 @@ PEAK = 7
 """Number of the sweep at which the system errs."""
 SYSTEM = f"""
 import numpy as np
-from carlaloc_env.core.transforms import transform
+from carlaloc_env.core.geometry.transforms import transform
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.system import System
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.commands import all_commands, required_words
+from shared_fixtures.processes.commands import all_commands, required_words
 
 from recorder.cli.arguments import input_path
 from recorder.cli.commands import info

@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 import pytest
-from shared_fixtures.commands import all_commands, is_output, required_words
+from shared_fixtures.processes.commands import all_commands, is_output, required_words
 
 from carlaloc_env.core.errors import OutputError
-from carlaloc_env.core.output_paths import check_output_file, check_output_folder
+from carlaloc_env.core.files.output_paths import check_output_file, check_output_folder
 from recorder.cli import arguments as kinds
 from recorder.cli.main import main
 

@@ -39,7 +39,7 @@ def test_pages_between_what_is_kept_are_given_back() -> None:
 MAPPED = """
 import sys
 import numpy as np
-from carlaloc_env.core.array_cache import load, save
+from carlaloc_env.core.files.array_cache import load, save
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
 from pathlib import Path
 

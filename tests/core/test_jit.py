@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from carlaloc_env.core import jit
-from carlaloc_env.core.source_digest import source_digest
+from carlaloc_env.core.files.source_digest import source_digest
 
 _CALLER = """
 from carlaloc_env.core.jit import compiled

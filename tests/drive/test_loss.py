@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from shared_fixtures.small_disks import small_disk
+from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import EpisodeError
 from recorder.drive.record import RecordConfig, record

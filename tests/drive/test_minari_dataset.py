@@ -86,7 +86,7 @@ def test_it_holds_what_an_environment_shows_for_the_same_actions(
     """Observations to the rounding of an attitude, rewards, and ends, step by step."""
     pytest.importorskip("minari", reason="data sets need the extra `minari`")
     if rig == "minimal":
-        from shared_fixtures.render_scenes import need_opengl
+        from shared_fixtures.worlds.render_scenes import need_opengl
 
         need_opengl()
     config = MinariConfig(

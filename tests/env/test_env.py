@@ -11,8 +11,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import carlaloc_env
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ActionError, CarlaLocError, ConfigError, MapError, RenderError
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.env import CarlaLocEnv, controls_of
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig

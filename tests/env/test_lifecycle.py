@@ -13,10 +13,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from shared_fixtures.lifecycles import growth
+from shared_fixtures.processes.lifecycles import growth
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ActionError, ClosedError, ConfigError, RenderError
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig

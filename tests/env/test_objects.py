@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RaycastError, RenderError
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig

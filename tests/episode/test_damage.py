@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.episodes import header_of, write_drive
+from shared_fixtures.drives.episodes import header_of, write_drive
 
 from carlaloc_env.core.errors import EpisodeError
 from recorder.episode.episode import Episode, EpisodeWriter, open_episode

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from shared_fixtures.episodes import SIGNALS, catalog_of, frame_of, header_of, row_of, write_drive
+from shared_fixtures.drives.episodes import SIGNALS, catalog_of, frame_of, header_of, row_of, write_drive
 
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.timeline import ActorFrame, Timeline

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from shared_fixtures.episodes import SIGNALS, frame_of, row_of
+from shared_fixtures.drives.episodes import SIGNALS, frame_of, row_of
 
 from recorder.episode.actor_messages import ACTORS, actor_states, pack_actors, unpack_actors
 from recorder.episode.messages import EGO, EVENT, pack_ego

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shared_fixtures.episodes import write_drive
+from shared_fixtures.drives.episodes import write_drive
 
 from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.town.sources import find_town, identify_town

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.episodes import frame_of, header_of, row_of, write_drive
+from shared_fixtures.drives.episodes import frame_of, header_of, row_of, write_drive
 
 from carlaloc_env.core.errors import EpisodeError, OutputError
 from recorder.episode.episode import Episode, EpisodeWriter, open_episode

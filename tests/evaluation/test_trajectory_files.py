@@ -13,8 +13,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2
 from rosbags.typesys import Stores, get_typestore
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_trajectory, write_tum

@@ -13,7 +13,7 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.samples import EVENT, Events

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import WriterError
 from recorder.generation import working_folder

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from rosbags.highlevel import AnyReader
-from shared_fixtures.small_towns import KERBSIDE, straight_road
+from shared_fixtures.worlds.small_towns import KERBSIDE, straight_road
 
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS, Tag
 from recorder.drive.record import RecordConfig, record

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import RenderError

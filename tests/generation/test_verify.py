@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, RenderError
 from recorder.cli.main import main

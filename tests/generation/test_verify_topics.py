@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import RenderError
 from recorder.generation.replay import replay

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shared_fixtures.small_disks import small_disk
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
+from shared_fixtures.processes.small_disks import small_disk
 
 from carlaloc_env.core.errors import WriterError
 from recorder.generation import code_digest, replay_plan, replay_run

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.lifecycles import growth
+from shared_fixtures.processes.lifecycles import growth
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared_fixtures.orb_features import CHOICES, Features, Found, found
+from shared_fixtures.readings.orb_features import CHOICES, Features, Found, found
 
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.gl.context import create_context

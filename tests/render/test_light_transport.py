@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shared_fixtures.render_scenes import (
+from shared_fixtures.worlds.render_scenes import (
     CAMERA,
     FORWARD,
     SUNLESS,
@@ -18,8 +18,8 @@ from shared_fixtures.render_scenes import (
     wall,
 )
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.lighting.light_sources import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.scene.materials import Material

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from shared_fixtures.render_scenes import (
+from shared_fixtures.worlds.render_scenes import (
     CAMERA,
     EYE_M,
     FORWARD,
@@ -17,8 +17,8 @@ from shared_fixtures.render_scenes import (
     wall,
 )
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from shared_fixtures.render_scenes import (
+from shared_fixtures.worlds.render_scenes import (
     CAMERA,
     FORWARD,
     ground,

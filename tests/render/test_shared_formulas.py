@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from shared_fixtures.render_scenes import CAMERA, FORWARD, ground, need_opengl, rays_z1, scene, wall
+from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, rays_z1, scene, wall
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.camera_model import Pinhole
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import glsl
 from carlaloc_env.render.lighting.light_sources import (

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.orb_features import stereo_poses
+from shared_fixtures.readings.orb_features import stereo_poses
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.mesh import Instances

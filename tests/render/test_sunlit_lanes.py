@@ -20,7 +20,7 @@ try:
 except RenderError as no_opengl:
     pytest.skip(str(no_opengl), allow_module_level=True)
 
-from shared_fixtures.sunlit_lanes import LEAST_PX, LaneBrightness, SunlitLanes, lane_brightness
+from shared_fixtures.worlds.sunlit_lanes import LEAST_PX, LaneBrightness, SunlitLanes, lane_brightness
 
 
 def figures(name: str, places: int) -> list[LaneBrightness]:

@@ -19,8 +19,8 @@ from carlaloc_env.assets.texture_atlas import (
     atlas_cells,
     atlas_uv,
 )
-from carlaloc_env.core.array_cache import save
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.core.files.array_cache import save
 from carlaloc_env.core.rng import stream
 from carlaloc_env.render.textures import build_textures
 from carlaloc_env.render.textures.build import RECIPES, make_albedo

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.render.textures import build_textures

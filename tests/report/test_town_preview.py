@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from carlaloc_env.assets.catalog import VEHICLES, WALKERS
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.core.transforms import from_rotation
+from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.geometry.transforms import from_rotation
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.town.build import load_town
 from recorder.report.standing_traffic import standing_traffic

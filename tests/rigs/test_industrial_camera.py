@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.geometry import transforms
 from carlaloc_env.rigs.industrial_camera import (
     ADC_BITS,
     DYNAMIC_RANGE_DB,

@@ -18,7 +18,7 @@ from typing import Any
 
 import hypothesis.strategies as st
 from hypothesis import HealthCheck, Phase, given, seed, settings
-from shared_fixtures.lifecycles import Held
+from shared_fixtures.processes.lifecycles import Held
 
 from carlaloc_env.core.errors import CarlaLocError
 

@@ -11,7 +11,7 @@ import pytest
 from robustness.hunt import Tally, WriteGuard, hunt
 from robustness.targets import Seeds, targets
 
-from carlaloc_env.core.array_cache import default_cache_dir
+from carlaloc_env.core.files.array_cache import default_cache_dir
 from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum

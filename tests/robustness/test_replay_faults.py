@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from shared_fixtures.small_disks import small_disk
+from shared_fixtures.processes.small_disks import small_disk
 
 from recorder.drive.record import RecordConfig, record
 from recorder.generation.datasets.dataset_manifest import checksums

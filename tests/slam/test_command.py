@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.slam_dataset import write_dataset
+from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.trajectory_files import read_tum

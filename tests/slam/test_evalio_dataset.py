@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.slam_dataset import COLUMNS, ELEVATIONS_DEG, write_dataset
+from shared_fixtures.readings.slam_dataset import COLUMNS, ELEVATIONS_DEG, write_dataset
 
 from recorder.slam.sequence import SlamSequence
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.slam_dataset import COLUMNS, ELEVATIONS_DEG, pose, sweep, write_dataset
+from shared_fixtures.readings.slam_dataset import COLUMNS, ELEVATIONS_DEG, pose, sweep, write_dataset
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.sensors.inertial.imu import ImuConfig

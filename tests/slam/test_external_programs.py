@@ -8,9 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shared_fixtures.drives import short_drive as short_drive  # a fixture
-from shared_fixtures.external_programs import EXTERNAL, missing_program, missing_ros
-from shared_fixtures.slam_dataset import write_dataset
+from shared_fixtures.drives.drives import short_drive as short_drive  # a fixture
+from shared_fixtures.processes.external_programs import EXTERNAL, missing_program, missing_ros
+from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.generation.replay import replay

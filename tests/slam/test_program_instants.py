@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import yaml
-from shared_fixtures.closed_room import EPOCH_S, SWEEP_S, late_s, write_room_bag
-from shared_fixtures.external_programs import EXTERNAL, missing_program, missing_ros
+from shared_fixtures.processes.external_programs import EXTERNAL, missing_program, missing_ros
+from shared_fixtures.worlds.closed_room import EPOCH_S, SWEEP_S, late_s, write_room_bag
 
-from carlaloc_env.core.transforms import matrix_to_quat
+from carlaloc_env.core.geometry.transforms import matrix_to_quat
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.inertial.imu import ImuConfig

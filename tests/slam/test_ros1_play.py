@@ -8,8 +8,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shared_fixtures.external_programs import EXTERNAL, SYSTEM_PYTHON, missing_ros
-from shared_fixtures.slam_dataset import write_dataset
+from shared_fixtures.processes.external_programs import EXTERNAL, SYSTEM_PYTHON, missing_ros
+from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.slam_dataset import CAR_SHARE, COLUMNS, ELEVATIONS_DEG, sweep, write_dataset
+from shared_fixtures.readings.slam_dataset import CAR_SHARE, COLUMNS, ELEVATIONS_DEG, sweep, write_dataset
 
 from carlaloc_env.core.errors import EvaluationError
 from recorder.slam.sequence import SEGMENTED, SlamSequence

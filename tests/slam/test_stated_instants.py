@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.closed_room import EPOCH_S, SWEEP_S, TOPIC, late_s, write_room_bag
+from shared_fixtures.worlds.closed_room import EPOCH_S, SWEEP_S, TOPIC, late_s, write_room_bag
 
 from recorder.slam.bag_odometry import gicp_odometry, kiss_icp_odometry
 

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from shared_fixtures.slam_dataset import write_dataset
+from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import ConfigError
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark

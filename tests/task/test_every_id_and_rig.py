@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import pytest
 from gymnasium.utils.env_checker import check_env
-from shared_fixtures.render_scenes import need_opengl
+from shared_fixtures.worlds.render_scenes import need_opengl
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.rigs.presets import RIGS, rig_by_name

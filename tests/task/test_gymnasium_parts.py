@@ -20,7 +20,7 @@ from gymnasium.wrappers import (
     RecordVideo,
     TimeLimit,
 )
-from shared_fixtures.render_scenes import need_opengl
+from shared_fixtures.worlds.render_scenes import need_opengl
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.errors import RenderError

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
-from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.driving_env import DrivingEnv
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX

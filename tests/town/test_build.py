@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.array_cache import arrays_hash, load, save
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.files.array_cache import arrays_hash, load, save
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.sources import find_town, identify_town
 from carlaloc_env.town.town import Town

@@ -11,7 +11,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from shared_fixtures.plain_maps import PlainMap, PlainRoad, active, poly
+from shared_fixtures.worlds.plain_maps import PlainMap, PlainRoad, active, poly
 
 ROOT = pathlib.Path(__file__).parents[2]
 

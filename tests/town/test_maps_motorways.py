@@ -7,7 +7,7 @@ import pathlib
 import numpy as np
 import pytest
 import shapely
-from shared_fixtures.towns import town_network
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips

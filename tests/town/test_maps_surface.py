@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from shared_fixtures.towns import town_network
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.town.ground.lane_strips import Strip, road_strips
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

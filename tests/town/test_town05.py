@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from shared_fixtures.towns import town_network
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

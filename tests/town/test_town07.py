@@ -8,7 +8,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from shared_fixtures.towns import town_network
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

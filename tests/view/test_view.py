@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from shared_fixtures.slam_dataset import ELEVATIONS_DEG, ROOM_M, SWEEP_NS, rig, write_dataset
+from shared_fixtures.readings.slam_dataset import ELEVATIONS_DEG, ROOM_M, SWEEP_NS, rig, write_dataset
 
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.semantic_tags import Tag

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 import carlaloc_env
-from carlaloc_env.core.camera_model import Pinhole
-from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.scene.semantic_tags import TO_LEGACY, Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.registry import SENSOR_KINDS
@@ -54,7 +54,7 @@ SECTIONS = {
 
 def generator(name: str) -> ModuleType:
     """A script of docs/ as a module."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / "scripts" / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -71,7 +71,7 @@ def text_of(name: str) -> str:
 def test_generated_pages_are_up_to_date(name: str) -> None:
     """The page is what its script writes today."""
     module = generator(name)
-    assert module.PAGE.read_text(encoding="utf-8") == module.page(), f"run `python docs/{name}.py`"
+    assert module.PAGE.read_text(encoding="utf-8") == module.page(), f"run `python docs/scripts/{name}.py`"
 
 
 def test_readme_agrees_with_the_topics() -> None:

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
-from shared_fixtures.drives import CALM, small_cameras
+from shared_fixtures.drives.drives import CALM, small_cameras
 
 from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
 from carlaloc_env.rigs.presets import flu_rig

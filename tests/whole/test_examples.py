@@ -34,8 +34,7 @@ sensors:
    pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
 """
 EXAMPLES = Path(__file__).parents[2] / "examples"
-_NAMES = ("barometer", "laser", "ppo", "pupil", "reactions", "sight", "town01_route", "unseen")
-PARTS = {f"{name}.py" for name in _NAMES}
+PARTS = {"barometer.py", "laser.py"} | {path.name for path in EXAMPLES.glob("learning/*.py")}
 """Parts of examples, without a `main` of their own."""
 
 
@@ -49,7 +48,9 @@ def load(name: str) -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda path: path.name)
+@pytest.mark.parametrize(
+    "path", sorted([*EXAMPLES.glob("*.py"), *EXAMPLES.glob("learning/*.py")]), ids=lambda path: path.name
+)
 def test_examples_are_short_and_callable(path: Path) -> None:
     """Sixty lines at most (the demo is a program), with a `main` to call."""
     text = path.read_text(encoding="utf-8")
@@ -244,7 +245,7 @@ def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.syspath_prepend(EXAMPLES)
     example = load("11_learn_from_the_driver")
     env = example.make_env(30.0)
-    ride = example.ride(env, 10_000, example.Pupil.load(EXAMPLES / "town01_pupil.pt"))
+    ride = example.ride(env, 10_000, example.Pupil.load(EXAMPLES / "learning" / "town01_pupil.pt"))
     assert ride.ended_by == "time"
     assert ride.completion > 0.15
     env.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shared_fixtures.drives import CALM, small_cameras
+from shared_fixtures.drives.drives import CALM, small_cameras
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.controls import Controls

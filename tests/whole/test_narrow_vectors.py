@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from benchmarks.narrow_vectors import narrow_environment
 from recorder.generation.datasets.dataset_manifest import checksums

@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from shared_fixtures.checkout import copy_of_checkout, run_pip
+from shared_fixtures.processes.checkout import copy_of_checkout, run_pip
 
 ROOT = Path(__file__).parents[2]
 MAPS = [f"carlaloc_env/{path.relative_to(ROOT)}" for path in (ROOT / "maps").glob("Town*/*.*")]

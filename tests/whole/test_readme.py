@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.commands import all_commands
+from shared_fixtures.processes.commands import all_commands
 
 from carlaloc_env.core.errors import RaycastError, RenderError
 from recorder.cli.main import COMMANDS, main, make_parser

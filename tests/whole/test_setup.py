@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from shared_fixtures.checkout import ROOT, copy_of_checkout, run_pip
+from shared_fixtures.processes.checkout import ROOT, copy_of_checkout, run_pip
 
 TOOLS = ("sh", "dirname", "tr", "grep", "id", "env")
 """What `.ci/find-python` calls besides Pythons."""

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from shared_fixtures.bag_samples import read
+from shared_fixtures.readings.bag_samples import read
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from carlaloc_env.sensors.base import Mount
 from recorder.writers.base import Writer

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import EpisodeError, WriterError
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import Image, Imu
 from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter, open_episode
 from recorder.writers.base import Writer

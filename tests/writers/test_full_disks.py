@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.small_disks import small_disk
+from shared_fixtures.processes.small_disks import small_disk
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import EVENT, Events, Image, Imu, Odometry, PointCloud, Sample
 from recorder.writers.base import Writer
 from recorder.writers.formats.dsec import DsecWriter

@@ -7,10 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from shared_fixtures.bag_samples import PINHOLE, rig
+from shared_fixtures.readings.bag_samples import PINHOLE, rig
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder.writers.formats.kitti import KittiWriter

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import yaml
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
-from carlaloc_env.core.lens_distortion import Lens
+from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.geometry.lens_distortion import Lens
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer

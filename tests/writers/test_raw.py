@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from shared_fixtures.bag_samples import drive
+from shared_fixtures.readings.bag_samples import drive
 
 from carlaloc_env.samples import EVENT, DepthImage, Events, GnssFix, Image, Imu, PointCloud, SemanticImage
 from recorder.writers.base import DEFAULT_EPOCH_NS

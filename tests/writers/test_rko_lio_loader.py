@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.bag_samples import drive, rig
+from shared_fixtures.readings.bag_samples import drive, rig
 
 from carlaloc_env.samples import Imu, PointCloud
 from recorder.writers.base import DEFAULT_EPOCH_NS

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 import yaml
-from shared_fixtures.bag_samples import drive, read, rig
+from shared_fixtures.readings.bag_samples import drive, read, rig
 
 from recorder.writers.ros.rosbag1 import Rosbag1Writer
 

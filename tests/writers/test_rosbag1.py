@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.bag_samples import cloud, drive, read, rig
+from shared_fixtures.readings.bag_samples import cloud, drive, read, rig
 
-from carlaloc_env.core import transforms as geometry
+from carlaloc_env.core.geometry import transforms as geometry
 from carlaloc_env.samples import (
     DepthImage,
     Image,

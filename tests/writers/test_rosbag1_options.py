@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shared_fixtures.bag_samples import cloud, drive, read, rig
+from shared_fixtures.readings.bag_samples import cloud, drive, read, rig
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import (

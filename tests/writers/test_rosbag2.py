@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
-from shared_fixtures.bag_samples import drive, read, rig
+from shared_fixtures.readings.bag_samples import drive, read, rig
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import EVENT, Events

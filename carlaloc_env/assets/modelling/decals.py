@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from carlaloc_env.assets.modelling.primitives import Look, mirrored
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.transforms import cross
+from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.scene.mesh import Mesh, make_mesh
 
 _RANGE_M = 1.0

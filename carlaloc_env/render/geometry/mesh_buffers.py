@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32
-from carlaloc_env.core.transforms import cross
+from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, in_shared_memory
 from carlaloc_env.render.geometry.equal_vertices import without_doubles
 from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_cache import Arrays, cached
+from carlaloc_env.core.files.array_cache import Arrays, cached
 from carlaloc_env.core.rng import stream
 from carlaloc_env.render.textures import (
     cladding,

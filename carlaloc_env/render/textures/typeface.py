@@ -1,6 +1,6 @@
 """Letters of signs: outlines of Roboto (© 2015 Google, Apache licence 2.0, LICENSE-roboto.txt beside this).
 
-`docs/make_letters.py` makes letters.npz from Roboto's files.
+`docs/scripts/make_letters.py` makes letters.npz from Roboto's files.
 """
 
 from __future__ import annotations

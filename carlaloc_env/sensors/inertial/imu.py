@@ -11,10 +11,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from carlaloc_env.core import rng, transforms
+from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.samples import Imu, Sample
 from carlaloc_env.sensors.base import Mount, Sensor, SensorConfig, World

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.output_paths import check_output_file
+from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
 from carlaloc_env.town.checks.problem import Problem, Row
 from carlaloc_env.town.checks.roads import clearance_problems, plan_view_problems, road_problems

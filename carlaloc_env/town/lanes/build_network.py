@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from carlaloc_env.core.road_profile import Relief
+from carlaloc_env.core.road.road_profile import Relief
 from carlaloc_env.town.lanes.centre_lines import KeepTables
 from carlaloc_env.town.lanes.crosswalks import find_crosswalks
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from pathlib import Path
 
-from carlaloc_env.core.array_cache import Arrays, cached
+from carlaloc_env.core.files.array_cache import Arrays, cached
 from carlaloc_env.town.lanes.centre_lines import KeepTables, LaneTables
 
 

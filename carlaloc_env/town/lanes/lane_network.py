@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.road_profile import Relief
-from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.core.road.road_profile import Relief
 from carlaloc_env.town.lanes.centre_lines import KeepTables, LanePose, LaneTables, build_tables
 from carlaloc_env.town.lanes.nearest_lane import LaneSearch, NearestLane
 from carlaloc_env.town.lanes.records import Crosswalk, SignalHead, StaticSign

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.geometry.geodesy import GeoReference
 
 GeometryKind = Literal["line", "arc", "spiral", "poly3", "paramPoly3"]
 """Shapes of a piece of a reference line, OpenDRIVE's element names."""

@@ -16,7 +16,7 @@ from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import UsageError
-from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, seed, shared_options
 from recorder.cli.progress import Progress
 

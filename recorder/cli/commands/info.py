@@ -14,7 +14,7 @@ from dataclasses import asdict
 from typing import Any
 
 from carlaloc_env.core.errors import UsageError
-from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path
 
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import UsageError
-from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, seed
 from recorder.cli.progress import Progress
 from recorder.devices.names import wants_window

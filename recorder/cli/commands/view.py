@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import ConfigError, UsageError
-from carlaloc_env.core.output_paths import EPISODE_SUFFIX
+from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds
 
 

@@ -18,7 +18,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
-from carlaloc_env.core.output_paths import path_below
+from carlaloc_env.core.files.output_paths import path_below
 from recorder.generation.datasets.dataset_clock import DRIVING, REPLAYING, DatasetClock, DatasetProgress
 from recorder.generation.datasets.dataset_manifest import FILE_NAME, as_yaml, checksums
 from recorder.generation.datasets.dataset_plan import (

@@ -10,9 +10,9 @@ from typing import Any
 
 import yaml
 
-from carlaloc_env.core.config_mapping import to_mapping
 from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.config_mapping import to_mapping
+from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.town.sources import TownId
 from recorder.episode.episode import Episode

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, WriterError
-from carlaloc_env.core.output_paths import check_output_folder, path_below
+from carlaloc_env.core.files.output_paths import check_output_folder, path_below
 from carlaloc_env.town.sources import ALIASES, known_towns
 from recorder.episode.episode import Episode
 from recorder.generation.conditions import conditions_of

@@ -11,8 +11,8 @@ import numpy as np
 import yaml
 from rosbags.interfaces import Connection
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.geometry import transforms
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.generation.verification.stamps import open_bag

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.text_files import read_text
+from carlaloc_env.core.files.text_files import read_text
 from recorder.generation.datasets.dataset_manifest import FILE_NAME, checksums
 from recorder.generation.verification.against import compare
 from recorder.generation.verification.fit import check_fit

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from carlaloc_env.core.errors import EvaluationError
-from carlaloc_env.core.transforms import transform
+from carlaloc_env.core.geometry.transforms import transform
 from recorder.evaluation.trajectory_files import read_trajectory
 from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import FrameClock, StampedPose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from carlaloc_env.core.output_paths import path_below
+from carlaloc_env.core.files.output_paths import path_below
 from recorder.writers.base import write_text
 from recorder.writers.calibration.basalt import basalt_fits, basalt_json
 from recorder.writers.calibration.fast_lio import fast_lio_yaml

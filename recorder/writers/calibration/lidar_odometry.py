@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import PointCloud
 from recorder.writers.rig_calibration import LidarCalibration, RigCalibration
 from recorder.writers.topics import TopicProfile

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from carlaloc_env.core.output_paths import path_below
+from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.evaluation.trajectory_files import tum_text

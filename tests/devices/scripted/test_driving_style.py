@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared_fixtures.driver_runs import RIGHT_ANGLE, drive, jerk, route_of
+from shared_fixtures.drives.driver_runs import RIGHT_ANGLE, drive, jerk, route_of
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_HZ, TICK_S

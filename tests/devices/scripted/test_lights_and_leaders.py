@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from shared_fixtures.driver_runs import FRONT_M, drive, jerk, route_of
+from shared_fixtures.drives.driver_runs import FRONT_M, drive, jerk, route_of
 
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.controls import Controls

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shared_fixtures.driver_runs import COLUMNS, FRONT_M, RIGHT_ANGLE, drive, route_of
+from shared_fixtures.drives.driver_runs import COLUMNS, FRONT_M, RIGHT_ANGLE, drive, route_of
 
 from carlaloc_env.core.clock import TICK_HZ, TICK_S
 from carlaloc_env.core.ego_car import EGO_SIZE_M

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import yaml
-from shared_fixtures.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.rigs.presets import rig_by_name

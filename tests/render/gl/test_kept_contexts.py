@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
+from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
 from carlaloc_env.render.gl.kept_contexts import give_back, take_programs
 from carlaloc_env.render.lighting.shader_constants import shader_constants

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
-from carlaloc_env.core.geodesy import GeoReference
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer

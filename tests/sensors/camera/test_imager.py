@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
-from carlaloc_env.core.transforms import R_FLU_OPTICAL, from_rotation
+from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.sensors.base import Mount

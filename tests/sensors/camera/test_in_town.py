@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.core import transforms
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.mesh import EGO_INSTANCE
 from carlaloc_env.scene.semantic_tags import Tag

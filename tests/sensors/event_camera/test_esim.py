@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.event_pixels import SHAPE, SPAN_US, fresh, run, sums, uniform
+from shared_fixtures.readings.event_pixels import SHAPE, SPAN_US, fresh, run, sums, uniform
 
 from carlaloc_env.core import jit
 from carlaloc_env.samples import EVENT

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import ConfigError, RenderError
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.observation import Observer
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.rigs.rig import SensorRig

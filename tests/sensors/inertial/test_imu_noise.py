@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.fft import dst
 from scipy.optimize import nnls
-from shared_fixtures.imu_readings import QUIET, read
+from shared_fixtures.readings.imu_readings import QUIET, read
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError

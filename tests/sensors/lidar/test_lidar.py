@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.lidar_scans import HDL32E, HEIGHT, paper, sweep
+from shared_fixtures.readings.lidar_scans import HDL32E, HEIGHT, paper, sweep
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError

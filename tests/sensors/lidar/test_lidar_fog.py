@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from shared_fixtures.lidar_weather import POWER_MIN, model, ranges, semantic
+from shared_fixtures.readings.lidar_weather import POWER_MIN, model, ranges, semantic
 
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.semantic_tags import Tag

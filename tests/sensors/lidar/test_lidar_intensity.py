@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.lidar_scans import HEIGHT, paper, sweep
+from shared_fixtures.readings.lidar_scans import HEIGHT, paper, sweep
 
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.semantic_tags import Tag

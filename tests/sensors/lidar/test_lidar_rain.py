@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from shared_fixtures.lidar_weather import HEIGHT, POWER_MIN, model, ranges, semantic
+from shared_fixtures.readings.lidar_weather import HEIGHT, POWER_MIN, model, ranges, semantic
 
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import (

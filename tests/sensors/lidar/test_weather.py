@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.lidar_weather import HEIGHT, model, ranges, semantic
+from shared_fixtures.readings.lidar_weather import HEIGHT, model, ranges, semantic
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.scene.materials import Material

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shared_fixtures.radar_scans import STEP, config, frames
+from shared_fixtures.readings.radar_scans import STEP, config, frames
 
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.scene.semantic_tags import Tag

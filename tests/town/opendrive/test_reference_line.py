@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.special import fresnel
-from shared_fixtures.single_roads import H0, X0, Y0, line_at, road, to_world
+from shared_fixtures.worlds.single_roads import H0, X0, Y0, line_at, road, to_world
 
 
 @pytest.mark.parametrize("curvature", [0.25, -0.05, 1e-3, 1e-9, 1e-15, 0.0])

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from shared_fixtures.single_roads import H0, LANES, lane_points, road, to_world
+from shared_fixtures.worlds.single_roads import H0, LANES, lane_points, road, to_world
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive

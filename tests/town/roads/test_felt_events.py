@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from shared_fixtures.small_towns import Built, cast
+from shared_fixtures.worlds.small_towns import Built, cast
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.semantic_tags import Tag

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from shared_fixtures.small_towns import STREET, build_small, cast, straight_road
-from shared_fixtures.towns import town_network
+from shared_fixtures.worlds.small_towns import STREET, build_small, cast, straight_road
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag

@@ -10,7 +10,7 @@ from scipy.sparse import lil_array
 from scipy.sparse.csgraph import dijkstra
 
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.transforms import wrap_angle
+from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from shared_fixtures.towns import town_network
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.config import TownConfig

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from shared_fixtures.small_towns import Built, cast
+from shared_fixtures.worlds.small_towns import Built, cast
 
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import merge

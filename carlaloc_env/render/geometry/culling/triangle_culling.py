@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.array_cache import Arrays, arrays_hash, cached
 from carlaloc_env.core.array_types import F32, U32, Array
+from carlaloc_env.core.files.array_cache import Arrays, arrays_hash, cached
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView

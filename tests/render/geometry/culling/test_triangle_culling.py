@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from carlaloc_env.core import transforms
-from carlaloc_env.core.camera_model import Pinhole
 from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.culling.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import GBuffer

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 import pytest
-from shared_fixtures.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
+from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.render.gl import context as gl_context

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from shared_fixtures.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
+from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, scene, wall
 
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.render.lighting import night_lighting

@@ -1,0 +1,208 @@
+"""Arrays kept on disk: written under another name first, checked on reading, made anew when damaged.
+
+Their files are named after all that they come from, so that a change of the code, of a library or of the
+content makes a new file; the oldest ones go.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import math
+import os
+import re
+import stat
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.files.source_digest import source_digest
+from carlaloc_env.core.freed_memory import give_back_mapped_pages
+
+_log = logging.getLogger(__name__)
+"""Log of misses."""
+
+Arrays = dict[str, NDArray[Any]]
+"""Arrays by name."""
+T = TypeVar("T")
+
+SIGNATURE = b"carlaloc arrays 1\n"
+"""First bytes of a file of arrays."""
+ALIGNED_BYTES = 64
+"""Values of each array begin at a multiple of this, so that they can be used where they lie."""
+_KEY = re.compile(r"-[0-9a-f]+")
+"""Digest at the end of a folder's name."""
+
+
+def default_cache_dir() -> Path:
+    """`$CARLALOC_CACHE`, or `~/.cache/carlaloc`."""
+    chosen = os.environ.get("CARLALOC_CACHE")
+    return Path(chosen) if chosen else Path.home() / ".cache" / "carlaloc"
+
+
+def content_hash(*parts: bytes) -> str:
+    """Hash of several byte strings, 32 hexadecimal digits; lengths count, so that parts cannot shift."""
+    digest = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "little"))
+        digest.update(part)
+    return digest.hexdigest()
+
+
+def cached(
+    name: str,
+    kind: str,
+    *,
+    module: str,
+    make: Callable[[], T],
+    to_arrays: Callable[[T], Arrays],
+    from_arrays: Callable[[Arrays], T],
+    content: str = "",
+    kept_files: int,
+    folder: Path | None = None,
+) -> T:
+    """What a module makes, from the cache when the same code made it of the same content before.
+
+    A cache that cannot be read is a miss, one that cannot be written is done without, and so is one that
+    belongs to somebody else or that everybody can write to; the log tells.
+
+    Args:
+        name: Beginning of the file's name, such as ``Town03``.
+        kind: Its suffix without the dot, such as ``town``.
+        module: Module that makes it; a change in its imports outdates the file.
+        make: Makes it anew.
+        to_arrays: Turns it into named arrays.
+        from_arrays: Turns named arrays into it; KeyError, ValueError and IndexError say that they do not fit.
+        content: What else it is made of.
+        kept_files: Files of this name and kind that are kept, of this version and earlier ones.
+        folder: Where files lie; `$CARLALOC_CACHE` or `~/.cache/carlaloc` when left out.
+    """
+    key = content_hash(content.encode(), source_digest(module).encode())
+    stored = (folder or default_cache_dir()) / f"{name}-{key}.{kind}"
+    for path in (stored.parent, stored):
+        if (fault := _distrust(path)) is not None:
+            _log.warning("cache is not used: %s %s; set $CARLALOC_CACHE to a folder of your own", path, fault)
+            return make()
+    arrays = load(stored)
+    if arrays is not None:
+        try:
+            return from_arrays(arrays)
+        except (KeyError, ValueError, IndexError) as error:
+            _log.warning("cached file %s cannot be used (%s) and will be made again", stored, error)
+    begin = time.perf_counter()
+    made = make()
+    _log.info("made %s in %.1f s", stored.name, time.perf_counter() - begin)
+    try:
+        save(stored, to_arrays(made))
+        _drop_old(stored, kept_files)
+    except OSError as error:
+        _log.warning("%s cannot be cached in %s (%s)", name, stored.parent, error)
+    return made
+
+
+def _distrust(path: Path) -> str | None:
+    """Why what lies there might come from somebody else, or None; what is missing comes from nobody."""
+    if not hasattr(os, "geteuid"):
+        return None
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    if found.st_uid != os.geteuid():
+        return "belongs to somebody else"
+    return "can be written by everybody" if found.st_mode & stat.S_IWOTH else None
+
+
+def _drop_old(kept: Path, count: int) -> None:
+    """Delete the oldest files of earlier versions, until with the one that is kept `count` are left."""
+    name = kept.stem.rpartition("-")[0]
+    others = [
+        path
+        for path in kept.parent.glob(f"{name}-*")
+        if path != kept and _KEY.fullmatch(path.stem, len(name))
+    ]
+    for path in sorted(others, key=lambda path: path.stat().st_mtime)[: max(len(others) - count + 1, 0)]:
+        path.unlink(missing_ok=True)
+
+
+def arrays_hash(arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Hash of named arrays with their types and shapes, 32 hexadecimal digits."""
+    # Processors have instructions for SHA-256: towns are large, and each load looks at every byte.
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        value = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name}/{value.dtype.str}/{value.shape}".encode())
+        digest.update(value.data.cast("B") if value.size else b"")
+    return digest.hexdigest()[:32]
+
+
+def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write named arrays and their hash; the name `path` never holds a half-written file.
+
+    After the signature come the length of a JSON table (8 bytes), the table, and the values themselves.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    rows, end = {}, 0
+    for name, value in arrays.items():
+        start = -(-end // ALIGNED_BYTES) * ALIGNED_BYTES
+        rows[name] = (value.dtype.str, value.shape, start)
+        end = start + value.nbytes
+    table = json.dumps({"hash": arrays_hash(arrays), "arrays": rows}).encode()
+    try:
+        with partial.open("wb") as out:
+            out.write(SIGNATURE + len(table).to_bytes(8, "little") + table)
+            first = _first_byte(len(table))
+            for name, (_, _, start) in rows.items():
+                out.seek(first + start)
+                out.write(np.ascontiguousarray(arrays[name]).data)
+            out.truncate(first + end)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def load(path: Path) -> Arrays | None:
+    """Named arrays of a file, or None when it is missing or damaged.
+
+    They are views of the file, mapped into memory: nobody can write to them, and processes share them.
+    """
+    if not path.is_file():
+        return None
+    try:
+        arrays, mark = _mapped(path)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        _log.warning("cached file %s is damaged (%s) and will be made again", path, error)
+        return None
+    if mark != arrays_hash(arrays):
+        _log.warning("cached file %s does not match its hash and will be made again", path)
+        return None
+    # The check has read all of it, and often little is needed.
+    give_back_mapped_pages(next(iter(arrays.values())))
+    return arrays
+
+
+def _mapped(path: Path) -> tuple[Arrays, str]:
+    """Arrays of a file as views of it, and the hash that they had."""
+    content = np.memmap(path, dtype=np.uint8, mode="r").view(np.ndarray)
+    begin = len(SIGNATURE) + 8
+    if content[: len(SIGNATURE)].tobytes() != SIGNATURE:
+        raise ValueError("it is no file of arrays")
+    size = int.from_bytes(content[len(SIGNATURE) : begin].tobytes(), "little")
+    table = json.loads(content[begin : begin + size].tobytes())
+    values = content[_first_byte(size) :]
+    arrays: Arrays = {}
+    for name, (kind, shape, start) in table["arrays"].items():
+        dtype = np.dtype(kind)
+        own = values[start : start + math.prod(shape) * dtype.itemsize]
+        arrays[name] = own.view(dtype).reshape(shape)
+    return arrays, str(table["hash"])
+
+
+def _first_byte(table_bytes: int) -> int:
+    return -(-(len(SIGNATURE) + 8 + table_bytes) // ALIGNED_BYTES) * ALIGNED_BYTES

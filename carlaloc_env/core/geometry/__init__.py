@@ -1,0 +1,1 @@
+"""Frames, transforms, cameras, lenses and the globe."""

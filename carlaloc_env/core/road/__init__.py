@@ -1,0 +1,1 @@
+"""The surface of a road: its profile, its roughness, what lies in it."""

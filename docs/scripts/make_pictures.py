@@ -1,0 +1,109 @@
+"""Draw docs/pictures/sensors.jpg, the README's picture, from a drive: `python docs/scripts/make_pictures.py`.
+
+Without an episode it records one first, two minutes of the scripted driver in Town03.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.geometry.transforms import quat_conjugate, quat_rotate
+from carlaloc_env.rigs.presets import flu_rig
+from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.sensors.base import Camera
+from carlaloc_env.town.build import load_town
+from carlaloc_env.weather.parameters import weather_by_name
+from recorder.drive.record import RecordConfig, record
+from recorder.episode.actor_messages import actor_states
+from recorder.episode.episode import Episode
+from recorder.report.mosaic import depth_image, lidar_image, semantic_image
+
+PICTURE = Path(__file__).parents[1] / "pictures" / "sensors.jpg"
+WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
+PANEL_PX = (560, 315)
+LARGEST_BYTES = 600_000
+
+
+def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
+    """Six panels of one instant, sRGB: the left camera in three weathers, depth, semantics, LiDAR."""
+    town, timeline = load_town(episode.header.map_name), episode.timeline()
+    at_ns = min(round(at_s * 1e9), timeline.end_ns - STEP_NS) // STEP_NS * STEP_NS
+    weathers = [weather_by_name(name) for name in WEATHERS]
+    stage = SensorStage(town, seed=episode.header.seed, weather=weathers[0], quality=quality)
+    rig = flu_rig().build(stage)
+    left = next(s for s in rig.sensors if isinstance(s, Camera) and s.config.name == "left")
+    lidar = next(s for s in rig.sensors if s.config.kind == "lidar")
+    shots = left.measure_conditions(timeline, at_ns, weathers)
+    cloud = next(
+        s for s in lidar.measure(timeline, [at_ns]) if isinstance(s, PointCloud) and s.tag is not None
+    )
+    stage.close()
+    pictures = [
+        *(
+            (name, s.rgb)
+            for name, shot in zip(WEATHERS, shots, strict=True)
+            for s in shot
+            if isinstance(s, Image)
+        ),
+        *(("depth", depth_image(s)) for s in shots[0] if isinstance(s, DepthImage)),
+        *(("semantics", semantic_image(s)) for s in shots[0] if isinstance(s, SemanticImage)),
+        ("LiDAR from above", lidar_image(cloud, *PANEL_PX)),
+    ]
+    panels = [_panel(picture, label) for label, picture in pictures]
+    return np.vstack([np.hstack(panels[:3]), np.hstack(panels[3:])])
+
+
+def busiest_s(episode: Episode) -> float:
+    """Second of the drive in which most others stand or move within 40 m before the moving car [s]."""
+    ego, others = episode.ego[:-200:200], actor_states(episode.steps).position_m
+    others = others[: 20 * len(ego) : 20]
+    ego = ego[: len(others)]
+    ahead = quat_rotate(
+        quat_conjugate(ego["quat_xyzw"])[:, None], others.astype(np.float64) - ego["position_m"][:, None]
+    )
+    seen = (ahead[..., 0] > 5) & (ahead[..., 0] < 40) & (np.abs(ahead[..., 1]) < ahead[..., 0])
+    return float(np.argmax(seen.sum(axis=1) + 100 * (ego["speed_mps"] > 3.0)))
+
+
+def _panel(picture: NDArray[np.uint8], label: str) -> NDArray[Any]:
+    small = np.ascontiguousarray(cv2.resize(picture, PANEL_PX, interpolation=cv2.INTER_AREA))
+    width = cv2.getTextSize(label, cv2.FONT_HERSHEY_SIMPLEX, 0.65, 1)[0][0]
+    cv2.rectangle(small, (6, 6), (18 + width, 34), (0, 0, 0), -1)
+    cv2.putText(small, label, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
+    return small
+
+
+def main(drive: Path | None, at_s: float | None, quality: str, out: Path = PICTURE) -> Path:
+    """Draw the picture, as good as 600 kB allow."""
+    with tempfile.TemporaryDirectory() as folder:
+        if drive is None:
+            drive = record(RecordConfig(out=Path(folder) / "drive.mcap", duration_s=120.0, seed=3)).path
+        episode = Episode.load(drive)
+        at_s = busiest_s(episode) if at_s is None else at_s
+        picture = cv2.cvtColor(draw(episode, at_s, quality), cv2.COLOR_RGB2BGR)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    for percent in range(92, 20, -4):
+        cv2.imwrite(str(out), picture, [cv2.IMWRITE_JPEG_QUALITY, percent])
+        if out.stat().st_size <= LARGEST_BYTES:
+            break
+    return out
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("episode", type=Path, nargs="?", help="a recorded drive (.mcap)")
+    parser.add_argument("--at", type=float, help="instant to draw [s]; else the busiest")
+    parser.add_argument("--quality", default="medium", help="low, medium or high")
+    arguments = parser.parse_args()
+    main(arguments.episode, arguments.at, arguments.quality)

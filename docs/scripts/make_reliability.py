@@ -1,0 +1,86 @@
+"""Write docs/reliability.md out of the long tests: `python docs/scripts/make_reliability.py`.
+
+It takes some hours on two cores. Reports of tests that passed stay in `out/reliability`; a run that was
+ended goes on behind them, and a run after changes begins with that folder removed.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).parents[2]
+REPORTS = ROOT / "out" / "reliability"
+PAGE = Path(__file__).parents[1] / "reliability.md"
+PYTEST = (sys.executable, "-m", "pytest")
+HEAD = """\
+# Reliability
+
+Written by `docs/scripts/make_reliability.py` from a run of the tests named in the last column, on two cores
+without a GPU. What is promised: nothing but a named error of one line for any input; nothing written
+outside the output; nothing half-written under a final name; at most the last second of a drive lost.
+
+| what | tried | refused by name | longest answer | memory grew by | lost or broken | shown by |
+|---|---|---|---|---|---|---|
+"""
+TOLD = (
+    ("tests/robustness", "test_a_hundred_thousand_inputs or at_random"),
+    ("tests/drive", "test_killed_at_fifty_random_moments"),
+    ("tests/env", "a_row or resets"),
+)
+"""Folders and names of the long tests that are told."""
+
+
+def main() -> None:
+    """Run the tests and write the page; the page is left as it is where one of them failed."""
+    REPORTS.mkdir(parents=True, exist_ok=True)
+    rows: list[str] = []
+    for folder, names in TOLD:
+        for test in _tests(folder, names):
+            rows += _rows(_report(test), folder)
+    PAGE.write_text(HEAD + "\n".join(rows) + "\n", encoding="utf-8")
+
+
+def _tests(folder: str, names: str) -> list[str]:
+    """Names of the long tests of a folder, one a parameter."""
+    command = [*PYTEST, "--collect-only", folder, "-m", "soak", "-k", names]
+    listed = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
+    return [line for line in listed.splitlines() if "::" in line]
+
+
+def _report(test: str) -> Path:
+    """What a test reported, now or in a run before."""
+    report = REPORTS / (re.sub(r"\W+", "_", test.split("::")[1]).strip("_") + ".xml")
+    if not report.exists():
+        sys.stderr.write(f"{test}\n")
+        running = report.with_suffix(".part")
+        command = [*PYTEST, "-m", "soak", test, f"--junitxml={running}"]
+        if subprocess.run(command, cwd=ROOT, check=False).returncode:
+            sys.exit(f"{test} failed; {PAGE.name} is left as it is")
+        running.rename(report)
+    return report
+
+
+def _rows(report: Path, folder: str) -> Iterator[str]:
+    for case in ElementTree.parse(report).iter("testcase"):
+        told = {item.get("name"): item.get("value") for item in case.iter("property")}
+        if "inputs" not in told:
+            continue
+        cells = [
+            told.get("what", case.get("name", "")),
+            f"{int(told['inputs'] or 0):,}".replace(",", " "),
+            told.get("refused", "–"),
+            told.get("slowest", "–"),
+            told.get("growth", "–"),
+            told.get("lost", "nothing"),
+            f"`{folder}`",
+        ]
+        yield "| " + " | ".join(str(cell) for cell in cells) + " |"
+
+
+if __name__ == "__main__":
+    main()

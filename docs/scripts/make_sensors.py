@@ -1,0 +1,199 @@
+"""Write docs/sensors.md out of docstrings of sensors and samples: `python docs/scripts/make_sensors.py`."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import textwrap
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from gymnasium import spaces
+
+from carlaloc_env import samples
+from carlaloc_env.core.files.config_mapping import to_mapping
+from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
+from carlaloc_env.sensors.base import Mount, SensorConfig
+from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
+from carlaloc_env.sensors.registry import SENSOR_KINDS
+
+PAGE = Path(__file__).parents[1] / "sensors.md"
+HEAD = """\
+# Sensors
+
+Written by `docs/scripts/make_sensors.py` out of the docstrings; change those, not this page.
+
+A rig is a list of the configurations below, in Python (`carlaloc_env.rigs.rig.SensorRig`) or in YAML
+([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
+divides 200. Frames, units and signs: [conventions](conventions.md). Topics: [topics](topics.md). A line
+`preset: name` takes the values of a variant, on which the file's own values are laid.
+
+The rig `paper` has CARLA's ideal cameras, as the paper had them. Where realism is wanted, take `real`:
+its [cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288,
+exposure control, motion blur and a wide-angle lens. At rest by day, 22 % of a picture's numbers are the
+same in the next one, 72 % with the ideal camera.
+"""
+PARTS = {"Mount": Mount, "Pinhole": Pinhole}
+"""Configurations that others hold."""
+
+
+def page() -> str:
+    """Text of the page."""
+    parts = [HEAD, "## Kinds of sensors\n"]
+    parts += [_sensor(kind, config) for kind, config in SENSOR_KINDS.items()]
+    parts.append("## Parts of configurations\n")
+    parts += [f"### {name}\n\n{_doc(cls)}\n\n{_parameters(cls)}" for name, cls in PARTS.items()]
+    parts.append(_limits())
+    parts.append('## Samples\n\nWhat `Rig.measure` and `info["samples"]` give (`carlaloc_env.samples`).\n')
+    parts += [_sample(cls) for cls in sample_classes()]
+    return "\n".join(parts)
+
+
+def _limits() -> str:
+    """Table of all limits."""
+    rows = [("every sensor", "rate_hz", RATE)]
+    rows += [(kind, name, limit) for kind, table in LIMITS.items() for name, limit in table.items()]
+    lines = [
+        f"| {kind} | `{name}` | {limit.low:g} | {limit.high:g} {limit.unit} |" for kind, name, limit in rows
+    ]
+    return "\n".join(
+        [
+            "## Limits\n",
+            "Checked when a rig is read, before any memory is taken. Of lists the length counts; `rays` are",
+            f"beams times columns. A rig has at most {SENSORS_MAX} sensors, and a replay or environment does",
+            "not begin where its sensors would need more memory than is free: about",
+            f"{PIXEL_BYTES['medium']} bytes a pixel ({PIXEL_BYTES['high']} in quality `high`), "
+            f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} a ray.\n",
+            "| sensor | parameter | smallest | largest |",
+            "|---|---|---|---|",
+            *lines,
+            "",
+        ]
+    )
+
+
+def sample_classes() -> list[type[samples.Sample]]:
+    """`Sample` and all kinds of samples, in the order of their modules."""
+    names = [
+        f"{samples.__name__}.{part}"
+        for part in ("base", "images", "point_clouds", "vehicle_states", "ground_truth")
+    ]
+    found = [cls for _, cls in inspect.getmembers(samples, inspect.isclass)]
+    mine = [cls for cls in found if issubclass(cls, samples.Sample)]
+    return sorted(mine, key=lambda cls: (names.index(cls.__module__), inspect.getsourcelines(cls)[1]))
+
+
+def field_docs(cls: type[Any]) -> dict[str, str]:
+    """Docstring of every dataclass field, those of base classes included; empty where there is none."""
+    docs: dict[str, str] = {}
+    for base in reversed(cls.__mro__):
+        if not dataclasses.is_dataclass(base):
+            continue
+        body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for node, after in zip(body.body, [*body.body[1:], None], strict=True):
+            if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+                literal = after.value if isinstance(after, ast.Expr) else None
+                text = literal.value if isinstance(literal, ast.Constant) else ""
+                docs[node.target.id] = " ".join(str(text).split())
+    return {field.name: docs.get(field.name, "") for field in dataclasses.fields(cls)}
+
+
+def _sensor(kind: str, cls: type[SensorConfig]) -> str:
+    config = cls()  # type: ignore[call-arg]  # every kind has a default name
+    world: Any = SimpleNamespace(seed=0, geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0))
+    sensor = config.build(world)
+    streams = [
+        f"| `{name}` | {space.dtype} | {_shape(space, name in sensor.padded_streams)} |"
+        for name, space in sensor.streams().items()
+        if isinstance(space, spaces.Box)
+    ]
+    source = f"{type(sensor).__module__.replace('.', '/')}.py"
+    return "\n".join(
+        [
+            f"### {kind}\n\n{_doc(cls)}",
+            f"\n**Method.** {_doc(inspect.getmodule(type(sensor)))}\n",
+            f"{_doc(type(sensor))}\n",
+            f"**Inputs.** {_inputs(sensor)}\n",
+            "**Outputs.**\n",
+            f"Source: [`{source}`](../{source}); frame `{config.frame_id}`, axes `{config.mount.axes}`; "
+            f"in YAML `kind: {kind}`.\n",
+            "| stream | dtype | shape |",
+            "|---|---|---|",
+            *streams,
+            f"\nValues: {_doc(type(sensor).streams)}\n",
+            _presets(cls),
+            "**Parameters.**\n",
+            _parameters(cls),
+        ]
+    )
+
+
+def _inputs(sensor: Any) -> str:
+    """What a sensor asks its world for, read off its module's source and that of its parts."""
+    module = Path(inspect.getfile(type(sensor)))
+    parts = sorted(module.parent.glob("*.py")) if module.stem == module.parent.name else []
+    source = "".join(path.read_text(encoding="utf-8") for path in (module, *parts))
+    asked = (
+        ("the ego's motion", "ego_motion(", "Snapshot.of("),
+        ("wheels and pedals", "timeline.car", "Snapshot.of("),
+        ("boxes of all actors", "boxes_at("),
+        ("rays against town and actors", ".rays()"),
+        ("pictures of town and actors", ".renderer()"),
+        ("the weather", ".weather"),
+        ("the map's geo-reference", "world.geo"),
+        ("the seed", "seed"),
+    )
+    found = [name for name, *signs in asked if any(sign in source for sign in signs)]
+    feels = "feels the weather" if sensor.depends_on_weather else "the same in every weather by default"
+    return f"{', '.join(found)}; {feels}."
+
+
+def _presets(cls: type[SensorConfig]) -> str:
+    """The variants of a kind and what they change."""
+    if not cls.presets:
+        return ""
+    rows = []
+    for name, values in cls.presets.items():
+        text = ", ".join(f"`{key}` {_value(value)}" for key, value in values.items())
+        rows.append(f"| `{name}` | {text or 'defaults'} |")
+    return "\n".join(["**Presets.**\n", "| preset | values |", "|---|---|", *rows, ""])
+
+
+def _sample(cls: type[samples.Sample]) -> str:
+    common = () if cls is samples.Sample else field_docs(samples.Sample)
+    rows = [f"| `{name}` | {doc} |" for name, doc in field_docs(cls).items() if name not in common]
+    return "\n".join([f"### {cls.__name__}\n\n{_doc(cls)}\n", "| field | meaning |", "|---|---|", *rows, ""])
+
+
+def _parameters(cls: type[Any]) -> str:
+    plain = to_mapping(cls())
+    rows = [f"| `{name}` | {_value(plain[name])} | {doc} |" for name, doc in field_docs(cls).items()]
+    return "\n".join(["| parameter | default | meaning |", "|---|---|---|", *rows, ""])
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {_value(item)}" for key, item in value.items())
+    value = list(value) if isinstance(value, tuple) else value
+    if isinstance(value, list) and len(value) > 6:
+        return f"{len(value)} values, {value[0]:g} … {value[-1]:g}"
+    if isinstance(value, list):
+        return f"[{', '.join(_value(item) for item in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _shape(space: spaces.Box, padded: bool) -> str:
+    return f"(N ≤ {space.shape[0]}, {space.shape[1]})" if padded else str(tuple(space.shape))
+
+
+def _doc(thing: Any) -> str:
+    return (inspect.getdoc(thing) or "").strip()
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

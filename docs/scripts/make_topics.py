@@ -1,0 +1,142 @@
+"""Write docs/topics.md out of the topic profiles: `python docs/scripts/make_topics.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.rigs.presets import paper_rig
+from carlaloc_env.rigs.rig import Rig, SensorRig
+from carlaloc_env.samples import (
+    CanState,
+    DepthImage,
+    Events,
+    GnssFix,
+    Image,
+    Imu,
+    ObjectList,
+    Odometry,
+    PointCloud,
+    RadarScan,
+    Sample,
+    SemanticImage,
+    Speed,
+    WheelTicks,
+)
+from recorder.writers.ros.messages import ENCODERS
+from recorder.writers.topics import PROFILES, TopicProfile
+
+PAGE = Path(__file__).parents[1] / "topics.md"
+HEAD = """\
+# Topics of ROS bags
+
+Written by `docs/scripts/make_topics.py` out of `recorder/writers/topics.py`; change that, not this page.
+
+`carlaloc replay … --topics PROFILE` chooses one of the profiles below, shown for the rig `paper`.
+Other rigs give topics of the same pattern: a camera named `rear` writes `/camera/rear/image_raw`, a
+LiDAR named `roof` writes `/roof/points`. Frames are those of [conventions](conventions.md).
+"""
+TAIL = """\
+## Messages in detail
+
+* Stamps are the time of measurement; the drive's time 0 is 2023-01-01T00:00:00Z
+  (`epoch_ns` in `sequence.yaml`). A point cloud carries the start of its sweep.
+* `points`: `x y z intensity` float32, `ring` uint16, `time` float32 in seconds after the header's stamp,
+  at the offsets of velodyne_pointcloud's XYZIRT (0, 4, 8, 12, 16, 18; 22 bytes). `is_dense` is true: rays
+  without a return are left out.
+* `points_labelled`: the same, then `label` uint8 (semantic tag) and `id` uint32 (instance).
+* `radar_points`: `x y z` [m], `doppler` [m/s], `snr` [dB], `rcs` [dBsm], `range` [m], `azimuth`, `elevation`
+  [rad], float32; then the truth: `label` uint8, `id` uint32, `origin` uint8 (0 a thing, 1 a mirror image of
+  one, 2 clutter). `radar_scan`: radar_msgs/RadarScan; the amplitude is the signal-to-noise ratio. Doppler is
+  **positive when the distance grows**: a thing at rest ahead of a car that drives at 10 m/s reads −10 m/s.
+* `image_32fc1`: planar depth in metres, 0 for the sky. `image_tags`: semantic tags as `mono8`.
+* `camera_info`: `plumb_bob` with five zeros; R is the identity, P = [K 0].
+* `imu`: no orientation (covariance[0] = −1); covariances 0 stand for "unknown", the noise densities are in
+  the calibration files.
+* `wheel_joints` (rig `flu`, `/wheels/joint_states`): sensor_msgs/JointState, angles of whole ticks [rad] and
+  spins [rad/s] of `wheel_front_left`, `wheel_front_right`, `wheel_rear_left`, `wheel_rear_right`.
+* `can_steering`, `can_wheels`, `can_pedals` (rig `flu`, `/can/frames`): can_msgs/Frame with the identifiers
+  0x0C1, 0x0C2, 0x0C3; `calibration/can.dbc` describes their signals.
+* `odometry`: header frame `world`, child frame `base_link`; the twist is in the child frame.
+* `acceleration`: geometry_msgs/AccelStamped of `base_link` in its own axes, gravity not included.
+* `objects`: derived_object_msgs/ObjectArray, the type of CARLA's ROS bridge; boxes (`shape`), attitude,
+  velocity in world axes, class, for every actor whether seen or not. `object_table`: the same as a
+  PointCloud2 with one row per actor, which needs no further message package, and with what the former has no
+  field for: `visible` (share not hidden behind other things, seen from the LiDAR, NaN beyond 120 m) and the
+  semantic tag.
+  Their `id` is the `id` of `points_labelled` and `radar_points` and the value of pixels in `image_instances`.
+* `/tf_static` is latched and holds one transform from `base_link` to each sensor; `/clock` comes at 100 Hz.
+"""
+_KINDS: tuple[tuple[str, type[Sample]], ...] = (
+    ("rgb_", Image),
+    ("depth_", DepthImage),
+    ("semantic_", SemanticImage),
+    ("events_", Events),
+)
+_KIND_OF_SENSOR: dict[str, type[Sample]] = {
+    "lidar": PointCloud,
+    "radar": RadarScan,
+    "imu": Imu,
+    "gnss": GnssFix,
+    "speed": Speed,
+    "wheels": WheelTicks,
+    "can": CanState,
+}
+
+
+def page() -> str:
+    """Text of the page."""
+    return "\n".join([HEAD, *(_profile(profile) for profile in PROFILES.values()), TAIL])
+
+
+def streams_of(config: SensorRig) -> Iterator[tuple[str, type[Sample], str, float]]:
+    """Stream, kind of sample, frame and rate [Hz] of everything a replay writes."""
+    world: Any = SimpleNamespace(seed=0, geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0))
+    for sensor in Rig(config, world).sensors:
+        for stream in sensor.streams():
+            pictures = (kind for start, kind in _KINDS if stream.startswith(start))
+            kind = _KIND_OF_SENSOR.get(sensor.config.kind) or next(pictures)
+            yield stream, kind, sensor.config.frame_id, sensor.config.rate_hz
+    yield "truth", Odometry, "base_link", 200.0
+    yield "objects", ObjectList, "world", 20.0
+
+
+def rows_of(profile: TopicProfile) -> list[tuple[str, str, str, str, float]]:
+    """Topic, message type, frame, stream and rate [Hz] of a profile with the paper's rig."""
+    listed = list(streams_of(paper_rig()))
+    names = [stream for stream, *_ in listed]
+    return [
+        (
+            route.topic,
+            f"{ENCODERS[route.message][0].replace('/msg/', '/')} (`{route.message}`)",
+            route.frame_id or ("world → base_link" if kind is Odometry else frame),
+            stream,
+            rate_hz,
+        )
+        for stream, kind, frame, rate_hz in listed
+        for route in profile.routes(kind, stream, names)
+    ]
+
+
+def _profile(profile: TopicProfile) -> str:
+    rows = [
+        f"| `{topic}` | {message} | `{frame}` | `{stream}` | {rate_hz:g} |"
+        for topic, message, frame, stream, rate_hz in rows_of(profile)
+    ]
+    extra = [
+        text
+        for text, there in (
+            ("| `/tf_static` | tf2_msgs/TFMessage | `base_link` | – | once |", profile.tf_static),
+            ("| `/clock` | rosgraph_msgs/Clock | – | – | 100 |", profile.clock),
+        )
+        if there
+    ]
+    head = ["| topic | message | frame | stream | Hz |", "|---|---|---|---|---|"]
+    return "\n".join([f"## {profile.name}\n", *head, *rows, *extra, ""])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

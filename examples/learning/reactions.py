@@ -1,0 +1,16 @@
+"""What the pupil of examples 11 to 13 is not taught: reaction times."""
+
+from __future__ import annotations
+
+from learning.town01_route import Ride
+
+REACTION = 12
+"""Actions within which one who stands drives off: why not at once, no pupil without memory can tell."""
+
+
+def without_reactions(ride: Ride) -> Ride:
+    """The ride less the actions of a driver who stands, and is about to drive off."""
+    waits = (ride.seen[:, 0] < 0.0025) & (ride.taught[:, 1] < 0.0)
+    goes = [bool((ride.taught[k + 1 : k + 1 + REACTION, 1] > 0.0).any()) for k in range(len(waits))]
+    keep = ~(waits & goes)
+    return ride._replace(seen=ride.seen[keep], taught=ride.taught[keep])

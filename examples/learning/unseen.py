@@ -1,0 +1,21 @@
+"""The score of examples 11 to 13: mean route completion over seeds of traffic that nobody learns from."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from learning.town01_route import Policy, ride
+
+from carlaloc_env.driving_env import DrivingEnv
+
+UNSEEN = range(10_000, 10_050)
+"""The seeds."""
+
+
+def score(env: DrivingEnv, name: str, policy: Policy | None, count: int) -> float:
+    """Mean route completion of a policy, or of the scripted driver, over so many unseen seeds."""
+    rides = [ride(env, seed, policy) for seed in UNSEEN[:count]]
+    mean = float(np.mean([one.completion for one in rides]))
+    print(f"{name}: {mean:.1%} of the route, {dict(Counter(one.ended_by for one in rides))}", flush=True)
+    return mean

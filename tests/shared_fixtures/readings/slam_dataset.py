@@ -1,0 +1,122 @@
+"""A dataset in closed form: a LiDAR that drives a curve in a box, with a tenth of its points on a car."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples import PointCloud
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.sensors.base import Mount
+from carlaloc_env.sensors.lidar.config import LidarConfig
+from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory_files import write_tum
+from recorder.writers.base import DEFAULT_EPOCH_NS
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.ros.rosbag1 import Rosbag1Writer
+
+ROOM_M = np.array([24.0, 16.0, 5.0])
+ELEVATIONS_DEG = tuple(float(e) for e in range(-24, 24, 3))
+COLUMNS, SWEEP_NS = 240, 100_000_000
+CAR_SHARE = 0.1
+
+
+def rig() -> SensorRig:
+    lidar = LidarConfig(
+        mount=Mount(position_m=(1.0, 0.0, 1.8)),
+        rate_hz=10.0,
+        columns=COLUMNS,
+        elevations_deg=ELEVATIONS_DEG,
+    )
+    return SensorRig(name="box", sensors=(lidar,))
+
+
+def pose(t_s: Array) -> tuple[Array, Array]:
+    """Positions [m] and attitudes of the LiDAR on an ellipse whose speed swells and falls."""
+    angle = 0.25 * t_s + 0.1 * np.sin(t_s)
+    position = np.stack([6 * np.cos(angle), 4 * np.sin(angle), 2.0 + 0 * angle], axis=-1)
+    return position, transforms.rpy_to_quat(0 * angle, 0 * angle, angle + np.pi / 2)
+
+
+def sweep(stamp_ns: int) -> PointCloud:
+    """A sweep in which every ray is cast from where the LiDAR is at that very time."""
+    column = np.repeat(np.arange(COLUMNS), len(ELEVATIONS_DEG))
+    ring = np.tile(np.arange(len(ELEVATIONS_DEG)), COLUMNS)
+    offset_ns = (column * SWEEP_NS) // COLUMNS
+    position, quat = pose((stamp_ns + offset_ns) * 1e-9)
+    azimuth, elevation = -2 * np.pi * column / COLUMNS, np.radians(ELEVATIONS_DEG)[ring]
+    ray = np.stack(
+        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)], axis=1
+    )
+    world = transforms.quat_rotate(quat, ray)
+    faces = np.sign(world) * 0.5 * ROOM_M + [0.0, 0.0, 0.5 * ROOM_M[2]]
+    distance = ((faces - position) / np.where(world == 0, 1e-9, world)).min(axis=1)
+    draw = np.random.default_rng(stamp_ns)
+    car = draw.random(len(ray)) < CAR_SHARE
+    distance = distance + draw.normal(0.0, 0.005, len(ray)) - np.where(car, 0.5, 0.0)
+    count = len(ray)
+    return PointCloud(
+        sensor="lidar_semantic",
+        frame_id="lidar",
+        stamp_ns=stamp_ns,
+        points_xyz_m=(ray * distance[:, None]).astype(np.float32),
+        intensity=np.full(count, 0.5, np.float32),
+        ring=ring.astype(np.uint16),
+        offset_ns=offset_ns.astype(np.uint32),
+        sweep_ns=SWEEP_NS,
+        tag=np.where(car, int(Tag.CAR), int(Tag.BUILDING)).astype(np.uint8),
+        instance=np.where(car, 300_000, 1).astype(np.uint32),
+        cos_incidence=np.ones(count, np.float32),
+    )
+
+
+def plain(cloud: PointCloud) -> PointCloud:
+    """A cloud without labels."""
+    return replace(cloud, sensor="lidar", tag=None, instance=None, cos_incidence=None)
+
+
+def write_dataset(
+    root: Path,
+    *,
+    sweeps: int = 25,
+    conditions: tuple[str, ...] = ("ClearNoon_dynamic",),
+    labelled: bool = True,
+) -> Path:
+    """A dataset of some conditions, named weather_traffic, as replay lays it out.
+
+    Without labels the bag has plain clouds, as ``--topics slam`` leaves them, though both were made.
+    """
+    folder = root / "Box"
+    t_ns = np.arange(0, sweeps * SWEEP_NS + 1, 5_000_000)
+    position, quat = pose(t_ns * 1e-9)
+    truth = Trajectory(stamp_ns=t_ns + DEFAULT_EPOCH_NS, position_m=position, quat_xyzw=quat, name="lidar")
+    for name in ("lidar", "base_link"):
+        write_tum(folder / "ground_truth" / f"{name}.tum", truth)
+    document = {"town": "Box", "rig": yaml.safe_load(rig().to_yaml()), "versions": {}}
+    (root / "dataset.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
+    for condition in conditions:
+        path = folder / condition
+        path.mkdir()
+        calibration = RigCalibration.from_configs(rig().sensors)
+        stream = "lidar_semantic" if labelled else "lidar"
+        with Rosbag1Writer(path / f"{condition}.bag", calibration, streams={stream}) as writer:
+            for k in range(sweeps):
+                cloud = sweep(k * SWEEP_NS)
+                writer.write(cloud if labelled else plain(cloud))
+        weather, traffic = condition.split("_")
+        described = {
+            "name": condition,
+            "weather": {"name": weather},
+            "traffic": {"name": traffic},
+            "samples": {"lidar": sweeps, "lidar_semantic": sweeps},
+            "movers": {"lidar_semantic": CAR_SHARE},
+            "sha256": {},
+        }
+        (path / "sequence.yaml").write_text(yaml.safe_dump(described, sort_keys=False))
+    return root
