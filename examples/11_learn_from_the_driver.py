@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+
 from learning.pupil import Pupil
 from learning.town01_route import make_env, ride
 from learning.unseen import score

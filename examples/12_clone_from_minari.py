@@ -12,10 +12,10 @@ from pathlib import Path
 import minari
 import numpy as np
 import torch
+
 from learning.pupil import Pupil
 from learning.town01_route import SKIP, Ride, make_env
 from learning.unseen import score
-
 from recorder.drive.minari_dataset import MinariConfig, write_minari
 from recorder.drive.record import RecordConfig, record
 

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import torch
 from gymnasium.wrappers import TransformReward
+from stable_baselines3.common.monitor import Monitor
+
 from learning.ppo import give_back, let_policy_learn, ppo_of
 from learning.pupil import Pupil
 from learning.town01_route import make_env
 from learning.unseen import score
-from stable_baselines3.common.monitor import Monitor
 
 RED_LIGHT = 100.0
 """Cost of a red light: at the task's own 10, whoever counts on half a minute ahead would rather pass it."""

@@ -6,10 +6,11 @@ from typing import Any
 
 import gymnasium
 import torch
-from learning.pupil import Pupil
-from learning.sight import SIZE, Sight
 from stable_baselines3 import PPO
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+
+from learning.pupil import Pupil
+from learning.sight import SIZE, Sight
 
 NOISE = torch.tensor([0.02, 0.12]).log()
 """Logarithms of the spread of steering and pedal with which PPO tries what is better."""

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
+
 from learning.reactions import without_reactions
 from learning.sight import SIZE, Sight
 from learning.town01_route import Ride
-from numpy.typing import NDArray
 
 
 class Pupil:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from learning.town01_route import Policy, ride
 
 from carlaloc_env.driving_env import DrivingEnv
+from learning.town01_route import Policy, ride
 
 UNSEEN = range(10_000, 10_050)
 """The seeds."""

@@ -127,7 +127,7 @@ class Ratio:
     repeated: int
     """Pairs in which both conditions have several runs; of the others the spread is not known."""
     within_range: int
-    """Pairs whose ranges of several runs overlap, so that nothing can be said of them."""
+    """Repeated pairs whose ranges overlap, so that nothing can be said of them."""
 
     @property
     def median(self) -> float:
@@ -153,8 +153,9 @@ def ratios(table: Table) -> list[Ratio]:
             values=tuple(sorted(a.median / b.median for a, b in pairs)),
             repeated=sum(len(a.values) > 1 and len(b.values) > 1 for a, b in pairs),
             within_range=sum(
-                len(a.values) > 1 and a.values[0] <= b.values[-1] and b.values[0] <= a.values[-1]
+                a.values[0] <= b.values[-1] and b.values[0] <= a.values[-1]
                 for a, b in pairs
+                if len(a.values) > 1 and len(b.values) > 1
             ),
         )
         for (method, what), pairs in sorted(found.items())

@@ -1,7 +1,8 @@
 """Findings: how conditions compare, for the paper's systems by its own tables and for those of a benchmark.
 
 A finding is the ratio of two conditions' errors, medians over runs, in every pair of a town. Nothing is
-claimed that less than two thirds of the pairs show, or that rests on less than the spread of runs.
+claimed that less than two thirds of the pairs show, that rests on less than the spread of runs, or whose
+spread is known in less than two thirds of the pairs.
 """
 
 from __future__ import annotations
@@ -69,6 +70,8 @@ def verdict(ratio: Ratio) -> str:
     direction = "larger" if larger > smaller else "smaller"
     if not ratio.repeated:
         return f"{direction}; spread of runs not known"
+    if ratio.repeated < _SHARE * count:
+        return f"{direction}; spread of runs known in {ratio.repeated} of {count} pairs alone"
     if ratio.within_range > (1 - _SHARE) * ratio.repeated:
         return f"rests on less than the spread of runs ({ratio.within_range} of {ratio.repeated})"
     return direction

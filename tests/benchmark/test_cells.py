@@ -50,6 +50,13 @@ def test_ratios_pair_conditions_and_count_overlaps() -> None:
     assert found["FoggyNoon / ClearNoon (static)"].median == pytest.approx(2.0)
 
 
+def test_an_overlap_with_a_single_run_is_not_counted() -> None:
+    """One run has no range: the pair is not repeated, and tells nothing of the spread."""
+    runs = [score("a", "static", 1.5)] + [score("a", "dynamic", v) for v in (1.0, 2.0)]
+    (ratio,) = ratios(cells(runs))
+    assert (ratio.repeated, ratio.within_range) == (0, 0)
+
+
 def test_what_was_not_measured_is_a_dash_and_never_the_best() -> None:
     """Drift has no segment on a short way: that is neither a failure nor a figure."""
     nan = float("nan")

@@ -75,6 +75,8 @@ def test_a_difference_beyond_the_spread_is_a_finding_and_one_within_it_none() ->
         ((0.5, 0.9, 1.1, 1.2), 4, "no direction"),
         ((0.5, 0.7, 0.8), 3, "smaller"),
         ((1.5, 1.7, 1.8), 0, "larger; spread of runs not known"),
+        ((1.5, 1.7, 1.8), 1, "larger; spread of runs known in 1 of 3 pairs alone"),
+        ((1.5, 1.7, 1.8), 2, "larger"),
     ],
 )
 def test_what_is_said(values: tuple[float, ...], repeated: int, told: str) -> None:

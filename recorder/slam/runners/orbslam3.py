@@ -59,8 +59,10 @@ def _run(sequence: SlamSequence, clock: FrameClock, *, inertial: bool) -> list[S
                     _tracked(server, pair, samples)
             server.stdin.close()
             started = server.stdout.readline().strip()
-        if started != b"1" or not out.is_file():
+        if started != b"1":
             raise EvaluationError("ORB-SLAM3 never started: " + ("too little moves" if inertial else "lost"))
+        if not out.is_file():
+            raise EvaluationError("ORB-SLAM3 lost its map and kept none: it wrote no trajectory")
         found = read_trajectory(out)
     poses = transform(found.position_m, found.quat_xyzw)
     return list(zip(found.stamp_ns.tolist(), poses, strict=True))

@@ -43,7 +43,10 @@ def main() -> None:
         answers.write(f"{int(started)}\n")
         answers.flush()
     if tracked:
-        slam.save_trajectory_euroc(job["out"])
+        try:
+            slam.save_trajectory_euroc(job["out"])
+        except RuntimeError as error:  # it holds no map that is started any more
+            print(f"no trajectory: {error}", file=sys.stderr)
 
 
 if __name__ == "__main__":
