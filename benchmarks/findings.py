@@ -33,7 +33,9 @@ def main() -> None:
     parser.add_argument("--work", type=Path, help="folder for drives, data and results")
     parser.add_argument("--lidar-s", type=float, default=60.0, help="length of a drive [s]")
     parser.add_argument("--camera-s", type=float, default=30.0, help="length of its pictures [s]; 0: none")
-    parser.add_argument("--runs", type=int, default=3, help="repetitions of each run")
+    parser.add_argument("--runs", type=int, default=1, help="repetitions of each run")
+    parser.add_argument("--noise-seeds", type=int, default=3, help="seeds of sensor noise")
+    parser.add_argument("--workers", type=int, default=1, help="runs at a time, on cores of their own")
     parser.add_argument("--lidar-methods", default=LIDAR_METHODS)
     parser.add_argument("--camera-methods", default=CAMERA_METHODS)
     parser.add_argument("--keep-data", action="store_true", help="keep sequences once they are scored")
@@ -84,11 +86,13 @@ def _benchmark(
     out, data, part = (work / f"{prefix}.{kind}.{town}" for prefix in ("scores", "data", "part"))
     if out.exists():
         return out
-    if not (data / "dataset.yaml").exists():
+    if not (data / "whole").exists():
         drive = str(work / f"{town}.mcap")
-        common = ["--traffic", "static,dynamic", "--no-preview"]
+        common = ["--traffic", "static,dynamic", "--no-preview", "--noise-seeds", f"{arguments.noise_seeds}"]
         _carlaloc("replay", drive, "--out", str(data), *options, *common)
-    _carlaloc("benchmark", str(data), "--out", str(part), "--methods", methods, "--runs", f"{arguments.runs}")
+        (data / "whole").touch()
+    often = ["--runs", f"{arguments.runs}", "--workers", f"{arguments.workers}"]
+    _carlaloc("benchmark", str(data), "--out", str(part), "--methods", methods, *often)
     part.rename(out)
     if not arguments.keep_data:
         shutil.rmtree(data)

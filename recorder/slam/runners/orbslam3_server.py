@@ -46,7 +46,7 @@ def main() -> None:
         try:
             slam.save_trajectory_euroc(job["out"])
         except RuntimeError as error:  # it holds no map that is started any more
-            print(f"no trajectory: {error}", file=sys.stderr)
+            sys.stderr.write(f"no trajectory: {error}\n")
 
 
 if __name__ == "__main__":
