@@ -21,20 +21,32 @@ layout(location = 2) out vec4 o_surface;
 layout(location = 3) out uint o_id;       // tag << 24 | instance, xor the sky's, so that a cleared texel is sky
 layout(location = 4) out float o_depth;   // planar [m]
 
-#ifdef LEVEL
-// Slabs that were laid at other times than their neighbours; textures repeat after 24 of them.
-float slab_tone(float amount) {
-    vec2 g = v_uv * vec2(4.0, 6.0);
-    float row = floor(g.y);
-    float column = floor(g.x + 0.5 * mod(row, 2.0));
-    uint h = mix_bits(uint(int(column)) * 0x9e3779b1u ^ uint(int(row)) * 0x85ebca77u) >> 24;
-    float tone = h < 4u ? 0.80 : 0.94 + float(h) * (0.12 / 255.0);
-    return v_layer == float(PAVEMENT) ? mix(1.0, tone, amount) : 1.0;
+#ifdef WORN
+uint mixed_cell(vec2 cell) {
+    return mix_bits(uint(int(cell.x)) * 0x9e3779b1u ^ uint(int(cell.y)) * 0x85ebca77u);
+}
+
+// Tone of one slab, brick or stone among its neighbours, which textures alone repeat after a tile.
+//   blocks: along and up a tile, in half bond; odd: share of 256 that is darker by `dark`; spread: of the others
+float block_tone(vec2 blocks, uint odd, float dark, float spread) {
+    vec2 g = v_uv * blocks;
+    g.x += 0.5 * mod(floor(g.y), 2.0);
+    uint h = mixed_cell(floor(g)) >> 24;
+    return h < odd ? dark : 1.0 + spread * (float(h) / 255.0 - 0.5);
 }
 #endif
 
 void main() {
+#ifndef WORN
+    // Behind each pane of a glass wall is a room of its own: any of the eight that the texture has.
+    bool panes = v_layer == float(CURTAIN_WALL);
+    uint room = mix_bits(uint(int(floor(v_uv.x * 4.0))) * 0x9e3779b1u
+        ^ uint(int(floor(v_uv.y * 2.0))) * 0x85ebca77u ^ v_id);
+    vec2 uv = v_uv + (panes ? vec2((uvec2(room) >> uvec2(0, 2)) & uvec2(3, 1)) * vec2(0.25, 0.5) : vec2(0.0));
+    vec4 texel = textureGrad(u_textures, vec3(uv, v_layer), dFdx(v_uv), dFdy(v_uv));
+#else
     vec4 texel = texture(u_textures, vec3(v_uv, v_layer));
+#endif
     vec3 albedo = texel.rgb * texel.rgb * v_colour;
 #ifdef WORN
     // Dirt and wear at scales the repeating textures lack; none on paint, glass and metal.
@@ -44,10 +56,14 @@ void main() {
     float wear = (noise(p * 0.13) - 0.5) * band(footprint, 0.13) + 0.8 * (patches - 0.5) * band(footprint, 0.71);
 #ifndef LEVEL
     albedo *= 1.0 + 0.45 * v_surface.y * wear;
+    bool brick = v_layer == float(BRICK_RED) || v_layer == float(BRICK_BROWN);
+    float tone = brick ? block_tone(vec2(12.0, 34.0), 10u, 0.62, 0.30) : block_tone(vec2(6.0, 12.0), 6u, 0.86, 0.18);
+    albedo *= brick || v_layer == float(ASHLAR) ? mix(1.0, tone, band(footprint, brick ? 4.7 : 1.7)) : 1.0;
 #else
     float level = smoothstep(LEVEL_FROM, 0.97, v_normal.z);
     albedo *= 1.0 + mix(0.45, 0.20, level) * v_surface.y * wear;
-    albedo *= slab_tone(band(footprint, 1.4) * level);
+    float slab = mix(1.0, block_tone(vec2(4.0, 6.0), 4u, 0.80, 0.12), band(footprint, 1.4) * level);
+    albedo *= v_layer == float(PAVEMENT) ? slab : 1.0;
     // Lawns and fields dry out in places.
     vec3 straw = mix(vec3(0.92, 0.96, 0.95), vec3(1.22, 1.06, 1.05), clamp(0.5 + 1.1 * wear, 0.0, 1.0));
     albedo *= v_layer == float(GRASS) || v_layer == float(CROP) ? straw : vec3(1.0);
@@ -58,7 +74,6 @@ void main() {
     // No two bays of a glass wall are furnished alike, nor do their panes stand quite in one plane.
     ivec2 bay = ivec2(floor(v_uv));
     uint h = mix_bits(uint(bay.x) * 0x9e3779b1u ^ uint(bay.y) * 0x85ebca77u ^ v_id);
-    bool panes = v_layer == float(CURTAIN_WALL);
     albedo *= panes ? 0.70 + 0.55 * float(h & 255u) / 255.0 : 1.0;
     n += panes ? 0.024 * (vec3((uvec3(h) >> uvec3(8, 16, 24)) & 255u) / 255.0 - 0.5) : vec3(0.0);
 #endif

@@ -87,9 +87,12 @@ RECIPES: dict[Material, _Recipe] = {
 }
 """How each material's layer is made."""
 WIDE: dict[Material, float] = {
+    Material.ASHLAR: 6.0,
     Material.ASPHALT: 7.0,
     Material.ASPHALT_OLD: 7.0,
     Material.ASPHALT_MOTORWAY: 7.0,
+    Material.BRICK_BROWN: 6.0,
+    Material.BRICK_RED: 6.0,
     Material.CONCRETE: 7.0,
     Material.CROP: 12.0,
     Material.FURROWS: 7.0,

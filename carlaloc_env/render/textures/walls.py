@@ -22,12 +22,11 @@ _BRICK_COLUMNS, _BRICK_ROWS, _BRICK_TILE_M = 12, 34, 2.58
 
 
 def brick(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:
-    """Running bond, each brick of its own shade, burnt ones, pale joints, efflorescence."""
+    """Running bond, each brick of its own shade, pale joints, efflorescence; the shader burns some."""
     index, side, bed = blocks(size, _BRICK_COLUMNS, _BRICK_ROWS, 0.5, 0.03 * fbm(rng, size, 0.06, 0.01))
     joint_m = np.minimum(side * _BRICK_TILE_M / _BRICK_COLUMNS, bed * _BRICK_TILE_M / _BRICK_ROWS)
     joint = smoothstep(0.0085, 0.0035, joint_m + 0.0012 * fbm(rng, size, 0.02, 0.005))
-    burnt = np.log(0.6) * (rng.random(_BRICK_COLUMNS * _BRICK_ROWS) < 0.05)[index]
-    log = per_cell(rng, index, 0.19) + burnt + 0.09 * fbm(rng, size, 0.03, 0.004, 0.95)
+    log = per_cell(rng, index, 0.17) + 0.09 * fbm(rng, size, 0.03, 0.004, 0.95)
     hue = per_cell(rng, index, 0.16)
     face = np.array(colour, np.float32) * np.exp(
         log[..., None] + hue[..., None] * np.array([0.4, -0.1, -0.4], np.float32)
