@@ -21,17 +21,18 @@ layout(location = 2) out vec4 o_surface;
 layout(location = 3) out uint o_id;       // tag << 24 | instance, xor the sky's, so that a cleared texel is sky
 layout(location = 4) out float o_depth;   // planar [m]
 
-#ifdef WORN
-uint mixed_cell(vec2 cell) {
-    return mix_bits(uint(int(cell.x)) * 0x9e3779b1u ^ uint(int(cell.y)) * 0x85ebca77u);
+uint mixed_cell(vec2 p, uint seed) {
+    ivec2 cell = ivec2(floor(p));
+    return mix_bits(uint(cell.x) * 0x9e3779b1u ^ uint(cell.y) * 0x85ebca77u ^ seed);
 }
 
+#ifdef WORN
 // Tone of one slab, brick or stone among its neighbours, which textures alone repeat after a tile.
 //   blocks: along and up a tile, in half bond; odd: share of 256 that is darker by `dark`; spread: of the others
 float block_tone(vec2 blocks, uint odd, float dark, float spread) {
     vec2 g = v_uv * blocks;
     g.x += 0.5 * mod(floor(g.y), 2.0);
-    uint h = mixed_cell(floor(g)) >> 24;
+    uint h = mixed_cell(g, 0u) >> 24;
     return h < odd ? dark : 1.0 + spread * (float(h) / 255.0 - 0.5);
 }
 #endif
@@ -40,8 +41,7 @@ void main() {
 #ifndef WORN
     // Behind each pane of a glass wall is a room of its own: any of the eight that the texture has.
     bool panes = v_layer == float(CURTAIN_WALL);
-    uint room = mix_bits(uint(int(floor(v_uv.x * 4.0))) * 0x9e3779b1u
-        ^ uint(int(floor(v_uv.y * 2.0))) * 0x85ebca77u ^ v_id);
+    uint room = mixed_cell(v_uv * vec2(4.0, 2.0), v_id);
     vec2 uv = v_uv + (panes ? vec2((uvec2(room) >> uvec2(0, 2)) & uvec2(3, 1)) * vec2(0.25, 0.5) : vec2(0.0));
     vec4 texel = textureGrad(u_textures, vec3(uv, v_layer), dFdx(v_uv), dFdy(v_uv));
 #else
@@ -72,8 +72,7 @@ void main() {
     vec3 n = normalize(v_normal);
 #ifndef WORN
     // No two bays of a glass wall are furnished alike, nor do their panes stand quite in one plane.
-    ivec2 bay = ivec2(floor(v_uv));
-    uint h = mix_bits(uint(bay.x) * 0x9e3779b1u ^ uint(bay.y) * 0x85ebca77u ^ v_id);
+    uint h = mixed_cell(v_uv, v_id);
     albedo *= panes ? 0.70 + 0.55 * float(h & 255u) / 255.0 : 1.0;
     n += panes ? 0.024 * (vec3((uvec3(h) >> uvec3(8, 16, 24)) & 255u) / 255.0 - 0.5) : vec3(0.0);
 #endif
