@@ -53,7 +53,8 @@ def front(material: Material) -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(
-    ("material", "share"), [(Material.BRICK_RED, 0.25), (Material.ASHLAR, 0.20), (Material.CURTAIN_WALL, 0.10)]
+    ("material", "share"),
+    [(Material.BRICK_RED, 0.25), (Material.ASHLAR, 0.20), (Material.CURTAIN_WALL, 0.10)],
 )
 def test_a_tile_is_not_the_next_one(material: Material, share: float) -> None:
     """A tile of the texture differs from the others by a share of the picture's variance.
