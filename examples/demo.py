@@ -48,7 +48,7 @@ if find_spec("kiss_icp") is None and sys.version_info >= (3, 14):
     del SYSTEMS["KISS-ICP"]  # no wheels for this Python yet
 
 
-def main(out: Path, duration_s: float = 40.0, camera_start_s: float = 12.0, camera_s: float = 8.0) -> Path:
+def main(out: Path, duration_s: float = 40.0, camera_start_s: float = 12.0, camera_s: float = 6.0) -> Path:
     """Run the demo and return the folder that holds its results."""
     began = time.monotonic()
     out = _free(out)
@@ -173,7 +173,7 @@ if __name__ == "__main__":
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results")
     parser.add_argument("--duration", type=float, default=40.0, help="length of the drive [s]")
     parser.add_argument("--camera-start", type=float, default=12.0, help="pictures begin here [s]")
-    parser.add_argument("--camera-duration", type=float, default=8.0, help="length of the pictures [s]")
+    parser.add_argument("--camera-duration", type=float, default=6.0, help="length of the pictures [s]")
     arguments = parser.parse_args()
     try:
         main(arguments.out, arguments.duration, arguments.camera_start, arguments.camera_duration)
