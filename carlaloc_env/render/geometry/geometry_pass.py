@@ -15,7 +15,7 @@ from carlaloc_env.render.geometry.culling.triangle_culling import TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import SKY_ID, Targets
 from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
 from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
-from carlaloc_env.render.geometry.material_table import surface_table, upload_textures
+from carlaloc_env.render.geometry.material_table import block_tables, surface_table, upload_textures
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
@@ -105,6 +105,7 @@ class GeometryPass:
         self._textures = upload_textures(programs, albedo, trilinear=not is_software(context))
         give_back_mapped_pages(albedo)
         self._surface = surface_table()
+        self._blocks, self._variety = block_tables()
         self._flush_target = context.simple_framebuffer((1, 1))
 
     def simplified(self, instances: Instances, view: CameraView) -> Instances:
@@ -260,13 +261,10 @@ class GeometryPass:
             f"CLOTH {int(Material.CLOTH)}u",
             f"SKY_ID {SKY_ID}u",
             f"LEAF {int(Material.LEAF)}u",
-            f"ASHLAR {int(Material.ASHLAR)}u",
-            f"BRICK_BROWN {int(Material.BRICK_BROWN)}u",
-            f"BRICK_RED {int(Material.BRICK_RED)}u",
             f"CURTAIN_WALL {int(Material.CURTAIN_WALL)}u",
             f"CROP {int(Material.CROP)}u",
             f"GRASS {int(Material.GRASS)}u",
-            f"PAVEMENT {int(Material.PAVEMENT)}u",
+            f"RUBBLE {int(Material.RUBBLE)}u",
             f"UNIT_M {float(self._unit_m)}",
             f"LEVEL_FROM {LEVEL_FROM}",
             *(("SWAY",) if any(sway[:3]) else ()),
@@ -282,6 +280,8 @@ class GeometryPass:
             u_clip=view.clip_scale,
             u_range=DEPTH_RANGE,
             u_surface=self._surface.tobytes(),
+            u_blocks=self._blocks.tobytes(),
+            u_variety=self._variety.tobytes(),
             u_sway=sway,
         )
         return program

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.render.gl.context import Programs
+from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
 
@@ -31,6 +32,20 @@ def surface_table() -> NDArray[np.float32]:
         ],
         axis=-1,
     ).astype(np.float32)
+
+
+def block_tables() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Blocks of every material as the shaders read them; those that are laid of none are one without tone.
+
+    Returns:
+        Columns and rows of a tile, offset of courses, frequency [1/m], (M, 4), and the range of the tones
+        and whether the texture's blocks are shuffled, (M, 2).
+    """
+    blocks, variety = np.tile([1.0, 1.0, 0.0, 0.0], (len(Material), 1)), np.zeros((len(Material), 2))
+    for material, pattern in BLOCK_PATTERNS.items():
+        blocks[material] = pattern.columns, pattern.rows, pattern.offset, pattern.cycles_per_m
+        variety[material] = pattern.tone_range, pattern.shuffled
+    return blocks.astype(np.float32), variety.astype(np.float32)
 
 
 def upload_textures(

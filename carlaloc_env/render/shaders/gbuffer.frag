@@ -11,6 +11,8 @@ in vec3 v_normal;
 in vec2 v_uv;
 #ifdef WORN
 in vec3 v_world;
+flat in vec4 v_blocks;   // columns and rows of a tile, offset of courses, frequency [1/m]
+flat in vec2 v_variety;  // range of the blocks' tones; 1 = the texture's blocks are shuffled
 #endif
 
 uniform sampler2DArray u_textures;  // square root of the linear albedo, roughness
@@ -26,17 +28,6 @@ uint mixed_cell(vec2 p, uint seed) {
     return mix_bits(uint(cell.x) * 0x9e3779b1u ^ uint(cell.y) * 0x85ebca77u ^ seed);
 }
 
-#ifdef WORN
-// Tone of one slab, brick or stone among its neighbours, which textures alone repeat after a tile.
-//   blocks: along and up a tile, in half bond; odd: share of 256 that is darker by `dark`; spread: of the others
-float block_tone(vec2 blocks, uint odd, float dark, float spread) {
-    vec2 g = v_uv * blocks;
-    g.x += 0.5 * mod(floor(g.y), 2.0);
-    uint h = mixed_cell(g, 0u) >> 24;
-    return h < odd ? dark : 1.0 + spread * (float(h) / 255.0 - 0.5);
-}
-#endif
-
 void main() {
 #ifndef WORN
     // Behind each pane of a glass wall is a room of its own: any of the eight that the texture has.
@@ -45,25 +36,39 @@ void main() {
     vec2 uv = v_uv + (panes ? vec2((uvec2(room) >> uvec2(0, 2)) & uvec2(3, 1)) * vec2(0.25, 0.5) : vec2(0.0));
     vec4 texel = textureGrad(u_textures, vec3(uv, v_layer), dFdx(v_uv), dFdy(v_uv));
 #else
-    vec4 texel = texture(u_textures, vec3(v_uv, v_layer));
-#endif
-    vec3 albedo = texel.rgb * texel.rgb * v_colour;
-#ifdef WORN
     // Dirt and wear at scales the repeating textures lack; none on paint, glass and metal.
     vec2 p = v_world.xy + v_world.z * vec2(0.43, 0.61);
     float footprint = max(length(dFdx(p)), length(dFdy(p)));
-    float patches = noise(p * 0.71 + 17.3);
-    float wear = (noise(p * 0.13) - 0.5) * band(footprint, 0.13) + 0.8 * (patches - 0.5) * band(footprint, 0.71);
+    float patches = noise(p * 0.71 + 17.3) - 0.5;
+    float slow = noise(p * 0.13) - 0.5;
+    float wear = slow * band(footprint, 0.13) + 0.8 * patches * band(footprint, 0.71);
+    // Each slab, brick, stone, panel and board has its tone, since textures alone repeat after a tile.
+    float offset = v_blocks.z * floor(v_uv.y * v_blocks.y);
+    uint block = mixed_cell(v_uv * v_blocks.xy + vec2(offset, 0.0), v_id);
+    uvec3 random = (uvec3(block) >> uvec3(8, 16, 24)) & 255u;
+    float tone = v_variety.x * (random.z < 6u ? -1.2 : float(random.z) / 255.0 - 0.5) * band(footprint, v_blocks.w);
 #ifndef LEVEL
-    albedo *= 1.0 + 0.45 * v_surface.y * wear;
-    bool brick = v_layer == float(BRICK_RED) || v_layer == float(BRICK_BROWN);
-    float tone = brick ? block_tone(vec2(12.0, 34.0), 10u, 0.62, 0.30) : block_tone(vec2(6.0, 12.0), 6u, 0.86, 0.18);
-    albedo *= brick || v_layer == float(ASHLAR) ? mix(1.0, tone, band(footprint, brick ? 4.7 : 1.7)) : 1.0;
+    // In the place of each panel and board is any of those that the texture has.
+    vec2 uv = v_uv + v_variety.y * (vec2(offset, 0.0) + floor(vec2(random) / 256.0 * v_blocks.xy)) / v_blocks.xy;
+    // Field stones have no grid; here their pattern is drawn out, there pushed together.
+    bool rubble = v_layer == float(RUBBLE);
+    uv += rubble ? 0.06 * patches + vec2(0.5, 0.2) * slow : vec2(0.0);
+    vec4 texel = textureGrad(u_textures, vec3(uv, v_layer), dFdx(v_uv), dFdy(v_uv));
+#else
+    vec4 texel = texture(u_textures, vec3(v_uv, v_layer));
+#endif
+#endif
+    vec3 albedo = texel.rgb * texel.rgb * v_colour;
+#ifdef WORN
+#ifndef LEVEL
+    albedo *= (1.0 + 0.45 * v_surface.y * wear) * (1.0 + tone);
+    // A field stone's roughness is a number of its own, which with the place gives its tone; mortar has none.
+    float stone = texel.a - v_surface.x;
+    float wave = 4.0 * abs(fract(4.0 * stone + 1.5 * patches + 3.0 * slow) - 0.5) - 1.0;
+    albedo *= rubble ? 1.0 + 0.25 * min(40.0 * abs(stone), 1.0) * wave * band(footprint, 5.0) : 1.0;
 #else
     float level = smoothstep(LEVEL_FROM, 0.97, v_normal.z);
-    albedo *= 1.0 + mix(0.45, 0.20, level) * v_surface.y * wear;
-    float slab = mix(1.0, block_tone(vec2(4.0, 6.0), 4u, 0.80, 0.12), band(footprint, 1.4) * level);
-    albedo *= v_layer == float(PAVEMENT) ? slab : 1.0;
+    albedo *= (1.0 + mix(0.45, 0.20, level) * v_surface.y * wear) * (1.0 + level * tone);
     // Lawns and fields dry out in places.
     vec3 straw = mix(vec3(0.92, 0.96, 0.95), vec3(1.22, 1.06, 1.05), clamp(0.5 + 1.1 * wear, 0.0, 1.0));
     albedo *= v_layer == float(GRASS) || v_layer == float(CROP) ? straw : vec3(1.0);

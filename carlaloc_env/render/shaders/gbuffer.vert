@@ -22,6 +22,10 @@ uniform mat3 u_rotation;
 uniform vec4 u_clip;
 uniform vec2 u_range;
 uniform vec4 u_surface[MATERIALS];
+#ifdef WORN
+uniform vec4 u_blocks[MATERIALS];
+uniform vec2 u_variety[MATERIALS];
+#endif
 
 #ifdef SWAY
 uniform vec4 u_sway;        // farthest way of leaves to leeward [m] (3), time [s]
@@ -35,6 +39,8 @@ out vec3 v_normal;
 out vec2 v_uv;
 #ifdef WORN
 out vec3 v_world;
+flat out vec4 v_blocks;
+flat out vec2 v_variety;
 #endif
 
 void main() {
@@ -61,6 +67,8 @@ void main() {
 #endif
 #ifdef WORN
     v_world = UNIT_M * world;
+    v_blocks = u_blocks[in_material];
+    v_variety = u_variety[in_material];
 #endif
     v_layer = float(in_material);
     v_uv = in_uv;

@@ -101,6 +101,7 @@ WIDE: dict[Material, float] = {
     Material.PAVEMENT: 7.0,
     Material.PLASTER: 7.0,
     Material.ROOF_FLAT: 9.0,
+    Material.RUBBLE: 6.0,
     Material.SOIL: 9.0,
 }
 """Materials that cover hundreds of tiles, and the cycles per tile below which they are levelled; the

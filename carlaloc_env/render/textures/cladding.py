@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
 from carlaloc_env.render.textures.noise import (
     Layer,
     blocks,
@@ -14,14 +15,19 @@ from carlaloc_env.render.textures.noise import (
     smoothstep,
     worley,
 )
+from carlaloc_env.scene.materials import Material
 
 
 def siding(rng: np.random.Generator, size: int) -> Layer:
-    """Painted weatherboards of 0.15 m along u, each shaded below its lap, with butt joints and peeling."""
-    index, side, _ = blocks(size, 1, 16, 0.37)
+    """Painted weatherboards of 0.15 m along u, each shaded below its lap, with butt joints and peeling.
+
+    The shader lays them in any order, set off, each in its tone.
+    """
+    pattern = BLOCK_PATTERNS[Material.SIDING]
+    _, side, _ = blocks(size, pattern.columns, pattern.rows, 0.0)
     _, v = coordinates(size)
-    up = np.mod(v * 16, 1) + np.zeros((size, size), np.float32)
-    log = per_cell(rng, index, 0.05) - 0.75 * smoothstep(0.10, 0.02, up) + 0.10 * smoothstep(0.75, 1.0, up)
+    up = np.mod(v * pattern.rows, 1) + np.zeros((size, size), np.float32)
+    log = -0.75 * smoothstep(0.10, 0.02, up) + 0.10 * smoothstep(0.75, 1.0, up)
     log += 0.06 * fbm(rng, size, 0.12, 0.004, 0.85, (9.0, 1.0)) + 0.05 * fbm(rng, size, 0.4, 0.03)
     log += -0.6 * smoothstep(0.004, 0.0015, side)
     log += -0.35 * smoothstep(1.7, 2.2, fbm(rng, size, 0.10, 0.006, 0.8, (4.0, 1.0)))
@@ -45,14 +51,16 @@ def sheet_metal(rng: np.random.Generator, size: int) -> Layer:
 
 
 def rubble(rng: np.random.Generator, size: int) -> Layer:
-    """Field stones of many sizes and greys in pale mortar."""
+    """Field stones of many sizes and greys in pale mortar; the shader soils the rougher ones in places."""
     stones = worley(rng, size, 11, 15, 0.8)
     inside = smoothstep(0.06, 0.16, stones.edge + 0.02 * fbm(rng, size, 0.05, 0.01))
-    face = per_cell(rng, stones.owner, 0.24) + 0.12 * fbm(rng, size, 0.06, 0.004, 0.9)
+    face = per_cell(rng, stones.owner, 0.06) + 0.12 * fbm(rng, size, 0.06, 0.004, 0.9)
     face += 0.18 * (0.4 - stones.nearest)
     log = -0.05 + inside * (face + 0.05) - 0.35 * smoothstep(0.14, 0.07, stones.edge) * inside
     log += 0.08 * fbm(rng, size, 0.6, 0.05)
-    return layer((0.33, 0.31, 0.275), log, 0.85, per_cell(rng, stones.owner, 0.14))
+    own = rng.uniform(-0.12, 0.12, int(stones.owner.max()) + 1).astype(np.float32)[stones.owner]
+    roughness = 0.85 + inside * own
+    return layer((0.33, 0.31, 0.275), log, roughness, per_cell(rng, stones.owner, 0.12))
 
 
 def slate(rng: np.random.Generator, size: int) -> Layer:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
 from carlaloc_env.render.textures.noise import (
     Field,
     Layer,
@@ -15,6 +16,7 @@ from carlaloc_env.render.textures.noise import (
     smoothstep,
     worley,
 )
+from carlaloc_env.scene.materials import MATERIALS, Material
 
 
 def asphalt(rng: np.random.Generator, size: int) -> Layer:
@@ -54,9 +56,10 @@ def concrete(rng: np.random.Generator, size: int) -> Layer:
 
 def pavement(rng: np.random.Generator, size: int) -> Layer:
     """Slabs of 0.6 × 0.4 m in half bond, each of its own grey, with joints and dirt."""
-    columns, rows = 4, 6
-    index, side, bed = blocks(size, columns, rows, 0.5, 0.02 * fbm(rng, size, 0.4, 0.05))
-    joint_m = np.minimum(side * 2.4 / columns, bed * 2.4 / rows)
+    pattern, tile_m = BLOCK_PATTERNS[Material.PAVEMENT], MATERIALS[Material.PAVEMENT].tile_m
+    wobble = 0.02 * fbm(rng, size, 0.4, 0.05)
+    index, side, bed = blocks(size, pattern.columns, pattern.rows, pattern.offset, wobble)
+    joint_m = tile_m * np.minimum(side / pattern.columns, bed / pattern.rows)
     joint = smoothstep(0.007, 0.003, joint_m)
     bevel = smoothstep(0.03, 0.008, joint_m)
     log = (

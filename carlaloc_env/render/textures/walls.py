@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from carlaloc_env.render.textures.block_patterns import BLOCK_PATTERNS
 from carlaloc_env.render.textures.ground import _cracks, _pits
 from carlaloc_env.render.textures.noise import (
     Layer,
@@ -16,15 +17,15 @@ from carlaloc_env.render.textures.noise import (
     with_roughness,
     worley,
 )
-
-_BRICK_COLUMNS, _BRICK_ROWS, _BRICK_TILE_M = 12, 34, 2.58
-"""Bricks along and up a tile, and the tile's edge [m]."""
+from carlaloc_env.scene.materials import MATERIALS, Material
 
 
 def brick(rng: np.random.Generator, size: int, colour: tuple[float, float, float]) -> Layer:
     """Running bond, each brick of its own shade, pale joints, efflorescence; the shader burns some."""
-    index, side, bed = blocks(size, _BRICK_COLUMNS, _BRICK_ROWS, 0.5, 0.03 * fbm(rng, size, 0.06, 0.01))
-    joint_m = np.minimum(side * _BRICK_TILE_M / _BRICK_COLUMNS, bed * _BRICK_TILE_M / _BRICK_ROWS)
+    pattern, tile_m = BLOCK_PATTERNS[Material.BRICK_RED], MATERIALS[Material.BRICK_RED].tile_m
+    wobble = 0.03 * fbm(rng, size, 0.06, 0.01)
+    index, side, bed = blocks(size, pattern.columns, pattern.rows, pattern.offset, wobble)
+    joint_m = tile_m * np.minimum(side / pattern.columns, bed / pattern.rows)
     joint = smoothstep(0.0085, 0.0035, joint_m + 0.0012 * fbm(rng, size, 0.02, 0.005))
     log = per_cell(rng, index, 0.17) + 0.09 * fbm(rng, size, 0.03, 0.004, 0.95)
     hue = per_cell(rng, index, 0.16)
@@ -54,8 +55,10 @@ def plaster(rng: np.random.Generator, size: int) -> Layer:
 
 def ashlar(rng: np.random.Generator, size: int) -> Layer:
     """Dressed stone of 0.6 × 0.3 m in half bond, weathered."""
-    index, side, bed = blocks(size, 6, 12, 0.5, 0.015 * fbm(rng, size, 0.2, 0.03))
-    joint_m = np.minimum(side * 3.6 / 6, bed * 3.6 / 12)
+    pattern, tile_m = BLOCK_PATTERNS[Material.ASHLAR], MATERIALS[Material.ASHLAR].tile_m
+    wobble = 0.015 * fbm(rng, size, 0.2, 0.03)
+    index, side, bed = blocks(size, pattern.columns, pattern.rows, pattern.offset, wobble)
+    joint_m = tile_m * np.minimum(side / pattern.columns, bed / pattern.rows)
     pores = worley(rng, size, 150, 150)
     log = (
         per_cell(rng, index, 0.13)
@@ -69,22 +72,22 @@ def ashlar(rng: np.random.Generator, size: int) -> Layer:
 
 
 def concrete_panel(rng: np.random.Generator, size: int) -> Layer:
-    """Precast panels of 3.0 × 1.5 m with open joints, tie holes and streaks."""
-    index, side, bed = blocks(size, 2, 4, 0.0)
+    """Precast panels of 3.0 × 1.5 m with open joints, tie holes and streaks.
+
+    The shader lays them in any order, each in its tone.
+    """
+    pattern = BLOCK_PATTERNS[Material.CONCRETE_PANEL]
+    _, side, bed = blocks(size, pattern.columns, pattern.rows, 0.0)
     joint_m = np.minimum(side * 3.0, bed * 1.5)
     u, v = coordinates(size)
     holes = np.zeros((size, size), np.float32)
     for x, y in ((0.15, 0.2), (0.85, 0.2), (0.15, 0.8), (0.85, 0.8)):
-        du, dv = (np.mod(u * 2, 1) - x) * 3.0, (np.mod(v * 4, 1) - y) * 1.5
+        du, dv = (np.mod(u * pattern.columns, 1) - x) * 3.0, (np.mod(v * pattern.rows, 1) - y) * 1.5
         holes = np.maximum(holes, smoothstep(0.030, 0.022, np.sqrt(du * du + dv * dv)))
-    log = (
-        per_cell(rng, index, 0.10)
-        + 0.08 * fbm(rng, size, 0.3, 0.01, 0.75)
-        + 0.06 * fbm(rng, size, 0.01, 0.004, 1.0)
-    )
+    log = 0.08 * fbm(rng, size, 0.3, 0.01, 0.75) + 0.06 * fbm(rng, size, 0.01, 0.004, 1.0)
     log += -0.9 * smoothstep(0.022, 0.014, joint_m) - 0.6 * holes
     streak = smoothstep(0.2, 2.0, fbm(rng, size, 0.08, 0.006, 0.75, (1.0, 8.0)))
-    log += -0.20 * streak * smoothstep(0.0, 0.6, np.mod(v * 4, 1) + 0 * u)
+    log += -0.20 * streak * smoothstep(0.0, 0.6, np.mod(v * pattern.rows, 1) + 0 * u)
     log += np.log(0.7) * _pits(rng, size, 130, 0.06, 0.14)
     return layer((0.345, 0.335, 0.31), log, 0.8)
 
