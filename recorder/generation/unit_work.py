@@ -19,6 +19,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
 from recorder.generation.estimates.sample_counts import SampleCounts
 from recorder.generation.level_sensors import LevelConfig, LevelSensors
+from recorder.generation.past_pictures import past_ns
 from recorder.generation.sequence_writers import DatasetSequence, SequenceConfig, WriterGroup, writers_of
 from recorder.generation.spool import SpoolFile, SpoolWriter, merged
 from recorder.generation.units import Unit
@@ -109,9 +110,12 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
         for spool in spools.values():
             closing.callback(spool.drop)
         first, end = job.unit.span_ns
+        past = past_ns(job.level.rig, job.level.camera_ns, job.unit.span_ns)
+        for at_ns in sensors.recall(job.unit.span_ns):
+            _check_stop(job)
+            report((at_ns - past[0]) / 1e9)
         for begin in range(first, end, STEP_NS):
-            if (job.folder / STOP).exists():
-                raise Stopped("the run has been asked to end")
+            _check_stop(job)
             window = (begin, min(begin + STEP_NS, end))
             for one in sensors.measure(window):
                 name = SHARED if one.weather is None else job.weathers[one.weather]
@@ -119,7 +123,7 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
                 for number, encoder in enumerate(encoders):
                     for piece in encoder.encode(one.sample):
                         spools[name].put(one.order, number, piece)
-            report((window[1] - first) / 1e9)
+            report((past[1] - past[0] + window[1] - first) / 1e9)
         files = {name: spool.complete() for name, spool in spools.items()}
     summary = {
         "streams": sensors.streams,
@@ -127,6 +131,11 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
         "files": {name: asdict(file) for name, file in files.items()},
     }
     (part / SUMMARY).write_text(json.dumps(summary), encoding="utf-8")
+
+
+def _check_stop(job: UnitJob) -> None:
+    if (job.folder / STOP).exists():
+        raise Stopped("the run has been asked to end")
 
 
 def _sensors_of(config: LevelConfig) -> LevelSensors:
