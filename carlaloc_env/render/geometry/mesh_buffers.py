@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32
 from carlaloc_env.core.geometry.transforms import cross
-from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, in_shared_memory
+from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, shared
 from carlaloc_env.render.geometry.equal_vertices import without_doubles
 from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
@@ -162,7 +162,7 @@ class MeshBuffers:
             if models:
                 solid &= np.repeat(_closed(place_m, corners, counts), counts)
             del vertices
-            self._body = in_shared_memory(Body(vertices_m=place_m, triangles=corners, solid=solid))
+            self._body = shared(Body(vertices_m=place_m, triangles=corners, solid=solid))
             self._picked = GrowingBuffer(context, 12)
 
     def draw(
