@@ -17,6 +17,8 @@ from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
+from carlaloc_env.core.freed_memory import give_back_freed_memory
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.generation.estimates.sample_counts import SampleCounts
 from recorder.generation.level_sensors import LevelConfig, LevelSensors
 from recorder.generation.past_pictures import past_ns
@@ -142,6 +144,8 @@ def _sensors_of(config: LevelConfig) -> LevelSensors:
     """Sensors of a level: those that were built last, where they are the same."""
     held: LevelSensors | None = getattr(_held, "sensors", None)
     if held is None or held.config != config:
+        # The old ones are gone before new ones are made: each takes a gigabyte.
+        del held
         release_sensors()
         held = _held.sensors = LevelSensors(config)
     return held
@@ -153,6 +157,16 @@ def release_sensors() -> None:
     _held.sensors = None
     if held is not None:
         held.close()
+        del held
+        give_back_freed_memory()
+
+
+def _forget_level(level: TrafficLevel) -> None:
+    """Let go of held sensors of a level of which all units are whole: nothing of it is measured again."""
+    held: LevelSensors | None = getattr(_held, "sensors", None)
+    if held is not None and held.config.level == level:
+        del held
+        release_sensors()
 
 
 def is_whole(folder: Path, names: Sequence[str]) -> bool:
@@ -180,6 +194,7 @@ def assemble(job: AssemblyJob, report: Report) -> None:
     Raises:
         WriterError: the disk is full.
     """
+    _forget_level(job.sequence.condition.traffic)
     weather = job.sequence.condition.weather_name
     summaries = [read_summary(folder) for folder in job.units]
     group = WriterGroup(job.sequence, job.config, tuple(summaries[0]["streams"]))
