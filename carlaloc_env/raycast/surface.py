@@ -15,24 +15,47 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32
 from carlaloc_env.core.errors import RaycastError
+from carlaloc_env.core.files.shared_arrays import in_shared_memory, read_only
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.raycast.hits import Hits
 from carlaloc_env.scene.mesh import Mesh
+
+KEPT_FILES = 14
+"""Cached files kept: a town has two, with and without parked cars."""
 
 
 class Surface:
     """Triangles in one frame: an Embree tree, and material, tag and instance of every triangle."""
 
-    def __init__(self, o3d: ModuleType, mesh: Mesh) -> None:
+    def __init__(self, o3d: ModuleType, mesh: Mesh, *, shared: bool = False) -> None:
+        """Build the tree.
+
+        Args:
+            o3d: Open3D.
+            mesh: The triangles.
+            shared: Whether what is read of them lies in a file of the cache, which processes share.
+        """
         self._tensor = o3d.core.Tensor.from_numpy
         self._scene: Any = o3d.t.geometry.RaycastingScene() if len(mesh.triangles) else None
         corner = mesh.triangles[:, 0]
-        self._material, self._tag = mesh.material[corner], mesh.tag[corner]
-        self._instance = mesh.instance[corner]
-        self._triangles = np.ascontiguousarray(mesh.triangles, dtype=np.uint32)
-        self._vertices_m = np.ascontiguousarray(mesh.vertices_m, dtype=np.float32)
+        triangles = np.ascontiguousarray(mesh.triangles, dtype=np.uint32)
+        vertices_m = np.ascontiguousarray(mesh.vertices_m, dtype=np.float32)
         if self._scene is not None:
-            self._scene.add_triangles(self._tensor(self._vertices_m), self._tensor(self._triangles))
+            # Embree has copies of its own.
+            self._scene.add_triangles(self._tensor(vertices_m), self._tensor(triangles))
+        found = read_only(
+            {
+                "triangles": triangles,
+                "vertices_m": vertices_m,
+                "tag": mesh.tag[corner],
+                "instance": mesh.instance[corner],
+                "material": mesh.material[corner],
+            }
+        )
+        if shared:
+            found = in_shared_memory(found, "ray-triangles", "rays", module=__name__, kept_files=KEPT_FILES)
+        self._corners = found["triangles"], found["vertices_m"]
+        self._labels = found["tag"], found["instance"], found["material"]
 
     def trace(self, rays: F32, range_max_m: float) -> Hits:
         """First hits of rays given as origins [m] and directions in the triangles' frame, shape (N, 6)."""
@@ -49,10 +72,10 @@ class Surface:
         )
         _read(
             answer["primitive_ids"].numpy(),
-            (self._triangles, self._vertices_m),
+            self._corners,
             rays,
             np.float32(range_max_m),
-            (self._tag, self._instance, self._material),
+            self._labels,
             (hits.range_m, hits.tag, hits.instance, hits.material, hits.cos_incidence),
         )
         return hits

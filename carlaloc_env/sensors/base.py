@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
@@ -190,3 +190,11 @@ class Camera(Sensor):
 
         A schedule may stand for a weather: sensors that remember look at it at other times as well.
         """
+
+    def recall(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]) -> Iterator[int]:
+        """Stamps of the pictures before one that the sensor must have seen [ns]; each is seen in its turn.
+
+        Measuring that picture sees those that are missing, too; this tells how far it is. A sensor
+        without a memory has none.
+        """
+        return iter(())

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from heapq import merge
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.base import Camera
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
@@ -26,6 +28,7 @@ from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.weather.schedule import Weather
 from recorder.episode.episode import Episode
 from recorder.episode.traffic_level import TrafficLevel
+from recorder.generation.past_pictures import first_pictures_ns
 from recorder.generation.spool import Order
 
 
@@ -94,6 +97,22 @@ class LevelSensors:
     def close(self) -> None:
         """Give GPU memory back."""
         self._stage.close()
+
+    def recall(self, span_ns: tuple[int, int]) -> Iterator[int]:
+        """Stamps of the pictures that cameras must have seen before a stretch [ns], each seen in its turn.
+
+        Measuring sees those that are missing, too; this tells how far it is.
+        """
+        timeline, weathers = self._timeline, list(self.config.weathers)
+        firsts_ns = first_pictures_ns(self.config.rig, self.config.camera_ns, span_ns)
+        # All cameras go together: they share shadows.
+        return merge(
+            *(
+                sensor.recall(timeline, firsts_ns[config], weathers)
+                for config, sensor in zip(self.config.rig.sensors, self._rig.sensors, strict=True)
+                if isinstance(config, CameraConfig) and isinstance(sensor, Camera) and config in firsts_ns
+            )
+        )
 
     def measure(self, window_ns: tuple[int, int]) -> list[Measured]:
         """Samples with stamps in a window [ns], begin included, in their order."""

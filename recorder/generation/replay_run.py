@@ -17,6 +17,7 @@ from recorder.episode.traffic_level import TrafficLevel
 from recorder.generation.conditions import Condition
 from recorder.generation.datasets.dataset_manifest import checksums
 from recorder.generation.level_sensors import LevelConfig
+from recorder.generation.past_pictures import nearest_begin_ns, past_s
 from recorder.generation.replay_plan import ReplayPlan
 from recorder.generation.sequence_writers import (
     DatasetSequence,
@@ -52,6 +53,9 @@ _log = logging.getLogger(__name__)
 
 ASSEMBLY_SHARE = 0.1
 """Share of a sequence's assembly in the progress: seconds of a unit that a second of it counts for."""
+
+TOLD_FROM_S = 1.0
+"""Time that cameras must see before their first picture from which on this is told [s]."""
 
 
 class ReplayRun:
@@ -97,6 +101,7 @@ class ReplayRun:
                 topics=plan.config.topics,
                 seed=plan.seed,
             )
+        self._tell_of_the_past()
         try:
             run_tasks(self._tasks(), self._workers(), done=self._after, look=self._look)
         except WriterError as error:
@@ -107,6 +112,19 @@ class ReplayRun:
             # Workers of a cluster end with nobody's process: they look for this.
             with suppress(OSError):
                 (work.units_dir / STOP).touch()
+
+    def _tell_of_the_past(self) -> None:
+        """Tell of pictures that must be made before the first one, where they are many."""
+        rig, camera_ns = self._writers.rig, self._plan.camera_ns
+        long_s, better_ns = past_s(rig, camera_ns, camera_ns), nearest_begin_ns(rig, camera_ns)
+        if long_s >= TOLD_FROM_S:
+            hint = "" if better_ns is None else f"; images from {better_ns / 1e9:.2f} s on need none of it"
+            _log.warning(
+                "images from %.2f s on: event pixels and exposure control must see the %.2f s before, too%s",
+                camera_ns[0] / 1e9,
+                long_s,
+                hint,
+            )
 
     def _how_to_go_on(self) -> str:
         whole = self._work.kept()
@@ -227,12 +245,16 @@ class ReplayRun:
 
     @property
     def _total_s(self) -> float:
-        units_s = sum(unit.length_s for unit in self._plan.units)
+        units_s = sum(self._unit_s(unit) for unit in self._plan.units)
         return units_s + ASSEMBLY_SHARE * self._length_s * len(self._plan.conditions)
+
+    def _unit_s(self, unit: Unit) -> float:
+        """Length of a unit [s], with what its cameras must have seen before."""
+        return unit.length_s + past_s(self._writers.rig, self._plan.camera_ns, unit.span_ns)
 
     def _weight_s(self, task: Task) -> float:
         if isinstance(task.job, UnitJob):
-            return task.job.unit.length_s
+            return self._unit_s(task.job.unit)
         return ASSEMBLY_SHARE * self._length_s
 
     def _part_s(self, task: Task, done: float) -> float:

@@ -22,7 +22,6 @@ from recorder.generation.datasets.dataset_manifest import as_yaml, checksums
 from recorder.generation.estimates.sample_counts import SampleCounts
 from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, write_text
 from recorder.writers.calibration.files import calibration_texts, write_calibration
-from recorder.writers.formats.dsec import DsecWriter
 from recorder.writers.formats.dsec_disparity import DsecDisparityWriter
 from recorder.writers.formats.euroc import EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv
@@ -116,6 +115,9 @@ def _kitti(m: _WriterContext) -> Writer:
 
 
 def _dsec(m: _WriterContext) -> list[Writer]:
+    # Imported where it is asked for: every worker would hold the libraries of HDF5.
+    from recorder.writers.formats.dsec import DsecWriter
+
     folder = path_below(m.folder, "dsec")
     names = [stream.removeprefix("events_") for stream in m.streams if stream.startswith("events_")]
     writers: list[Writer] = [

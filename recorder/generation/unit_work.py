@@ -17,8 +17,11 @@ from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
+from carlaloc_env.core.freed_memory import give_back_freed_memory
+from recorder.episode.traffic_level import TrafficLevel
 from recorder.generation.estimates.sample_counts import SampleCounts
 from recorder.generation.level_sensors import LevelConfig, LevelSensors
+from recorder.generation.past_pictures import past_ns
 from recorder.generation.sequence_writers import DatasetSequence, SequenceConfig, WriterGroup, writers_of
 from recorder.generation.spool import SpoolFile, SpoolWriter, merged
 from recorder.generation.units import Unit
@@ -109,9 +112,12 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
         for spool in spools.values():
             closing.callback(spool.drop)
         first, end = job.unit.span_ns
+        past = past_ns(job.level.rig, job.level.camera_ns, job.unit.span_ns)
+        for at_ns in sensors.recall(job.unit.span_ns):
+            _check_stop(job)
+            report((at_ns - past[0]) / 1e9)
         for begin in range(first, end, STEP_NS):
-            if (job.folder / STOP).exists():
-                raise Stopped("the run has been asked to end")
+            _check_stop(job)
             window = (begin, min(begin + STEP_NS, end))
             for one in sensors.measure(window):
                 name = SHARED if one.weather is None else job.weathers[one.weather]
@@ -119,7 +125,7 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
                 for number, encoder in enumerate(encoders):
                     for piece in encoder.encode(one.sample):
                         spools[name].put(one.order, number, piece)
-            report((window[1] - first) / 1e9)
+            report((past[1] - past[0] + window[1] - first) / 1e9)
         files = {name: spool.complete() for name, spool in spools.items()}
     summary = {
         "streams": sensors.streams,
@@ -129,10 +135,17 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
     (part / SUMMARY).write_text(json.dumps(summary), encoding="utf-8")
 
 
+def _check_stop(job: UnitJob) -> None:
+    if (job.folder / STOP).exists():
+        raise Stopped("the run has been asked to end")
+
+
 def _sensors_of(config: LevelConfig) -> LevelSensors:
     """Sensors of a level: those that were built last, where they are the same."""
     held: LevelSensors | None = getattr(_held, "sensors", None)
     if held is None or held.config != config:
+        # The old ones are gone before new ones are made: each takes a gigabyte.
+        del held
         release_sensors()
         held = _held.sensors = LevelSensors(config)
     return held
@@ -144,6 +157,16 @@ def release_sensors() -> None:
     _held.sensors = None
     if held is not None:
         held.close()
+        del held
+        give_back_freed_memory()
+
+
+def _forget_level(level: TrafficLevel) -> None:
+    """Let go of held sensors of a level of which all units are whole: nothing of it is measured again."""
+    held: LevelSensors | None = getattr(_held, "sensors", None)
+    if held is not None and held.config.level == level:
+        del held
+        release_sensors()
 
 
 def is_whole(folder: Path, names: Sequence[str]) -> bool:
@@ -171,6 +194,7 @@ def assemble(job: AssemblyJob, report: Report) -> None:
     Raises:
         WriterError: the disk is full.
     """
+    _forget_level(job.sequence.condition.traffic)
     weather = job.sequence.condition.weather_name
     summaries = [read_summary(folder) for folder in job.units]
     group = WriterGroup(job.sequence, job.config, tuple(summaries[0]["streams"]))

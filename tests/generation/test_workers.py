@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -117,3 +118,10 @@ def test_a_scheduler_that_is_not_there_is_one_line() -> None:
     pytest.importorskip("distributed", reason="clusters need the extra `cluster`")
     with pytest.raises(ConfigError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"):
         DaskCluster("tcp://127.0.0.1:9")
+
+
+def test_workers_hold_no_libraries_of_formats_that_nobody_asked_for() -> None:
+    """HDF5 and FFmpeg are imported by those who write them: every worker would hold them."""
+    code = "import sys, recorder.generation.unit_work; print(*{'av', 'h5py'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,29 @@ def test_static_box_and_ground(scenery: Any, box_range: Callable[..., Array]) ->
     assert np.all(hits.material[on_wall] == Material.BRICK_RED)
     assert np.all(hits.tag[on_floor] == Tag.ROAD)
     assert np.abs(hits.cos_incidence[on_floor] + d[on_floor, 2]).max() < 1e-5
+
+
+def test_a_town_in_a_shared_file_is_hit_as_one_in_memory(
+    scenery: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Made, and mapped as by a second process: the same hits to the bit."""
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path))
+    boxes = [
+        scenery.box([x, y, 0], [x + 2, y + 3, 5 + x % 7], Material.BRICK_RED, Tag.BUILDING, instance=400 + x)
+        for x in range(-300, 300, 5)
+        for y in range(-200, 200, 10)
+        if abs(x) + abs(y) > 20
+    ]
+    origins, d, stamps = random_rays(5000, 3)
+    drive = scenery.drive(scenery.straight(), 0.1)
+    made, mapped = (
+        scenery.world([scenery.ground(), *boxes]).rays().cast(origins, d, stamps, drive, 100.0)
+        for _ in range(2)
+    )
+    assert len(list(tmp_path.glob("*.rays"))) == 1
+    for name in ("range_m", "material", "tag", "instance", "cos_incidence"):
+        assert getattr(made, name).tobytes() == getattr(mapped, name).tobytes()
+    assert len(set(mapped.instance.tolist())) > 20
 
 
 @pytest.mark.parametrize("ego_speed", [0.0, 20.0])

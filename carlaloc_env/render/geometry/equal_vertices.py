@@ -23,10 +23,9 @@ def without_doubles(vertices: NDArray[np.void], triangles: U32) -> tuple[NDArray
         Vertices of which no two have the same bytes, shape (U,), and triangles, shape (T, 3).
     """
     words = vertices.view(np.uint32).reshape(len(vertices), vertices.itemsize // 4)
-    # Half of a hash table stays empty, so that most looks into it are the only one.
-    slots = np.zeros(1 << (2 * len(vertices)).bit_length(), np.uint32)
     number, kept = np.empty(len(vertices), np.uint32), np.empty(len(vertices), np.uint32)
-    count = _number(words, slots, number, kept)
+    # Half of a hash table stays empty, so that most looks into it are the only one. It goes at once.
+    count = _number(words, np.zeros(1 << (2 * len(vertices)).bit_length(), np.uint32), number, kept)
     return vertices[kept[:count]], np.take(number, triangles)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import moderngl
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32
 from carlaloc_env.core.geometry.transforms import cross
-from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, in_shared_memory
+from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, shared
 from carlaloc_env.render.geometry.equal_vertices import without_doubles
 from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
 from carlaloc_env.render.geometry.material_table import LOG_SCALE
@@ -73,15 +73,16 @@ def pack_vertices(mesh: Mesh, out: NDArray[np.void] | None = None) -> NDArray[np
     return out
 
 
-def _end_to_end(meshes: Sequence[Mesh]) -> tuple[NDArray[np.void], U32]:
-    """Packed vertices of all meshes, shape (V,), and triangles between them, shape (T, 3)."""
-    end = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])
-    vertices = np.empty(end[-1], VERTEX)
-    triangles = [np.zeros((0, 3), np.uint32)]
-    for mesh, begin in zip(meshes, end, strict=False):
-        pack_vertices(mesh, vertices[begin : begin + len(mesh.vertices_m)])
+def _end_to_end(meshes: Iterable[Mesh]) -> tuple[NDArray[np.void], U32, NDArray[np.int64]]:
+    """Packed vertices of all meshes, (V,), triangles between them, (T, 3), and each mesh's number of them."""
+    begin = 0
+    vertices, triangles = [np.zeros(0, VERTEX)], [np.zeros((0, 3), np.uint32)]
+    for mesh in meshes:
+        vertices.append(pack_vertices(mesh))
         triangles.append(mesh.triangles + np.uint32(begin))
-    return vertices, np.concatenate(triangles)
+        begin += len(mesh.vertices_m)
+    count = np.array([len(one) for one in triangles[1:]], np.int64)
+    return np.concatenate(vertices), np.concatenate(triangles), count
 
 
 def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
@@ -109,14 +110,12 @@ def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
     return code
 
 
-def _closed(vertices_m: F32, triangles: U32, count: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether bodies of so many triangles (N,) are closed, shape (N,): then their areas add up to nothing."""
+def _is_closed(vertices_m: F32, triangles: U32) -> bool:
+    """Whether a body is closed: then the areas of its triangles (T, 3) add up to nothing."""
     a, b, c = (np.take(vertices_m, triangles[:, k], axis=0) for k in range(3))
-    across = cross(b - a, c - a)
-    body = np.repeat(np.arange(len(count)), count)
-    total = [np.bincount(body, across[:, axis], len(count)) for axis in range(3)]
-    area = np.bincount(body, np.sqrt(sum(axis**2 for axis in across.T)), len(count))
-    return np.asarray(np.sqrt(sum(part**2 for part in total)) < _OPEN_SHARE * area)
+    across = cross(b - a, c - a).astype(np.float64)
+    area = np.sum(np.sqrt(np.sum(across**2, axis=1)))
+    return bool(np.sqrt(np.sum(np.sum(across, axis=0) ** 2)) < _OPEN_SHARE * area)
 
 
 class MeshBuffers:
@@ -125,7 +124,7 @@ class MeshBuffers:
     def __init__(
         self,
         context: moderngl.Context,
-        meshes: Sequence[Mesh],
+        meshes: Iterable[Mesh],
         triangles: NDArray[np.int64] | None = None,
         *,
         models: bool = False,
@@ -134,20 +133,20 @@ class MeshBuffers:
 
         Args:
             context: Where they are drawn.
-            meshes: All triangles.
+            meshes: All triangles; what an iterator alone holds is let go as soon as it is packed.
             triangles: Number of them in each range that can be drawn alone, shape (N,); a range for
                 every mesh when left out.
             models: Whether these are movable models.
         """
         self._context = context
-        counts = (
-            np.array([len(mesh.triangles) for mesh in meshes], np.int64) if triangles is None else triangles
-        )
+        packed, corners, number = _end_to_end(meshes)
+        counts = number if triangles is None else triangles
         self.count = (3 * counts).astype(np.uint32)
         """Number of indices of each range, shape (N,)."""
         self.first = (np.cumsum(3 * counts) - 3 * counts).astype(np.uint32)
         """First index of each range, shape (N,)."""
-        vertices, corners = without_doubles(*_end_to_end(meshes))
+        vertices, corners = without_doubles(packed, corners)
+        del packed
         # OpenGL refuses empty buffers; one unused vertex stands in for an empty scene.
         self.vertices = context.buffer((vertices if len(vertices) else np.zeros(1, VERTEX)).view(np.uint8))
         self._commands = GrowingBuffer(context, 20 * (len(self.count) + 1))
@@ -159,10 +158,12 @@ class MeshBuffers:
         else:
             place_m = np.ascontiguousarray(vertices["position"])
             solid = seen_from_front(models=models)[vertices["material"][corners[:, 2]]]
-            if models:
-                solid &= np.repeat(_closed(place_m, corners, counts), counts)
             del vertices
-            self._body = in_shared_memory(Body(vertices_m=place_m, triangles=corners, solid=solid))
+            if models:
+                ends = zip(np.cumsum(counts), counts, strict=True)
+                closed = [_is_closed(place_m, corners[end - count : end]) for end, count in ends]
+                solid &= np.repeat(np.array(closed, dtype=bool), counts)
+            self._body = shared(Body(vertices_m=place_m, triangles=corners, solid=solid))
             self._picked = GrowingBuffer(context, 12)
 
     def draw(

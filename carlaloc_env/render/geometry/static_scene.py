@@ -85,10 +85,7 @@ class StaticScene:
         self.clusters = _Table(
             **{name: np.concatenate([getattr(table, name) for table in tables]) for name in _Table.__slots__}
         )
-        # Parts are let go as soon as they are uploaded: together they are as large as the buffers.
-        self.layers = [
-            _layer(context, [part.pop(0) for part in parts], culled, sort) for culled, sort in _LAYERS
-        ]
+        self.layers = [_layer(context, parts, culled, sort) for culled, sort in _LAYERS]
         give_back_freed_memory()
 
     @property
@@ -218,7 +215,11 @@ def _boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
     return low_m, high_m
 
 
-def _layer(context: moderngl.Context, parts: Sequence[_Part], culled: bool, sort: int) -> Layer:
-    count = np.concatenate([part.count for part in parts])
-    geometry = MeshBuffers(context, [part.mesh for part in parts], count)
+def _layer(context: moderngl.Context, parts: Sequence[list[_Part]], culled: bool, sort: int) -> Layer:
+    """The next layer, of the first part of every level.
+
+    Parts are let go as soon as they are packed: together they are larger than the buffers.
+    """
+    count = np.concatenate([level[0].count for level in parts])
+    geometry = MeshBuffers(context, (level.pop(0).mesh for level in parts), count)
     return Layer(geometry=geometry, features=_SORTS[sort], culled=culled)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from heapq import merge
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -25,7 +27,7 @@ from carlaloc_env.samples import (
 from carlaloc_env.scene.semantic_tags import Tag, tags_in
 from carlaloc_env.sensors.base import Camera, World
 from carlaloc_env.sensors.camera.config import OUTPUTS, CameraConfig
-from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain
+from carlaloc_env.sensors.event_camera.event_camera import EventCamera, EventChain, RenderFrame
 from carlaloc_env.sensors.event_camera.log_intensity import log_intensity
 from carlaloc_env.sensors.imaging.exposure_control import Draw, Imaging, Swept
 from carlaloc_env.sensors.imaging.frame import Frame, Optics
@@ -92,17 +94,7 @@ class CameraSensor(Camera):
         samples.
         """
         self._make(self._world.seed)
-        frames: dict[int, tuple[Frame, ScenePoses]] = {}
-
-        def draw(at_ns: int) -> tuple[Frame, ScenePoses]:
-            if at_ns not in frames:
-                # A long look back would fill the graphics memory: the picture itself and the last one stay.
-                for old in [t for t in frames if t != stamp_ns][:-1]:
-                    del frames[old]
-                snapshot = Snapshot.of(timeline, at_ns)
-                frames[at_ns] = self._draw(snapshot), self._poses(snapshot)
-            return frames[at_ns]
-
+        draw = self._drawing(timeline, stamp_ns)
         imaging = self._imaging
         swept = imaging.sweep(timeline, stamp_ns, draw) if imaging is not None else None
         shared = self._shared(timeline, stamp_ns, draw, swept)
@@ -125,6 +117,17 @@ class CameraSensor(Camera):
             ):
                 samples.append(one)
         return conditions
+
+    def recall(self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather]) -> Iterator[int]:
+        """Pictures before a stamp that exposure control and event pixels must have seen, see `Camera`."""
+        self._make(self._world.seed)
+        draw = self._drawing(timeline, stamp_ns)
+        past: list[Iterator[int]] = []
+        if self._imaging is not None and "rgb" in self.config.outputs:
+            past.append(self._imaging.towards(timeline, stamp_ns, weathers, draw))
+        if self._chain is not None:
+            past.append(self._chain.towards(timeline, stamp_ns, weathers, self._lighting(weathers, draw)))
+        return takewhile(lambda at_ns: at_ns < stamp_ns, merge(*past))
 
     def glance(self, timeline: Timeline, stamp_ns: int) -> tuple[FrameGeometry, Frame]:
         """What events need of one picture, drawn anew: how things lie, and the picture for its light."""
@@ -201,11 +204,24 @@ class CameraSensor(Camera):
             samples.append(NormalImage(normal=normal, **self._labels("normal", stamp_ns)))
         return samples
 
-    def _events(
-        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
-    ) -> list[Events]:
-        assert self._chain is not None
-        pinhole, dark = self.config.pinhole, self.config.events.dark_cd_m2
+    def _drawing(self, timeline: Timeline, stamp_ns: int) -> Draw:
+        """What draws the view at any time, for the picture at a stamp [ns]."""
+        frames: dict[int, tuple[Frame, ScenePoses]] = {}
+
+        def draw(at_ns: int) -> tuple[Frame, ScenePoses]:
+            if at_ns not in frames:
+                # A long look back would fill the graphics memory: the picture itself and the last one stay.
+                for old in [t for t in frames if t != stamp_ns][:-1]:
+                    del frames[old]
+                snapshot = Snapshot.of(timeline, at_ns)
+                frames[at_ns] = self._draw(snapshot), self._poses(snapshot)
+            return frames[at_ns]
+
+        return draw
+
+    def _lighting(self, weathers: Sequence[Weather], draw: Draw) -> RenderFrame:
+        """What event pixels see at any time."""
+        dark = self.config.events.dark_cd_m2
 
         def render(at_ns: int) -> tuple[FrameGeometry, list[F32]]:
             seen, poses = draw(at_ns)
@@ -214,6 +230,13 @@ class CameraSensor(Camera):
                 for weather in weathers
             ]
 
+        return render
+
+    def _events(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
+    ) -> list[Events]:
+        assert self._chain is not None
+        pinhole, render = self.config.pinhole, self._lighting(weathers, draw)
         return [
             Events(
                 events=events,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from carlaloc_env.core.clock import TICK_NS, Schedule
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.lens_distortion import Lens
@@ -13,6 +14,7 @@ from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.event_camera.config import EventConfig
 from carlaloc_env.sensors.imaging.imager import ImagerConfig
 from carlaloc_env.sensors.imaging.shutter_config import ShutterConfig
+from carlaloc_env.sensors.imaging.state_chain import beginning_ns
 
 OUTPUTS = ("rgb", "depth", "semantic", "flow", "normal", "events")
 """What a camera can give; stream names are ``<output>_<name>``."""
@@ -67,3 +69,15 @@ class CameraConfig(SensorConfig):
     def frame_id(self) -> str:
         """Optical frame: x right, y down, z forward."""
         return f"camera_{self.name}"
+
+    def remembers_from_ns(self, stamp_ns: int) -> int:
+        """Stamp of the earliest picture on which that of a stamp depends [ns].
+
+        Event pixels and exposure control remember, and begin anew every `restart_s`.
+        """
+        period_ns = Schedule.from_hz(self.rate_hz).period_ticks * TICK_NS
+        restarts_s = [self.events.restart_s] if "events" in self.outputs else []
+        if self.imager is not None and "rgb" in self.outputs:
+            restarts_s.append(self.imager.restart_s)
+        begun = [beginning_ns(stamp_ns, period_ns, round(1e9 * restart_s)) for restart_s in restarts_s]
+        return min(begun, default=stamp_ns)

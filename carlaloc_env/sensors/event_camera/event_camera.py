@@ -11,7 +11,7 @@ streak is there for one picture alone and has no place in the next, so it would 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,6 +116,17 @@ class EventChain:
 
         There are none at the first picture of a drive, nor at the oldest one that a timeline knows.
         """
+        begin, follow = self._steps(render)
+        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).events
+
+    def towards(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], render: RenderFrame
+    ) -> Iterator[int]:
+        """Stamps of the pictures that are missing up to one, see `Chain.towards`."""
+        return self._chain.towards(timeline, stamp_ns, tuple(weathers), *self._steps(render))
+
+    def _steps(self, render: RenderFrame) -> tuple[Callable[[int], _Held], Callable[[_Held, int], _Held]]:
+        """What makes the state at a stamp without history, and that one period after another."""
 
         def begin(at_ns: int) -> _Held:
             geometry, intensity = render(at_ns)
@@ -138,4 +149,4 @@ class EventChain:
                 events=[one[0] for one in fired],
             )
 
-        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).events
+        return begin, follow

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,9 +144,22 @@ class Imaging:
         instance = picked(instance_0, instance_1, swept.motion, shares)
         return picked(*ends, swept.motion, shares), tag, instance
 
+    def towards(
+        self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
+    ) -> Iterator[int]:
+        """Stamps of the pictures that are missing up to one, see `Chain.towards`."""
+        return self._chain.towards(timeline, stamp_ns, tuple(weathers), *self._steps(weathers, draw))
+
     def _products_s(
         self, timeline: Timeline, stamp_ns: int, weathers: Sequence[Weather], draw: Draw
     ) -> list[float]:
+        begin, follow = self._steps(weathers, draw)
+        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).products_s
+
+    def _steps(
+        self, weathers: Sequence[Weather], draw: Draw
+    ) -> tuple[Callable[[int], _Metered], Callable[[_Metered, int], _Metered]]:
+        """What makes the state at a stamp without history, and that one period after another."""
         config = self._imager.config
 
         def levels(at_ns: int) -> list[float]:
@@ -168,4 +181,4 @@ class Imaging:
             ]
             return _Metered(stamp_ns=at_ns, products_s=products, levels_cd_m2=levels(at_ns))
 
-        return self._chain.at(timeline, stamp_ns, tuple(weathers), begin, follow).products_s
+        return begin, follow

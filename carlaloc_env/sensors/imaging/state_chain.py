@@ -8,12 +8,24 @@ beginning. So the state at a stamp depends on the drive alone, not on what was a
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from typing import Generic, TypeVar
 
 from carlaloc_env.timeline.timeline import Timeline
 
 S = TypeVar("S")
+
+
+def beginning_ns(stamp_ns: int, period_ns: int, restart_ns: int) -> int:
+    """Stamp of the state without history from which that at a stamp follows [ns].
+
+    Args:
+        stamp_ns: A multiple of the period [ns].
+        period_ns: Time between two states [ns].
+        restart_ns: States at its multiples do not depend on earlier ones [ns].
+    """
+    restarted_ns = (stamp_ns - period_ns) // restart_ns * restart_ns
+    return max(_up(restarted_ns, period_ns), 0)
 
 
 class Chain(Generic[S]):
@@ -48,29 +60,45 @@ class Chain(Generic[S]):
             follow: Makes the state at a stamp from that one period before; at a multiple of the
                 restart it forgets on its own.
         """
+        for _ in self.towards(timeline, stamp_ns, key, begin, follow):
+            pass
         state = self._kept(timeline, stamp_ns, key)
-        if state is not None:
-            return state
-        before_ns = stamp_ns - self._period_ns
-        oldest_ns = self._up(timeline.start_ns)
-        state = self._kept(timeline, before_ns, key)
-        if state is not None:
-            state = follow(state, stamp_ns)
-        elif before_ns < oldest_ns:
-            state = begin(stamp_ns)
-        else:
-            first_ns = max(self._up(before_ns // self._restart_ns * self._restart_ns), oldest_ns)
-            state = begin(first_ns)
-            for next_ns in range(first_ns + self._period_ns, stamp_ns + 1, self._period_ns):
-                state = follow(state, next_ns)
-        self._held = (weakref.ref(timeline), key, stamp_ns, state)
+        assert state is not None
         return state
 
-    def _up(self, stamp_ns: int) -> int:
-        return -(-stamp_ns // self._period_ns) * self._period_ns
+    def towards(
+        self,
+        timeline: Timeline,
+        stamp_ns: int,
+        key: Hashable,
+        begin: Callable[[int], S],
+        follow: Callable[[S, int], S],
+    ) -> Iterator[int]:
+        """Stamps of the states that are missing up to one [ns]; each is made when the next is asked for.
+
+        Takes the arguments of `at`, which goes on from the last one that was made.
+        """
+        if self._kept(timeline, stamp_ns, key) is not None:
+            return
+        before_ns = stamp_ns - self._period_ns
+        state = self._kept(timeline, before_ns, key)
+        if state is not None:
+            next_ns = stamp_ns
+        else:
+            first_ns = beginning_ns(stamp_ns, self._period_ns, self._restart_ns)
+            oldest_ns = _up(timeline.start_ns, self._period_ns)
+            next_ns = stamp_ns if before_ns < oldest_ns else max(first_ns, oldest_ns)
+        for at_ns in range(next_ns, stamp_ns + 1, self._period_ns):
+            yield at_ns
+            state = begin(at_ns) if state is None else follow(state, at_ns)
+            self._held = (weakref.ref(timeline), key, at_ns, state)
 
     def _kept(self, timeline: Timeline, stamp_ns: int, key: Hashable) -> S | None:
         if self._held is None:
             return None
         of, held_key, held_ns, state = self._held
         return state if of() is timeline and held_key == key and held_ns == stamp_ns else None
+
+
+def _up(stamp_ns: int, period_ns: int) -> int:
+    return -(-stamp_ns // period_ns) * period_ns

@@ -6,17 +6,19 @@ from collections.abc import Collection, Mapping
 from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import av
 import cv2
 import numpy as np
-from av.container import OutputContainer
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from recorder.report.mosaic import PANEL_HEIGHT_PX, PANEL_WIDTH_PX, joined, panel_of
 from recorder.writers.base import Piece, Writer
+
+if TYPE_CHECKING:
+    from av.container import OutputContainer
 
 _STILL_EVERY = 60
 _PANEL_SHAPE = (PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3)
@@ -127,6 +129,9 @@ class _Film:
     """H.264 in an mp4, which browsers play."""
 
     def __init__(self, path: Path, width_px: int, height_px: int, rate_hz: float) -> None:
+        # Imported here: who makes units but assembles none does without FFmpeg's libraries.
+        import av
+
         rate = Fraction(rate_hz).limit_denominator(1000)
         container = av.open(str(path), "w", format="mp4")
         self._container: OutputContainer | None = container
@@ -136,6 +141,8 @@ class _Film:
 
     def add(self, rgb: U8) -> None:
         """Add an image, shape (H, W, 3)."""
+        import av
+
         assert self._container is not None
         frame = av.VideoFrame.from_ndarray(rgb, format="rgb24")
         self._container.mux(self._stream.encode(frame))

@@ -9,7 +9,6 @@ import struct
 from functools import cache
 from typing import Any
 
-import av
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +30,9 @@ DRACO_FIELDS = ("intensity", "ring", "time_us", "label", "id")
 
 def video(maker: MessageParts, header: Message, sample: Image) -> Message:
     """A picture in 4:2:0 of BT.709; bags encode it in the order of time, see `VideoEncoder`."""
+    # Imported here: other profiles do without FFmpeg's libraries.
+    import av
+
     height, width = sample.rgb.shape[:2]
     frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(sample.rgb), format="rgb24")
     planes = frame.reformat(format="yuv420p", dst_colorspace="ITU709").to_ndarray()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import av
 import numpy as np
 
 CRF = 18
@@ -21,6 +20,9 @@ class VideoEncoder:
     """
 
     def __init__(self, width_px: int, height_px: int, rate_hz: float) -> None:
+        # Imported here: profiles without video do without FFmpeg's libraries.
+        import av
+
         period = round(rate_hz) or 1
         codec = av.CodecContext.create("libx264", "w")
         assert isinstance(codec, av.VideoCodecContext)
@@ -43,6 +45,8 @@ class VideoEncoder:
         Raises:
             ValueError: they are not of the stream's size.
         """
+        import av
+
         frame = av.VideoFrame.from_ndarray(
             np.frombuffer(planes, np.uint8).reshape(self._shape), format="yuv420p"
         )

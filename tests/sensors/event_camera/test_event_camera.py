@@ -85,6 +85,27 @@ def test_any_order_and_any_chunk_gives_the_same_bytes(street: Any, scenery: Any)
     assert all(len(forwards[stamp]) > 0 for stamp in stamps[1:])
 
 
+def test_the_past_can_be_gone_over_picture_by_picture(street: Any, scenery: Any) -> None:
+    """Its pictures are told one by one, and are not drawn again; the events are those of a whole drive."""
+    drive = drive_of(scenery, scenery.weaving)
+    camera, stamp = config(events=EventConfig(restart_s=0.3, shot_hz=2.0)), 600_000_000
+    stamps = range(0, stamp + 1, STEP_NS)
+    whole = batches(camera.build(street).measure(drive, list(stamps)))
+    sensor, drawn = camera.build(street), list[int]()
+    draw = street.renderer().draw
+
+    def counted(*args: Any, **named: Any) -> Any:
+        drawn.append(named["stamp_ns"])
+        return draw(*args, **named)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(street.renderer(), "draw", counted)
+        assert list(sensor.recall(drive, stamp, [street.weather])) == list(range(300_000_000, stamp, STEP_NS))
+        assert list(sensor.recall(drive, stamp, [street.weather])) == []
+        assert batches(sensor.measure(drive, [stamp])) == {stamp: whole[stamp]}
+    assert drawn == list(range(300_000_000, stamp + 1, STEP_NS))
+
+
 def test_weathers_together_equal_weathers_alone(street: Any, scenery: Any) -> None:
     drive = drive_of(scenery, scenery.straight(8.0))
     weathers = [PRESETS["ClearNoon"], PRESETS["RainyNight"]]

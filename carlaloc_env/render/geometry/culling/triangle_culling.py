@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32, Array
-from carlaloc_env.core.files.array_cache import Arrays, arrays_hash, cached
+from carlaloc_env.core.files.array_cache import Arrays
+from carlaloc_env.core.files.shared_arrays import in_shared_memory
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
@@ -29,8 +30,6 @@ BEHIND_M = 0.02
 BEHIND_RATIO = 1e-3
 """The same as a part of its depth, on top of it."""
 
-SHARED_FROM_BYTES = 1 << 20
-"""Smaller bodies have memory of their own."""
 KEPT_FILES = 42
 """Cached files kept: a town has six, and the models have one."""
 
@@ -50,27 +49,10 @@ class Body:
     """Whether the back of a triangle is never seen, shape (T,)."""
 
 
-def in_shared_memory(body: Body) -> Body:
-    """The same in a file of the cache if it is large: processes that draw one town share its pages.
-
-    What no camera comes near need not be in memory at all.
-    """
+def shared(body: Body) -> Body:
+    """The same where processes that draw one town share it; what no camera comes near is not in memory."""
     arrays: Arrays = {name: getattr(body, name) for name in Body.__slots__}
-    for value in arrays.values():
-        # As in a file, so that one compiled function takes both.
-        value.setflags(write=False)
-    if sum(value.nbytes for value in arrays.values()) < SHARED_FROM_BYTES:
-        return body
-    return cached(
-        "triangles",
-        "culling",
-        module=__name__,
-        make=lambda: body,
-        to_arrays=lambda _: arrays,
-        from_arrays=lambda found: Body(**found),
-        content=arrays_hash(arrays),
-        kept_files=KEPT_FILES,
-    )
+    return Body(**in_shared_memory(arrays, "triangles", "culling", module=__name__, kept_files=KEPT_FILES))
 
 
 class TriangleCuller:

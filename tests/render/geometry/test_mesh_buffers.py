@@ -1,0 +1,43 @@
+"""Meshes on their way to the graphics: what is let go, and which bodies are closed."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from carlaloc_env.scene.mesh import Mesh
+
+mesh_buffers = pytest.importorskip("carlaloc_env.render.geometry.mesh_buffers", reason="needs moderngl")
+
+
+def test_meshes_of_an_iterator_are_let_go_as_soon_as_they_are_packed(scenery: Any) -> None:
+    """Of a scene's levels of detail no more than one mesh is held beside what is packed."""
+    held: list[weakref.ref[Any]] = []
+
+    def boxes() -> Iterator[Mesh]:
+        for x in range(4):
+            assert sum(ref() is not None for ref in held) <= 1
+            box = scenery.box([x, 0, 0], [x + 1, 1, 1])
+            held.append(weakref.ref(box.normals))
+            yield box
+
+    vertices, triangles, count = mesh_buffers._end_to_end(boxes())
+    assert not any(ref() is not None for ref in held)
+    assert count.tolist() == [12] * 4
+    corners_m = vertices["position"][triangles]
+    for x in range(4):
+        own = corners_m[12 * x : 12 * (x + 1)]
+        assert (own[..., 0].min(), own[..., 0].max()) == (x, x + 1)
+
+
+def test_a_box_is_closed_until_a_side_is_missing(scenery: Any) -> None:
+    box = scenery.box([0, 0, 0], [2, 1, 1])
+    assert mesh_buffers._is_closed(box.vertices_m, box.triangles)
+    normal = box.normals[box.triangles[:, 0]]
+    without_roof = box.triangles[np.sum(normal * [0, 0, 1], axis=1) < 0.5]
+    assert len(without_roof) == 10
+    assert not mesh_buffers._is_closed(box.vertices_m, without_roof)
