@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from carlaloc_env.core.array_types import Array
+
 
 def sin(x: Any) -> Any:
     """Sine of angles [rad]."""
@@ -98,9 +100,13 @@ def matrix_product(a: Any, b: Any) -> Any:
 
 
 def _apply(name: str, *given: Any) -> Any:
-    """A kernel over arrays; no warnings, which would come from branches that are computed and not taken."""
-    with np.errstate(all="ignore"):
-        return _as_given(_over_arrays(name, len(given))(*given), *given)
+    """A kernel over arrays."""
+    shape = np.broadcast(*given).shape
+    values = [np.empty(shape) for _ in given]
+    for room, value in zip(values, given, strict=True):
+        room[...] = value
+    _fill(name)(values[0].reshape(-1), values[-1].reshape(-1))
+    return _as_given(values[0][()], *given)
 
 
 def _as_given(result: Any, *given: Any) -> Any:
@@ -112,11 +118,7 @@ def _as_given(result: Any, *given: Any) -> Any:
 
 
 @functools.cache
-def _over_arrays(name: str, arguments: int) -> Callable[..., Any]:
+def _fill(name: str) -> Callable[[Array, Array], None]:
     # Here, since numba takes half a second to import, and much is read without computing anything.
-    numba = importlib.import_module("numba")
     kernels = importlib.import_module("carlaloc_env.core.elementary_kernels")
-    signature = f"float64({', '.join(['float64'] * arguments)})"
-    kernel = getattr(kernels, name)
-    made: Callable[..., Any] = numba.vectorize([signature], nopython=True, cache=True)(kernel.py_func)
-    return made
+    return functools.partial(kernels.fill, kernels.FUNCTIONS.index(name))

@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.jit import compiled
 
 _TWO_OVER_PI = 6.36619772367581382433e-01
@@ -205,3 +206,40 @@ def arcsin(x: float) -> float:
 def arccos(x: float) -> float:
     """Angle of a cosine [rad], 0 to π; nan beyond ±1."""
     return arctan2(math.sqrt((1.0 - x) * (1.0 + x)), x)
+
+
+FUNCTIONS = (
+    "sin", "cos", "tan", "arcsin", "arccos", "arctan", "exp", "log", "log10", "arctan2", "power",
+)  # fmt: skip
+"""Functions of `fill` by their number; the last two are of two numbers."""
+
+
+@compiled
+def fill(function: int, x: Array, y: Array) -> None:
+    """Write a function of numbers x (N,), or of x and y (N,), over x.
+
+    One function for all, since loading one from numba's files takes as long as computing 100 000 sines.
+    """
+    for k in range(len(x)):
+        if function == 0:
+            x[k] = sin(x[k])
+        elif function == 1:
+            x[k] = cos(x[k])
+        elif function == 2:
+            x[k] = tan(x[k])
+        elif function == 3:
+            x[k] = arcsin(x[k])
+        elif function == 4:
+            x[k] = arccos(x[k])
+        elif function == 5:
+            x[k] = arctan(x[k])
+        elif function == 6:
+            x[k] = exp(x[k])
+        elif function == 7:
+            x[k] = log(x[k])
+        elif function == 8:
+            x[k] = log10(x[k])
+        elif function == 9:
+            x[k] = arctan2(x[k], y[k])
+        else:
+            x[k] = power(x[k], y[k])

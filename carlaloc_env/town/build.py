@@ -19,9 +19,9 @@ from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.roads.road_classes import road_levels
 from carlaloc_env.town.routing.default_route import choose_route
 from carlaloc_env.town.routing.route import Route, plan_route
-from carlaloc_env.town.scenery import TownScenery, build_scenery
 from carlaloc_env.town.sources import identify_town
 from carlaloc_env.town.town import Town
+from carlaloc_env.town.town_scenery import TownScenery
 
 KEPT_FILES = 4
 """Cached files kept of each town."""
@@ -83,6 +83,9 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
 
 
 def _build(network: LaneNetwork, config: TownConfig, route: Route | None, seed: int) -> TownScenery:
+    # Here, since what builds takes a fifth of a second to import, and a town from the cache needs none of it.
+    from carlaloc_env.town.scenery import build_scenery
+
     route_m = None if route is None else route.position_m[:, :2]
     return build_scenery(network, config, seed, route_m)
 

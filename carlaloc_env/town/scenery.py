@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town.buildings.building_lots import lot_boxes
 from carlaloc_env.town.buildings.skyline import add_skyline
 from carlaloc_env.town.config import TownConfig
@@ -24,26 +20,7 @@ from carlaloc_env.town.meshing.tiles import FAR_CHUNK_M, split_chunks
 from carlaloc_env.town.roads.surfaces import Surfaces, add_surfaces
 from carlaloc_env.town.street.scene_dressing import dress
 from carlaloc_env.town.street.site_plan import place_plots
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TownScenery:
-    """The standing part of a town."""
-
-    chunks: tuple[Mesh, ...]
-    """All that is seen, in squares."""
-    collision_vertices_m: Array
-    """Corners of all that is solid [m], shape (V, 3)."""
-    collision_triangles: NDArray[np.int32]
-    """Corner indices, shape (T, 3)."""
-    collision_tags: NDArray[np.uint8]
-    """Semantic `Tag` of each of these triangles, shape (T,)."""
-    lenses: SignalLenses
-    """Lenses of the traffic lights."""
-    road_events: Array
-    """What wheels feel beside the meshes, columns of `core.road_events`, shape (N, 7)."""
-    lamps_m: Array
-    """Light sources of the street lamps [m], shape (K, 3)."""
+from carlaloc_env.town.town_scenery import TownScenery
 
 
 def build_scenery(

@@ -42,10 +42,10 @@ class TrafficTables:
         self.network = network
         self.route = route
         self.route_m = None if route is None else route.position_m
-        self.roads = build_roads(network, self.route_m)
+        self._demand = lane_demand(network, self.route_m)
+        self.roads = build_roads(network, self._demand)
         self.walker_network = build_walker_network(network, self.roads)
         self.walker_network.path.demand[:] = walker_demand(self.walker_network, self.route_m)
-        self._demand = lane_demand(network, self.route_m)
         driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
         self.cells = build_cells(self.roads, driving)
         after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]

@@ -86,6 +86,7 @@ def _read(path: Path) -> tuple[bytes, tuple[str, ...]]:
     return content, tuple(names)
 
 
+@functools.cache
 def _file_of(root: Path, module: str) -> Path | None:
     """Source of a module below the folder of its package; None for what is no module but a name in one."""
     path = root.joinpath(*module.split(".")[1:])

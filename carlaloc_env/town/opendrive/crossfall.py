@@ -70,11 +70,12 @@ class Crossfall:
         self._reach = {side: reach for side, (reach, _) in sides.items()}
         self._gutter = {side: gutter for side, (_, gutter) in sides.items()}
         flat: Mask = np.array([road.junction_id is not None or bool(road.shape) for road in roads], bool)
+        middles = self._middle(plan_view, np.zeros(len(roads))), self._middle(plan_view, self._length)
         # Before the first and after the last of these stations a road is level across.
         self._span = np.stack(
             [
-                np.where([self._is_level(roads, flat, plan_view, n, at) for n in range(len(roads))], *ends)
-                for at, ends in ((True, (0.0, -FADE_M)), (False, (self._length, self._length + FADE_M)))
+                np.where([_is_level(roads, flat, middles, n, end) for n in range(len(roads))], *stations)
+                for end, stations in enumerate(((0.0, -FADE_M), (self._length, self._length + FADE_M)))
             ],
             axis=-1,
         )
@@ -176,30 +177,40 @@ class Crossfall:
         found[row[pairs.ravel()]] = True
         return found
 
-    def _is_level(
-        self, roads: Sequence[Road], flat: Mask, plan: PlanView, number: int, at_start: bool
-    ) -> bool:
-        """Whether a road must be level across at an end: a junction, a road without fall, another middle."""
-        road = roads[number]
-        link: RoadLink | None = road.predecessor if at_start else road.successor
-        if link is None:
-            return False
-        others = [n for n, other in enumerate(roads) if other.id == link.element_id]
-        if link.element_type == "junction" or link.contact is None or not others or flat[others[0]]:
-            return True
-        own = self._middle(plan, number, 0.0 if at_start else road.length_m)
-        far = self._middle(plan, others[0], 0.0 if link.contact == "start" else roads[others[0]].length_m)
-        return not float(np.hypot(*(own - far))) < GAP_M
-
-    def _middle(self, plan: PlanView, number: int, s_m: float) -> Array:
-        road, s = np.array([number]), np.array([s_m])
-        pose, t = plan.evaluate(road, s), self._edges.lane_offset(road, s).t_m
-        return np.array(
+    def _middle(self, plan: PlanView, s_m: Array) -> Array:
+        """Points of all roads' lane 0, each at a station of its own (N,) [m], shape (N, 2)."""
+        road = np.arange(len(s_m))
+        pose, t = plan.evaluate(road, s_m), self._edges.lane_offset(road, s_m).t_m
+        return np.stack(
             [
-                pose.x_m[0] - elementary.sin(pose.heading_rad[0]) * t[0],
-                pose.y_m[0] + elementary.cos(pose.heading_rad[0]) * t[0],
-            ]
+                pose.x_m - elementary.sin(pose.heading_rad) * t,
+                pose.y_m + elementary.cos(pose.heading_rad) * t,
+            ],
+            axis=-1,
         )
+
+
+def _is_level(
+    roads: Sequence[Road], flat: Mask, middles_m: tuple[Array, Array], number: int, end: int
+) -> bool:
+    """Whether a road must be level across at an end: a junction, a road without fall, another middle.
+
+    Args:
+        roads: All roads.
+        flat: Which of them are level across all along, (N,).
+        middles_m: Points of their lane 0 at start and end [m], (N, 2) each.
+        number: The road.
+        end: Its end: 0 start, 1 end.
+    """
+    road = roads[number]
+    link: RoadLink | None = road.successor if end else road.predecessor
+    if link is None:
+        return False
+    others = [n for n, other in enumerate(roads) if other.id == link.element_id]
+    if link.element_type == "junction" or link.contact is None or not others or flat[others[0]]:
+        return True
+    far = middles_m[0 if link.contact == "start" else 1][others[0]]
+    return not float(np.hypot(*(middles_m[end][number] - far))) < GAP_M
 
 
 def _ramp(distance_m: Array) -> tuple[Array, Array]:

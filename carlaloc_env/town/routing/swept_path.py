@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
@@ -141,6 +140,8 @@ def room_about(network: LaneNetwork, own: RouteLine) -> FreeSpace:
 
 def _away(here: NDArray[np.bool_]) -> Array:
     """Distance of every cell to the nearest that is set [m]; 50 m where none is."""
+    from scipy.ndimage import distance_transform_edt
+
     result: Array = distance_transform_edt(~here) * _CELL_M if here.any() else np.full(here.shape, 50.0)
     return result
 

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
@@ -154,6 +153,9 @@ def _fit(network: LaneNetwork, line: RouteLine, turn: _Turn) -> RouteLine | None
 
 def _refined(cost: Callable[[_Shape], float], shape: _Shape) -> _Shape:
     """A shape near by that costs less: Nelder and Mead's search."""
+    # Here, since scipy.optimize takes a tenth of a second to import, and most routes have no tight turn.
+    from scipy.optimize import minimize
+
     steps = np.vstack([np.zeros(6), np.diag([1.0, 1.0, 0.3, 0.3, 0.06, 0.06])])
     options: Any = {"maxfev": _TRIALS, "initial_simplex": np.array(shape) + steps}
 

@@ -91,19 +91,19 @@ def _zones_of(
     trees = [cKDTree(own) for own in points]
     low = np.array([own.min(axis=0) for own in points]) - _CLEAR_M
     high = np.array([own.max(axis=0) for own in points])
-    for a, lane in enumerate(lanes):
-        for b, other in enumerate(lanes):
-            if a == b or (low[a] > high[b]).any() or (low[b] > high[a]).any():
-                continue
-            near_a = np.asarray(trees[b].query(points[a])[0]) < _CLEAR_M
-            near_b = np.asarray(trees[a].query(points[b])[0]) < _CLEAR_M
-            if not (near_a.any() and near_b.any()):
-                continue
-            kind = _kind(after, before, lane, other)
-            if kind == PARTING:
-                near_a, near_b = _run_from_start(near_a), _run_from_start(near_b)
-            own, its = stations[a][near_a], stations[b][near_b]
-            yield lane, (other, kind, float(own[0]), float(own[-1]), float(its[0]), float(its[-1]))
+    meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=-1)
+    np.fill_diagonal(meet, False)
+    for a, b in np.argwhere(meet).tolist():
+        near_a = np.asarray(trees[b].query(points[a])[0]) < _CLEAR_M
+        near_b = np.asarray(trees[a].query(points[b])[0]) < _CLEAR_M
+        if not (near_a.any() and near_b.any()):
+            continue
+        lane, other = lanes[a], lanes[b]
+        kind = _kind(after, before, lane, other)
+        if kind == PARTING:
+            near_a, near_b = _run_from_start(near_a), _run_from_start(near_b)
+        own, its = stations[a][near_a], stations[b][near_b]
+        yield lane, (other, kind, float(own[0]), float(own[-1]), float(its[0]), float(its[-1]))
 
 
 def _kind(after: Links, before: Links, lane: int, other: int) -> int:

@@ -10,7 +10,7 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Zones, find_rules, find_zones
 from carlaloc_env.traffic.tables.crosswalk_tables import Crossings, find_crossings
-from carlaloc_env.traffic.tables.demand import lane_demand, stretch_demand
+from carlaloc_env.traffic.tables.demand import stretch_demand
 from carlaloc_env.traffic.tables.lane_reachability import GoalPaths, find_goal_paths, road_ends
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.speed_profile import allowed_speeds
@@ -112,12 +112,12 @@ class Roads(NamedTuple):
     """Lanes on which vehicles come into the map that have left it elsewhere."""
 
 
-def build_roads(network: LaneNetwork, route_m: Array | None = None) -> Roads:
+def build_roads(network: LaneNetwork, demand: Array) -> Roads:
     """Tables of a lane network.
 
     Args:
         network: The lanes.
-        route_m: Points of the town's route [m], (K, 3), world, whose streets are its main streets.
+        demand: Demand for each lane, as `lane_demand` gives it, (N,).
     """
     tables, links = network.tables, _Links(network)
     length = tables.length_m.astype(np.float64)
@@ -155,7 +155,7 @@ def build_roads(network: LaneNetwork, route_m: Array | None = None) -> Roads:
         leaves=leaves,
         stretch=stretch,
         stretch_m=np.bincount(stretch, weights=length)[stretch],
-        demand=stretch_demand(lane_demand(network, route_m), stretch, length),
+        demand=stretch_demand(demand, stretch, length),
         rank=rules.rank,
         stop_m=rules.stop_m,
         stop_sign=rules.stop_sign,

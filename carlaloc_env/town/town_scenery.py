@@ -1,0 +1,32 @@
+"""The standing part of a town: what `scenery` builds, and what the cache gives back without it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.signal_lenses import SignalLenses
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TownScenery:
+    """The standing part of a town."""
+
+    chunks: tuple[Mesh, ...]
+    """All that is seen, in squares."""
+    collision_vertices_m: Array
+    """Corners of all that is solid [m], shape (V, 3)."""
+    collision_triangles: NDArray[np.int32]
+    """Corner indices, shape (T, 3)."""
+    collision_tags: NDArray[np.uint8]
+    """Semantic `Tag` of each of these triangles, shape (T,)."""
+    lenses: SignalLenses
+    """Lenses of the traffic lights."""
+    road_events: Array
+    """What wheels feel beside the meshes, columns of `core.road_events`, shape (N, 7)."""
+    lamps_m: Array
+    """Light sources of the street lamps [m], shape (K, 3)."""
