@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from carlaloc_env.core.geometry.transforms import quat_conjugate, quat_rotate
 from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.base import Camera
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
@@ -39,9 +40,10 @@ def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
     at_ns = min(round(at_s * 1e9), timeline.end_ns - STEP_NS) // STEP_NS * STEP_NS
     weathers = [weather_by_name(name) for name in WEATHERS]
     stage = SensorStage(town, seed=episode.header.seed, weather=weathers[0], quality=quality)
-    rig = flu_rig().build(stage)
-    left = next(s for s in rig.sensors if isinstance(s, Camera) and s.config.name == "left")
-    lidar = next(s for s in rig.sensors if s.config.kind == "lidar")
+    camera = next(c for c in flu_rig().sensors if isinstance(c, CameraConfig) and c.name == "left")
+    # Events, which are not shown, would follow the whole drive.
+    left = replace(camera, outputs=("rgb", "depth", "semantic")).build(stage)
+    lidar = next(c for c in flu_rig().sensors if c.kind == "lidar").build(stage)
     shots = left.measure_conditions(timeline, at_ns, weathers)
     cloud = next(
         s for s in lidar.measure(timeline, [at_ns]) if isinstance(s, PointCloud) and s.tag is not None
