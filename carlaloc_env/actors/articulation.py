@@ -20,6 +20,8 @@ LOW_FROM_M = 30.0
 """Distance from the ego from which vehicles are drawn in few triangles and without turning wheels [m]."""
 LOW_WALKER_FROM_M = 20.0
 """The same for walkers [m]."""
+LAMPS = ("brake", "left", "right", "reverse")
+"""Lamps of vehicles that can be lit."""
 STEER_STEP_RAD = float(np.radians(4.0))
 """Steps in which LiDAR sees steered wheels: a tyre's edge lies within 12 mm of its true place."""
 _STEER_STEPS = 10
@@ -63,6 +65,8 @@ class Families:
     plate_position_m: Array
     plate_facing: Array
     plate_scale: Array
+    lamps: dict[str, tuple[Index, Index]]
+    """Models of lit lamps by `LAMPS`, and those in few triangles, shape (F,) each; 0 where there are none."""
 
 
 @lru_cache(maxsize=8)
@@ -107,6 +111,10 @@ def families(library: ModelLibrary, names: tuple[str, ...]) -> Families:
         plate_position_m=np.array([p.position_m for _, p in plates], dtype=np.float64).reshape(-1, 3),
         plate_facing=np.array([p.facing for _, p in plates]),
         plate_scale=np.array([p.width_m / 0.52 for _, p in plates]),
+        lamps={
+            lamp: (_lamps(names, library, known, f"/{lamp}"), _lamps(names, library, known, f"/low/{lamp}"))
+            for lamp in LAMPS
+        },
     )
 
 
@@ -193,6 +201,11 @@ def _heads(name: str, library: ModelLibrary, known: set[str]) -> tuple[int, int,
         low = library.index(f"{name}/low") if f"{name}/low" in known else whole
         return whole, body, low, whole, low
     raise ConfigError(unknown_name("actor model", name, (*VEHICLES, *WALKERS)))
+
+
+def _lamps(names: tuple[str, ...], library: ModelLibrary, known: set[str], lamp: str) -> Index:
+    """Index of a lamp's model for each family, 0 where there is none."""
+    return np.array([library.index(name + lamp) if name + lamp in known else 0 for name in names], np.intp)
 
 
 def _kind(parts: VehicleParts | None, mesh: Mesh) -> int:

@@ -15,7 +15,7 @@ from carlaloc_env.actors.articulation import (
     tables_of,
     walker_models,
 )
-from carlaloc_env.assets.catalog import EGO_TINT, VEHICLES
+from carlaloc_env.assets.catalog import EGO_TINT
 from carlaloc_env.assets.number_plates import plate_of
 from carlaloc_env.assets.vehicles.wheels import wheel_pose
 from carlaloc_env.core import elementary
@@ -150,16 +150,12 @@ def place_lights(
     if not len(catalog):
         return Instances()
     tables, family = tables_of(catalog, library)
-    names = np.unique(np.array(catalog.model, dtype=np.str_))
     low = far_away(tables, family, frame, eye_m)
     for lamp, bit in bits.items():
         who = np.flatnonzero(((shown & bit) > 0) & (catalog.tag != Tag.PEDESTRIAN))
         if not len(who):
             continue
-        near, far = (
-            np.array([library.index(f"{name}{detail}/{lamp}") if name in VEHICLES else 0 for name in names])
-            for detail in ("", "/low")
-        )
+        near, far = tables.lamps[lamp]
         actor.append(who)
         model.append(np.where(low[who], far[family[who]], near[family[who]]))
     who = np.concatenate(actor)

@@ -150,7 +150,7 @@ class SceneRenderer:
         sway = (x, y, z, stamp_ns % SWAY_PERIOD_NS * 1e-9)
         view = CameraView.of(camera, T_world_camera, self._subsamples, velocity_mps)
         casting = self._geometry_pass.casting(instances)
-        near = _take(casting, np.flatnonzero(distance_m(casting, view) < ACTOR_SHADOW_RANGE_M))
+        near = casting.take(np.flatnonzero(distance_m(casting, view) < ACTOR_SHADOW_RANGE_M))
         # Read before the context is entered: on leaving an inner `with` none would be current.
         known = None if earlier is None else self._carried(view, earlier)
         plan = self._geometry_pass.plan(view, self._geometry_pass.simplified(instances, view), known)
@@ -230,7 +230,7 @@ class SceneRenderer:
         """
         self._read_ahead(gbuffer, weather)
         with self._context:
-            casters = self._geometry_pass.casters(gbuffer.actors)
+            casters = self._geometry_pass.casters(gbuffer.actors, gbuffer.view)
             read = self._shader.begin(gbuffer, weather, casters, stamp_ns, seed, slot)
             self._geometry_pass.wake()
 
@@ -258,7 +258,7 @@ class SceneRenderer:
         """
         self._read_ahead(gbuffer, weather)
         with self._context:
-            casters = self._geometry_pass.casters(gbuffer.actors)
+            casters = self._geometry_pass.casters(gbuffer.actors, gbuffer.view)
             return self._shader.radiance_cd_m2(gbuffer, weather, casters, stamp_ns, seed)
 
     def rain_cd_m2(
@@ -319,12 +319,3 @@ class SceneRenderer:
         trace: TracebackType | None,
     ) -> None:
         self.close()
-
-
-def _take(instances: Instances, which: NDArray[np.intp]) -> Instances:
-    return Instances(
-        model=instances.model[which],
-        T_world_model=instances.T_world_model[which],
-        instance=instances.instance[which],
-        tint=instances.tint[which],
-    )

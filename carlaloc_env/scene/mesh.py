@@ -202,6 +202,15 @@ class Instances:
     def __len__(self) -> int:
         return len(self.model)
 
+    def take(self, which: NDArray[np.intp]) -> Instances:
+        """Some of them."""
+        return Instances(
+            model=self.model[which],
+            T_world_model=self.T_world_model[which],
+            instance=self.instance[which],
+            tint=self.tint[which],
+        )
+
 
 def concatenate_instances(parts: Sequence[Instances]) -> Instances:
     """All instances of several groups, in their order."""

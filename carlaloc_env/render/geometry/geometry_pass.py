@@ -30,6 +30,10 @@ MIDDLE_ROUND_M = 60.0
 """Bound between the two last rounds, in which only what is not hidden by then is drawn [m]."""
 LEAST_PX = 3.0
 """Clusters that look smaller are left out of live pictures [px]."""
+LOOKS_FROM_PX = 20_000
+"""In live pictures of fewer pixels what hides is not looked for: that takes longer than drawing it [px]."""
+SHADOW_LEAST_PX = 6.0
+"""In live pictures models that look smaller throw none [px]."""
 LARGE_M = 120.0
 """Walls and roads nearer than this are drawn before other things, since they hide much [m]."""
 DEPTH_RANGE = ((FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M))
@@ -144,6 +148,12 @@ class GeometryPass:
                 Round(clusters=found[~first], instances=seen, looks=False),
             ]
             return Plan(view=view, instances=instances, rounds=rounds)
+        if self._live and np.prod(view.size_px) < LOOKS_FROM_PX:
+            return Plan(
+                view=view,
+                instances=instances,
+                rounds=[Round(clusters=found, instances=seen, looks=False)],
+            )
         turn = np.where(large & (away < LARGE_M), 1, _turn(away))
         later = _turn(distance_m(instances, view)[seen])
         rounds = [
@@ -195,8 +205,12 @@ class GeometryPass:
             program = self._program(plan.view, sway, "INSTANCED")
             self._library.draw(program, self._poses.used, instances=self._poses, culler=culler)
 
-    def casters(self, instances: Instances) -> Casters:
-        """Instances as what throws shadows."""
+    def casters(self, instances: Instances, view: CameraView) -> Casters:
+        """Instances as what throws shadows; in live pictures without those that look small."""
+        if self._live:
+            size_px = 2.0 * self._radius_m[instances.model] * view.camera.fx_px
+            large = size_px >= SHADOW_LEAST_PX * distance_m(instances, view)
+            instances = instances.take(np.flatnonzero(large))
         return Casters(library=self._library, poses=self._poses, instances=instances, radius_m=self._radius_m)
 
     def wake(self) -> None:

@@ -40,8 +40,12 @@ FAR_LOW = (
     Coarseness(from_m=130.0, crumb_m2=1.2, any_m2=0.4, leaf_stride=100, edge_m=0.5, ground_m=4.0),
     Coarseness(from_m=200.0, crumb_m2=3.0, any_m2=1.0, leaf_stride=250, edge_m=0.8, ground_m=7.0),
     Coarseness(from_m=300.0, crumb_m2=8.0, any_m2=2.5, leaf_stride=600, edge_m=1.2, ground_m=12.0),
+    Coarseness(from_m=1600.0, crumb_m2=80.0, any_m2=25.0, leaf_stride=1500, edge_m=4.0, ground_m=40.0),
 )
-"""For small live pictures, in which vertices cost the most; a pixel covers about one `edge_m`."""
+"""For small live pictures, in which vertices cost the most; a pixel covers about one `edge_m`.
+
+The last one is for pictures of about 100 px, in which it begins at 160 m.
+"""
 FAR_LOW_FOCAL_PX = 450.0
 """Focal length for which these are meant; larger ones take them farther away [px]."""
 _GROUND = (Tag.ROAD, Tag.SIDEWALK, Tag.GROUND, Tag.TERRAIN)

@@ -20,6 +20,8 @@ from carlaloc_env.scene.mesh import Mesh, merge
 
 _WORN_FROM = 0.15
 """Porosity from which dirt and wear show: not on leaves, metal and glass."""
+NEAREST_M = 1.0
+"""Levels of detail take nothing to be nearer: cameras on cars have roads and walls no nearer [m]."""
 LEVEL_FROM = 0.9
 """Upward part of the normal from which ground is level."""
 _SORTS: tuple[tuple[str, ...], ...] = ((), ("WORN",), ("WORN", "LEVEL"))
@@ -113,7 +115,8 @@ class StaticScene:
         table = self.clusters
         seen, distance = view.visible(self._low_m, self._high_m)
         wanted = np.full(len(self._low_m), -1)
-        wanted[seen] = np.searchsorted(self._from_m, farther * distance, side="right")
+        level_m = farther * np.maximum(distance, NEAREST_M)
+        wanted[seen] = np.searchsorted(self._from_m, level_m, side="right")
         candidates = np.flatnonzero(wanted[table.chunk] == table.level)
         inside, away = view.visible(table.low_m[candidates], table.high_m[candidates])
         return candidates[inside], away

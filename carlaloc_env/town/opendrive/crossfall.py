@@ -71,14 +71,11 @@ class Crossfall:
         self._gutter = {side: gutter for side, (_, gutter) in sides.items()}
         flat: Mask = np.array([road.junction_id is not None or bool(road.shape) for road in roads], bool)
         middles = self._middle(plan_view, np.zeros(len(roads))), self._middle(plan_view, self._length)
+        level_at = [[_is_level(roads, flat, middles, n, end) for n in range(len(roads))] for end in (0, 1)]
+        first_m = np.where(level_at[0], 0.0, -FADE_M)
+        last_m = np.where(level_at[1], self._length, self._length + FADE_M)
         # Before the first and after the last of these stations a road is level across.
-        self._span = np.stack(
-            [
-                np.where([_is_level(roads, flat, middles, n, end) for n in range(len(roads))], *stations)
-                for end, stations in enumerate(((0.0, -FADE_M), (self._length, self._length + FADE_M)))
-            ],
-            axis=-1,
-        )
+        self._span = np.stack([first_m, last_m], axis=-1)
         z = elevation.evaluate(number, s)[0]
         level = np.abs(tilt.evaluate(number, s)[0]) > _TILT_RAD
         level |= self._beside_others(roads, plan_view, number, s, z, flat)

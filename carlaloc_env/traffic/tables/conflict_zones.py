@@ -91,9 +91,10 @@ def _zones_of(
     trees = [cKDTree(own) for own in points]
     low = np.array([own.min(axis=0) for own in points]) - _CLEAR_M
     high = np.array([own.max(axis=0) for own in points])
-    meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=-1)
-    np.fill_diagonal(meet, False)
-    for a, b in np.argwhere(meet).tolist():
+    apart = ((low[:, None] > high) | (low > high[:, None])).any(axis=-1)
+    for a, b in np.argwhere(~apart).tolist():
+        if a == b:
+            continue
         near_a = np.asarray(trees[b].query(points[a])[0]) < _CLEAR_M
         near_b = np.asarray(trees[a].query(points[b])[0]) < _CLEAR_M
         if not (near_a.any() and near_b.any()):
