@@ -27,6 +27,7 @@ from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.driving_env import DrivingEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig
 
@@ -45,7 +46,8 @@ _WORDS = {
 
 def _rigs() -> dict[str, str | SensorRig]:
     lidar = next(config for config in rig_by_name("lidar").sensors if isinstance(config, LidarConfig))
-    camera = CameraConfig(pinhole=Pinhole.from_fov(84, 84, 90.0), outputs=("rgb",))
+    seat = Mount(position_m=(1.8, 0.0, 1.6), axes="optical")
+    camera = CameraConfig(mount=seat, pinhole=Pinhole.from_fov(84, 84, 90.0), outputs=("rgb",))
     return {
         "state": "state",
         "bev": "bev",
