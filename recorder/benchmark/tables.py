@@ -144,7 +144,7 @@ def ratio_rows(table: Table, titles: dict[str, str]) -> Rows:
 
 
 def cost_rows(scores: Sequence[Score]) -> Rows:
-    """Time, processor time and memory of each system, medians over the runs that ended."""
+    """Time, processor time and memory of each system, medians over the runs that ended and were measured."""
     rows = [
         [
             "system",
@@ -161,10 +161,10 @@ def cost_rows(scores: Sequence[Score]) -> Rows:
     ]
     for method in dict.fromkeys(score.method for score in scores):
         runs = [score for score in scores if score.method == method]
-        ended = [score for score in runs if score.version]
+        ended = [score for score in runs if score.version and score.cores]
         failed = str(sum(score.failed is not None for score in runs))
         if not ended:
-            rows.append([runs[0].title, *[""] * 7, str(len(runs)), failed])
+            rows.append([runs[0].title, runs[0].version, *[""] * 6, str(len(runs)), failed])
             continue
         rows.append(
             [

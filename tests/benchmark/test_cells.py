@@ -8,7 +8,7 @@ import pytest
 
 from recorder.benchmark.cells import best, cells, ratios
 from recorder.benchmark.score import Score
-from recorder.benchmark.tables import error_rows
+from recorder.benchmark.tables import cost_rows, error_rows
 
 
 def score(method: str, traffic: str, ape_m: float, failed: str | None = None, **others: Any) -> Score:
@@ -66,3 +66,12 @@ def test_what_was_not_measured_is_a_dash_and_never_the_best() -> None:
     rows = error_rows(table, {"a": "A", "b": "B"}, by_weather=False)
     assert rows[1:] == [["T", "s", "–", "–"], ["T", "d", "–", "**3.00**"]]
     assert not [ratio for ratio in ratios(table) if ratio.what == "dynamic / static"]
+
+
+def test_costs_are_told_of_runs_that_were_measured() -> None:
+    known = score("a", "static", 1.0, cores=2, cpu_s=30.0, peak_memory_mb=200.0)
+    heads, a, b = cost_rows([known, score("a", "static", 1.0), score("b", "static", 1.0)])
+    told = dict(zip(heads, a, strict=True))
+    assert (told["CPU-s"], told["peak MB"], told["cores"], told["runs"]) == ("30.0", "200", "2", "2")
+    untold = dict(zip(heads, b, strict=True))
+    assert (untold["CPU-s"], untold["cores"], untold["runs"], untold["failed"]) == ("", "", "1", "0")
