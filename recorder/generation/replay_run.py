@@ -116,8 +116,9 @@ class ReplayRun:
     def _tell_of_the_past(self) -> None:
         """Tell of pictures that must be made before the first one, where they are many."""
         rig, camera_ns = self._writers.rig, self._plan.camera_ns
-        long_s, better_ns = past_s(rig, camera_ns, camera_ns), nearest_begin_ns(rig, camera_ns)
+        long_s = past_s(rig, camera_ns, camera_ns)
         if long_s >= TOLD_FROM_S:
+            better_ns = nearest_begin_ns(rig, camera_ns)
             hint = "" if better_ns is None else f"; images from {better_ns / 1e9:.2f} s on need none of it"
             _log.warning(
                 "images from %.2f s on: event pixels and exposure control must see the %.2f s before, too%s",
