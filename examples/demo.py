@@ -1,17 +1,16 @@
 """The main job from end to end: drive, replay, write datasets, run SLAM systems, score them.
 
 Records a drive through Town03 among all of its traffic, replays it as ClearNoon and FoggyNoon, static and
-dynamic, runs KISS-ICP and GICP over the LiDAR and stereo-vo over the cameras of both traffic levels, and
+dynamic, runs GICP and RKO-LIO over the LiDAR and stereo-vo over the cameras, two of them at a time, and
 draws what the traffic does to them: story.png.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
-from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -25,27 +24,23 @@ from recorder import (
     RecordConfig,
     ReplayConfig,
     ReplayResult,
-    evaluate,
-    gicp_odometry,
-    kiss_icp_odometry,
     read_tum,
     record,
     replay,
-    write_tum,
 )
-from recorder.benchmark.page import lanes_of
+from recorder.benchmark.page import lanes_of, write_page
+from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+from recorder.benchmark.score import evaluate_run, frames_of
 from recorder.cli.progress import Progress
 from recorder.episode.episode import open_episode
-from recorder.evaluation.associate import Association
 from recorder.report.condition_plot import plot_conditions
-from recorder.slam.isolated_run import run_isolated
+from recorder.slam.sequence import RAW
+from recorder.slam.systems import SYSTEMS
 
 WEATHERS = ("ClearNoon", "FoggyNoon")
 TRAFFIC = ("static", "dynamic")
-SWEEP_S = 0.05
-SYSTEMS = {"KISS-ICP": kiss_icp_odometry, "GICP": gicp_odometry}
-if find_spec("kiss_icp") is None and sys.version_info >= (3, 14):
-    del SYSTEMS["KISS-ICP"]  # no wheels for this Python yet
+METHODS = ("small_gicp", "rko_lio", "stereo_vo")
+"""Of these, what is installed: RKO-LIO has no wheels for Python 3.14 yet."""
 
 
 def main(out: Path, duration_s: float = 40.0, camera_start_s: float = 12.0, camera_s: float = 6.0) -> Path:
@@ -54,11 +49,10 @@ def main(out: Path, duration_s: float = 40.0, camera_start_s: float = 12.0, came
     out = _free(out)
     drive = _record(out / "drive.mcap", duration_s)
     result = _replay(drive, out / "data", camera_start_s, camera_s)
-    scores = {name: {level: _score(result, name, level, out) for level in TRAFFIC} for name in SYSTEMS}
-    scores["stereo-vo"] = {level: _score_stereo(result, level, out) for level in TRAFFIC}
+    scores, page = _scores(out / "data", out / "benchmark")
     plot = plot_conditions(scores, out / "story.png", lanes_m=lanes_of("Town03"), title=_title(drive, result))
     mosaic = _mosaic(result, out / "mosaic.png")
-    _report(out, drive, result, scores, [plot, mosaic], time.monotonic() - began)
+    _report(out, drive, result, scores, [plot, mosaic], page, time.monotonic() - began)
     return out
 
 
@@ -97,30 +91,22 @@ def _replay(drive: Path, out: Path, camera_start_s: float, camera_s: float) -> R
         return replay(config, progress.update)
 
 
-def _score(result: ReplayResult, system: str, level: str, out: Path) -> EvaluationResult:
-    folder = next(path for path in result.sequences if path.name == f"{WEATHERS[0]}_{level}")
-    name = f"{system} {level}"
-    with Progress(f"3/3 {name}") as progress:
-
-        def tell(done: int, total: int) -> None:
-            progress.update(done * SWEEP_S, total * SWEEP_S)
-
-        bag = folder / f"{folder.name}.bag"
-        estimate = SYSTEMS[system](bag, "/lidar/points", SWEEP_S, name=name, progress=tell)
-    write_tum(out / f"{name.lower().replace(' ', '_').replace('-', '_')}.tum", estimate)
-    return evaluate(read_tum(result.ground_truth / "lidar.tum"), estimate)
-
-
-def _score_stereo(result: ReplayResult, level: str, out: Path) -> EvaluationResult:
-    folder = next(path for path in result.sequences if path.name == f"{WEATHERS[0]}_{level}")
-    work = out / f"stereo_vo_{level}"
-    print(f"3/3 stereo-vo {level}", flush=True)
-    ended = run_isolated("stereo_vo", folder, work, cloud="raw", limit_s=600.0)
-    if ended.error is not None:
-        raise CarlaLocError(f"stereo-vo: {ended.error}")
-    truth, estimate = read_tum(result.ground_truth / "camera_left.tum"), read_tum(work / "estimate.tum")
-    named = replace(estimate, name=f"stereo-vo {level}")
-    return evaluate(truth, named, association=Association.INTERPOLATED)
+def _scores(data: Path, out: Path) -> tuple[dict[str, dict[str, EvaluationResult]], Path]:
+    """Errors in ClearNoon by system and level of traffic, and the page that tells of all runs."""
+    methods = tuple(name for name in METHODS if SYSTEMS[name].is_installed)
+    workers = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+    config = BenchmarkConfig(data=data, out=out, methods=methods, workers=workers, clouds=(RAW,))
+    with Progress("3/3 runs of SLAM systems") as progress:
+        found = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
+    scores: dict[str, dict[str, EvaluationResult]] = {name: {} for name in methods}
+    for job, score in zip(found.jobs, found.scores, strict=True):
+        if score.coverage == 0.0:
+            raise CarlaLocError(f"{job.folder}: {score.failed}")
+        if job.sequence.weather == WEATHERS[0]:
+            folder = out / job.folder
+            scores[job.method][job.sequence.traffic] = evaluate_run(job, folder, frames_of(folder))
+    by_title = {SYSTEMS[name].title: {level: of[level] for level in TRAFFIC} for name, of in scores.items()}
+    return by_title, write_page(found, out)
 
 
 def _title(drive: Path, result: ReplayResult) -> str:
@@ -148,14 +134,16 @@ def _report(
     result: ReplayResult,
     scores: dict[str, dict[str, EvaluationResult]],
     pictures: list[Path],
+    page: Path,
     took_s: float,
 ) -> None:
     print("\nOdometry against the true motion of its own sensor:")
-    for score in (score for levels in scores.values() for score in levels.values()):
-        print(f"  {score.estimate.name}: {score.matched} of {score.expected} poses")
-        for metric in (Metric.APE_TRANSLATION, Metric.RPE_PAPER, Metric.RPE_TRANSLATION):
-            statistics = score.statistics[metric]
-            print(f"    {metric.value:<60} rmse {statistics.rmse:.3f} {metric.unit}")
+    for system, by_level in scores.items():
+        for level, score in by_level.items():
+            print(f"  {system}, {level}: {score.matched} poses")
+            for metric in (Metric.APE_TRANSLATION, Metric.RPE_PAPER, Metric.RPE_TRANSLATION):
+                statistics = score.statistics[metric]
+                print(f"    {metric.value:<60} rmse {statistics.rmse:.3f} {metric.unit}")
     print(f"\nThe drive      {drive}")
     for folder in result.sequences:
         print(f"A sequence     {folder}   (bag, EuRoC mav0/, preview.mp4)")
@@ -163,6 +151,7 @@ def _report(
     print(f"Ground truth   {result.ground_truth}")
     for picture in pictures:
         print(f"A picture      {picture}")
+    print(f"All runs       {page}")
     print(f"Everything     {out}   in {took_s / 60:.1f} min")
 
 
