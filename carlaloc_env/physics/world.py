@@ -211,7 +211,7 @@ class PhysicsWorld:
         # Made before what goes into them, so that little memory around them stays in use.
         vertex, indices = _EachVertex(), list[int]()
         corners = [vertex] * len(used)
-        vertex.rows = itertools.cycle(vertices[used].tolist())
+        vertex.values = itertools.cycle(vertices[used].ravel().tolist())
         indices += index.ravel().tolist()
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
@@ -235,17 +235,18 @@ class _EachVertex:
     """The vertices of a mesh one after the other, over and over: every look gives the next one."""
 
     def __init__(self) -> None:
-        self.rows: Iterator[list[float]] = itertools.cycle([])
+        # One number after the other: a list for each vertex would set off Python's search for garbage.
+        self.values: Iterator[float] = itertools.cycle([])
 
     def __len__(self) -> int:
         return 3
 
     def __iter__(self) -> Iterator[float]:
-        return iter(next(self.rows))
+        return itertools.islice(self.values, 3)
 
     def clear(self) -> None:
         """Forget the vertices."""
-        self.rows = itertools.cycle([])
+        self.values = itertools.cycle([])
 
 
 def _check_mesh(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:
