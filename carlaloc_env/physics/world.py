@@ -16,7 +16,7 @@ from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.core.road.road_profile import Roughness
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog
-from carlaloc_env.physics.ground_heights import ground_table
+from carlaloc_env.physics.kept_ground import kept_ground
 from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
@@ -73,7 +73,7 @@ class PhysicsWorld:
             physicsClientId=self._client,
         )
         pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self._client)
-        self.ground = ground_table(vertices, triangles)
+        self.ground = kept_ground(vertices, triangles)
         """The mesh as wheels feel for it; PyBullet has it for the body."""
         for part in _mesh_parts(vertices, triangles):
             self._add_static(vertices, part)
