@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import Arrays, cached
 from carlaloc_env.core.road.road_profile import Roughness
 from carlaloc_env.scene import mesh_arrays
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.signal_lenses import SignalLenses
 from carlaloc_env.town import town_roads
 from carlaloc_env.town.config import TownConfig
@@ -20,10 +22,10 @@ from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.sources import TownId, identify_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.town.town_roads import TownRoads
-from carlaloc_env.town.town_scenery import TownScenery
+from carlaloc_env.town.town_scenery import TownOutline, TownScenery
 
-KEPT_FILES = 6
-"""Cached files kept of each town: scenery, roads and traffic tables, as they are and as they were before."""
+KEPT_FILES = 8
+"""Cached files kept of each town: outline, scenery, roads and traffic tables, of this version and another."""
 
 
 def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Town:
@@ -50,27 +52,48 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
         from_arrays=lambda arrays: town_roads.from_arrays(arrays, read, seed),
     )
     network, levels, route = roads.network, roads.levels, roads.route
-    scenery: TownScenery = keep(
-        "town",
-        make=lambda: _build_scenery(network, config, route, seed),
-        to_arrays=_to_arrays,
-        from_arrays=_from_arrays,
-    )
+    outline, look = _kept_scenery(keep, cache(lambda: _build_scenery(network, config, route, seed)))
     return Town(
         name=name,
         network=network,
         config=config,
         route=route,
         geo=roads.geo,
-        chunks=scenery.chunks,
-        collision_vertices_m=scenery.collision_vertices_m,
-        collision_triangles=scenery.collision_triangles,
-        collision_tags=scenery.collision_tags,
-        lenses=scenery.lenses,
-        lamps_m=scenery.lamps_m,
-        roughness=None if levels is None else Roughness(seed, levels, scenery.road_events),
+        scenery=look,
+        collision_vertices_m=outline.collision_vertices_m,
+        collision_triangles=outline.collision_triangles,
+        collision_tags=outline.collision_tags,
+        lenses=outline.lenses,
+        lamps_m=outline.lamps_m,
+        roughness=None if levels is None else Roughness(seed, levels, outline.road_events),
         content_hash=key,
     )
+
+
+def _kept_scenery(
+    keep: Callable[..., Any], build: Callable[[], TownScenery]
+) -> tuple[TownOutline, Callable[[], tuple[Mesh, ...]]]:
+    """What of the scenery is needed where nothing is drawn, and what gives all that is seen.
+
+    Args:
+        keep: `cached` for this town.
+        build: Builds the scenery, once.
+    """
+    look = cache(
+        lambda: keep(
+            "scenery",
+            make=lambda: build().chunks,
+            to_arrays=mesh_arrays.to_arrays,
+            from_arrays=mesh_arrays.from_arrays,
+        )
+    )
+
+    def make() -> TownOutline:
+        # What is seen is kept at once, too: it would be built again for whoever looks next.
+        look()
+        return build()
+
+    return keep("town", make=make, to_arrays=_to_arrays, from_arrays=_from_arrays), look
 
 
 def _read(town: TownId) -> OpenDrive:
@@ -102,25 +125,24 @@ def _build_scenery(network: LaneNetwork, config: TownConfig, route: Route | None
     return build_scenery(network, config, seed, route_m)
 
 
-def _to_arrays(scenery: TownScenery) -> Arrays:
+def _to_arrays(outline: TownOutline) -> Arrays:
     arrays: Arrays = {
-        "collision_vertices_m": scenery.collision_vertices_m,
-        "collision_triangles": scenery.collision_triangles,
-        "road_events": scenery.road_events,
-        "collision_tags": scenery.collision_tags,
-        "lamps_m": scenery.lamps_m,
-        "lens_signal": scenery.lenses.signal,
-        "lens_state": scenery.lenses.state,
-        "T_world_lens": scenery.lenses.T_world_lens,
+        "collision_vertices_m": outline.collision_vertices_m,
+        "collision_triangles": outline.collision_triangles,
+        "road_events": outline.road_events,
+        "collision_tags": outline.collision_tags,
+        "lamps_m": outline.lamps_m,
+        "lens_signal": outline.lenses.signal,
+        "lens_state": outline.lenses.state,
+        "T_world_lens": outline.lenses.T_world_lens,
     }
-    if scenery.lenses.instance is not None:
-        arrays["lens_instance"] = scenery.lenses.instance
-    return arrays | mesh_arrays.to_arrays(scenery.chunks)
+    if outline.lenses.instance is not None:
+        arrays["lens_instance"] = outline.lenses.instance
+    return arrays
 
 
-def _from_arrays(arrays: Arrays) -> TownScenery:
-    return TownScenery(
-        chunks=mesh_arrays.from_arrays(arrays),
+def _from_arrays(arrays: Arrays) -> TownOutline:
+    return TownOutline(
         collision_vertices_m=arrays["collision_vertices_m"],
         collision_triangles=arrays["collision_triangles"],
         collision_tags=arrays["collision_tags"],

@@ -36,7 +36,7 @@ def town_of(name: str, network: LaneNetwork, roads: TownRoads | None = None) -> 
         config=TownConfig(),
         route=None if roads is None else roads.route,
         geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0),
-        chunks=(),
+        scenery=tuple,
         collision_vertices_m=np.zeros((0, 3)),
         collision_triangles=np.zeros((0, 3), np.int32),
         collision_tags=np.zeros(0, np.uint8),
