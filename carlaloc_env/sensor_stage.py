@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -27,7 +28,7 @@ class SensorStage:
 
     def __init__(self, town: Town, *, seed: int, weather: Weather, quality: str = "medium") -> None:
         self._geo, self._lenses, self._lamps_m = town.geo, town.lenses, town.lamps_m
-        self._chunks: tuple[Mesh, ...] | None = town.chunks
+        self._look: Callable[[], tuple[Mesh, ...]] | None = town.scenery
         self._seed = seed
         self.weather = weather
         self._quality = quality
@@ -93,9 +94,9 @@ class SensorStage:
         return self._rays
 
     def _scenery(self) -> tuple[Mesh, ...]:
-        if self._chunks is None:
+        if self._look is None:
             raise RenderError("this stage has been closed; make a new one")
-        return self._chunks
+        return self._look()
 
     def _drop_scenery(self) -> None:
         """Let the meshes go when renderer and ray caster both have their own copies: 0.2 GB of a town."""
@@ -103,7 +104,7 @@ class SensorStage:
         for mesh in (*self._scenery()[:1], *self.library.meshes[:1]):
             give_back_mapped_pages(mesh.vertices_m)
         if self._renderer is not None and self._rays is not None:
-            self._chunks = None
+            self._look = None
 
     def close(self) -> None:
         """Give GPU memory back."""

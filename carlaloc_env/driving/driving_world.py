@@ -27,8 +27,8 @@ from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
 from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.kept_tables import kept_tables
 from carlaloc_env.traffic.stop_lines import StopLines
-from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
@@ -61,7 +61,7 @@ class DrivingWorld:
         self.town = town if traffic.parked_cars else without_parked_cars(town)
         self.route: Route = town.route
         self.traffic_config = traffic
-        self._tables = TrafficTables(town.network, town.route)
+        self._tables = kept_tables(town)
         self._physics = PhysicsWorld(
             self.town.collision_vertices_m,
             self.town.collision_triangles,

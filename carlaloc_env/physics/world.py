@@ -16,7 +16,7 @@ from carlaloc_env.core.physical_constants import GRAVITY_MPS2
 from carlaloc_env.core.road.road_profile import Roughness
 from carlaloc_env.physics.actor_pool import ActorPool
 from carlaloc_env.physics.contacts import Contact, ContactLog
-from carlaloc_env.physics.ground_heights import ground_table
+from carlaloc_env.physics.kept_ground import kept_ground
 from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 
@@ -73,7 +73,7 @@ class PhysicsWorld:
             physicsClientId=self._client,
         )
         pybullet.setGravity(0.0, 0.0, -GRAVITY_MPS2, physicsClientId=self._client)
-        self.ground = ground_table(vertices, triangles)
+        self.ground = kept_ground(vertices, triangles)
         """The mesh as wheels feel for it; PyBullet has it for the body."""
         for part in _mesh_parts(vertices, triangles):
             self._add_static(vertices, part)
@@ -211,7 +211,7 @@ class PhysicsWorld:
         # Made before what goes into them, so that little memory around them stays in use.
         vertex, indices = _EachVertex(), list[int]()
         corners = [vertex] * len(used)
-        vertex.rows = itertools.cycle(vertices[used].tolist())
+        vertex.values = itertools.cycle(vertices[used].ravel().tolist())
         indices += index.ravel().tolist()
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_MESH,
@@ -235,17 +235,18 @@ class _EachVertex:
     """The vertices of a mesh one after the other, over and over: every look gives the next one."""
 
     def __init__(self) -> None:
-        self.rows: Iterator[list[float]] = itertools.cycle([])
+        # One number after the other: a list for each vertex would set off Python's search for garbage.
+        self.values: Iterator[float] = itertools.cycle([])
 
     def __len__(self) -> int:
         return 3
 
     def __iter__(self) -> Iterator[float]:
-        return iter(next(self.rows))
+        return itertools.islice(self.values, 3)
 
     def clear(self) -> None:
         """Forget the vertices."""
-        self.rows = itertools.cycle([])
+        self.values = itertools.cycle([])
 
 
 def _check_mesh(vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> None:

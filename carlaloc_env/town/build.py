@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import Arrays, cached
-from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.road.road_profile import Relief, Roughness
+from carlaloc_env.core.road.road_profile import Roughness
 from carlaloc_env.scene import mesh_arrays
+from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.town import town_roads
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.default_traffic import choose_traffic
-from carlaloc_env.town.default_zones import choose_zones
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.kept_tables import kept_tables
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.roads.road_classes import road_levels
-from carlaloc_env.town.routing.default_route import choose_route
-from carlaloc_env.town.routing.route import Route, plan_route
-from carlaloc_env.town.sources import identify_town
+from carlaloc_env.town.opendrive.records import OpenDrive
+from carlaloc_env.town.routing.route import Route
+from carlaloc_env.town.sources import TownId, identify_town
 from carlaloc_env.town.town import Town
-from carlaloc_env.town.town_scenery import TownScenery
+from carlaloc_env.town.town_roads import TownRoads
+from carlaloc_env.town.town_scenery import TownOutline, TownScenery
 
-KEPT_FILES = 4
-"""Cached files kept of each town."""
+KEPT_FILES = 8
+"""Cached files kept of each town: outline, scenery, roads and traffic tables, of this version and another."""
 
 
 def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Town:
@@ -40,75 +41,108 @@ def load_town(name_or_path: str | Path, *, cache_dir: Path | None = None) -> Tow
     """
     town = identify_town(name_or_path)
     name, key = town.name, town.content_hash
-    xodr = read_opendrive(town.source)
-    if town.toml is None:
-        smooth = build_network(xodr)
-        config = choose_traffic(smooth, choose_zones(smooth, TownConfig(name=name)))
-    else:
-        config = TownConfig.from_toml(town.toml)
+    read = cache(lambda: _read(town))
+    config = _config(town, read)
     seed = int(key[:12], 16) if config.scenery_seed is None else config.scenery_seed
-    levels = road_levels(xodr.roads, config)
-    network = build_network(
-        xodr,
-        None if levels is None else Relief(seed, levels),
-        keep=kept_tables(name, module=__name__, content=key, kept_files=KEPT_FILES, folder=cache_dir),
+    keep = partial(cached, name, module=__name__, content=key, kept_files=KEPT_FILES, folder=cache_dir)
+    roads: TownRoads = keep(
+        "lanes",
+        make=lambda: _build_roads(read(), config, seed),
+        to_arrays=town_roads.to_arrays,
+        from_arrays=lambda arrays: town_roads.from_arrays(arrays, read, seed),
     )
-    route = _route(network, config)
-    scenery = cached(
-        name,
-        "town",
-        module=__name__,
-        make=lambda: _build(network, config, route, seed),
-        to_arrays=_to_arrays,
-        from_arrays=_from_arrays,
-        content=key,
-        kept_files=KEPT_FILES,
-        folder=cache_dir,
-    )
+    network, levels, route = roads.network, roads.levels, roads.route
+    outline, look = _kept_scenery(keep, cache(lambda: _build_scenery(network, config, route, seed)))
     return Town(
         name=name,
         network=network,
         config=config,
         route=route,
-        geo=_geo(network, config),
-        chunks=scenery.chunks,
-        collision_vertices_m=scenery.collision_vertices_m,
-        collision_triangles=scenery.collision_triangles,
-        collision_tags=scenery.collision_tags,
-        lenses=scenery.lenses,
-        lamps_m=scenery.lamps_m,
-        roughness=None if levels is None else Roughness(seed, levels, scenery.road_events),
+        geo=roads.geo,
+        scenery=look,
+        collision_vertices_m=outline.collision_vertices_m,
+        collision_triangles=outline.collision_triangles,
+        collision_tags=outline.collision_tags,
+        lenses=outline.lenses,
+        lamps_m=outline.lamps_m,
+        roughness=None if levels is None else Roughness(seed, levels, outline.road_events),
         content_hash=key,
     )
 
 
-def _build(network: LaneNetwork, config: TownConfig, route: Route | None, seed: int) -> TownScenery:
-    # Here, since what builds takes a fifth of a second to import, and a town from the cache needs none of it.
+def _kept_scenery(
+    keep: Callable[..., Any], build: Callable[[], TownScenery]
+) -> tuple[TownOutline, Callable[[], tuple[Mesh, ...]]]:
+    """What of the scenery is needed where nothing is drawn, and what gives all that is seen.
+
+    Args:
+        keep: `cached` for this town.
+        build: Builds the scenery, once.
+    """
+    look = cache(
+        lambda: keep(
+            "scenery",
+            make=lambda: build().chunks,
+            to_arrays=mesh_arrays.to_arrays,
+            from_arrays=mesh_arrays.from_arrays,
+        )
+    )
+
+    def make() -> TownOutline:
+        # What is seen is kept at once, too: it would be built again for whoever looks next.
+        look()
+        return build()
+
+    return keep("town", make=make, to_arrays=_to_arrays, from_arrays=_from_arrays), look
+
+
+def _read(town: TownId) -> OpenDrive:
+    """The map of a town, long after the town was loaded if what the cache holds sufficed until then."""
+    if identify_town(town.source).content_hash != town.content_hash:
+        raise MapError(f"{town.source} has changed since the town was loaded; load it again")
+    return read_opendrive(town.source)
+
+
+def _config(town: TownId, read: Callable[[], OpenDrive]) -> TownConfig:
+    if town.toml is not None:
+        return TownConfig.from_toml(town.toml)
+    from carlaloc_env.town.road_building import choose_config
+
+    return choose_config(read(), town.name)
+
+
+def _build_roads(xodr: OpenDrive, config: TownConfig, seed: int) -> TownRoads:
+    # Here as below, since what builds takes long to import, and a town from the cache needs none of it.
+    from carlaloc_env.town.road_building import build_roads
+
+    return build_roads(xodr, config, seed)
+
+
+def _build_scenery(network: LaneNetwork, config: TownConfig, route: Route | None, seed: int) -> TownScenery:
     from carlaloc_env.town.scenery import build_scenery
 
     route_m = None if route is None else route.position_m[:, :2]
     return build_scenery(network, config, seed, route_m)
 
 
-def _to_arrays(scenery: TownScenery) -> Arrays:
+def _to_arrays(outline: TownOutline) -> Arrays:
     arrays: Arrays = {
-        "collision_vertices_m": scenery.collision_vertices_m,
-        "collision_triangles": scenery.collision_triangles,
-        "road_events": scenery.road_events,
-        "collision_tags": scenery.collision_tags,
-        "lamps_m": scenery.lamps_m,
-        "lens_signal": scenery.lenses.signal,
-        "lens_state": scenery.lenses.state,
-        "T_world_lens": scenery.lenses.T_world_lens,
+        "collision_vertices_m": outline.collision_vertices_m,
+        "collision_triangles": outline.collision_triangles,
+        "road_events": outline.road_events,
+        "collision_tags": outline.collision_tags,
+        "lamps_m": outline.lamps_m,
+        "lens_signal": outline.lenses.signal,
+        "lens_state": outline.lenses.state,
+        "T_world_lens": outline.lenses.T_world_lens,
     }
-    if scenery.lenses.instance is not None:
-        arrays["lens_instance"] = scenery.lenses.instance
-    return arrays | mesh_arrays.to_arrays(scenery.chunks)
+    if outline.lenses.instance is not None:
+        arrays["lens_instance"] = outline.lenses.instance
+    return arrays
 
 
-def _from_arrays(arrays: Arrays) -> TownScenery:
-    return TownScenery(
-        chunks=mesh_arrays.from_arrays(arrays),
+def _from_arrays(arrays: Arrays) -> TownOutline:
+    return TownOutline(
         collision_vertices_m=arrays["collision_vertices_m"],
         collision_triangles=arrays["collision_triangles"],
         collision_tags=arrays["collision_tags"],
@@ -121,17 +155,3 @@ def _from_arrays(arrays: Arrays) -> TownScenery:
         road_events=arrays["road_events"],
         lamps_m=arrays["lamps_m"],
     )
-
-
-def _route(network: LaneNetwork, config: TownConfig) -> Route | None:
-    wanted = config.route
-    if not wanted.points:
-        return choose_route(network)
-    route = plan_route(network, wanted.points, loop=wanted.loop, length_m=wanted.length_m, for_car=True)
-    return route.starting_at(wanted.start) if wanted.start is not None else route
-
-
-def _geo(network: LaneNetwork, config: TownConfig) -> GeoReference:
-    """What town.toml says, else the map's own reference, else the equator at Greenwich's meridian."""
-    from_map = network.xodr.geodetic_origin()
-    return config.geo or from_map or GeoReference(latitude_deg=0.0, longitude_deg=0.0)

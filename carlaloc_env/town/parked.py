@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -19,7 +20,7 @@ def without_parked_cars(town: Town) -> Town:
     stays = ~np.isin(town.collision_tags, MOVABLE)
     return replace(
         town,
-        chunks=tuple(_standing(chunk) for chunk in town.chunks),
+        scenery=cache(lambda: tuple(_standing(chunk) for chunk in town.chunks)),
         collision_triangles=town.collision_triangles[stays],
         collision_tags=town.collision_tags[stays],
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +33,8 @@ class Town:
     """The ego's route, None where the town has none."""
     geo: GeoReference
     """Geodetic position of the world origin."""
-    chunks: tuple[Mesh, ...]
-    """Static scenery in squares of about 60 m."""
+    scenery: Callable[[], tuple[Mesh, ...]]
+    """Gives `chunks`, which lie in a file of their own until somebody looks."""
     collision_vertices_m: NDArray[np.float64]
     """Corners of everything solid, coarser than the scenery [m], shape (V, 3)."""
     collision_triangles: NDArray[np.int32]
@@ -48,3 +49,8 @@ class Town:
     """What wheels feel of the roads beyond their meshes; None where `road_roughness` is 0."""
     content_hash: str
     """Hash of the map, its `town.toml` and the version of the builder, 32 hexadecimal digits."""
+
+    @property
+    def chunks(self) -> tuple[Mesh, ...]:
+        """Static scenery in squares of about 60 m."""
+        return self.scenery()

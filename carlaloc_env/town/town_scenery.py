@@ -13,11 +13,9 @@ from carlaloc_env.scene.signal_lenses import SignalLenses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TownScenery:
-    """The standing part of a town."""
+class TownOutline:
+    """What of it is needed where nothing is drawn: what is hit and felt, and where lights are."""
 
-    chunks: tuple[Mesh, ...]
-    """All that is seen, in squares."""
     collision_vertices_m: Array
     """Corners of all that is solid [m], shape (V, 3)."""
     collision_triangles: NDArray[np.int32]
@@ -30,3 +28,11 @@ class TownScenery:
     """What wheels feel beside the meshes, columns of `core.road_events`, shape (N, 7)."""
     lamps_m: Array
     """Light sources of the street lamps [m], shape (K, 3)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TownScenery(TownOutline):
+    """The standing part of a town."""
+
+    chunks: tuple[Mesh, ...]
+    """All that is seen, in squares."""

@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.config import SignalTiming
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
@@ -53,7 +54,11 @@ class SignalPlan:
 
     @classmethod
     def from_network(
-        cls, network: LaneNetwork, timing: SignalTiming | None = None, route: Route | None = None
+        cls,
+        network: LaneNetwork,
+        timing: SignalTiming | None = None,
+        route: Route | None = None,
+        demand: Array | None = None,
     ) -> SignalPlan:
         """Plan of all heads of `network.signals`, in their order.
 
@@ -61,11 +66,12 @@ class SignalPlan:
             network: The lanes.
             timing: Durations; the usual ones when left out.
             route: Route of the green wave, if `timing` wants one; None for none.
+            demand: Demand for each lane along this route, (N,); worked out when left out.
         """
         timing = timing or SignalTiming()
         lines = StopLines(np.zeros(0), []) if route is None else stop_lines(network, route)
         passed = {heads[0] for heads in lines.heads}
-        main = passed if route is None else passed | _main_heads(network, route)
+        main = passed if route is None else passed | _main_heads(network, route, demand)
         count = len(network.signals)
         start, green = np.zeros(count, np.int64), np.zeros(count, np.int64)
         cycle = np.ones(count, np.int64)
@@ -74,7 +80,7 @@ class SignalPlan:
         for index, head in enumerate(network.signals):
             groups[head.junction_id or f"signal {head.id}"].append(index)
         for junction, heads in groups.items():
-            phases = _phases(network, junction, heads)
+            phases = _phases(network, heads)
             durations = _green_durations(network, heads, phases, timing, main)
             clear_s = timing.yellow_s + timing.all_red_s
             begins = np.cumsum([0.0, *(duration + clear_s for duration in durations)])
@@ -148,9 +154,9 @@ def _join_wave(
     offset_ns[on_route] = np.round(begins_s[junction[on_route]] * 1e9).astype(np.int64)
 
 
-def _main_heads(network: LaneNetwork, route: Route) -> set[int]:
+def _main_heads(network: LaneNetwork, route: Route, demand: Array | None) -> set[int]:
     """Heads that straight traffic of main streets obeys."""
-    demand = lane_demand(network, route.position_m)
+    demand = lane_demand(network, route.position_m) if demand is None else demand
     return {
         index
         for index, head in enumerate(network.signals)
@@ -160,21 +166,12 @@ def _main_heads(network: LaneNetwork, route: Route) -> set[int]:
     }
 
 
-def _phases(network: LaneNetwork, junction_id: str, heads: list[int]) -> list[int]:
+def _phases(network: LaneNetwork, heads: list[int]) -> list[int]:
     """Phase number of each head of one junction, counted from 0."""
-    sequence = {
-        controller.id: controller.sequence
-        for junction in network.xodr.junctions
-        if junction.id == junction_id
-        for controller in junction.controllers
-    }
     keys: list[tuple[int, int | str]] = []
     for index in heads:
-        head = network.signals[index]
-        if head.controller_id is not None and head.controller_id in sequence:
-            keys.append((0, sequence[head.controller_id]))
-        else:
-            keys.append((1, _axis(network, index)))
+        sequence = network.signals[index].sequence
+        keys.append((1, _axis(network, index)) if sequence is None else (0, sequence))
     order = sorted(set(keys))  # type: ignore[type-var]
     return [order.index(key) for key in keys]
 

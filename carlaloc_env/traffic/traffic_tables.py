@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from carlaloc_env.core import rng
@@ -11,10 +14,11 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalPlan
 from carlaloc_env.traffic.tables.demand import lane_demand, walker_demand, weighted_order
-from carlaloc_env.traffic.tables.lane_tables import build_roads
+from carlaloc_env.traffic.tables.lane_tables import Roads, build_roads
+from carlaloc_env.traffic.tables.sidewalk_tables import WalkerNetwork
 from carlaloc_env.traffic.tables.sidewalks import build_walker_network
-from carlaloc_env.traffic.vehicles.ego_agent import build_cells
-from carlaloc_env.traffic.vehicles.overlapping_lanes import find_overlaps
+from carlaloc_env.traffic.vehicles.ego_agent import LaneCells, build_cells
+from carlaloc_env.traffic.vehicles.overlapping_lanes import Overlaps, find_overlaps
 
 SPACING_M = 12.0
 """Least distance between two vehicles at the start [m]."""
@@ -30,33 +34,65 @@ _NARROWEST_M = 2.5
 """Narrower lanes get no vehicle at the start [m]."""
 
 
+class TownTables(NamedTuple):
+    """What is worked out of a town's lanes and its route."""
+
+    demand: Array
+    """Demand for each lane, as `lane_demand` gives it, (N,)."""
+    roads: Roads
+    """Lanes, junctions and their rules."""
+    walker_network: WalkerNetwork
+    """Sidewalks and crosswalks."""
+    cells: LaneCells
+    """Where driving lanes lie."""
+    overlaps: Overlaps
+    """Where they lie on each other."""
+
+
+KeepTables = Callable[[Callable[[], TownTables]], TownTables]
+"""Gives tables that were kept, or makes them by what it is called with."""
+
+
 class TrafficTables:
     """Tables that are computed once per town and shared by all drives in it.
 
     Args:
         network: The lanes.
         route: The town's route: its streets are the town's main streets, and green waves run along it.
+        keep: Gives the tables that were kept of them, or what it is handed makes anew.
     """
 
-    def __init__(self, network: LaneNetwork, route: Route | None = None) -> None:
+    def __init__(
+        self, network: LaneNetwork, route: Route | None = None, *, keep: KeepTables | None = None
+    ) -> None:
         self.network = network
         self.route = route
         self.route_m = None if route is None else route.position_m
-        self._demand = lane_demand(network, self.route_m)
-        self.roads = build_roads(network, self._demand)
-        self.walker_network = build_walker_network(network, self.roads)
-        self.walker_network.path.demand[:] = walker_demand(self.walker_network, self.route_m)
-        driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
-        self.cells = build_cells(self.roads, driving)
-        after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]
-        self.overlaps = find_overlaps(network, driving, self.roads.lane.junction, after)
-        self._driving = driving
+        self._driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
+        self._demand, self.roads, self.walker_network, self.cells, self.overlaps = (
+            self._made() if keep is None else keep(self._made)
+        )
         self._plans: dict[SignalTiming, SignalPlan] = {}
+
+    def _made(self) -> TownTables:
+        network, driving = self.network, self._driving
+        demand = lane_demand(network, self.route_m)
+        roads = build_roads(network, demand)
+        walker_network = build_walker_network(network, roads)
+        walker_network.path.demand[:] = walker_demand(walker_network, self.route_m)
+        after = [[n for n in lane.successors if driving[n]] for lane in network.lanes]
+        return TownTables(
+            demand=demand,
+            roads=roads,
+            walker_network=walker_network,
+            cells=build_cells(roads, driving),
+            overlaps=find_overlaps(network, driving, roads.lane.junction, after),
+        )
 
     def signal_plan(self, timing: SignalTiming) -> SignalPlan:
         """Plan of the signals, worked out once for each timing."""
         if timing not in self._plans:
-            self._plans[timing] = SignalPlan.from_network(self.network, timing, self.route)
+            self._plans[timing] = SignalPlan.from_network(self.network, timing, self.route, self._demand)
         return self._plans[timing]
 
     def starting_positions(self, seed: int, keep_clear_m: Array) -> tuple[Index, Array]:

@@ -40,8 +40,8 @@ ROAD = """<?xml version="1.0"?>
 </laneSection></lanes>
 </road></OpenDRIVE>
 """
-KINDS = "town", "lanes"
-"""What is kept of a town: its meshes, and the samples of its lanes."""
+KINDS = "town", "scenery", "lanes"
+"""What is kept of a town: its outline, its meshes, and its roads."""
 TOML = '[town]\nname = "small"\ndefault_zone = "downtown"\n[traffic]\nvehicles = 7\n'
 
 
@@ -99,6 +99,28 @@ def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path, kin
     assert _bytes(load_town(folder, cache_dir=tmp_path / "cache")) == _bytes(first)
 
 
+def test_meshes_are_read_when_somebody_looks(folder: Path, tmp_path: Path) -> None:
+    """And made again where their file has been damaged since the town was loaded."""
+    first = load_town(folder, cache_dir=tmp_path / "cache")
+    again = load_town(folder, cache_dir=tmp_path / "cache")
+    (stored,) = (tmp_path / "cache").glob("*.scenery")
+    content = bytearray(stored.read_bytes())
+    content[len(content) // 2] ^= 0x40
+    stored.write_bytes(content)
+    assert _bytes(again) == _bytes(first)
+    assert load(stored) is not None
+
+
+def test_meshes_that_went_do_not_go_unnoticed(folder: Path, tmp_path: Path) -> None:
+    """A town whose outline is made again has its meshes kept beside it, before anybody looks."""
+    first = load_town(folder, cache_dir=tmp_path / "cache")
+    for stored in (tmp_path / "cache").glob("*"):
+        stored.unlink()
+    load_town(folder, cache_dir=tmp_path / "cache")
+    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [1, 1, 1]
+    assert _bytes(load_town(folder, cache_dir=tmp_path / "cache")) == _bytes(first)
+
+
 def test_kept_arrays_come_back_as_they_were(tmp_path: Path) -> None:
     """Of every type and shape, also without values; aligned, so that they can be used where they lie."""
     kept = {
@@ -137,7 +159,7 @@ def test_another_toml_gives_another_town(folder: Path, tmp_path: Path) -> None:
     second = load_town(folder, cache_dir=tmp_path / "cache")
     assert first.content_hash != second.content_hash
     assert _bytes(first) != _bytes(second)
-    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [2, 2]
+    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [2, 2, 2]
 
 
 def test_nothing_half_written_stands_under_the_final_name(

@@ -26,7 +26,7 @@ def town_of(built: Built) -> Town:
         config=TownConfig(),
         route=None,
         geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0),
-        chunks=scenery.chunks,
+        scenery=lambda: scenery.chunks,
         collision_vertices_m=scenery.collision_vertices_m,
         collision_triangles=scenery.collision_triangles,
         collision_tags=scenery.collision_tags,

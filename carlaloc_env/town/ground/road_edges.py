@@ -11,7 +11,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.ground.grade_levels import Levels, States
 from carlaloc_env.town.ground.height_fields import densify
 from carlaloc_env.town.ground.lane_strips import PAVED, Strip
-from carlaloc_env.town.lanes.lane_network import DEFAULT_LIMIT_MPS
+from carlaloc_env.town.lanes.build_lanes import DEFAULT_LIMIT_MPS
 from carlaloc_env.town.opendrive.records import Road
 
 

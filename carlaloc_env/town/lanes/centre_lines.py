@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -104,10 +104,6 @@ class LaneTables:
         f = np.where(gap > 0.0, (along_m - self.along_m[row]) / np.where(gap > 0.0, gap, 1.0), 0.0)
         station: Array = (row - self.first[lane] + np.clip(f, 0.0, 1.0)) * self.step_m[lane]
         return station
-
-
-KeepTables = Callable[[Callable[[], LaneTables]], LaneTables]
-"""Gives tables that were kept, or makes them by what it is called with."""
 
 
 def build_tables(

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.town.lanes.centre_lines import TABLE_STEP_M, LaneTables
 
 _CANDIDATES = 8
@@ -36,7 +36,7 @@ class LaneSearch:
         owner = np.repeat(np.arange(len(tables.count)), tables.count)
         self._rows: Index = np.flatnonzero(np.isin(owner, lanes)).astype(np.int64)
         self._owner: Index = owner[self._rows]
-        self._tree = cKDTree(tables.position_m[self._rows, :dimensions])
+        self._tree = point_tree(tables.position_m[self._rows, :dimensions])
 
     def nearest(self, points_m: NDArray[np.float64]) -> NearestLane:
         """Nearest lanes of points (M, 2 or 3); equal distances go to the lower lane number."""

@@ -1,4 +1,4 @@
-"""What stands along lanes: traffic lights, signs, crosswalks."""
+"""Lanes, and what stands along them: traffic lights, signs, crosswalks."""
 
 from __future__ import annotations
 
@@ -14,6 +14,29 @@ SIGN_CODES: dict[SignKind, str] = {"stop": "206", "yield": "205", "speed": "274"
 """CARLA's and RoadRunner's sign codes (after the German catalogue)."""
 SIGN_KINDS = {code: kind for kind, code in SIGN_CODES.items()}
 """What each code means."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lane:
+    """One lane of one lane section. Stations run in travel direction along the lane's centre."""
+
+    index: int
+    road_id: str
+    section: int
+    lane_id: int
+    type: str
+    length_m: float
+    junction_id: str | None
+    forward: bool
+    """True if traffic runs with growing s."""
+    successors: tuple[int, ...]
+    predecessors: tuple[int, ...]
+    left: int | None
+    """Driving lane to the left with the same travel direction."""
+    right: int | None
+    """Driving lane to the right with the same travel direction."""
+    speed_limit_mps: float
+    """Lowest limit on the lane."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,6 +58,8 @@ class SignalHead:
     """Lanes inside the junction that it opens and closes."""
     controller_id: str | None
     junction_id: str | None
+    sequence: int | None
+    """Number of its controller in that junction: equal ones are green together."""
     road_id: str
     s_m: float
     t_m: float

@@ -34,6 +34,7 @@ def find_signals(network: LaneNetwork) -> tuple[tuple[SignalHead, ...], tuple[St
     references = _references(network)
     controller = {s: c.id for c in network.xodr.controllers for s in c.signal_ids}
     by_controller = {c.id: j.id for j in network.xodr.junctions for c in j.controllers}
+    sequence = {(j.id, c.id): c.sequence for j in network.xodr.junctions for c in j.controllers}
     heads, signs = [], []
     for road in network.xodr.roads:
         for signal in road.signals:
@@ -58,6 +59,7 @@ def find_signals(network: LaneNetwork) -> tuple[tuple[SignalHead, ...], tuple[St
                         junction_lanes=inside,
                         controller_id=group,
                         junction_id=junction,
+                        sequence=sequence.get((junction or "", group or "")),
                         road_id=road.id,
                         s_m=signal.s_m,
                         t_m=signal.t_m,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index, Mask
+from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.town.opendrive.cubic_tables import CubicTable
 from carlaloc_env.town.opendrive.lane_boundaries import LaneEdges
 from carlaloc_env.town.opendrive.records import Road, RoadLink
@@ -167,7 +167,7 @@ class Crossfall:
         use = np.isfinite(xyz).all(axis=1)
         xyz, drop, row = xyz[use], drop[use], row[use]
         found = np.zeros(len(s), dtype=bool)
-        pairs = cKDTree(xyz).query_pairs(BESIDE_M, output_type="ndarray")
+        pairs = point_tree(xyz).query_pairs(BESIDE_M, output_type="ndarray")
         a, b = number[row[pairs[:, 0]]], number[row[pairs[:, 1]]]
         step = np.abs(drop[pairs[:, 0]] - drop[pairs[:, 1]]) > STEP_M
         pairs = pairs[(a != b) & step & ~np.isin(a * len(roads) + b, _linked(roads))]

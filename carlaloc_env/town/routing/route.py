@@ -18,7 +18,6 @@ from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.shortest_paths import LanePosition, path_through
 from carlaloc_env.town.routing.projection import Line, project_on
 from carlaloc_env.town.routing.smoothing import RouteLine, trace
-from carlaloc_env.town.routing.tight_turns import fit_turns
 
 FARTHEST_POINT_M = 15.0
 """Route points farther from every lane are refused."""
@@ -192,6 +191,9 @@ def plan_route(
     line = trace(network, path_through(network, stops))
     fitted = np.zeros(len(line.lane), dtype=bool)
     if for_car:
+        # Here, since it brings all that knows kerbs, and a route from the cache is fitted already.
+        from carlaloc_env.town.routing.tight_turns import fit_turns
+
         line, fitted = fit_turns(network, line)
     route = _sampled(network, line, fitted, loop)
     if length_m is None or loop:

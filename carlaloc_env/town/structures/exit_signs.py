@@ -22,7 +22,8 @@ from carlaloc_env.core.geometry import transforms
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.ground.grade_levels import WALL_M
 from carlaloc_env.town.ground.height_fields import HeightOf
-from carlaloc_env.town.lanes.lane_network import Lane, LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.records import Lane
 from carlaloc_env.town.meshing.polygons import Area
 from carlaloc_env.town.meshing.prop_batches import PropField
 from carlaloc_env.town.structures.guard_rails import FAST_MPS

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags, fill, starts
 
@@ -88,7 +88,7 @@ def _zones_of(
         s = np.linspace(0.0, length, max(2, int(length / _SAMPLE_M) + 1))
         points.append(network.pose(np.full(len(s), lane), s).position_m)
         stations.append(s)
-    trees = [cKDTree(own) for own in points]
+    trees = [point_tree(own) for own in points]
     low = np.array([own.min(axis=0) for own in points]) - _CLEAR_M
     high = np.array([own.max(axis=0) for own in points])
     apart = ((low[:, None] > high) | (low > high[:, None])).any(axis=-1)

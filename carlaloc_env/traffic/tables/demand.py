@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.record_arrays import Flags
 from carlaloc_env.traffic.tables.sidewalk_tables import WalkerNetwork
@@ -69,7 +69,7 @@ def along_route(points_m: Array, tangents: Array, route_m: Array) -> tuple[Flags
         tangents: Their directions, (M, 2).
         route_m: Points of the route [m], (K, 3), in order.
     """
-    distance_m, row = cKDTree(route_m[:, :2]).query(points_m[:, :2])
+    distance_m, row = point_tree(route_m[:, :2]).query(points_m[:, :2])
     near = (distance_m < STREET_REACH_M) & (np.abs(points_m[:, 2] - route_m[row, 2]) < _HEIGHT_M)
     direction = np.gradient(route_m[:, :2], axis=0)[row]
     return near, np.sum(direction * tangents, axis=1) > 0.0

@@ -167,7 +167,7 @@ def build_roads(network: LaneNetwork, demand: Array) -> Roads:
     samples = columns(Samples, len(tables.width_m))
     samples.position_m[...] = tables.position_m
     samples.tangent[...] = tables.tangent
-    samples.bank[...] = _banks(network)
+    samples.bank[...] = network.bank
     samples.along_m[...] = tables.along_m
     samples.width_m[...] = tables.width_m
     samples.allowed_mps[...] = allowed_speeds(network)
@@ -193,15 +193,6 @@ class _Links:
         self.junction = np.where(inside, [number[name] for name in names], -1).astype(np.int64)
         self.left = np.array([-1 if lane.left is None else lane.left for lane in lanes], np.int64)
         self.right = np.array([-1 if lane.right is None else lane.right for lane in lanes], np.int64)
-
-
-def _banks(network: LaneNetwork) -> Array:
-    """Rise per metre to the left at all samples: superelevation, lateral shape and heights of lanes."""
-    tables = network.tables
-    lane = np.repeat(np.arange(len(tables.count)), tables.count)
-    station = (np.arange(len(lane)) - tables.first[lane]) * tables.step_m[lane]
-    s = network.s_m(lane, station)
-    return np.where(network.forward[lane], 1.0, -1.0) * network.surface.lane_bank(lane, s)
 
 
 def _wide_until(network: LaneNetwork) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Index
+from carlaloc_env.core.files.array_cache import Arrays
 
 Flags = NDArray[np.bool_]
 """Columns of truth values."""
@@ -53,3 +54,46 @@ def starts(rows: list[list[Any]]) -> Index:
     first = np.zeros(len(rows) + 1, np.int64)
     first[1:] = np.cumsum([len(row) for row in rows])
     return first
+
+
+def to_arrays(group: tuple[Any, ...], prefix: str = "") -> Arrays:
+    """Arrays and columns of a NamedTuple of arrays, tables and other such groups, by name.
+
+    Args:
+        group: The group.
+        prefix: Beginning of the names.
+    """
+    arrays: Arrays = {}
+    for name, value in zip(type(group)._fields, group, strict=True):  # type: ignore[attr-defined]
+        own = f"{prefix}{name}"
+        if isinstance(value, tuple):
+            arrays |= to_arrays(value, f"{own}/")
+        elif value.dtype.names is not None:
+            arrays |= {f"{own}/{column}": value[column] for column in value.dtype.names}
+        else:
+            arrays[own] = value
+    return arrays
+
+
+def from_arrays(kind: type[T], arrays: Arrays, prefix: str = "") -> T:
+    """The group again.
+
+    Args:
+        kind: Its class.
+        arrays: What `to_arrays` made of it; arrays are copied, so that they can be written to.
+        prefix: Beginning of their names.
+
+    Raises:
+        KeyError: One is missing.
+    """
+    values: dict[str, Any] = {}
+    for name, hint in get_type_hints(kind).items():
+        own = f"{prefix}{name}"
+        if own in arrays:
+            values[name] = arrays[own].copy()
+        elif hasattr(hint, "_fields"):
+            values[name] = from_arrays(hint, arrays, f"{own}/")
+        else:
+            column = {column: arrays[f"{own}/{column}"] for column in get_type_hints(hint)}
+            values[name] = fill(hint, len(next(iter(column.values()))), **column)
+    return kind(**values)

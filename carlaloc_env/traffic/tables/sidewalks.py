@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.records import Crosswalk
 from carlaloc_env.traffic.tables.lane_tables import Roads
@@ -84,7 +84,7 @@ class _SidewalkFinder:
         self._owner = np.repeat(np.arange(len(lines)), [len(line.points_m) for line in lines])
         self._first = starts([[0] * len(line.points_m) for line in lines])
         self._lines = lines
-        self._tree = cKDTree(self._points) if len(self._points) else None
+        self._tree = point_tree(self._points) if len(self._points) else None
 
     def nearest(self, point_m: Array) -> tuple[int, float, Array] | None:
         """Sidewalk, station [m] and point (3,) nearest to a point, None without a sidewalk in range."""
@@ -198,7 +198,7 @@ def _joins(lines: list[_Line]) -> list[tuple[list[tuple[int, int]], list[tuple[i
     if not lines:
         return []
     ends = np.array([line.points_m[k] for line in lines for k in (0, -1)])
-    near = cKDTree(ends).query_ball_point(ends, _JOIN_M)
+    near = point_tree(ends).query_ball_point(ends, _JOIN_M)
     joins: list[tuple[list[tuple[int, int]], list[tuple[int, int]]]] = []
     for path in range(len(lines)):
         own: list[list[tuple[int, int]]] = []

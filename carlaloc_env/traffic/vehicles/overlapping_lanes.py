@@ -6,12 +6,12 @@ a narrow stretch of road: the first goes on, the others wait before it.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.geometry.point_tree import point_tree
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.tables.conflict_zones import Links
@@ -20,6 +20,9 @@ from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy, on_origin
 from carlaloc_env.traffic.tables.record_arrays import Flags, columns, fill, starts
 from carlaloc_env.traffic.tables.vehicle_state import PAST, PLAN, Drivers, Fleet
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 NEAR_M = 2.3
 """Lanes whose centre lines come closer than this cannot both be driven: about a vehicle's width [m]."""
@@ -109,7 +112,7 @@ def find_overlaps(network: LaneNetwork, driving: Flags, junction: Index, after: 
     tables = network.tables
     owner = np.repeat(np.arange(len(tables.count)), tables.count)
     rows = np.flatnonzero(driving[owner])
-    tree = cKDTree(tables.position_m[rows])
+    tree = point_tree(tables.position_m[rows])
     near = _pairs(network, owner[rows], tree, NEAR_M, junction)
     onward = {a: _onward(network, after, a) for a in set(near[:, :2].ravel().tolist())}
     pairs = {(a, b) for a, b in near[:, :2].tolist() if b not in onward[a] and a not in onward[b]}

@@ -9,7 +9,8 @@ import pytest
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import Lane, LaneNetwork
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.records import Lane
 
 CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
 TOWN07 = pathlib.Path(__file__).parents[3].parent / "shared/data/carla_xodr/Town07.xodr"

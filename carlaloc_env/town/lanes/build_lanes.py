@@ -1,0 +1,145 @@
+"""Lanes of a map: which follow each other, which lie beside each other, and how fast one drives there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from carlaloc_env.core.array_types import Array, Mask
+from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.road.road_profile import Relief
+from carlaloc_env.town.lanes.centre_lines import LaneTables, build_tables
+from carlaloc_env.town.lanes.records import Lane
+from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES, LaneLinks
+from carlaloc_env.town.opendrive.lane_boundaries import LaneEdges
+from carlaloc_env.town.opendrive.records import OpenDrive, Road
+from carlaloc_env.town.opendrive.road_surface import RoadSurface
+
+DEFAULT_LIMIT_MPS = 50.0 / 3.6
+"""Where neither the lane, its road nor any lane leading to it states a limit."""
+NO_LIMIT_MPS = 130.0 / 3.6
+"""Stands for "no limit"."""
+
+
+class RoadMap(NamedTuple):
+    """A map and its roads as surfaces."""
+
+    xodr: OpenDrive
+    """The map."""
+    surface: RoadSurface
+    """Its roads, on a relief where there is one."""
+
+
+def road_map(xodr: OpenDrive, relief: Relief | None = None) -> RoadMap:
+    """A map's roads, on undulation that the file does not hold; None: heights are exactly the file's."""
+    with np.errstate(all="ignore"):
+        return RoadMap(xodr, RoadSurface(xodr.roads, relief))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaneRecords:
+    """Lanes of a map, N of them."""
+
+    forward: Mask
+    """True where traffic runs with growing s, (N,)."""
+    start_s_m: Array
+    """Road coordinate s at which each lane begins, in travel direction [m], (N,)."""
+    tables: LaneTables
+    """Samples of all lanes."""
+    lanes: tuple[Lane, ...]
+    """All lanes, in the order of the file."""
+
+
+def build_lanes(roads: RoadMap) -> LaneRecords:
+    """All lanes of a map.
+
+    Raises:
+        MapError: The map is too large, or a lane is not finite.
+    """
+    xodr, surface = roads
+    edges = surface.edges
+    if not edges.lanes:
+        raise MapError(f"{xodr.source} has no lanes beside centre lanes; export its lanes")
+    owners = [xodr.roads[n] for n in edges.road]
+    is_forward = [
+        (lane.id < 0) != road.left_hand_traffic for lane, road in zip(edges.lanes, owners, strict=True)
+    ]
+    links = LaneLinks(xodr, surface, is_forward)
+    start = np.array([section.s_m for section in edges.sections])
+    end = np.array([section.end_m for section in edges.sections])
+    forward = np.array(is_forward, dtype=bool)
+    labels = [
+        f"{xodr.source}: line {lane.line}: lane {lane.id} of road {road.id}"
+        for lane, road in zip(edges.lanes, owners, strict=True)
+    ]
+    limits = _speed_limits(surface, xodr.roads, links.predecessors)
+    rank = np.array([abs(lane.id) for lane in edges.lanes], dtype=np.int64)
+    tables = build_tables(surface, start, end, forward, limits, rank, labels)
+    return LaneRecords(
+        forward=forward,
+        start_s_m=np.where(forward, start, np.maximum(end, start)),
+        tables=tables,
+        lanes=_lanes(xodr, edges, links, tables, is_forward),
+    )
+
+
+def _lanes(
+    xodr: OpenDrive, edges: LaneEdges, links: LaneLinks, tables: LaneTables, is_forward: Sequence[bool]
+) -> tuple[Lane, ...]:
+    lowest = np.minimum.reduceat(tables.speed_limit_mps, tables.first)
+    lanes = []
+    for n, lane in enumerate(edges.lanes):
+        r, k = int(edges.road[n]), int(edges.section[n])
+        forward = is_forward[n]
+        lanes.append(
+            Lane(
+                index=n,
+                road_id=xodr.roads[r].id,
+                section=k,
+                lane_id=lane.id,
+                type=lane.type,
+                length_m=float(tables.length_m[n]),
+                junction_id=xodr.roads[r].junction_id,
+                forward=forward,
+                successors=tuple(links.successors[n]),
+                predecessors=tuple(links.predecessors[n]),
+                left=_neighbour(edges, r, k, lane.id, 1 if forward else -1),
+                right=_neighbour(edges, r, k, lane.id, -1 if forward else 1),
+                speed_limit_mps=float(lowest[n]),
+            )
+        )
+    return tuple(lanes)
+
+
+def _neighbour(edges: LaneEdges, road: int, section: int, lane_id: int, step: int) -> int | None:
+    other = edges.index.get((road, section, lane_id + step))
+    own = edges.lanes[edges.index[road, section, lane_id]]
+    same_side = (lane_id + step) * lane_id > 0
+    if other is None or not same_side or own.type != "driving" or edges.lanes[other].type != "driving":
+        return None
+    return other
+
+
+def _speed_limits(
+    surface: RoadSurface, roads: Sequence[Road], predecessors: Sequence[Sequence[int]]
+) -> list[list[tuple[float, float]]]:
+    """Per lane, ascending (s, limit): the lane's own records, else the road's, else what leads to it."""
+    edges = surface.edges
+    found: list[list[tuple[float, float]]] = []
+    for n, lane in enumerate(edges.lanes):
+        section = edges.sections[n]
+        records = lane.speeds or tuple(
+            r for r in roads[edges.road[n]].speeds if r.s_m < section.end_m or r.s_m <= section.s_m
+        )
+        found.append([(r.s_m, min(r.limit_mps, NO_LIMIT_MPS)) for r in records])
+    # Connecting roads rarely state a limit: a lane takes over the one of the lanes before it.
+    for _ in range(4):
+        for n, own in enumerate(found):
+            if not own and edges.lanes[n].type in DRIVABLE_TYPES:
+                before = [found[m][-1][1] for m in predecessors[n] if found[m]]
+                if before:
+                    found[n] = [(edges.sections[n].s_m, min(before))]
+    return [own or [(edges.sections[n].s_m, DEFAULT_LIMIT_MPS)] for n, own in enumerate(found)]

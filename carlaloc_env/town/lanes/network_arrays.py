@@ -1,0 +1,52 @@
+"""A lane network as named arrays, for files of the cache."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+
+from carlaloc_env.core.files import record_bytes
+from carlaloc_env.core.files.array_cache import Arrays
+from carlaloc_env.town.lanes.build_lanes import LaneRecords, RoadMap
+from carlaloc_env.town.lanes.centre_lines import LaneTables
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.lanes.records import Crosswalk, Lane, SignalHead, StaticSign
+
+_TABLES = tuple(field.name for field in fields(LaneTables))
+
+
+def to_arrays(network: LaneNetwork) -> Arrays:
+    """All that a network tells without its map."""
+    return {
+        "forward": network.forward,
+        "start_s_m": network.start_s_m,
+        "bank": network.bank,
+        "lanes": record_bytes.to_bytes(network.lanes),
+        "signals": record_bytes.to_bytes(network.signals),
+        "static_signs": record_bytes.to_bytes(network.static_signs),
+        "crosswalks": record_bytes.to_bytes(network.crosswalks),
+        **{f"tables/{name}": getattr(network.tables, name) for name in _TABLES},
+    }
+
+
+def from_arrays(arrays: Arrays, read: Callable[[], RoadMap]) -> LaneNetwork:
+    """The network again.
+
+    Args:
+        arrays: What `to_arrays` made of it.
+        read: Reads its map when it is asked for.
+    """
+    # Copies: compiled functions take arrays of a file, which nobody can write to, for another type.
+    own = {name: value.copy() for name, value in arrays.items()}
+    lanes = LaneRecords(
+        forward=own["forward"],
+        start_s_m=own["start_s_m"],
+        tables=LaneTables(**{name: own[f"tables/{name}"] for name in _TABLES}),
+        lanes=record_bytes.from_bytes(Lane, own["lanes"]),
+    )
+    network = LaneNetwork(read, lanes)
+    network.bank = own["bank"]
+    network.signals = record_bytes.from_bytes(SignalHead, own["signals"])
+    network.static_signs = record_bytes.from_bytes(StaticSign, own["static_signs"])
+    network.crosswalks = record_bytes.from_bytes(Crosswalk, own["crosswalks"])
+    return network

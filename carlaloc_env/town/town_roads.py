@@ -1,0 +1,91 @@
+"""The roads of a town: what `road_building` works out of a map, and the cache gives back without it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from carlaloc_env.core.files.array_cache import Arrays
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.road.road_profile import LevelGrid, Relief
+from carlaloc_env.town.lanes import network_arrays
+from carlaloc_env.town.lanes.build_lanes import road_map
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.town.opendrive.records import OpenDrive
+from carlaloc_env.town.routing.route import Route
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TownRoads:
+    """What drives in a town drives on this."""
+
+    network: LaneNetwork
+    """Lanes, signals and crosswalks."""
+    levels: LevelGrid | None
+    """How rough the roads are; None: smooth."""
+    route: Route | None
+    """The ego's route, None where the town has none."""
+    geo: GeoReference
+    """Geodetic position of the world origin."""
+
+
+def to_arrays(roads: TownRoads) -> Arrays:
+    """The roads as named arrays."""
+    geo = roads.geo
+    arrays = {f"network/{name}": value for name, value in network_arrays.to_arrays(roads.network).items()}
+    arrays["geo"] = np.array([geo.latitude_deg, geo.longitude_deg, geo.height_m])
+    if roads.levels is not None:
+        table = roads.levels.table
+        arrays |= {
+            "levels/level": table.level,
+            "levels/low_m": np.array(table.low_m),
+            "levels/cell_m": np.array(table.cell_m),
+        }
+    if roads.route is not None:
+        values = {field.name: getattr(roads.route, field.name) for field in fields(Route)}
+        arrays |= {f"route/{name}": np.asarray(own) for name, own in values.items() if own is not None}
+    return arrays
+
+
+def from_arrays(arrays: Arrays, read: Callable[[], OpenDrive], seed: int) -> TownRoads:
+    """The roads again.
+
+    Args:
+        arrays: What `to_arrays` made of them.
+        read: Reads their map when it is asked for.
+        seed: Number from which their relief was drawn.
+    """
+    geo = arrays["geo"].tolist()
+    level = _below(arrays, "levels/")
+    # Copies: compiled functions take arrays of a file, which nobody can write to, for another type.
+    levels = (
+        LevelGrid(tuple(level["low_m"].tolist()), float(level["cell_m"]), level["level"].copy())
+        if level
+        else None
+    )
+    network = network_arrays.from_arrays(
+        _below(arrays, "network/"), lambda: road_map(read(), relief_on(seed, levels))
+    )
+    line = _below(arrays, "route/")
+    plain: dict[str, Any] = {
+        name: value.copy() if value.ndim else value.item() for name, value in line.items()
+    }
+    return TownRoads(
+        network=network,
+        levels=levels,
+        route=Route(**plain) if plain else None,
+        geo=GeoReference(latitude_deg=geo[0], longitude_deg=geo[1], height_m=geo[2]),
+    )
+
+
+def _below(arrays: Arrays, prefix: str) -> Arrays:
+    """Arrays whose names begin so, by the rest of their names."""
+    return {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
+
+
+def relief_on(seed: int, levels: LevelGrid | None) -> Relief | None:
+    """Waves of rough roads, drawn from a number; None for smooth ones."""
+    return None if levels is None else Relief(seed, levels)
