@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
@@ -34,6 +34,11 @@ class SensorStage:
         self._quality = quality
         self._renderer: SceneRenderer | None = None
         self._rays: RayScene | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What another process gets: the meshes themselves, since it has no town to look at."""
+        look = None if self._look is None else partial(tuple, self._look())
+        return self.__dict__ | {"_look": look}
 
     @property
     def seed(self) -> int:
