@@ -23,9 +23,6 @@ from recorder.generation.datasets.dataset_manifest import checksums
 from recorder.generation.replay import ReplayConfig, ReplayResult, replay
 from recorder.slam.bag_odometry import gicp_odometry, kiss_icp_odometry
 
-pytestmark = pytest.mark.timeout(900)
-"""The first to come builds the town and compiles, which takes minutes on a busy machine."""
-
 
 @pytest.fixture(scope="module")
 def rig_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
