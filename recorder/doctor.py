@@ -68,7 +68,9 @@ def examine(out: Path | None = None) -> DoctorReport:
         _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
         _guarded("joystick", _joystick, needed=False, remedy="none is needed: the scripted driver drives"),
         _disk(out or Path.cwd()),
-        _optional("kiss_icp", "LiDAR odometry in `make demo`", "slam", below=(3, 14)),
+        _optional("kiss_icp", "`carlaloc odometry`", "slam", below=(3, 14)),
+        _optional("small_gicp", "LiDAR odometry in `make demo`", "slam"),
+        _optional("rko_lio", "LiDAR-inertial odometry in `make demo`", "slam", below=(3, 14)),
         _optional("matplotlib", "trajectory plots", "report"),
     )
     return DoctorReport(findings=findings, quality=quality)
