@@ -17,14 +17,10 @@ from types import TracebackType
 from typing import IO, Any
 
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.file_lock import has_name, take_lock
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.core.names import check_name
 from recorder.generation.datasets.dataset_manifest import is_begun, write_record
-
-try:
-    import fcntl
-except ImportError:  # Windows, where an open file cannot be removed, so that it needs no lock.
-    fcntl = None  # type: ignore[assignment]
 
 FOLDER = ".carlaloc-partial"
 """Folder of unfinished work in the folder of a dataset."""
@@ -101,9 +97,7 @@ class WorkingFolder:
                     f"another run is at work in {self._out}; wait until it has ended, or choose another --out"
                 )
             # A run that has just ended may have removed the file meanwhile.
-            if (self.path / MARKER).exists() and os.path.samestat(
-                os.fstat(marker.fileno()), (self.path / MARKER).stat()
-            ):
+            if has_name(marker, self.path / MARKER):
                 marker.seek(0)
                 return marker
             marker.close()
@@ -215,17 +209,6 @@ def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
     except OSError as error:
         raise WriterError(f"cannot give {error.filename} its final name: {error.strerror}") from error
     write_record(out, dict(marks["origin"]))
-
-
-def take_lock(marker: IO[str]) -> bool:
-    """Whether nobody else holds the file; it is held by us then, until it is closed."""
-    if fcntl is None:
-        return True
-    try:
-        fcntl.flock(marker, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def _remove_if_empty(folder: Path) -> None:

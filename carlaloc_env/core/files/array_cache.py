@@ -14,13 +14,15 @@ import os
 import re
 import stat
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.files.file_lock import has_name, take_lock
 from carlaloc_env.core.files.source_digest import source_digest
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
 
@@ -88,12 +90,28 @@ def cached(
         if (fault := _distrust(path)) is not None:
             _log.warning("cache is not used: %s %s; set $CARLALOC_CACHE to a folder of your own", path, fault)
             return make()
+    kept = _read(stored, from_arrays)
+    if kept is not None:
+        return kept
+    with _lock(stored) as has_waited:
+        kept = _read(stored, from_arrays) if has_waited else None
+        return _made(stored, make, to_arrays, kept_files) if kept is None else kept
+
+
+def _read(stored: Path, from_arrays: Callable[[Arrays], T]) -> T | None:
+    """What lies in the cache; None: nothing that can be used."""
     arrays = load(stored)
-    if arrays is not None:
-        try:
-            return from_arrays(arrays)
-        except (KeyError, ValueError, IndexError) as error:
-            _log.warning("cached file %s cannot be used (%s) and will be made again", stored, error)
+    if arrays is None:
+        return None
+    try:
+        return from_arrays(arrays)
+    except (KeyError, ValueError, IndexError) as error:
+        _log.warning("cached file %s cannot be used (%s) and will be made again", stored, error)
+        return None
+
+
+def _made(stored: Path, make: Callable[[], T], to_arrays: Callable[[T], Arrays], kept_files: int) -> T:
+    """What is made anew, and kept where that can be done."""
     begin = time.perf_counter()
     made = make()
     _log.info("made %s in %.1f s", stored.name, time.perf_counter() - begin)
@@ -101,8 +119,33 @@ def cached(
         save(stored, to_arrays(made))
         _drop_old(stored, kept_files)
     except OSError as error:
-        _log.warning("%s cannot be cached in %s (%s)", name, stored.parent, error)
+        _log.warning("%s cannot be cached in %s (%s)", stored.name, stored.parent, error)
     return made
+
+
+@contextmanager
+def _lock(stored: Path) -> Iterator[bool]:
+    """Hold the making of a file, so that processes that start together make it once; gives whether it waited.
+
+    Where files cannot be locked (Windows, some network drives, a folder that cannot be written), each process
+    makes its own.
+    """
+    path = stored.with_name(f".{stored.name}.lock")
+    has_waited = False
+    with ExitStack() as held:
+        with suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            while True:
+                file = held.enter_context(path.open("a"))
+                if not take_lock(file):
+                    _log.info("waiting for another process that makes %s", stored.name)
+                    has_waited = take_lock(file, wait=True)
+                    if not has_waited:
+                        break
+                if has_name(file, path):
+                    held.callback(path.unlink, missing_ok=True)
+                    break
+        yield has_waited
 
 
 def _distrust(path: Path) -> str | None:

@@ -18,6 +18,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
+from carlaloc_env.core.files.file_lock import take_lock
 from carlaloc_env.core.files.output_paths import path_below
 from recorder.generation.datasets.dataset_clock import DRIVING, REPLAYING, DatasetClock, DatasetProgress
 from recorder.generation.datasets.dataset_manifest import FILE_NAME, as_yaml, checksums
@@ -30,7 +31,6 @@ from recorder.generation.datasets.dataset_plan import (
 )
 from recorder.generation.estimates.quantities import duration_text
 from recorder.generation.replay import replay
-from recorder.generation.working_folder import take_lock
 
 WORK = ".carlaloc-dataset"
 """Folder of drives that are not whole yet."""
