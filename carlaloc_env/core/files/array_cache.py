@@ -90,12 +90,23 @@ def cached(
         if (fault := _distrust(path)) is not None:
             _log.warning("cache is not used: %s %s; set $CARLALOC_CACHE to a folder of your own", path, fault)
             return make()
+    before = _mark(stored)
     kept = _read(stored, from_arrays)
     if kept is not None:
         return kept
-    with _lock(stored) as has_waited:
-        kept = _read(stored, from_arrays) if has_waited else None
+    with _lock(stored):
+        # Another process may have made it meanwhile.
+        kept = None if _mark(stored) == before else _read(stored, from_arrays)
         return _made(stored, make, to_arrays, kept_files) if kept is None else kept
+
+
+def _mark(path: Path) -> tuple[int, int] | None:
+    """What tells one file of this name from the next; None: there is none."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
 
 
 def _read(stored: Path, from_arrays: Callable[[Arrays], T]) -> T | None:
@@ -124,14 +135,13 @@ def _made(stored: Path, make: Callable[[], T], to_arrays: Callable[[T], Arrays],
 
 
 @contextmanager
-def _lock(stored: Path) -> Iterator[bool]:
-    """Hold the making of a file, so that processes that start together make it once; gives whether it waited.
+def _lock(stored: Path) -> Iterator[None]:
+    """Hold the making of a file, so that processes that start together make it once.
 
     Where files cannot be locked (Windows, some network drives, a folder that cannot be written), each process
     makes its own.
     """
     path = stored.with_name(f".{stored.name}.lock")
-    has_waited = False
     with ExitStack() as held:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -139,13 +149,12 @@ def _lock(stored: Path) -> Iterator[bool]:
                 file = held.enter_context(path.open("a"))
                 if not take_lock(file):
                     _log.info("waiting for another process that makes %s", stored.name)
-                    has_waited = take_lock(file, wait=True)
-                    if not has_waited:
+                    if not take_lock(file, wait=True):
                         break
                 if has_name(file, path):
                     held.callback(path.unlink, missing_ok=True)
                     break
-        yield has_waited
+        yield
 
 
 def _distrust(path: Path) -> str | None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-import multiprocessing
-import os
-import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -14,15 +13,13 @@ import pytest
 
 from carlaloc_env.core.files.array_cache import cached
 
-SPAWN = multiprocessing.get_context("spawn")
 
-
-def fetch(folder: Path, made_s: float = 0.0) -> float:
-    """A kept number, which takes a while to make; each making leaves a line in a file."""
+def fetch(folder: Path, made_s: float) -> float:
+    """A kept number, which takes a while to make; each making leaves a letter in a file."""
 
     def make() -> float:
         with (folder.parent / "made").open("a") as file:
-            file.write(f"{os.getpid()}\n")
+            file.write("m")
         time.sleep(made_s)
         return 4.0
 
@@ -38,30 +35,35 @@ def fetch(folder: Path, made_s: float = 0.0) -> float:
     )
 
 
-def makers(folder: Path) -> list[str]:
-    """Process numbers of those that made the number."""
+def started(folder: Path, made_s: float) -> subprocess.Popen[str]:
+    """A process that fetches the number and prints it."""
+    command = [sys.executable, __file__, str(folder), str(made_s)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def makings(folder: Path) -> int:
+    """How often the number was made."""
     file = folder.parent / "made"
-    return file.read_text().split() if file.exists() else []
+    return len(file.read_text()) if file.exists() else 0
 
 
 def test_processes_that_start_together_make_it_once(tmp_path: Path) -> None:
     folder = tmp_path / "cache"
-    with SPAWN.Pool(4) as pool:
-        assert pool.starmap(fetch, [(folder, 1.0)] * 4, chunksize=1) == [4.0] * 4
-    assert len(makers(folder)) == 1
+    processes = [started(folder, 1.0) for _ in range(4)]
+    assert [process.communicate(timeout=60)[0] for process in processes] == ["4.0\n"] * 4
+    assert makings(folder) == 1
     assert [path.suffix for path in folder.iterdir()] == [".test"]
 
 
 def test_who_is_killed_while_making_holds_nobody_up(tmp_path: Path) -> None:
     folder = tmp_path / "cache"
-    process = SPAWN.Process(target=fetch, args=(folder, 600.0))
-    process.start()
-    while not makers(folder):
-        time.sleep(0.01)
-    os.kill(process.pid or 0, signal.SIGKILL)
-    process.join()
-    assert fetch(folder) == 4.0
-    assert len(makers(folder)) == 2
+    with started(folder, 600.0) as process:
+        while not makings(folder):
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.kill()
+    assert fetch(folder, 0.0) == 4.0
+    assert makings(folder) == 2
     assert [path.suffix for path in folder.iterdir()] == [".test"]
 
 
@@ -70,6 +72,10 @@ def test_a_folder_without_locks_is_used_all_the_same(
 ) -> None:
     monkeypatch.setattr("carlaloc_env.core.files.file_lock.fcntl", None)
     with caplog.at_level(logging.WARNING):
-        assert fetch(tmp_path / "cache") == fetch(tmp_path / "cache") == 4.0
+        assert fetch(tmp_path / "cache", 0.0) == fetch(tmp_path / "cache", 0.0) == 4.0
     assert not caplog.records
-    assert len(makers(tmp_path / "cache")) == 1
+    assert makings(tmp_path / "cache") == 1
+
+
+if __name__ == "__main__":
+    sys.stdout.write(f"{fetch(Path(sys.argv[1]), float(sys.argv[2]))}\n")
