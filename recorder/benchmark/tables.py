@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -184,12 +185,16 @@ def cost_rows(scores: Sequence[Score]) -> Rows:
 
 
 def failure_rows(scores: Sequence[Score]) -> Rows:
-    """A row for each failed run."""
-    rows = [["system", "town", "condition", "run", "reason"]]
+    """A row for each system and condition of which runs failed: how many, and why."""
+    runs: dict[tuple[str, str, str], list[str | None]] = defaultdict(list)
     for s in scores:
-        if s.failed is not None:
-            condition = f"{s.weather} {s.traffic}" + ("" if s.cloud == "raw" else f" {s.cloud}")
-            rows.append([s.title, s.town, condition, str(s.run), s.failed])
+        condition = f"{s.weather} {s.traffic}" + ("" if s.cloud == "raw" else f" {s.cloud}")
+        runs[s.title, s.town, condition].append(s.failed)
+    rows = [["system", "town", "condition", "failed", "reason"]]
+    for names, reasons in runs.items():
+        failed = [reason for reason in reasons if reason is not None]
+        if failed:
+            rows.append([*names, f"{len(failed)} of {len(reasons)}", "; ".join(dict.fromkeys(failed))])
     return rows
 
 

@@ -20,7 +20,7 @@ from recorder.benchmark.findings import (
 )
 from recorder.benchmark.paper import paper_table
 from recorder.benchmark.score import Score
-from recorder.benchmark.tables import csv_text
+from recorder.benchmark.tables import csv_text, failure_rows
 
 
 def score(town: str, traffic: str, ape_m: float, run: int = 1, cloud: str = "raw") -> Score:
@@ -119,3 +119,10 @@ def test_what_lacked_its_input_is_no_failure_and_no_path_is_told() -> None:
     assert "crashed by SIGSEGV: log.txt" in text
     assert "labels" not in text
     assert "/home" not in text
+
+
+def test_failures_are_counted_by_condition_each_reason_told_once() -> None:
+    good = score("Town01", "static", ape_m=1.0)
+    lost, slow = replace(good, failed="lost"), replace(good, failed="too slow")
+    rows = failure_rows([good, lost, lost, slow, replace(good, town="Town03")])
+    assert rows[1:] == [["KISS-ICP", "Town01", "ClearNoon static", "3 of 4", "lost; too slow"]]
