@@ -154,6 +154,8 @@ def _lock(stored: Path) -> Iterator[None]:
                 if has_name(file, path):
                     held.callback(path.unlink, missing_ok=True)
                     break
+                # Who held it before has removed it; others that wait for it need not wait for us.
+                file.close()
         yield
 
 
