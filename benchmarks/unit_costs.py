@@ -1,6 +1,6 @@
 """What a second of driving costs in the dataset factory, part by part, in processor time of one core.
 
-`recorder/generation/estimates/time_estimate.py` holds these figures and tells from them how long a dataset
+`recorder/factory/time_estimate.py` holds these figures and tells from them how long a dataset
 takes.
 """
 
@@ -30,7 +30,7 @@ from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import weather_of
 from recorder.devices.registry import open_device
-from recorder.generation.sequence_writers import SequenceConfig, writers_of
+from recorder.replaying.sequence_writers import SequenceConfig, writers_of
 from recorder.writers.base import Piece
 
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")

@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 from scenario import SEED
 
 from recorder.drive.record import RecordConfig, record
-from recorder.generation.replay import ReplayConfig, replay
+from recorder.replaying.replay import ReplayConfig, replay
 
 WORKERS = (1, 2, 4)
 START_S = 2.0

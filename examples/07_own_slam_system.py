@@ -12,7 +12,7 @@ import numpy as np
 
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.benchmark.score import Score
-from recorder.slam.sequence import SlamSequence
+from recorder.dataset.sequence import SlamSequence
 from recorder.slam.system import MIDDLE, FrameClock, StampedPose, System
 
 SYSTEM = System(

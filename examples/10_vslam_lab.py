@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from recorder import read_tum
-from recorder.slam.sequence import SlamSequence
+from recorder.dataset.sequence import SlamSequence
 
 CAMERA = """  - {{cam_name: rgb_{k}, cam_type: gray, cam_model: pinhole, distortion_type: radtan4,
      focal_length: [{p.fx_px}, {p.fy_px}], principal_point: [{p.cx_px}, {p.cy_px}],

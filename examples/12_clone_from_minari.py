@@ -16,8 +16,8 @@ import torch
 from learning.pupil import Pupil
 from learning.town01_route import SKIP, Ride, make_env
 from learning.unseen import score
-from recorder.drive.minari_dataset import MinariConfig, write_minari
 from recorder.drive.record import RecordConfig, record
+from recorder.minari.dataset import MinariConfig, write_minari
 
 
 def main(

@@ -32,9 +32,9 @@ from recorder.benchmark.page import lanes_of, write_page
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.benchmark.score import evaluate_run, frames_of
 from recorder.cli.progress import Progress
+from recorder.dataset.sequence import RAW
 from recorder.episode.episode import open_episode
 from recorder.report.condition_plot import plot_conditions
-from recorder.slam.sequence import RAW
 from recorder.slam.systems import SYSTEMS
 
 WEATHERS = ("ClearNoon", "FoggyNoon")

@@ -28,10 +28,10 @@ from recorder.evaluation.trajectory import Trajectory as Trajectory
 from recorder.evaluation.trajectory_files import read_trajectory as read_trajectory
 from recorder.evaluation.trajectory_files import read_tum as read_tum
 from recorder.evaluation.trajectory_files import write_tum as write_tum
-from recorder.generation.replay import ReplayConfig as ReplayConfig
-from recorder.generation.replay import ReplayResult as ReplayResult
-from recorder.generation.replay import replay as replay
-from recorder.generation.replay_plan import FORMATS as FORMATS
+from recorder.replaying.plan import FORMATS as FORMATS
+from recorder.replaying.replay import ReplayConfig as ReplayConfig
+from recorder.replaying.replay import ReplayResult as ReplayResult
+from recorder.replaying.replay import replay as replay
 from recorder.report.town_preview import draw_town as draw_town
 from recorder.report.trajectory_plot import plot_trajectories as plot_trajectories
 from recorder.slam.bag_odometry import gicp_odometry as gicp_odometry

@@ -18,7 +18,7 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from recorder.drive.record import RecordConfig, record
-from recorder.generation.replay import ReplayConfig, replay
+from recorder.replaying.replay import ReplayConfig, replay
 
 STEPS_PER_S = 1_000_000_000 // STEP_NS
 CORES = 2

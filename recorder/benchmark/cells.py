@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from recorder.benchmark.score import Score
-from recorder.slam.sequence import SEGMENTED
+from recorder.dataset.sequence import SEGMENTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from recorder.benchmark.cells import Cell, Condition, Table
-from recorder.slam.sequence import RAW, SEGMENTED
+from recorder.dataset.sequence import RAW, SEGMENTED
 
 TITLES = {
     "orb3_svo": "ORB-SLAM3 stereo",

@@ -12,7 +12,7 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.text_files import read_text
-from recorder.slam.sequence import RAW, SEGMENTED, SlamSequence
+from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.slam.system import System
 
 _STATIC = ("static", "empty")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from recorder.benchmark.page import evaluated_runs
 from recorder.benchmark.run import BenchmarkResult
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.evaluate import EvaluationResult
-from recorder.slam.sequence import SlamSequence
 from recorder.view.sequence_view import record_sequence
 
 FOLDER = "recordings"

@@ -14,9 +14,9 @@ from pathlib import Path
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError
 from recorder.benchmark.plan import Job, SequenceFolder, find_sequences, plan_jobs
 from recorder.benchmark.score import Score, read_score, score_run, write_score
+from recorder.dataset.sequence import RAW, SEGMENTED
 from recorder.evaluation.failure import FailRule
 from recorder.slam.isolated_run import run_isolated
-from recorder.slam.sequence import RAW, SEGMENTED
 from recorder.slam.systems import SYSTEMS, system_of
 
 Progress = Callable[[int, int, str], None]

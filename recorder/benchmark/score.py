@@ -11,6 +11,7 @@ import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.benchmark.plan import Job
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.align import attitude_errors_deg
 from recorder.evaluation.associate import Association
 from recorder.evaluation.evaluate import EvaluationResult, evaluate
@@ -19,7 +20,6 @@ from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.child import ESTIMATE
 from recorder.slam.isolated_run import RunRecord
-from recorder.slam.sequence import SlamSequence
 
 RESULT = "result.json"
 _FORMAT = 3

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 from recorder.cli.interrupts import raise_again
 
 if TYPE_CHECKING:
-    from recorder.generation.datasets.dataset_clock import DatasetProgress
+    from recorder.factory.time_left import DatasetProgress
 
 REDRAW_S = 0.2
 """Time between two looks of the bars [s]."""
@@ -63,14 +63,14 @@ class DatasetBars:
 
 def whole_line(progress: DatasetProgress) -> str:
     """The bar of the whole."""
-    from recorder.generation.estimates.quantities import duration_text
+    from recorder.factory.quantities import duration_text
 
     return f"{'all':<8}{_bar(progress.share)} {progress.share:4.0%}  {duration_text(progress.left_s)} left"
 
 
 def stage_line(progress: DatasetProgress) -> str:
     """The bar of the town in hand: what is being done, its rate, size and time left."""
-    from recorder.generation.estimates.quantities import duration_text, size_text
+    from recorder.factory.quantities import duration_text, size_text
 
     share = min(progress.done_s / progress.total_s, 1.0)
     parts = [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from recorder.cli.arguments import OutputFolder, names, positive_int, positive_seconds, seconds
 
 if TYPE_CHECKING:
-    from recorder.generation.replay_plan import ReplayConfig
+    from recorder.replaying.plan import ReplayConfig
 
 
 def add_replay_options(
@@ -80,7 +80,7 @@ def replay_config(arguments: argparse.Namespace, episode: Path, **others: Any) -
         episode: The drive.
         others: Fields of `ReplayConfig` that no common option sets.
     """
-    from recorder.generation.replay_plan import ReplayConfig
+    from recorder.replaying.plan import ReplayConfig
 
     return ReplayConfig(
         episode=episode,

@@ -8,8 +8,8 @@ from importlib import import_module
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError, unknown_name
+from recorder.dataset.scans import Progress, Scan, read_scans, sweep_of, trajectory_of
 from recorder.evaluation.trajectory import Trajectory
-from recorder.slam.scans import Progress, Scan, read_scans, sweep_of, trajectory_of
 from recorder.slam.system import FrameClock
 from recorder.slam.systems import SYSTEMS
 

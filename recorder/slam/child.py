@@ -16,9 +16,9 @@ import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
-from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import FrameClock, Runner, StampedPose, System
 from recorder.slam.system_file import read_system_file
 from recorder.slam.systems import system_of

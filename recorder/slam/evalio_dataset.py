@@ -18,9 +18,9 @@ from evalio.datasets import Dataset
 from evalio.datasets.loaders import RawDataIter
 from evalio.types import SE3, SO3, ImuMeasurement, ImuParams, LidarParams, Stamp, Trajectory
 
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.runners.evalio import imu_params, lidar_measurement, lidar_params
-from recorder.slam.sequence import SlamSequence
 
 DATA = "CARLALOC_DATA"
 """Environment variable: folder with sequences."""

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from carlaloc_env.core.array_types import Array
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.align import Alignment
-from recorder.slam.sequence import SlamSequence
 
 StampedPose: TypeAlias = tuple[int, Array]
 """Stamp of the input that a pose belongs to [ns], and the pose (4, 4), system's frame to its world."""

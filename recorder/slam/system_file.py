@@ -10,8 +10,8 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files.text_files import read_text
+from recorder.dataset.sequence import SlamSequence
 from recorder.slam.runners.command import run_command
-from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import END, MIDDLE, START, FrameClock, StampedPose, System
 
 _INSTANTS = {"start": START, "middle": MIDDLE, "end": END}

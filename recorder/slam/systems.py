@@ -109,7 +109,7 @@ SYSTEMS = {
             title="stereo-vo",
             what="our own stereo odometry on OpenCV: corners, tracks, PnP, window adjustment",
             needs=("stereo",),
-            runner=f"{_RUNNERS}.stereo_vo:run",
+            runner="recorder.slam.stereo_vo.odometry:run",
             frame="camera",
         ),
     )

@@ -13,12 +13,12 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry.transforms import quat_rotate
 from carlaloc_env.sensors.camera.config import CameraConfig
+from recorder.dataset.scans import Scan
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.slam.scans import Scan
-from recorder.slam.sequence import SlamSequence
 from recorder.view.recording import BASE_LINK, WORLD, Recording, new_recording
 from recorder.view.town_view import log_lanes_of
 

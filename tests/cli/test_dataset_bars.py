@@ -11,7 +11,7 @@ import pytest
 
 from recorder.cli.dataset_bars import DatasetBars
 from recorder.cli.log_file import logged_to
-from recorder.generation.datasets.dataset_clock import DatasetProgress
+from recorder.factory.time_left import DatasetProgress
 
 PROGRESS = DatasetProgress(
     town="Town03",
@@ -69,9 +69,9 @@ def test_a_log_file_tells_more_than_the_terminal(tmp_path: Path) -> None:
     root.addHandler(handler)
     try:
         with logged_to(tmp_path / "log", "recorder"):
-            logging.getLogger("recorder.generation").info("driving")
-            logging.getLogger("recorder.generation").warning("going on")
-        logging.getLogger("recorder.generation").info("afterwards")
+            logging.getLogger("recorder.factory").info("driving")
+            logging.getLogger("recorder.factory").warning("going on")
+        logging.getLogger("recorder.factory").info("afterwards")
     finally:
         root.removeHandler(handler)
     assert shown.getvalue() == "going on\n"

@@ -11,7 +11,7 @@ from carlaloc_env.rigs.presets import RIGS
 from recorder.cli.main import main
 from recorder.devices.registry import DEVICES
 from recorder.evaluation.align import Alignment
-from recorder.generation.replay_plan import FORMATS
+from recorder.replaying.plan import FORMATS
 from recorder.writers.topics import PROFILES
 
 ROOT = Path(__file__).parents[2]

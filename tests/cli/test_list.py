@@ -15,8 +15,8 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.cli.commands.list import KINDS
 from recorder.cli.main import COMMANDS, main
 from recorder.devices.registry import DEVICES
-from recorder.generation.replay_plan import FORMATS
-from recorder.generation.sequence_writers import _WRITERS
+from recorder.replaying.plan import FORMATS
+from recorder.replaying.sequence_writers import _WRITERS
 from recorder.writers.topics import profile_by_name
 
 NAMED_BY = {"weathers": weather_by_name, "rigs": rig_by_name, "topics": profile_by_name}

@@ -24,6 +24,7 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.weather.schedule import weather_of
 from recorder.cli.main import main
+from recorder.dataset.scans import read_scans
 from recorder.episode.actor_messages import ACTORS
 from recorder.episode.episode import Episode
 from recorder.episode.header import _checksum
@@ -31,7 +32,6 @@ from recorder.episode.mcap_container import ContainerWriter, read_container
 from recorder.episode.messages import EGO, EVENT
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.slam.scans import read_scans
 
 try:
     import tomllib

@@ -15,7 +15,7 @@ from carlaloc_env.core.files.array_cache import default_cache_dir
 from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
-from recorder.generation.replay import ReplayConfig, replay
+from recorder.replaying.replay import ReplayConfig, replay
 
 NAMES = tuple(targets(Seeds(episode=Path(), bag=Path(), tum=Path()), Path()))
 FEW, MANY = 225, 11_200

@@ -16,8 +16,8 @@ import pytest
 import yaml
 from shared_fixtures.processes.small_disks import small_disk
 
+from recorder.dataset.manifest import checksums
 from recorder.drive.record import RecordConfig, record
-from recorder.generation.datasets.dataset_manifest import checksums
 
 KILLS, DISKS = 50, 20
 RIG = """\

@@ -11,9 +11,9 @@ import pytest
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import EvaluationError
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.runners.command import run_command
-from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import FrameClock
 
 COPY = "import shutil, sys; shutil.copy(sys.argv[1] + '/../ground_truth/lidar.tum', sys.argv[2])"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from shared_fixtures.readings.slam_dataset import COLUMNS, ELEVATIONS_DEG, write_dataset
 
-from recorder.slam.sequence import SlamSequence
+from recorder.dataset.sequence import SlamSequence
 
 pytest.importorskip("evalio", reason="the data set is a class of evalio's")
 

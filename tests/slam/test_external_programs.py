@@ -13,8 +13,8 @@ from shared_fixtures.processes.external_programs import EXTERNAL, missing_progra
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-from recorder.generation.replay import replay
-from recorder.generation.replay_plan import ReplayConfig
+from recorder.replaying.plan import ReplayConfig
+from recorder.replaying.replay import replay
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,8 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.inertial.imu import ImuConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
-from recorder.slam.sequence import SlamSequence
 from recorder.slam.system import FrameClock
 from recorder.slam.system_file import read_system_file
 

@@ -9,7 +9,7 @@ import pytest
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.weather.parameters import PRESETS, WeatherParameters
 from carlaloc_env.weather.schedule import WeatherSchedule, weather_of
-from recorder.generation.conditions import conditions_of
+from recorder.replaying.conditions import conditions_of
 
 SECOND = 1_000_000_000
 TEXT = """

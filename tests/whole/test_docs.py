@@ -36,7 +36,7 @@ from recorder.episode.actor_messages import ACTORS
 from recorder.episode.messages import EGO, EVENT
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.evaluation.align import Alignment
-from recorder.generation.replay import ReplayConfig
+from recorder.replaying.replay import ReplayConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 ROOT = Path(__file__).parents[2]

@@ -15,12 +15,12 @@ from shared_fixtures.drives.drives import CALM, small_cameras
 
 from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
 from carlaloc_env.rigs.presets import flu_rig
+from recorder.dataset.manifest import checksums
 from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.generation.datasets.dataset_manifest import checksums
-from recorder.generation.replay import ReplayConfig, ReplayResult, replay
+from recorder.replaying.replay import ReplayConfig, ReplayResult, replay
 from recorder.slam.bag_odometry import gicp_odometry, kiss_icp_odometry
 
 

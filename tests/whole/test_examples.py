@@ -20,7 +20,7 @@ from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.generation.replay import ReplayConfig, replay
+from recorder.replaying.replay import ReplayConfig, replay
 from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import PROFILES
 

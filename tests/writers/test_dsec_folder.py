@@ -12,7 +12,7 @@ import pytest
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, DepthImage, Events
 from carlaloc_env.sensors.camera.config import CameraConfig
-from recorder.generation.sequence_writers import SequenceConfig, writers_of
+from recorder.replaying.sequence_writers import SequenceConfig, writers_of
 
 HEIGHT, WIDTH, STEP_NS = 480, 640, 50_000_000
 

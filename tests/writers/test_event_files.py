@@ -14,7 +14,7 @@ from rosbags.typesys import Stores
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
 from carlaloc_env.sensors.camera.config import CameraConfig
-from recorder.generation.sequence_writers import without_unwritten
+from recorder.replaying.sequence_writers import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.formats.dsec import DsecWriter
 from recorder.writers.rig_calibration import RigCalibration

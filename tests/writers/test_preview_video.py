@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
-from recorder.generation.sequence_writers import SequenceConfig, writers_of
+from recorder.replaying.sequence_writers import SequenceConfig, writers_of
 from recorder.report.mosaic import panel_of, panels_in
 from recorder.writers.formats.preview_video import PreviewWriter, shown_streams
 

@@ -22,8 +22,8 @@ from recorder.cli.log_file import logged_to
 from recorder.cli.replay_options import add_replay_options, replay_config
 
 if TYPE_CHECKING:
-    from recorder.generation.datasets.dataset import Record
-    from recorder.generation.datasets.dataset_plan import DatasetConfig, DatasetPlan
+    from recorder.factory.make_dataset import Record
+    from recorder.factory.plan import DatasetConfig, DatasetPlan
 
 HUB_URL = "https://huggingface.co/datasets/OWNER/NAME"
 """Put in place of the address in `croissant.json`; whoever uploads writes their own."""
@@ -57,8 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Plan, ask, make."""
-    from recorder.generation.datasets.dataset import make_dataset, write_manifest
-    from recorder.generation.datasets.dataset_plan import ROUTE_M, DatasetConfig, plan_dataset, town_names
+    from recorder.factory.make_dataset import make_dataset, write_manifest
+    from recorder.factory.plan import ROUTE_M, DatasetConfig, plan_dataset, town_names
 
     config = DatasetConfig(
         out=arguments.out,
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         replay=replay_config(arguments, Path()),
     )
     if arguments.hub is not None:
-        from recorder.generation.hub.hub_tables import check_parquet
+        from recorder.publishing.tables import check_parquet
 
         check_parquet()
     plan = plan_dataset(config)
@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.manifest is not None:
         write_manifest(arguments.out, arguments.manifest)
     if arguments.hub is not None:
-        from recorder.generation.hub.prepare import prepare_for_hub
+        from recorder.publishing.prepare import prepare_for_hub
 
         today = datetime.now(timezone.utc).date().isoformat()
         prepare_for_hub(arguments.out, arguments.hub, url=HUB_URL, date=today)
@@ -92,8 +92,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _tell(config: DatasetConfig, plan: DatasetPlan) -> None:
     """Say what will be made, how long it takes and how much room."""
-    from recorder.generation.estimates.quantities import duration_text, size_text
-    from recorder.generation.estimates.time_estimate import processes_of
+    from recorder.factory.quantities import duration_text, size_text
+    from recorder.factory.time_estimate import processes_of
 
     whole = sum(drive.is_whole for drive in plan.drives)
     driver = "the scripted driver" if config.episodes is None else f"drives of {config.episodes}"

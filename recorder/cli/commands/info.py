@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Look at an episode or a sequence, or repair an episode."""
     if arguments.out is not None and not arguments.repair:
         raise UsageError("--out says where a repaired episode goes; add --repair")
-    from recorder.generation.sequence_summary import is_sequence, summarise_sequence
+    from recorder.dataset.sequence_summary import is_sequence, summarise_sequence
 
     if is_sequence(arguments.episode):
         if arguments.repair:

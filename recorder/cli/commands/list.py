@@ -55,7 +55,7 @@ def _rigs() -> dict[str, str]:
 
 
 def _formats() -> dict[str, str]:
-    from recorder.generation.replay_plan import FORMATS
+    from recorder.replaying.plan import FORMATS
 
     return dict(FORMATS)
 

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Write the data set."""
-    from recorder.drive.minari_dataset import MinariConfig, write_minari
+    from recorder.minari.dataset import MinariConfig, write_minari
 
     config = MinariConfig(
         episodes=tuple(arguments.episodes),

@@ -17,7 +17,7 @@ from recorder.cli.progress import Progress
 from recorder.cli.replay_options import add_replay_options, replay_config
 
 if TYPE_CHECKING:
-    from recorder.generation.replay_plan import ReplayConfig
+    from recorder.replaying.plan import ReplayConfig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
-    from recorder.generation.replay import replay
+    from recorder.replaying.replay import replay
 
     config = replay_config(
         arguments,

@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Verify."""
-    from recorder.generation.verification.verify import verify
+    from recorder.verification.verify import verify
 
     result = verify(arguments.folder, against=arguments.against)
     return {**asdict(result), "failed": bool(result.findings)}

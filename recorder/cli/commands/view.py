@@ -84,10 +84,10 @@ def _episode(arguments: argparse.Namespace, out: Path) -> str:
 
 
 def _sequence(arguments: argparse.Namespace, out: Path) -> str:
+    from recorder.dataset.sequence import SlamSequence
     from recorder.evaluation.associate import Association
     from recorder.evaluation.evaluate import evaluate
     from recorder.evaluation.trajectory_files import read_trajectory, read_tum
-    from recorder.slam.sequence import SlamSequence
     from recorder.view.sequence_view import record_sequence
 
     folder = arguments.what.parent if arguments.what.name == "sequence.yaml" else arguments.what

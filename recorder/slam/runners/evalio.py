@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
-from recorder.slam.scans import Scan
-from recorder.slam.sequence import SlamSequence
+from recorder.dataset.scans import Scan
+from recorder.dataset.sequence import SlamSequence
 from recorder.slam.system import FrameClock, StampedPose
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recorder.slam.scans import ScanSource
+from recorder.dataset.scans import ScanSource
 from recorder.slam.system import FrameClock, StampedPose
 
 RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0

@@ -23,8 +23,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.transforms import transform
+from recorder.dataset.sequence import SlamSequence, StereoPair
 from recorder.evaluation.trajectory_files import read_trajectory
-from recorder.slam.sequence import SlamSequence, StereoPair
 from recorder.slam.system import FrameClock, StampedPose
 
 PYTHON, VOCABULARY = "CARLALOC_ORBSLAM3_PYTHON", "CARLALOC_ORBSLAM3_VOCABULARY"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recorder.slam.sequence import SlamSequence
+from recorder.dataset.sequence import SlamSequence
 from recorder.slam.system import FrameClock, StampedPose
 
 

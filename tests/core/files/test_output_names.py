@@ -15,7 +15,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.town.sources import identify_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.episode.traffic_level import traffic_level
-from recorder.generation.conditions import Condition
+from recorder.replaying.conditions import Condition
 
 HOSTILE = ["../up", "/etc/x", "a/b", "a\\b", "..", ".", "", "a\0b", "a\nb", "ü", " a", "x" * 101, "~", "a:b"]
 

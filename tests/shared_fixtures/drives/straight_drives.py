@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from recorder.drive.record import RecordConfig, record
-from recorder.generation.replay_plan import ReplayConfig
+from recorder.replaying.plan import ReplayConfig
 
 RIG = """\
 name: small

@@ -1,0 +1,1 @@
+"""The folder of a dataset: its names, its description, its readers."""

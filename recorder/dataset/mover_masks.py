@@ -1,0 +1,93 @@
+"""Images without what moves by itself: masks of labelled images, and painting over."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import cv2 as untyped_cv2
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from carlaloc_env.core.array_types import U8
+from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
+
+if TYPE_CHECKING:
+    from recorder.dataset.sequence import StereoPair
+
+cv2: Any = untyped_cv2
+"""OpenCV, whose stubs know arrays of one type only."""
+
+MARGIN_PX = 4
+"""Width of the rim around a mover that is painted over, too: features look at their surroundings [px]."""
+SHRINK = 4
+"""Paint is mixed in pictures so much smaller: it has to be smooth, not sharp."""
+
+Mask: TypeAlias = tuple[int, NDArray[np.bool_]]
+"""Unix time of an image [ns], and where it shows movers, shape (H, W)."""
+
+
+def mover_masks(bag: Path, topic: str) -> Iterator[Mask]:
+    """Masks of the labelled images of a topic.
+
+    Args:
+        bag: ROS 1 or ROS 2 bag.
+        topic: Topic of images whose values are semantic tags.
+    """
+    tags = np.array(sorted(DYNAMIC_TAGS), np.uint8)
+    rim = np.ones((2 * MARGIN_PX + 1, 2 * MARGIN_PX + 1), np.uint8)
+    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC)) as reader:
+        wanted = [connection for connection in reader.connections if connection.topic == topic]
+        for connection, _, raw in reader.messages(connections=wanted):
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            image = np.asarray(message.data).reshape(message.height, message.step)[:, : message.width]
+            stamp = message.header.stamp
+            movers = np.isin(image, tags).astype(np.uint8)
+            yield stamp.sec * 1_000_000_000 + stamp.nanosec, cv2.dilate(movers, rim) > 0
+
+
+def without_movers(
+    pairs: Iterator[StereoPair], left: Iterator[Mask], right: Iterator[Mask]
+) -> Iterator[StereoPair]:
+    """Pairs in which movers are painted over in the tones around them, with the mask of the left image.
+
+    Systems that take no mask find little to hold on to in smooth paint; those that do get it.
+
+    Args:
+        pairs: Pairs of images.
+        left: Masks of the left images; those of other times are passed over.
+        right: Masks of the right images.
+    """
+    for pair in pairs:
+        masks = [_of_stamp(found, pair.stamp_ns) for found in (left, right)]
+        yield replace(
+            pair,
+            left=painted_over(pair.left, masks[0]),
+            right=painted_over(pair.right, masks[1]),
+            left_mover=masks[0],
+        )
+
+
+def _of_stamp(masks: Iterator[Mask], stamp_ns: int) -> NDArray[np.bool_]:
+    for found_ns, mask in masks:
+        if found_ns == stamp_ns:
+            return mask
+    raise EvaluationError(f"no labelled image of {stamp_ns}; replay cameras with the output semantic")
+
+
+def painted_over(image: U8, mask: NDArray[np.bool_]) -> U8:
+    """An image whose masked part is filled smoothly from its rim (Telea 2004), shape (H, W)."""
+    if not mask.any():
+        return image
+    height, width = image.shape
+    small = (max(width // SHRINK, 1), max(height // SHRINK, 1))
+    coarse = cv2.resize(image, small, interpolation=cv2.INTER_AREA)
+    hole = cv2.resize(mask.astype(np.uint8) * 255, small, interpolation=cv2.INTER_AREA) > 0
+    paint = cv2.inpaint(coarse, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA)
+    smooth = cv2.resize(paint, (width, height), interpolation=cv2.INTER_CUBIC)
+    return np.asarray(np.where(mask, smooth, image), np.uint8)

@@ -1,0 +1,1 @@
+"""The standard dataset: drives recorded, replayed and put together."""

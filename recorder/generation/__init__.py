@@ -1,1 +1,0 @@
-"""From an episode to datasets: replay, conditions, sequences, manifest."""

@@ -1,1 +1,0 @@
-"""Datasets of several drives: plan, clock, manifest, the sequences of all towns."""

@@ -1,1 +1,0 @@
-"""Estimates of time and size, made before the first byte is written."""

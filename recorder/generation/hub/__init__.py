@@ -1,1 +1,0 @@
-"""What a hub for datasets asks for: card, Croissant, tables, shards."""

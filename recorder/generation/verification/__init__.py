@@ -1,1 +1,0 @@
-"""Whether a dataset is whole and true: its files, its streams, its calibration against its data."""

@@ -1,0 +1,245 @@
+"""A Minari data set of recorded drives: what an agent would have seen, what the driver did, what it earned.
+
+The format is that of Minari's HDF5 storage, pictures lossless (`jpeg_encoding=False`).
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+import carlaloc_env
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.task.actions import action_kind
+from carlaloc_env.task.config import TaskConfig
+from carlaloc_env.task.observations import AgentView, agent_view
+from carlaloc_env.task.referee import Referee
+from carlaloc_env.weather.schedule import weather_of
+from recorder.episode.episode import ControlLog, Episode
+from recorder.episode.town import town_of
+from recorder.minari.recorded_world import RecordedWorld
+
+if TYPE_CHECKING:
+    from minari.data_collector import EpisodeBuffer
+
+ACTION_KINDS = ("continuous", "controls")
+"""Kinds of actions that a drive can be told in."""
+_CHUNK = 256
+"""Actions that are kept in memory at a time."""
+_NAME = re.compile(r"[-_\w]+-v\d+")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MinariConfig:
+    """What becomes of recorded drives."""
+
+    episodes: tuple[Path, ...]
+    """Drives, each an episode of the data set."""
+    out: Path
+    """Folder of the data set; its name is the data set's and ends in a version: ``town01-scripted-v0``."""
+    rig: str = "state"
+    """What is seen: ``state``, ``bev``, a rig's name or its YAML file."""
+    action: str = "continuous"
+    """How the driver's actions are told: one of `ACTION_KINDS`."""
+    weather: str = "ClearNoon"
+    """Weather in which rigs with sensors see the drive."""
+    frame_skip: int = 1
+    """Steps of 50 ms per action."""
+    quality: str = "medium"
+    """Effort per picture."""
+    map: str | Path | None = None
+    """Map of the drives, where they name none that is known."""
+    task: TaskConfig = field(default_factory=TaskConfig)
+    """Rewards, costs and ends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MinariResult:
+    """What was written."""
+
+    path: Path
+    """Folder of the data set."""
+    episodes: int
+    """Drives in it."""
+    steps: int
+    """Actions in it."""
+
+
+def write_minari(
+    config: MinariConfig, progress: Callable[[float, float], None] | None = None
+) -> MinariResult:
+    """Write a data set; nothing of it is left under its name unless it is whole.
+
+    Args:
+        config: What to write.
+        progress: Told now and then how many seconds of how many of the drives are done.
+
+    Raises:
+        ConfigError: an option is unknown or out of range; Minari is missing.
+        EpisodeError: an episode cannot be read, or cannot be told in these actions.
+        OutputError: there is such a data set already.
+    """
+    _check(config)
+    try:
+        from minari.dataset.minari_storage import MinariStorage
+    except ImportError as error:
+        raise ConfigError("Minari is missing; pip install 'carlaloc-env[minari]'") from error
+    if config.out.exists():
+        raise OutputError(f"{config.out} exists; give another name or a new version")
+    drives = [Episode.load(path) for path in config.episodes]
+    part = config.out.with_name(f".{config.out.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    total_s, done_s, steps = sum(drive.duration_s for drive in drives), 0.0, 0
+    storage = None
+    try:
+        (part / "data").mkdir(parents=True)
+        for number, drive in enumerate(drives):
+            with closing(_Drive(drive, config)) as told:
+                if storage is None:
+                    kinds = told.view.space, told.action_space, _spec(config, drive)
+                    storage = MinariStorage.new(part / "data", *kinds, jpeg_encoding=False)
+                count = 0
+                for chunk in told.chunks(number):
+                    storage.update_episodes([chunk])
+                    count += len(chunk)
+                    if progress is not None:
+                        progress(done_s + count * config.frame_skip * STEP_NS * 1e-9, total_s)
+            # Minari counts the steps of the last chunk alone.
+            storage.update_episode_metadata([{"total_steps": count}], [number])
+            steps, done_s = steps + count, done_s + drive.duration_s
+        assert storage is not None
+        storage.update_metadata(_metadata(config, drives))
+        part.rename(config.out)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return MinariResult(path=config.out, episodes=len(drives), steps=steps)
+
+
+class _Drive:
+    """One drive as an agent would have had it."""
+
+    def __init__(self, episode: Episode, config: MinariConfig) -> None:
+        self._episode, self._config = episode, config
+        self._world = RecordedWorld(episode, town_of(episode, config.map))
+        self._stage = SensorStage(
+            self._world.town,
+            seed=episode.header.seed,
+            weather=weather_of(config.weather),
+            quality=config.quality,
+        )
+        self.view: AgentView = agent_view(config.rig, self._world, self._stage, config.quality)
+        self.action_space = action_kind(config.action).space
+
+    def chunks(self, number: int) -> Iterator[EpisodeBuffer]:
+        """The drive up to its end, a stretch at a time."""
+        from minari.data_collector import EpisodeBuffer
+
+        seen, rows = [self.view.reset(self._world)], []
+        for row in self._steps(seen):
+            rows.append(row)
+            if len(rows) == _CHUNK or row[2] or row[3]:
+                actions, rewards, ends, overs = zip(*rows, strict=True)
+                yield EpisodeBuffer(
+                    id=number,
+                    observations=_stacked(seen),
+                    actions=np.array(actions),
+                    rewards=list(rewards),
+                    terminations=list(ends),
+                    truncations=list(overs),
+                )
+                seen.clear()
+                rows.clear()
+
+    def _steps(self, seen: list[Any]) -> Iterator[tuple[NDArray[np.float32], float, bool, bool]]:
+        """Action, reward, whether it ended, whether it was over; what is seen is added."""
+        world, config, controls = self._world, self._config, self._episode.controls
+        referee, ended, over, taken = Referee(world, config.task), False, False, 0
+        while not (ended or over):
+            actions, reward = [], 0.0
+            for _ in range(config.frame_skip):
+                actions.append(_action(controls, world.driven_ticks(), config.action))
+                verdict = referee.judge(world.advance())
+                self.view.follow(world)
+                reward, taken = reward + verdict.reward, taken + 1
+                ended = verdict.ended_by is not None
+                over = not ended and (verdict.truncated_by is not None or taken == world.step_count)
+                if ended or over:
+                    break
+            seen.append(self.view.observe(world, referee.standing_s))
+            action = np.asarray(np.mean(actions, axis=0), np.float32)
+            if not self.action_space.contains(action):
+                raise EpisodeError(
+                    f"{self._episode.path}: its controls {action} are no {config.action} action"
+                )
+            yield action, reward, ended, over
+
+    def close(self) -> None:
+        """Give the sensors' memory back."""
+        self._stage.close()
+
+
+def _action(controls: ControlLog, ticks: slice, kind: str) -> NDArray[np.float64]:
+    """Mean of what the driver did in a step.
+
+    Raises:
+        EpisodeError: the drive goes backwards, which two numbers cannot tell.
+    """
+    pedals = controls.steer[ticks], controls.throttle[ticks], controls.brake[ticks]
+    if kind == "controls":
+        levers = controls.reverse[ticks], controls.handbrake[ticks]
+        return np.array([float(np.mean(column)) for column in (*pedals, *levers)])
+    if controls.reverse[ticks].any():
+        raise EpisodeError("the drive goes backwards, which `continuous` cannot tell; use --action controls")
+    return np.array([pedals[0].mean(), (pedals[1] - pedals[2]).mean()])
+
+
+def _stacked(seen: Sequence[Any]) -> Any:
+    """Observations one after the other, key by key."""
+    if isinstance(seen[0], dict):
+        return {key: _stacked([one[key] for one in seen]) for key in seen[0]}
+    return np.array(seen)
+
+
+def _check(config: MinariConfig) -> None:
+    if config.action not in ACTION_KINDS:
+        raise ConfigError(unknown_name("kind of action", config.action, ACTION_KINDS))
+    if not _NAME.fullmatch(config.out.name):
+        raise ConfigError(f"'{config.out.name}' is no name of a data set; end it in a version: town01-v0")
+    if not 1 <= config.frame_skip <= 200:
+        raise ConfigError(f"frame skip is {config.frame_skip}; give 1 to 200 steps of 50 ms")
+
+
+def _spec(config: MinariConfig, drive: Episode) -> gymnasium.envs.registration.EnvSpec:
+    """The environment in which the same is seen, done and earned."""
+    known = drive.header.map_name in carlaloc_env.TOWNS and config.map is None
+    spec = gymnasium.spec(f"CarlaLoc-{drive.header.map_name}-v1" if known else "CarlaLoc-v1")
+    spec.kwargs.update(rig=config.rig, action=config.action, frame_skip=config.frame_skip)
+    spec.kwargs.update(weather=config.weather, quality=config.quality)
+    if not known:
+        spec.kwargs["map"] = str(config.map or drive.header.map_name)
+    return spec
+
+
+def _metadata(config: MinariConfig, drives: Sequence[Episode]) -> dict[str, Any]:
+    from minari import __version__ as version
+
+    devices = sorted({drive.header.device for drive in drives})
+    return {
+        "dataset_id": config.out.name,
+        "minari_version": version,
+        "algorithm_name": f"driver: {', '.join(devices)}",
+        "description": f"{len(drives)} recorded drives of CarlaLoc {carlaloc_env.__version__}, "
+        f"rig {config.rig}, weather {config.weather}, one action in {50 * config.frame_skip} ms",
+        "requirements": [f"carlaloc-env=={carlaloc_env.__version__}"],
+    }

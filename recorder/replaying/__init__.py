@@ -1,0 +1,1 @@
+"""An episode, a rig and conditions made into sequences."""

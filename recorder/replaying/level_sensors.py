@@ -1,0 +1,169 @@
+"""The sensors of a drive under one traffic level: built once in a process, they measure any stretch of it.
+
+Rays are cast and G-buffers drawn once, and every weather is shaded from them. Nothing here simulates: sensors
+look at the recorded Timeline.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from heapq import merge
+from pathlib import Path
+
+import numpy as np
+
+from carlaloc_env.core.clock import STEP_NS, TICK_NS
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples import Sample
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.sensors.base import Camera
+from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
+from carlaloc_env.sensors.ground_truth.objects import objects_at
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.parked import without_parked_cars
+from carlaloc_env.weather.schedule import Weather
+from recorder.episode.episode import Episode
+from recorder.episode.traffic_level import TrafficLevel
+from recorder.replaying.camera_history import first_pictures_ns
+from recorder.replaying.spool import Order
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelConfig:
+    """What the sensors of a level are made of."""
+
+    episode: Path
+    """The drive."""
+    town: Path
+    """OpenDRIVE file of the town."""
+    level: TrafficLevel
+    """Traffic."""
+    rig: SensorRig
+    """The sensors."""
+    weathers: tuple[Weather, ...]
+    """Weathers of images and of sensors that feel the weather."""
+    camera_ns: tuple[int, int]
+    """Stretch in which cameras take images [ns]."""
+    seed: int
+    """Seed of sensor noise."""
+    quality: str
+    """Quality of images."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A sample and what it belongs to."""
+
+    order: Order
+    """Its place among all samples."""
+    weather: int | None
+    """Number of its weather; None: the same under all of them."""
+    sample: Sample
+    """The sample."""
+
+
+class LevelSensors:
+    """Sensors on the stage of a level.
+
+    Raises:
+        RenderError: pictures cannot be drawn here.
+        RaycastError: rays cannot be cast here.
+    """
+
+    def __init__(self, config: LevelConfig) -> None:
+        self.config = config
+        self._timeline = config.level.select(Episode.load(config.episode).timeline())
+        # Nobody else holds the town here, so that the stage can let its meshes go.
+        self._stage = SensorStage(
+            load_town(config.town)
+            if config.level.parked_cars
+            else without_parked_cars(load_town(config.town)),
+            seed=config.seed,
+            weather=config.weathers[0],
+            quality=config.quality,
+        )
+        self._rig = config.rig.build(self._stage)
+        self._objects = _object_truth(config.rig, self._stage)
+
+    @property
+    def streams(self) -> tuple[str, ...]:
+        """Names of all streams of the rig."""
+        return self._rig.streams
+
+    def close(self) -> None:
+        """Give GPU memory back."""
+        self._stage.close()
+
+    def recall(self, span_ns: tuple[int, int]) -> Iterator[int]:
+        """Stamps of the pictures that cameras must have seen before a stretch [ns], each seen in its turn.
+
+        Measuring sees those that are missing, too; this tells how far it is.
+        """
+        timeline, weathers = self._timeline, list(self.config.weathers)
+        firsts_ns = first_pictures_ns(self.config.rig, self.config.camera_ns, span_ns)
+        # All cameras go together: they share shadows.
+        return merge(
+            *(
+                sensor.recall(timeline, firsts_ns[config], weathers)
+                for config, sensor in zip(self.config.rig.sensors, self._rig.sensors, strict=True)
+                if isinstance(config, CameraConfig) and isinstance(sensor, Camera) and config in firsts_ns
+            )
+        )
+
+    def measure(self, window_ns: tuple[int, int]) -> list[Measured]:
+        """Samples with stamps in a window [ns], begin included, in their order."""
+        found = [*self._of_sensors(window_ns), *self._truth(window_ns)]
+        return sorted(found, key=lambda one: one.order)
+
+    def _of_sensors(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
+        timeline, weathers = self._timeline, list(self.config.weathers)
+        begin, end = self.config.camera_ns
+        for place, sensor in enumerate(self._rig.sensors):
+            stamps = [
+                stamp
+                for stamp in sensor.schedule.stamps_ns_in(*window_ns)
+                if stamp + sensor.latency_ns <= timeline.end_ns
+            ]
+            if isinstance(sensor, Camera):
+                for stamp in stamps:
+                    if begin <= stamp < end:
+                        rows = sensor.measure_conditions(timeline, stamp, weathers)
+                        yield from _by_weather(stamp, place, rows)
+            elif sensor.depends_on_weather:
+                for stamp in stamps:
+                    now = [weather.at(stamp) for weather in weathers]
+                    yield from _by_weather(stamp, place, sensor.measure_conditions(timeline, stamp, now))
+            else:
+                for number, sample in enumerate(sensor.measure(timeline, stamps)):
+                    yield Measured((sample.stamp_ns, place, number), None, sample)
+
+    def _truth(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
+        first, end = window_ns
+        for stamp in range(-(-first // STEP_NS) * STEP_NS, end, STEP_NS):
+            yield Measured((stamp, -1, 0), None, self._objects(self._timeline, stamp))
+        ticks = np.arange(first, end, TICK_NS)
+        for truth in truth_at(self._timeline, ticks.tolist(), np.eye(4)):
+            yield Measured((truth.stamp_ns, -1, 1), None, truth)
+
+
+def _by_weather(stamp_ns: int, place: int, rows: list[list[Sample]]) -> Iterator[Measured]:
+    """Samples of one sensor and instant; what all weathers have in common comes once."""
+    for number, versions in enumerate(zip(*rows, strict=True)):
+        order = (stamp_ns, place, number)
+        if all(version is versions[0] for version in versions):
+            yield Measured(order, None, versions[0])
+        else:
+            for weather, version in enumerate(versions):
+                yield Measured(order, weather, version)
+
+
+def _object_truth(config: SensorRig, stage: SensorStage) -> Callable[[Timeline, int], Sample]:
+    """Truth of all actors; rigs without rays do without visibility, so that they need no Open3D."""
+    eyes = [sensor.mount.position_m for kind in ("lidar", "radar") for sensor in config.of_kind(kind)]
+    if not eyes:
+        return objects_at
+    return partial(objects_at, rays=stage.rays(), eye_m=eyes[0])

@@ -1,0 +1,272 @@
+"""What a replay is asked for, checked before anything heavy is imported, built or written."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import ConfigError, WriterError, unknown_name
+from carlaloc_env.core.files.output_paths import check_output_folder, path_below
+from carlaloc_env.render.qualities import check_quality
+from carlaloc_env.rigs.memory import check_memory
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.timeline.timeline import Timeline
+from carlaloc_env.town.sources import TownId
+from recorder.dataset.manifest import is_begun, origin_of
+from recorder.episode.episode import Episode
+from recorder.episode.town import town_id_of
+from recorder.replaying.code_digest import code_digest
+from recorder.replaying.conditions import Condition, conditions_of
+from recorder.replaying.units import Unit, units_of
+from recorder.writers.topics import profile_by_name
+
+FORMATS = {
+    "rosbag1": "ROS 1 bag, not compressed",
+    "rosbag1_lz4": "ROS 1 bag, chunks by LZ4",
+    "rosbag1_bz2": "ROS 1 bag, chunks by bzip2: slow",
+    "rosbag2": "ROS 2 bag, MCAP with zstd chunks",
+    "rosbag2_sqlite3": "ROS 2 bag, SQLite",
+    "euroc": "EuRoC (ASL) folder mav0: grey images, IMU, true states",
+    "kitti": "KITTI odometry and SemanticKITTI, with labels of what moves",
+    "dsec": "DSEC: events and identity maps of each event camera, disparity of a pair",
+    "raw": "PNG, PLY and npz, a folder or table a stream",
+}
+"""Names of dataset formats; `sequence_writers` has the writers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayConfig:
+    """What to replay, under which conditions, and in which formats."""
+
+    episode: Path
+    """Episode to replay."""
+    out: Path
+    """Folder of the dataset; must not hold this town's sequences yet."""
+    weathers: tuple[str, ...] = ("ClearNoon",)
+    """Names of weathers, or paths of schedules (``.yaml``)."""
+    traffic: tuple[str, ...] = ("dynamic",)
+    """Traffic levels: ``dynamic``, ``static``, ``empty``, fractions."""
+    rig: str = "paper"
+    """Name of a rig, or a YAML file."""
+    formats: tuple[str, ...] = ("rosbag1", "euroc")
+    """Dataset formats."""
+    topics: str = "standard"
+    """Topic profile of bags."""
+    start_s: float = 0.0
+    """Beginning of the stretch [s]."""
+    duration_s: float | None = None
+    """Length of the stretch [s]; None: to the end of the drive."""
+    camera_start_s: float | None = None
+    """Beginning of the images [s]; None: that of the stretch."""
+    camera_duration_s: float | None = None
+    """Length of the images [s]; None: the whole stretch."""
+    seed: int | None = None
+    """Seed of sensor noise; None: the episode's."""
+    quality: str = "medium"
+    """Quality of images: ``low``, ``medium``, ``high``."""
+    workers: int | None = None
+    """Processes; None: one per core."""
+    cluster: str | None = None
+    """Address of a Dask scheduler whose workers do the work in place of processes of this machine."""
+    unit_s: float = 10.0
+    """Length of the stretch that a worker makes at a time [s]; no byte depends on it."""
+    preview: bool = True
+    """Whether a film of each sequence is made."""
+    lens_drops: bool = False
+    """Whether drops cling to the lenses of all cameras while it rains."""
+    map: Path | str | None = None
+    """Map of the drive, name or file; None: the town that the episode names."""
+    leaf_wind_mps: float = 0.0
+    """Wind that sways leaves in all images [m/s]; 0: as the rig says."""
+
+    def __post_init__(self) -> None:
+        check_formats(self.formats)
+        check_quality(self.quality)
+        profile_by_name(self.topics)
+        if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
+            raise ConfigError("start must not be negative and duration must be above zero")
+        if self.workers is not None and self.workers < 1:
+            raise ConfigError(f"{self.workers} workers; give at least 1")
+        if self.unit_s < STEP_NS / 1e9:
+            raise ConfigError(f"units of {self.unit_s:g} s; give at least {STEP_NS / 1e9:g} s")
+        if self.seed is not None and self.seed < 0:
+            raise ConfigError(f"seed {self.seed}; give a number that is not negative")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReplayPlan:
+    """A replay that may begin."""
+
+    config: ReplayConfig
+    """What was asked for."""
+    conditions: tuple[Condition, ...]
+    """Weather and traffic of every sequence."""
+    rig: SensorRig
+    """The sensors."""
+    episode: Episode
+    """The drive."""
+    timeline: Timeline
+    """Where everything was."""
+    town: TownId
+    """Where it was driven."""
+    span_ns: tuple[int, int]
+    """First stamp and end (not included) of the stretch [ns]."""
+    camera_ns: tuple[int, int]
+    """The same of its images [ns]."""
+    seed: int
+    """Seed of sensor noise."""
+    origin: dict[str, Any]
+    """What all sequences of the dataset share."""
+
+    @property
+    def town_dir(self) -> Path:
+        """Folder of the town in the dataset."""
+        return path_below(self.config.out, self.town.name)
+
+    @property
+    def sequences(self) -> tuple[Path, ...]:
+        """Folders of the sequences in the dataset."""
+        return tuple(path_below(self.town_dir, condition.name) for condition in self.conditions)
+
+    @property
+    def processes(self) -> int:
+        """How many processes of this machine can share the work."""
+        return min(self.config.workers or os.cpu_count() or 1, len(self.units))
+
+    @property
+    def units(self) -> tuple[Unit, ...]:
+        """Units of work, traffic level by traffic level."""
+        levels = tuple(dict.fromkeys(condition.traffic for condition in self.conditions))
+        return units_of(levels, self.span_ns, round(self.config.unit_s * 1e9) // STEP_NS * STEP_NS)
+
+    @property
+    def request(self) -> dict[str, str]:
+        """All that decides about the bytes that are written, by names that a person knows."""
+        config = self.config
+        return {
+            "town": f"{self.town.name} {self.town.content_hash}",
+            "episode": self.origin["episode"]["sha256"],
+            "rig": repr(self.rig),
+            "stretch": repr((self.span_ns, self.camera_ns)),
+            "set of conditions": repr(self.conditions),
+            "set of formats": repr((config.formats, config.topics, config.preview)),
+            "seed": repr(self.seed),
+            "quality": config.quality,
+            "length of units": repr(config.unit_s),
+            "version of CarlaLoc": code_digest(),
+        }
+
+    def check_room(self) -> bool:
+        """Whether the dataset is begun already, so that sequences are added to it.
+
+        Raises:
+            WriterError: it is one of another drive, or has one of the sequences.
+        """
+        begun = is_begun(self.config.out, self.origin)
+        if not begun and self.town_dir.exists():
+            raise WriterError(
+                f"{self.town_dir} exists, but {self.config.out} holds no dataset; choose another --out or "
+                "delete it first"
+            )
+        for folder in self.sequences:
+            if folder.exists():
+                raise WriterError(f"{folder} exists; choose another --out or delete it first")
+        return begun
+
+
+def plan_replay(config: ReplayConfig) -> ReplayPlan:
+    """Look at everything that a replay needs.
+
+    Raises:
+        ConfigError: an unknown rig, weather or level, or a stretch outside the drive.
+        EpisodeError: the episode cannot be read, or its map has changed since or must be given.
+        OutputError: `out` is no folder.
+        WriterError: `out` holds another dataset.
+    """
+    check_output_folder(config.out)
+    conditions = conditions_of(config.weathers, config.traffic)
+    episode = Episode.load(config.episode)
+    town = town_id_of(episode, config.map)
+    timeline = episode.timeline()
+    span, cameras = _spans(config, timeline)
+    rig = rig_of(config)
+    seed = episode.header.seed if config.seed is None else config.seed
+    plan = ReplayPlan(
+        config=config,
+        conditions=conditions,
+        rig=rig,
+        episode=episode,
+        timeline=timeline,
+        town=town,
+        span_ns=span,
+        camera_ns=cameras,
+        seed=seed,
+        origin=origin_of(town, episode, rig, seed=seed, span_ns=span, topics=config.topics),
+    )
+    if config.cluster is None:
+        levels = len({condition.traffic for condition in conditions})
+        weathers = len(conditions) // levels
+        check_memory(rig, quality=config.quality, weathers=weathers, processes=plan.processes)
+    return plan
+
+
+def rig_of(config: ReplayConfig) -> SensorRig:
+    """The rig of a replay, with the options that it sets for all cameras.
+
+    Raises:
+        ConfigError: there is no such rig, or an option is out of range.
+    """
+    rig = rig_by_name(config.rig)
+    changes: dict[str, Any] = {}
+    if config.lens_drops:
+        changes["lens_drops"] = True
+    if config.leaf_wind_mps:
+        changes["leaf_wind_mps"] = config.leaf_wind_mps
+    if not changes:
+        return rig
+    sensors = tuple(replace(s, **changes) if isinstance(s, CameraConfig) else s for s in rig.sensors)
+    return replace(rig, sensors=sensors)
+
+
+def check_formats(formats: tuple[str, ...]) -> None:
+    """Refuse unknown formats.
+
+    Raises:
+        ConfigError: a format is unknown; the message names the nearest.
+    """
+    for name in formats:
+        if name == "minari":
+            raise ConfigError("Minari tells steps, actions and rewards, no samples; use `carlaloc minari`")
+        if name not in FORMATS:
+            raise ConfigError(unknown_name("format", name, FORMATS))
+
+
+def _spans(config: ReplayConfig, timeline: Timeline) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Stretch of all sensors and of the cameras [ns], whole steps."""
+    last = timeline.end_ns // STEP_NS * STEP_NS
+    first = round(config.start_s * 1e9) // STEP_NS * STEP_NS
+    end = last if config.duration_s is None else first + round(config.duration_s * 1e9) // STEP_NS * STEP_NS
+    if first >= last:
+        raise ConfigError(
+            f"the stretch begins at {config.start_s:g} s, but the drive ends at {last / 1e9:g} s; "
+            "give a smaller --start"
+        )
+    end = min(end, last)
+    begin = first if config.camera_start_s is None else round(config.camera_start_s * 1e9)
+    length = end if config.camera_duration_s is None else begin + round(config.camera_duration_s * 1e9)
+    if begin >= end:
+        raise ConfigError(
+            f"the images begin at {begin / 1e9:g} s, but the stretch ends at {end / 1e9:g} s; "
+            "give a smaller --camera-start"
+        )
+    if length <= first:
+        raise ConfigError(
+            f"the images end at {length / 1e9:g} s, but the stretch begins at {first / 1e9:g} s; "
+            "give a larger --camera-start or --camera-duration"
+        )
+    return (first, end), (max(begin, first), min(length, end))

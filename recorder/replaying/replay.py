@@ -1,0 +1,81 @@
+"""Replay an episode through a sensor rig, under any weather and traffic, and write datasets.
+
+The drive is cut into units that workers make in any order; sequences are assembled from them. All is written
+into a working folder and gets its final names when all is whole.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from recorder.replaying.plan import ReplayConfig, ReplayPlan, plan_replay, rig_of
+from recorder.replaying.working_folder import WorkingFolder
+
+__all__ = ["Progress", "ReplayConfig", "ReplayResult", "replay", "rig_of"]
+
+Progress = Callable[[float, float], None]
+"""Called with seconds of sensor data done and seconds in all, over all traffic levels."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayResult:
+    """What was written."""
+
+    out: Path
+    """Folder of the dataset."""
+    sequences: tuple[Path, ...]
+    """Folder of each sequence."""
+    ground_truth: Path
+    """Folder of the true trajectories."""
+    samples: dict[str, int]
+    """Number of samples of each stream, over all sequences."""
+
+
+def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResult:
+    """Replay an episode and write all its sequences.
+
+    What the same replay has finished before it was killed, interrupted or ran out of disk is not done
+    again: it goes on from there, and ends with the same bytes.
+
+    Args:
+        config: What to replay.
+        progress: Told about every second how far all levels are.
+
+    Raises:
+        ConfigError: an unknown rig, weather, format or level, or a stretch outside the drive.
+        EpisodeError: the episode cannot be read, or its map has changed since or must be given.
+        OutputError: `out` is no folder.
+        WriterError: a sequence exists already or cannot be written; another run is at work in the folder,
+            or has left an unfinished dataset of another configuration there.
+    """
+    plan = plan_replay(config)
+    with WorkingFolder(config.out, plan.town.name, plan.origin, plan.request) as work:
+        if not work.is_done:
+            begun = plan.check_room()
+            # Imported when nothing is left that could be refused: these bring all that draws and writes.
+            from recorder.replaying.run import ReplayRun
+
+            ReplayRun(plan, work, progress or _nobody).run(with_shared=not begun)
+            work.publish()
+    return _result(plan)
+
+
+def _nobody(done_s: float, total_s: float) -> None:
+    """Listen to no progress."""
+
+
+def _result(plan: ReplayPlan) -> ReplayResult:
+    samples: Counter[str] = Counter()
+    for folder in plan.sequences:
+        samples.update(yaml.safe_load((folder / "sequence.yaml").read_text(encoding="utf-8"))["samples"])
+    return ReplayResult(
+        out=plan.config.out,
+        sequences=plan.sequences,
+        ground_truth=plan.town_dir / "ground_truth",
+        samples=dict(sorted(samples.items())),
+    )

@@ -1,0 +1,272 @@
+"""One run of a replay: units to workers, sequences assembled as soon as their units are whole."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+import yaml
+
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.output_paths import path_below
+from recorder.dataset.manifest import checksums
+from recorder.episode.traffic_level import TrafficLevel
+from recorder.replaying.camera_history import nearest_begin_ns, past_s
+from recorder.replaying.conditions import Condition
+from recorder.replaying.level_sensors import LevelConfig
+from recorder.replaying.plan import ReplayPlan
+from recorder.replaying.sequence_writers import (
+    DatasetSequence,
+    SequenceConfig,
+    without_unwritten,
+    write_shared,
+    writers_of,
+)
+from recorder.replaying.unit_work import (
+    SHARED,
+    STOP,
+    AssemblyJob,
+    UnitJob,
+    assemble,
+    is_whole,
+    make_unit,
+    release_sensors,
+)
+from recorder.replaying.units import Unit
+from recorder.replaying.workers import (
+    DaskCluster,
+    LocalProcesses,
+    Task,
+    ThisProcess,
+    Workers,
+    progress_of,
+    run_tasks,
+)
+from recorder.replaying.working_folder import SHARED as SHARED_FOLDERS
+from recorder.replaying.working_folder import WorkingFolder
+
+_log = logging.getLogger(__name__)
+
+ASSEMBLY_SHARE = 0.1
+"""Share of a sequence's assembly in the progress: seconds of a unit that a second of it counts for."""
+
+TOLD_FROM_S = 1.0
+"""Time that cameras must see before their first picture from which on this is told [s]."""
+
+
+class ReplayRun:
+    """What is done and what is left of a replay.
+
+    Args:
+        plan: What is replayed.
+        work: Its working folder.
+        progress: Called with seconds of sensor data done and in all.
+    """
+
+    def __init__(self, plan: ReplayPlan, work: WorkingFolder, progress: Any) -> None:
+        self._plan, self._work, self._progress = plan, work, progress
+        config = plan.config
+        rig = without_unwritten(plan.rig, config.formats, config.topics)
+        self._writers = SequenceConfig(
+            rig=rig, formats=config.formats, topics=config.topics, preview=config.preview, seed=plan.seed
+        )
+        # A rig without what a format needs is told before anything is made.
+        writers_of(self._writers, (), work.path, caption="")
+        self._left: dict[TrafficLevel, set[str]] = {}
+        self._done_s = 0.0
+
+    def run(self, *, with_shared: bool) -> None:
+        """Do all that is left.
+
+        Args:
+            with_shared: Whether calibration and ground truth are written, too.
+
+        Raises:
+            WriterError: the disk is full.
+            KeyboardInterrupt: the run was asked to end; its message says how to go on.
+        """
+        plan, work = self._plan, self._work
+        if with_shared:
+            for name in SHARED_FOLDERS:
+                rmtree(work.town_dir / name, ignore_errors=True)
+            write_shared(
+                work.town_dir,
+                plan.rig,
+                plan.timeline,
+                plan.span_ns,
+                topics=plan.config.topics,
+                seed=plan.seed,
+            )
+        self._tell_of_the_past()
+        try:
+            run_tasks(self._tasks(), self._workers(), done=self._after, look=self._look)
+        except WriterError as error:
+            raise WriterError(f"{error}{self._how_to_go_on()}") from error
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(self._how_to_go_on().removeprefix("; ")) from None
+        finally:
+            # Workers of a cluster end with nobody's process: they look for this.
+            with suppress(OSError):
+                (work.units_dir / STOP).touch()
+
+    def _tell_of_the_past(self) -> None:
+        """Tell of pictures that must be made before the first one, where they are many."""
+        rig, camera_ns = self._writers.rig, self._plan.camera_ns
+        long_s = past_s(rig, camera_ns, camera_ns)
+        if long_s >= TOLD_FROM_S:
+            better_ns = nearest_begin_ns(rig, camera_ns)
+            hint = "" if better_ns is None else f"; images from {better_ns / 1e9:.2f} s on need none of it"
+            _log.warning(
+                "images from %.2f s on: event pixels and exposure control must see the %.2f s before, too%s",
+                camera_ns[0] / 1e9,
+                long_s,
+                hint,
+            )
+
+    def _how_to_go_on(self) -> str:
+        whole = self._work.kept()
+        return f"; {whole} parts are whole, and the same command goes on from there" if whole else ""
+
+    def _workers(self) -> Workers:
+        plan = self._plan
+        if plan.config.cluster is not None:
+            return DaskCluster(plan.config.cluster)
+        if plan.processes > 1:
+            return LocalProcesses(plan.processes)
+        return ThisProcess(self._report, release_sensors)
+
+    def _tasks(self) -> list[Task]:
+        """Units that are to be made, and sequences whose units are whole already."""
+        tasks: list[Task] = []
+        kept = 0
+        for level in dict.fromkeys(unit.level for unit in self._plan.units):
+            conditions = [one for one in self._conditions(level) if not self._is_assembled(one)]
+            if not conditions:
+                continue
+            weathers = [condition.weather_name for condition in conditions]
+            units = [unit for unit in self._plan.units if unit.level == level]
+            missing = [unit for unit in units if not self._is_made(unit, weathers)]
+            kept += len(units) - len(missing)
+            self._left[level] = {unit.name for unit in missing}
+            tasks += [self._unit_task(unit) for unit in missing]
+            if not missing:
+                tasks += [self._assembly_task(condition) for condition in conditions]
+        if kept:
+            _log.warning("going on with %d of %d units that are whole already", kept, len(self._plan.units))
+        self._done_s = self._total_s - sum(self._weight_s(task) for task in tasks)
+        for level, left in self._left.items():
+            if left:
+                weight_s = ASSEMBLY_SHARE * self._length_s
+                self._done_s -= weight_s * sum(not self._is_assembled(c) for c in self._conditions(level))
+        return tasks
+
+    def _after(self, task: Task) -> Sequence[Task]:
+        """What can be done now that a task is finished."""
+        self._done_s += self._weight_s(task)
+        if isinstance(task.job, AssemblyJob):
+            condition = task.job.sequence.condition
+            if all(self._final(one).exists() for one in self._conditions(condition.traffic)):
+                for folder in task.job.units:
+                    rmtree(folder, ignore_errors=True)
+            return []
+        unit: Unit = task.job.unit
+        self._left[unit.level].discard(unit.name)
+        if self._left[unit.level]:
+            return []
+        return [
+            self._assembly_task(one) for one in self._conditions(unit.level) if not self._final(one).exists()
+        ]
+
+    def _unit_task(self, unit: Unit) -> Task:
+        plan, config = self._plan, self._plan.config
+        conditions = self._conditions(unit.level)
+        level = LevelConfig(
+            episode=config.episode.resolve(),
+            town=plan.town.source.resolve(),
+            level=unit.level,
+            rig=self._writers.rig,
+            weathers=tuple(condition.weather for condition in conditions),
+            camera_ns=plan.camera_ns,
+            seed=plan.seed,
+            quality=config.quality,
+        )
+        job = UnitJob(
+            unit=unit,
+            level=level,
+            sequence=self._writers,
+            weathers=tuple(condition.weather_name for condition in conditions),
+            folder=self._work.units_dir.resolve(),
+        )
+        return Task(make_unit, job, job.folder / f"{unit.name}.progress")
+
+    def _assembly_task(self, condition: Condition) -> Task:
+        folder = self._work.units_dir.resolve()
+        job = AssemblyJob(
+            sequence=DatasetSequence(condition=condition, folder=self._final(condition).resolve()),
+            config=self._writers,
+            units=tuple(folder / unit.name for unit in self._plan.units if unit.level == condition.traffic),
+        )
+        return Task(assemble, job, folder / f"{condition.name}.progress")
+
+    def _conditions(self, level: TrafficLevel) -> list[Condition]:
+        return [condition for condition in self._plan.conditions if condition.traffic == level]
+
+    def _final(self, condition: Condition) -> Path:
+        return path_below(self._work.town_dir, condition.name)
+
+    def _is_assembled(self, condition: Condition) -> bool:
+        """Whether a sequence is whole, every byte of it."""
+        folder = self._final(condition)
+        try:
+            found = yaml.safe_load((folder / "sequence.yaml").read_text(encoding="utf-8"))["sha256"]
+        except (OSError, KeyError, TypeError, yaml.YAMLError):
+            rmtree(folder, ignore_errors=True)
+            return False
+        sums = checksums(folder)
+        sums.pop("sequence.yaml")
+        if sums != found:
+            rmtree(folder)
+        return bool(sums == found)
+
+    def _is_made(self, unit: Unit, weathers: Sequence[str]) -> bool:
+        folder = self._work.units_dir / unit.name
+        if is_whole(folder, (SHARED, *weathers)):
+            return True
+        rmtree(folder, ignore_errors=True)
+        return False
+
+    @property
+    def _length_s(self) -> float:
+        first, end = self._plan.span_ns
+        return (end - first) / 1e9
+
+    @property
+    def _total_s(self) -> float:
+        units_s = sum(self._unit_s(unit) for unit in self._plan.units)
+        return units_s + ASSEMBLY_SHARE * self._length_s * len(self._plan.conditions)
+
+    def _unit_s(self, unit: Unit) -> float:
+        """Length of a unit [s], with what its cameras must have seen before."""
+        return unit.length_s + past_s(self._writers.rig, self._plan.camera_ns, unit.span_ns)
+
+    def _weight_s(self, task: Task) -> float:
+        if isinstance(task.job, UnitJob):
+            return self._unit_s(task.job.unit)
+        return ASSEMBLY_SHARE * self._length_s
+
+    def _part_s(self, task: Task, done: float) -> float:
+        """Progress [s] of a task that has done so much."""
+        if isinstance(task.job, UnitJob):
+            return done
+        return self._weight_s(task) * done / len(task.job.units)
+
+    def _report(self, task: Task, done: float) -> None:
+        self._progress(self._done_s + self._part_s(task, done), self._total_s)
+
+    def _look(self, tasks: Sequence[Task]) -> None:
+        done_s = self._done_s + sum(self._part_s(task, progress_of(task)) for task in tasks)
+        self._progress(done_s, self._total_s)

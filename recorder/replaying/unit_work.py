@@ -1,0 +1,216 @@
+"""What a worker does: it makes the pieces of a unit, or assembles a sequence of them.
+
+Both are functions of a job that is plain data, on any machine that sees the episode and the working folder.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from secrets import token_hex
+from typing import Any
+
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.errors import CarlaLocError, WriterError
+from carlaloc_env.core.freed_memory import give_back_freed_memory
+from recorder.episode.traffic_level import TrafficLevel
+from recorder.replaying.camera_history import past_ns
+from recorder.replaying.level_sensors import LevelConfig, LevelSensors
+from recorder.replaying.sample_counts import SampleCounts
+from recorder.replaying.sequence_writers import DatasetSequence, SequenceConfig, WriterGroup, writers_of
+from recorder.replaying.spool import SpoolFile, SpoolWriter, merged
+from recorder.replaying.units import Unit
+
+SUMMARY = "unit.json"
+"""File that makes a unit's folder whole."""
+SHARED = "shared"
+"""Spool of what all weathers have in common."""
+STOP = "stop"
+"""File in the folder of all units that tells workers to stop."""
+
+Report = Callable[[float], None]
+"""Called with seconds of sensor data that are done."""
+
+_held = threading.local()
+"""The sensors that this thread has built last; OpenGL's contexts belong to threads."""
+
+
+class Stopped(CarlaLocError):
+    """The run that a unit belongs to has been asked to end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitJob:
+    """A unit, as a worker gets it."""
+
+    unit: Unit
+    """What to make."""
+    level: LevelConfig
+    """Of what."""
+    sequence: SequenceConfig
+    """For which writers."""
+    weathers: tuple[str, ...]
+    """Names of the weathers."""
+    folder: Path
+    """Folder of all units."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssemblyJob:
+    """A sequence, as a worker gets it."""
+
+    sequence: DatasetSequence
+    """Condition and folder."""
+    config: SequenceConfig
+    """Its writers."""
+    units: tuple[Path, ...]
+    """Folders of its units, in the order of time."""
+
+
+def make_unit(job: UnitJob, report: Report) -> None:
+    """Make all pieces of a unit; its folder gets its name when it is whole.
+
+    Args:
+        job: What to make.
+        report: Told after every step.
+
+    Raises:
+        Stopped: the run has been asked to end.
+        WriterError: the disk is full.
+        RenderError: pictures cannot be drawn here.
+        RaycastError: rays cannot be cast here.
+    """
+    final = job.folder / job.unit.name
+    part = job.folder / f"{job.unit.name}.{token_hex(4)}.part"
+    try:
+        part.mkdir(parents=True)
+        _fill(job, part, report)
+        try:
+            part.rename(final)
+        except OSError:
+            # Another worker has made it, too, after this one was thought lost; its bytes are the same.
+            if not (final / SUMMARY).exists():
+                raise
+    except OSError as error:
+        raise WriterError(f"cannot write {final}: {error.strerror}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _fill(job: UnitJob, part: Path, report: Report) -> None:
+    sensors = _sensors_of(job.level)
+    encoders = writers_of(job.sequence, sensors.streams, part / "none", caption="")
+    names = (SHARED, *job.weathers)
+    counts = {name: SampleCounts() for name in names}
+    with ExitStack() as closing:
+        spools = {name: SpoolWriter(part / f"{name}.spool") for name in names}
+        for spool in spools.values():
+            closing.callback(spool.drop)
+        first, end = job.unit.span_ns
+        past = past_ns(job.level.rig, job.level.camera_ns, job.unit.span_ns)
+        for at_ns in sensors.recall(job.unit.span_ns):
+            _check_stop(job)
+            report((at_ns - past[0]) / 1e9)
+        for begin in range(first, end, STEP_NS):
+            _check_stop(job)
+            window = (begin, min(begin + STEP_NS, end))
+            for one in sensors.measure(window):
+                name = SHARED if one.weather is None else job.weathers[one.weather]
+                counts[name].count(one.sample)
+                for number, encoder in enumerate(encoders):
+                    for piece in encoder.encode(one.sample):
+                        spools[name].put(one.order, number, piece)
+            report((past[1] - past[0] + window[1] - first) / 1e9)
+        files = {name: spool.complete() for name, spool in spools.items()}
+    summary = {
+        "streams": sensors.streams,
+        "counts": {name: count.numbers() for name, count in counts.items()},
+        "files": {name: asdict(file) for name, file in files.items()},
+    }
+    (part / SUMMARY).write_text(json.dumps(summary), encoding="utf-8")
+
+
+def _check_stop(job: UnitJob) -> None:
+    if (job.folder / STOP).exists():
+        raise Stopped("the run has been asked to end")
+
+
+def _sensors_of(config: LevelConfig) -> LevelSensors:
+    """Sensors of a level: those that were built last, where they are the same."""
+    held: LevelSensors | None = getattr(_held, "sensors", None)
+    if held is None or held.config != config:
+        # The old ones are gone before new ones are made: each takes a gigabyte.
+        del held
+        release_sensors()
+        held = _held.sensors = LevelSensors(config)
+    return held
+
+
+def release_sensors() -> None:
+    """Let go of the sensors that this thread holds for the next unit."""
+    held: LevelSensors | None = getattr(_held, "sensors", None)
+    _held.sensors = None
+    if held is not None:
+        held.close()
+        del held
+        give_back_freed_memory()
+
+
+def _forget_level(level: TrafficLevel) -> None:
+    """Let go of held sensors of a level of which all units are whole: nothing of it is measured again."""
+    held: LevelSensors | None = getattr(_held, "sensors", None)
+    if held is not None and held.config.level == level:
+        del held
+        release_sensors()
+
+
+def is_whole(folder: Path, names: Sequence[str]) -> bool:
+    """Whether a unit's folder has spools of these names, each with its checksum."""
+    try:
+        files = read_summary(folder)["files"]
+        return all(asdict(SpoolFile.of(folder / f"{name}.spool")) == files[name] for name in names)
+    except (OSError, KeyError, ValueError, TypeError):
+        return False
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """What a unit says of itself."""
+    found: dict[str, Any] = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    return found
+
+
+def assemble(job: AssemblyJob, report: Report) -> None:
+    """Write a sequence from the pieces of its units; its folder gets its name when it is whole.
+
+    Args:
+        job: What to assemble.
+        report: Told after every unit how many are done.
+
+    Raises:
+        WriterError: the disk is full.
+    """
+    _forget_level(job.sequence.condition.traffic)
+    weather = job.sequence.condition.weather_name
+    summaries = [read_summary(folder) for folder in job.units]
+    group = WriterGroup(job.sequence, job.config, tuple(summaries[0]["streams"]))
+    counts = SampleCounts()
+    try:
+        group.open()
+        for number, (folder, summary) in enumerate(zip(job.units, summaries, strict=True)):
+            for name in (SHARED, weather):
+                counts.add(summary["counts"][name])
+            for _, writer, piece in merged(folder / f"{name}.spool" for name in (SHARED, weather)):
+                group.place(writer, piece)
+            report(float(number + 1))
+        group.close(counts)
+    except BaseException:
+        group.abort()
+        raise
+    # Nobody needs them any more; what all weathers share goes with the last of them.
+    for folder in job.units:
+        (folder / f"{weather}.spool").unlink(missing_ok=True)

@@ -1,0 +1,218 @@
+"""The working folder of a replay: units and sequences lie there until all is whole and takes its final names.
+
+``OUT/.carlaloc-partial`` holds ``run.json``, which says what run it is; ``units``, what workers have
+made; and the town's folder as it will stand in the dataset. A run holds a lock on ``run.json`` that the
+kernel lets go of however the process ends. From what a killed or failed run leaves, the same run goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from shutil import rmtree
+from types import TracebackType
+from typing import IO, Any
+
+from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.file_lock import has_name, take_lock
+from carlaloc_env.core.files.output_paths import path_below
+from carlaloc_env.core.names import check_name
+from recorder.dataset.manifest import is_begun, write_record
+
+FOLDER = ".carlaloc-partial"
+"""Folder of unfinished work in the folder of a dataset."""
+MARKER = "run.json"
+"""File that says what run it is; locked while the run lives."""
+WHOLE = "whole\n"
+"""Second line of that file, once all that the run writes is whole."""
+UNITS = "units"
+"""Folder of finished units."""
+SHARED = ("calibration", "ground_truth")
+"""What all sequences of a town share."""
+
+_log = logging.getLogger(__name__)
+
+
+class WorkingFolder:
+    """Where one run works; as a context manager it keeps finished units when the run fails, and no more.
+
+    Args:
+        out: Folder of the dataset.
+        town: Name of the town's folder in it.
+        origin: What all sequences of the dataset share.
+        request: All that decides about the bytes of the run, as plain values by name.
+    """
+
+    def __init__(self, out: Path, town: str, origin: Mapping[str, Any], request: Mapping[str, str]) -> None:
+        self._out, self._town = out, town
+        self._request = dict(request)
+        self._marks = {"request": dict(request), "town": town, "origin": dict(origin)}
+        self._made = [folder for folder in (out, *out.parents) if not folder.exists()]
+        self._lock: IO[str] | None = None
+        self._is_whole = False
+        self.is_done = False
+        """Whether a run before has done all that was asked for; nothing is left to do."""
+        self.path = path_below(out, FOLDER)
+        """The folder."""
+
+    @property
+    def town_dir(self) -> Path:
+        """Folder of the town while it is being written."""
+        return self.path / self._town
+
+    @property
+    def units_dir(self) -> Path:
+        """Folder of units."""
+        return self.path / UNITS
+
+    def __enter__(self) -> WorkingFolder:
+        try:
+            self._lock = self._locked()
+            found = self._lock.read()
+            if found:
+                self._resume(found)
+            else:
+                self._lock.write(json.dumps(self._marks) + "\n")
+                self._lock.flush()
+            self.units_dir.mkdir(exist_ok=True)
+        except OSError as error:
+            self._leave()
+            raise WriterError(f"cannot write {self._out}: {error.strerror}; choose another --out") from error
+        except BaseException:
+            self._unlock()
+            raise
+        return self
+
+    def _locked(self) -> IO[str]:
+        """The marker, locked."""
+        while True:
+            self.path.mkdir(parents=True, exist_ok=True)
+            marker = (self.path / MARKER).open("a+", encoding="utf-8")
+            if not take_lock(marker):
+                marker.close()
+                raise WriterError(
+                    f"another run is at work in {self._out}; wait until it has ended, or choose another --out"
+                )
+            # A run that has just ended may have removed the file meanwhile.
+            if has_name(marker, self.path / MARKER):
+                marker.seek(0)
+                return marker
+            marker.close()
+
+    def _resume(self, found: str) -> None:
+        """Go on with what an earlier run has left, or refuse it."""
+        first, _, rest = found.partition("\n")
+        try:
+            marks: dict[str, Any] = json.loads(first)
+            theirs: dict[str, str] = marks["request"]
+        except (ValueError, KeyError, TypeError):
+            # Killed within its first millisecond.
+            self._restart()
+            return
+        if rest == WHOLE:
+            _give_names(self._out, self.path, marks)
+            _log.warning("finished what a replay that was killed had written whole in %s", self._out)
+            self.is_done = theirs == self._request
+            if not self.is_done:
+                self._restart()
+            return
+        other = [name for name, value in self._request.items() if theirs.get(name) != value]
+        if other:
+            raise WriterError(
+                f"{self._out} holds an unfinished run with another {' and '.join(other[:2])}; finish it with "
+                f"its own command, choose another --out, or delete {self.path}"
+            )
+        self._sweep()
+        (self.units_dir / "stop").unlink(missing_ok=True)
+
+    def _restart(self) -> None:
+        assert self._lock is not None
+        for old in self.path.iterdir():
+            if old.is_dir():
+                rmtree(old)
+        self._lock.seek(0)
+        self._lock.truncate()
+        self._lock.write(json.dumps(self._marks) + "\n")
+        self._lock.flush()
+
+    def publish(self) -> None:
+        """Give everything its final name; from here on a killed run is finished by the next one.
+
+        Raises:
+            WriterError: a name was taken meanwhile, or the disk is full.
+        """
+        for part in self.town_dir.glob("*"):
+            final = self._out / self._town / part.name
+            if part.name not in SHARED and final.exists():
+                raise WriterError(f"{final} exists; choose another --out or delete it first")
+        assert self._lock is not None
+        # In place, since a new file would not be locked.
+        self._is_whole = True
+        self._lock.write(WHOLE)
+        self._lock.flush()
+        os.fsync(self._lock.fileno())
+        _give_names(self._out, self.path, self._marks)
+        self.is_done = True
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._leave()
+
+    def kept(self) -> int:
+        """How many finished units and sequences another run can go on from."""
+        units = sum("." not in path.name for path in self.units_dir.glob("*") if path.is_dir())
+        return units + sum(path.name not in SHARED for path in self.town_dir.glob("[!.]*"))
+
+    def _sweep(self) -> None:
+        """Remove what workers had in hand when they were killed."""
+        for half in (*self.units_dir.glob("*.part"), *self.town_dir.glob(".*.part")):
+            rmtree(half, ignore_errors=True)
+        for stale in self.units_dir.glob("*.progress"):
+            stale.unlink(missing_ok=True)
+
+    def _leave(self) -> None:
+        if self._lock is None:
+            for folder in (self.path, *self._made):
+                _remove_if_empty(folder)
+            return
+        # Removed while it is locked, so that nobody takes it up in between.
+        if self.is_done or not (self._is_whole or self.kept()):
+            rmtree(self.path, ignore_errors=True)
+        else:
+            self._sweep()
+        self._unlock()
+        for folder in self._made:
+            _remove_if_empty(folder)
+
+    def _unlock(self) -> None:
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+
+def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
+    """Move what is whole to where it belongs, and list it; may be done again after having been cut off."""
+    town = check_name("town", str(marks["town"]))
+    begun = is_begun(out, marks["origin"])
+    try:
+        (out / town).mkdir(parents=True, exist_ok=True)
+        for part in sorted((run / town).glob("*")):
+            # What has a whole folder of the dataset already is not written over.
+            if (part.name in SHARED and begun) or (out / town / part.name).exists():
+                rmtree(part)
+            else:
+                part.rename(out / town / part.name)
+    except OSError as error:
+        raise WriterError(f"cannot give {error.filename} its final name: {error.strerror}") from error
+    write_record(out, dict(marks["origin"]))
+
+
+def _remove_if_empty(folder: Path) -> None:
+    try:
+        folder.rmdir()
+    except OSError:
+        return

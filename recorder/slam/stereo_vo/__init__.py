@@ -1,0 +1,1 @@
+"""Stereo visual odometry of our own."""

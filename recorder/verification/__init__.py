@@ -1,0 +1,1 @@
+"""Whether a dataset is whole, fits its calibration, and equals another."""

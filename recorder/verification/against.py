@@ -1,0 +1,186 @@
+"""Two makings of one dataset, compared: pictures and events within bounds, all the rest byte for byte.
+
+On processors of one kind all bytes are equal. On another kind the software renderer rounds a few values of
+pictures otherwise, and event cameras look at pictures (docs/factory.md has what was measured).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import h5py
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from carlaloc_env.core.errors import ConfigError
+from recorder.dataset.manifest import FILE_NAME, checksums
+from recorder.verification.stamps import open_bag
+from recorder.writers.ros.event_messages import EVENT_TYPE, unpacked_events
+
+STEP = 1
+"""Largest difference of a value of a picture [steps of 8 bits]."""
+STEP_SHARE = 1e-4
+"""Largest share of a picture's values that differ."""
+EVENT_SHARE = 0.05
+"""Largest share of a file's or message's events, of those in either, that stand in one of both alone."""
+_FEW = 5
+"""So many events may stand alone, however few there are."""
+_LABELS = ("semantic", "instance", "label")
+"""Parts of the names of pictures whose values are numbers of things."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """What two datasets have in common."""
+
+    within: tuple[str, ...]
+    """Files that differ by no more than their bounds, a line each."""
+    findings: tuple[str, ...]
+    """Files that differ by more, a line each, with what differs."""
+
+
+def compare(folder: Path, other: Path) -> Comparison:
+    """Compare a dataset with one that was made of the same recipe elsewhere.
+
+    Args:
+        folder: A dataset.
+        other: The other one.
+
+    Raises:
+        ConfigError: the other folder holds no dataset.
+    """
+    if not (other / FILE_NAME).exists():
+        raise ConfigError(f"{other} holds no {FILE_NAME}; give the folder of a finished dataset")
+    ours, theirs = checksums(folder), checksums(other)
+    findings = [f"{name}: only in {other}" for name in sorted(set(theirs) - set(ours))]
+    findings += [f"{name}: not in {other}" for name in sorted(set(ours) - set(theirs))]
+    within = []
+    for name in sorted(set(ours) & set(theirs)):
+        if ours[name] == theirs[name] or name.endswith(".mp4"):
+            continue
+        if name.endswith("sequence.yaml") and _described(folder / name) == _described(other / name):
+            continue
+        try:
+            beyond = differences(folder / name, other / name)
+        # Damaged files make their readers raise whatever their parts do.
+        except Exception as error:
+            beyond = f"cannot be compared: {type(error).__name__} {' '.join(str(error).split())[:200]}"
+        if beyond:
+            findings.append(f"{name}: {beyond}")
+        else:
+            within.append(f"{name}: differs from {other} within the bounds")
+    return Comparison(within=tuple(within), findings=tuple(findings))
+
+
+def _described(path: Path) -> dict[str, Any]:
+    """What a sequence's description says beside the checksums of its files."""
+    return {key: value for key, value in yaml.safe_load(path.read_text("utf-8")).items() if key != "sha256"}
+
+
+def differences(ours: Path, theirs: Path) -> str:
+    """What of two files of one name differs by more than its bound; nothing where that is all."""
+    kind = ours.suffix
+    if kind == ".png" and not _is_label(str(ours)):
+        return of_pictures(*(np.asarray(cv2.imread(str(p), cv2.IMREAD_UNCHANGED)) for p in (ours, theirs)))
+    if kind == ".npz":
+        return _of_arrays(*(dict(np.load(path)) for path in (ours, theirs)))
+    if kind == ".h5":
+        return _of_arrays(_event_file(ours), _event_file(theirs))
+    if kind in (".bag", ".mcap", ".db3"):
+        return next(_of_messages(ours, theirs), "")
+    return "has other bytes"
+
+
+def of_pictures(ours: NDArray[Any], theirs: NDArray[Any]) -> str:
+    """What of two pictures of 8 bits differs by more than the bound."""
+    if ours.shape != theirs.shape or ours.dtype != np.uint8 or theirs.dtype != np.uint8:
+        return "has other bytes"
+    apart = np.abs(ours.astype(np.int16) - theirs)
+    share = np.count_nonzero(apart) / max(apart.size, 1)
+    if apart.max(initial=0) > STEP:
+        return f"a value differs by {apart.max()} steps, {STEP} is the bound"
+    return f"{share:.2g} of its values differ, {STEP_SHARE:g} is the bound" if share > STEP_SHARE else ""
+
+
+def of_events(ours: NDArray[np.void], theirs: NDArray[np.void]) -> str:
+    """What of two arrays of events, in any order, differs by more than the bound."""
+    first, second = (Counter(rows.tolist()) for rows in (ours, theirs))
+    alone = ((first - second) + (second - first)).total()
+    share = alone / max((first | second).total(), 1)
+    if share <= EVENT_SHARE or alone <= _FEW:
+        return ""
+    return f"{share:.2g} of its events stand in one alone, {EVENT_SHARE:g} is the bound"
+
+
+def _of_arrays(ours: dict[str, NDArray[Any]], theirs: dict[str, NDArray[Any]]) -> str:
+    for name in sorted(set(ours) | set(theirs)):
+        if name not in ours or name not in theirs:
+            return f"{name} is in one alone"
+        if name == "events":
+            if beyond := of_events(ours[name], theirs[name]):
+                return beyond
+        elif not np.array_equal(ours[name], theirs[name]):
+            return f"{name} differs"
+    return ""
+
+
+def _event_file(path: Path) -> dict[str, NDArray[Any]]:
+    """Events of a file of DSEC as rows, and what else it holds; the index follows from them."""
+    found: dict[str, NDArray[Any]] = {}
+
+    def visit(name: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset):
+            found[name] = node[()]
+
+    with h5py.File(path) as file:
+        file.visititems(visit)
+    columns = {name: found.pop(f"events/{name}") for name in "txyp" if f"events/{name}" in found}
+    if columns:
+        found.pop("ms_to_idx", None)
+        rows = np.empty(len(columns["t"]), [(name, values.dtype) for name, values in columns.items()])
+        for name, values in columns.items():
+            rows[name] = values
+        found["events"] = rows
+    return found
+
+
+def _of_messages(ours: Path, theirs: Path) -> Iterator[str]:
+    """What differs by more than its bound in two bags, message by message."""
+    paths = [path if path.suffix == ".bag" else path.parent for path in (ours, theirs)]
+    with open_bag(paths[0]) as first, open_bag(paths[1]) as second:
+        for one, another in itertools.zip_longest(first.messages(), second.messages()):
+            if one is None or another is None:
+                yield "has another number of messages"
+                return
+            (connection, stamp, data), (its, its_stamp, its_data) = one, another
+            topic, kind = connection.topic, connection.msgtype
+            if (topic, kind, stamp) != (its.topic, its.msgtype, its_stamp):
+                yield f"messages differ from {stamp} ns on: {topic}, {its.topic}"
+                return
+            if data != its_data and (beyond := _of_message(topic, kind, data, its_data, first.deserialize)):
+                yield f"{topic} at {stamp} ns: {beyond}"
+
+
+def _of_message(topic: str, kind: str, ours: bytes, theirs: bytes, read: Callable[[bytes, str], Any]) -> str:
+    if kind == EVENT_TYPE:
+        (head, events), (its_head, its_events) = unpacked_events(ours), unpacked_events(theirs)
+        return of_events(events, its_events) if head == its_head else "has another header"
+    if kind == "sensor_msgs/msg/Image" and not _is_label(topic):
+        first, second = (read(data, kind) for data in (ours, theirs))
+        # Pixels stand at the end.
+        if ours[: -len(first.data)] != theirs[: -len(second.data)]:
+            return "has another header"
+        if first.encoding in ("rgb8", "bgr8", "mono8"):
+            return of_pictures(first.data, second.data)
+    return "has other bytes"
+
+
+def _is_label(name: str) -> bool:
+    return any(part in name for part in _LABELS)

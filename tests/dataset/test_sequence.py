@@ -1,0 +1,60 @@
+"""Sequences as SLAM systems read them, from a dataset in closed form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shared_fixtures.readings.slam_dataset import CAR_SHARE, COLUMNS, ELEVATIONS_DEG, sweep, write_dataset
+
+from carlaloc_env.core.errors import EvaluationError
+from recorder.dataset.sequence import SEGMENTED, SlamSequence
+from recorder.writers.base import DEFAULT_EPOCH_NS
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_dataset(tmp_path_factory.mktemp("d"), sweeps=3) / "Box" / "ClearNoon_dynamic"
+
+
+def test_sweeps_are_those_that_were_written(folder: Path) -> None:
+    scans = list(SlamSequence(folder).scans())
+    assert len(scans) == 3
+    written = sweep(100_000_000)
+    assert scans[1].stamp_ns == DEFAULT_EPOCH_NS + 100_000_000
+    assert np.array_equal(scans[1].points_xyz_m, written.points_xyz_m.astype(float))
+    assert scans[1].ring is not None
+    assert np.array_equal(scans[1].ring, written.ring)
+    assert np.allclose(scans[1].time_s, written.offset_ns * 1e-9, atol=1e-8)
+
+
+def test_segmented_sweeps_lack_what_moves_by_itself(folder: Path) -> None:
+    raw = next(SlamSequence(folder).scans())
+    kept = next(SlamSequence(folder, cloud=SEGMENTED).scans())
+    assert raw.tag is not None
+    assert len(kept.points_xyz_m) == np.count_nonzero(raw.tag != raw.tag.max())
+    share = 1.0 - len(kept.points_xyz_m) / (COLUMNS * len(ELEVATIONS_DEG))
+    assert share == pytest.approx(CAR_SHARE, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("ask", "message"),
+    [
+        (lambda s: s.imu, "has no imu; replay with a rig"),
+        (lambda s: s.stereo, "has 0 cameras; stereo needs two"),
+        (lambda s: s.euroc, "has no mav0; replay with --format"),
+    ],
+)
+def test_what_is_missing_is_named(folder: Path, ask: object, message: str) -> None:
+    with pytest.raises(EvaluationError, match=message):
+        ask(SlamSequence(folder))  # type: ignore[operator]
+
+
+def test_a_sequence_out_of_its_dataset_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(EvaluationError, match=r"holds no sequence\.yaml"):
+        SlamSequence(tmp_path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "sequence.yaml").write_text("name: a\n")
+    with pytest.raises(EvaluationError, match="move the whole dataset"):
+        SlamSequence(tmp_path / "a")

@@ -1,0 +1,203 @@
+"""Data sets of recorded drives hold what an environment shows, takes and pays for the same drive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils import seeding
+
+import carlaloc_env  # noqa: F401  registers the environments
+from carlaloc_env.core.clock import STEP_TICKS
+from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError
+from carlaloc_env.driving.driving_world import DrivingWorld
+from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.town.build import load_town
+from carlaloc_env.traffic.config import traffic_of_town
+from recorder.cli.main import main
+from recorder.drive.episode_listener import EpisodeListener
+from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.minari.dataset import MinariConfig, write_minari
+
+TRAFFIC = "dynamic,vehicles=3,walkers=0"
+SEED = 3
+STEPS = 40
+
+
+def _actions(count: int) -> list[tuple[float, float]]:
+    """Steering and pedal of some steps: off, to and fro, and braking in the end."""
+    wave = [(0.05 * np.sin(0.3 * k), 0.6 if k < count - 10 else -0.4) for k in range(count)]
+    return [(float(np.float32(steer)), float(np.float32(pedal))) for steer, pedal in wave]
+
+
+def _record(map_path: Path, out: Path, controls: Sequence[Controls]) -> Path:
+    """An episode of a drive on the seed that an environment of seed `SEED` draws, and its last ticks."""
+    drive_seed = int(seeding.np_random(SEED)[0].integers(2**31))
+    town = load_town(map_path)
+    traffic = traffic_of_town(town, TRAFFIC, drive_seed)
+    world = DrivingWorld(town, traffic)
+    listener = EpisodeListener(
+        lambda catalog: EpisodeWriter(
+            out,
+            EpisodeHeader(
+                map_name=town.name,
+                map_hash=town.content_hash,
+                seed=drive_seed,
+                catalog=catalog,
+                traffic=asdict(traffic),
+                device="test",
+            ),
+        )
+    )
+    world.reset(drive_seed, listener)
+    for one in controls:
+        for _ in range(STEP_TICKS):
+            world.tick(one)
+    listener.writer.close()
+    world.close()
+    return out
+
+
+@pytest.fixture(scope="module")
+def drive(straight_map: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    controls = [Controls(steer=s, throttle=max(p, 0.0), brake=max(-p, 0.0)) for s, p in _actions(STEPS)]
+    return _record(straight_map, tmp_path_factory.mktemp("drive") / "drive.mcap", controls)
+
+
+def _load(path: Path) -> Any:
+    minari = pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    return minari.MinariDataset(path / "data")
+
+
+def _parts(seen: Any) -> list[Any]:
+    return [seen[key] for key in sorted(seen)] if isinstance(seen, dict) else [seen]
+
+
+@pytest.mark.parametrize(("rig", "skip"), [("state", 1), ("bev", 4), ("minimal", 2)])
+def test_it_holds_what_an_environment_shows_for_the_same_actions(
+    drive: Path, straight_map: Path, tmp_path: Path, rig: str, skip: int
+) -> None:
+    """Observations to the rounding of an attitude, rewards, and ends, step by step."""
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    if rig == "minimal":
+        from shared_fixtures.worlds.render_scenes import need_opengl
+
+        need_opengl()
+    config = MinariConfig(
+        episodes=(drive,), out=tmp_path / "straight-test-v0", rig=rig, map=straight_map,
+        frame_skip=skip, quality="low",
+    )  # fmt: skip
+    result = write_minari(config)
+    (told,) = list(_load(config.out).iterate_episodes())
+    env = DrivingEnv(map=straight_map, rig=rig, traffic=TRAFFIC, quality="low")
+    seen, _ = env.reset(seed=SEED)
+    rewards = []
+    for number in range(result.steps * skip):
+        if number % skip == 0:
+            for one, other in zip(_parts(told.observations), _parts(seen), strict=True):
+                assert one.dtype == other.dtype
+                np.testing.assert_allclose(one[number // skip], other, atol=1e-6)
+        seen, reward, ended, over, _ = env.step(np.array(_actions(STEPS)[number], np.float32))
+        assert not ended
+        assert not over
+        rewards.append(reward)
+    for one, other in zip(_parts(told.observations), _parts(seen), strict=True):
+        np.testing.assert_allclose(one[-1], other, atol=1e-6)
+    assert result.steps * skip == pytest.approx(STEPS - 2, abs=4)
+    np.testing.assert_allclose(told.rewards, np.add.reduceat(rewards, np.arange(0, len(rewards), skip)))
+    expected = np.array(_actions(STEPS)[: result.steps * skip]).reshape(-1, skip, 2).mean(axis=1)
+    np.testing.assert_allclose(told.actions, expected, atol=1e-7)
+    assert told.truncations.tolist() == [False] * (result.steps - 1) + [True]
+    assert not told.terminations.any()
+    env.close()
+
+
+def test_its_environment_and_its_counts_are_known(drive: Path, straight_map: Path, tmp_path: Path) -> None:
+    """Two drives of another kind of action, longer than a stretch in memory, through the command line."""
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    words = ["minari", str(drive), str(drive), "--out", str(tmp_path / "two-v1")]
+    assert main([*words, "--map", str(straight_map), "--action", "controls"]) == 0
+    found = _load(tmp_path / "two-v1")
+    assert (found.total_episodes, found.id) == (2, "two-v1")
+    assert found.total_steps == sum(len(one) for one in found.iterate_episodes())
+    lengths = [int(one["total_steps"]) for one in found.storage.get_episode_metadata([0, 1])]
+    assert lengths == [len(one) for one in found.iterate_episodes()]
+    env = found.recover_environment()
+    assert env.action_space == found.action_space == gymnasium.spaces.Box(
+        np.array([-1, 0, 0, 0, 0], np.float32), np.ones(5, np.float32)
+    )  # fmt: skip
+    assert env.observation_space == found.observation_space
+    env.close()
+
+
+def test_stretches_in_memory_join_without_a_seam(
+    drive: Path, straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    found = []
+    for number, chunk in enumerate((256, 7)):
+        monkeypatch.setattr("recorder.minari.dataset._CHUNK", chunk)
+        out = tmp_path / f"drive-v{number}"
+        write_minari(MinariConfig(episodes=(drive,), out=out, map=straight_map))
+        found.append(next(iter(_load(out).iterate_episodes())))
+    for name in ("observations", "actions", "rewards", "terminations", "truncations"):
+        np.testing.assert_array_equal(*(getattr(one, name) for one in found))
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "why"),
+    [
+        ({"action": "controll"}, ConfigError, "controls"),
+        ({"out": Path("no version")}, ConfigError, "end it in a version"),
+        ({"rig": "stat"}, ConfigError, "state"),
+        ({"frame_skip": 0}, ConfigError, "1 to 200"),
+        ({"weather": "ClearNon"}, ConfigError, "ClearNoon"),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(
+    drive: Path, straight_map: Path, tmp_path: Path, changes: dict[str, Any], error: type, why: str
+) -> None:
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    settings: dict[str, Any] = {"out": tmp_path / "one-v0", "map": straight_map, **changes}
+    with pytest.raises(error, match=why) as caught:
+        write_minari(MinariConfig(episodes=(drive,), **settings))
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_data_set_is_not_replaced_and_reversing_needs_five_numbers(
+    straight_map: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    back = _record(straight_map, tmp_path / "back.mcap", [Controls(throttle=0.4, reverse=True)] * 20)
+    config = MinariConfig(episodes=(back,), out=tmp_path / "sets" / "back-v0", map=straight_map)
+    with pytest.raises(EpisodeError, match="--action controls"):
+        write_minari(config)
+    five = replace(config, action="controls")
+    write_minari(five)
+    (told,) = list(_load(config.out).iterate_episodes())
+    np.testing.assert_allclose(told.actions[5], [0.0, 0.4, 0.0, 1.0, 0.0], atol=1e-7)
+    with pytest.raises(OutputError, match="exists"):
+        write_minari(five)
+
+
+def test_a_replay_says_where_such_data_sets_are_made(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["replay", str(drive), "--out", str(tmp_path / "out"), "--format", "minari"]) == 1
+    assert "use `carlaloc minari`" in capsys.readouterr().err
+
+
+def test_an_episode_that_cannot_be_read_leaves_nothing(drive: Path, tmp_path: Path) -> None:
+    pytest.importorskip("minari", reason="data sets need the extra `minari`")
+    (tmp_path / "bad.mcap").write_bytes(b"no episode")
+    config = MinariConfig(episodes=(drive, tmp_path / "bad.mcap"), out=tmp_path / "one-v0")
+    with pytest.raises(EpisodeError, match=r"bad\.mcap"):
+        write_minari(config)
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.mcap"]

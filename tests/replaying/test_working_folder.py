@@ -1,0 +1,119 @@
+"""Whose unfinished work it is: another configuration and a second run at once are refused in one line."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shared_fixtures.drives.straight_drives import StraightDrive
+from shared_fixtures.processes.small_disks import small_disk
+
+from carlaloc_env.core.errors import WriterError
+from recorder.dataset.manifest import checksums
+from recorder.replaying import code_digest
+from recorder.replaying import plan as replay_plan
+from recorder.replaying import run as replay_run
+from recorder.replaying.replay import ReplayConfig, replay
+from recorder.replaying.working_folder import FOLDER, WorkingFolder
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def left_unfinished(config: ReplayConfig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A run whose disk is full when the first sequence is to be assembled."""
+
+    def fail(job: Any, report: Any) -> None:
+        raise WriterError("cannot write here: No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(replay_run, "assemble", fail)
+        with pytest.raises(WriterError, match=r"No space .*; 4 parts are whole, and the same command"):
+            replay(config)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"weathers": ("FoggyNoon",)}, "set of conditions"),
+        ({"traffic": ("static",)}, "set of conditions"),
+        ({"formats": ("rosbag1",)}, "set of formats"),
+        ({"seed": 9}, "seed"),
+        ({"duration_s": 1.0}, "stretch"),
+        ({"rig": "state"}, "rig"),
+        ({"unit_s": 1.0}, "length of units"),
+    ],
+)
+def test_another_configuration_is_refused_and_nothing_touched(
+    change: dict[str, Any],
+    what: str,
+    straight_drive: StraightDrive,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    config = straight_drive.config(tmp_path / "data")
+    left_unfinished(config, monkeypatch)
+    before = files(tmp_path)
+    with pytest.raises(WriterError, match=f"unfinished run with another {what}.*; finish it") as failure:
+        replay(replace(config, **change))
+    assert "\n" not in str(failure.value)
+    assert files(tmp_path) == before
+    assert replay(config).samples["imu"] == 400
+
+
+def test_other_code_does_not_go_on(
+    straight_drive: StraightDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = straight_drive.config(tmp_path / "data")
+    left_unfinished(config, monkeypatch)
+    assert len(code_digest.code_digest()) == 64
+    monkeypatch.setattr(replay_plan, "code_digest", lambda: "other")
+    with pytest.raises(WriterError, match="another version of CarlaLoc"):
+        replay(config)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="locks as on Linux")
+def test_two_runs_at_once_are_refused(straight_drive: StraightDrive, tmp_path: Path) -> None:
+    out = tmp_path / "data"
+    with WorkingFolder(out, "straight", {}, {"seed": "1"}) as work:
+        with pytest.raises(WriterError, match=r"another run is at work in .*; wait until it has ended"):
+            replay(straight_drive.config(out))
+        assert work.path.is_dir()
+    assert not out.exists()
+
+
+def test_a_full_disk_is_one_line_and_with_room_the_same_command_goes_on(
+    straight_drive: StraightDrive, tmp_path: Path
+) -> None:
+    replay(straight_drive.config(tmp_path / "whole"))
+    whole = checksums(tmp_path / "whole")
+    size = sum(len(data) for data in files(tmp_path / "whole").values())
+    with small_disk(tmp_path / "disk", round(1.4 * size)) as disk:
+        config = straight_drive.config(disk / "data")
+        ballast = disk / "ballast"
+        ballast.write_bytes(bytes(size * 6 // 10))
+        with pytest.raises(WriterError, match="No space left on device") as failure:
+            replay(config)
+        assert "\n" not in str(failure.value)
+        assert not [path for path in (disk / "data").rglob("*") if ".part" in path.name]
+        ballast.unlink()
+        kept = [path for path in (disk / "data" / FOLDER / "units").iterdir() if path.is_dir()]
+        assert kept
+        # Spools and files together need more than this disk has: a larger one takes over.
+        shutil.copytree(disk / "data" / FOLDER, tmp_path / "data" / FOLDER)
+    replay(replace(config, out=tmp_path / "data"))
+    assert checksums(tmp_path / "data") == whole
+
+
+def test_a_failed_replay_leaves_no_folder(straight_drive: StraightDrive, tmp_path: Path) -> None:
+    """EuRoC needs an IMU: the rig has none, and the error comes when writing begins."""
+    rig = tmp_path / "no_imu.yaml"
+    rig.write_text("name: none\nsensors:\n- {kind: speed}\n")
+    with pytest.raises(WriterError, match="IMU"):
+        replay(straight_drive.config(tmp_path / "a" / "b", rig=str(rig), formats=("euroc",)))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["no_imu.yaml"]

@@ -1,0 +1,81 @@
+"""Rigs and episodes of strangers: nothing outside `--out` is written, no map is opened by their word."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from carlaloc_env.core.errors import ConfigError, EpisodeError
+from carlaloc_env.town.sources import find_town
+from recorder.cli.main import main
+from recorder.episode.edit import _frames, _write
+from recorder.episode.episode import Episode
+from recorder.episode.town import town_id_of
+from recorder.replaying.plan import ReplayConfig, plan_replay
+
+EVIL_RIG = """\
+name: evil
+sensors:
+- {kind: imu, name: ../../escaped}
+- {kind: speed}
+"""
+
+
+def renamed(source: Path, out: Path, map_name: str, map_hash: str | None = None) -> Path:
+    """A copy of an episode that names another map."""
+    episode = Episode.load(source)
+    header = replace(episode.header, map_name=map_name, map_hash=map_hash or episode.header.map_hash)
+    frames = _frames(episode.steps)
+    _write(out, header, episode.ego, frames, episode.steps["signals"], [], overwrite=False)
+    return out
+
+
+def test_a_rig_cannot_write_outside(short_drive: Path, tmp_path: Path) -> None:
+    rig = tmp_path / "evil.yaml"
+    rig.write_text(EVIL_RIG)
+    out = tmp_path / "deep" / "out"
+    assert main(["replay", str(short_drive), "--out", str(out), "--rig", str(rig)]) == 1
+    assert [path.name for path in tmp_path.rglob("*")] == ["evil.yaml"]
+
+
+def test_an_episode_names_no_map_by_path(short_drive: Path, tmp_path: Path) -> None:
+    """The path is that of a good map with the right hash, and still it is not opened."""
+    mine = tmp_path / "Mine.xodr"
+    source = find_town("Town03")
+    shutil.copy(source, mine)
+    for k, name in enumerate((str(mine), str(source), "../Mine.xodr", str(source.parent), "Mine.xodr")):
+        episode = renamed(short_drive, tmp_path / f"{k}.mcap", name)
+        with pytest.raises(EpisodeError, match=r"--map FILE\.xodr"):
+            plan_replay(ReplayConfig(episode=episode, out=tmp_path / "out", rig="state"))
+    # With the map from the command line the same file is a good episode.
+    plan = plan_replay(ReplayConfig(episode=episode, out=tmp_path / "out", rig="state", map=source))
+    assert plan.town.name == "Town03"
+    assert not (tmp_path / "out").exists()
+
+
+def test_another_map_than_the_driven_one_is_refused(short_drive: Path, tmp_path: Path) -> None:
+    episode = Episode.load(short_drive)
+    with pytest.raises(EpisodeError, match="another version of Town05"):
+        town_id_of(episode, "Town05")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"camera_start_s": 7.0}, "--camera-start"),
+        ({"start_s": 3.0, "camera_start_s": 0.0, "camera_duration_s": 1.0}, "--camera-start"),
+        ({"quality": "ultra"}, "did you mean|no render quality"),
+        ({"seed": -1}, "seed -1"),
+        ({"topics": "standrad"}, "did you mean 'standard'"),
+    ],
+)
+def test_what_cannot_be_is_named(
+    change: dict[str, object], message: str, short_drive: Path, tmp_path: Path
+) -> None:
+    """Also where the rig has no camera."""
+    with pytest.raises(Exception, match=message) as failure:
+        plan_replay(ReplayConfig(episode=short_drive, out=tmp_path, rig="state", **change))  # type: ignore[arg-type]
+    assert isinstance(failure.value, ConfigError) or "topic" in str(failure.value)
