@@ -102,7 +102,7 @@ def test_the_first_lines_run(
     assert (tmp_path / "figures" / "trajectories.png").is_file()
     for name in ("ClearNoon_static", "ClearNoon_dynamic", "FoggyNoon_static", "FoggyNoon_dynamic"):
         folder = tmp_path / "data" / "Town03" / name
-        assert {f"{name}.bag", "mav0", "preview.mp4", "preview.png", "sequence.yaml"} == {
+        assert {f"{name}.bag", "mav0", "preview.mp4", "preview.png", "sequence.yaml", "SHA256SUMS"} == {
             path.name for path in folder.iterdir()
         }
     documented = set(re.findall(r"`([\w/-]+\.(?:yaml|md|json|launch))`", _calibration_section()))
