@@ -42,12 +42,9 @@ def _same(a: Any, b: Any) -> bool:
     return bool(np.array_equal(a, b)) and np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
 
-@pytest.mark.parametrize("rig", ["state", "bev", IMU])
 @pytest.mark.parametrize("action", ["controls", "continuous", "discrete"])
-def test_gymnasium_checks_pass_with_warnings_fatal(
-    rig: str | SensorRig, action: str, straight_map: Path
-) -> None:
-    env = CarlaLocEnv(map=straight_map, rig=rig, action=action, traffic=FEW)
+def test_gymnasium_checks_pass_with_every_kind_of_action(action: str, straight_map: Path) -> None:
+    env = CarlaLocEnv(map=straight_map, rig="state", action=action, traffic=FEW)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env, skip_render_check=True)
