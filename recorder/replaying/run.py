@@ -19,6 +19,7 @@ from recorder.replaying.camera_history import nearest_begin_ns, past_s
 from recorder.replaying.conditions import Condition
 from recorder.replaying.level_sensors import LevelConfig
 from recorder.replaying.plan import ReplayPlan
+from recorder.replaying.room import check_room
 from recorder.replaying.sequence_writers import (
     DatasetSequence,
     SequenceConfig,
@@ -65,10 +66,14 @@ class ReplayRun:
         plan: What is replayed.
         work: Its working folder.
         progress: Called with seconds of sensor data done and in all.
+        later_s: Lengths of further drives that the disk must hold, too [s].
     """
 
-    def __init__(self, plan: ReplayPlan, work: WorkingFolder, progress: Any) -> None:
-        self._plan, self._work, self._progress = plan, work, progress
+    def __init__(
+        self, plan: ReplayPlan, work: WorkingFolder, progress: Any, later_s: Sequence[float] = ()
+    ) -> None:
+        self._plan, self._work, self._progress, self._later_s = plan, work, progress, later_s
+        self._is_room_checked = len(plan.units) == 1 and not later_s
         config = plan.config
         rig = without_unwritten(plan.rig, config.formats, config.topics)
         self._writers = SequenceConfig(
@@ -175,11 +180,34 @@ class ReplayRun:
             return []
         unit: Unit = task.job.unit
         self._left[unit.level].discard(unit.name)
+        if not self._is_room_checked:
+            self._is_room_checked = True
+            self._check_room(unit)
         if self._left[unit.level]:
             return []
         return [
             self._assembly_task(one) for one in self._conditions(unit.level) if not self._final(one).exists()
         ]
+
+    def _check_room(self, unit: Unit) -> None:
+        """Look whether the rest fits, as soon as a unit shows how large it is."""
+        plan, folder = self._plan, self._work.units_dir.resolve()
+        left = [one for one in plan.conditions if not self._final(one).exists()]
+        others = [self._length_s for one in left if one.traffic != unit.level]
+        here_s = sum(one.length_s for one in plan.units if one.name in self._left[unit.level])
+        check_room(
+            AssemblyJob(
+                sequence=DatasetSequence(
+                    condition=self._conditions(unit.level)[0], folder=folder / ".first.part"
+                ),
+                config=self._writers,
+                units=(folder / unit.name,),
+            ),
+            unit.length_s,
+            spools_s=max(here_s, *others, *self._later_s),
+            sequences_s=len(left) * self._length_s + len(plan.conditions) * sum(self._later_s),
+            out=plan.config.out,
+        )
 
     def _unit_task(self, unit: Unit) -> Task:
         plan, config = self._plan, self._plan.config
