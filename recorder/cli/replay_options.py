@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from recorder.cli.arguments import OutputFolder, names, positive_int, positive_seconds, seconds
+
+if TYPE_CHECKING:
+    from recorder.replaying.plan import ReplayConfig
 
 
 def add_replay_options(
@@ -68,20 +72,30 @@ def add_replay_options(
     parser.add_argument("--no-preview", action="store_true", help="make no films")
 
 
-def common_fields(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Values of the options above by the names that they have in `ReplayConfig` and `DatasetConfig`."""
-    return {
-        "out": arguments.out,
-        "weathers": arguments.weather,
-        "traffic": arguments.traffic,
-        "rig": arguments.rig,
-        "formats": arguments.format,
-        "topics": arguments.topics,
-        "quality": arguments.quality,
-        "workers": arguments.workers,
-        "cluster": arguments.cluster,
-        "unit_s": arguments.unit,
-        "preview": not arguments.no_preview,
-        "lens_drops": arguments.lens_drops,
-        "leaf_wind_mps": arguments.leaf_wind,
-    }
+def replay_config(arguments: argparse.Namespace, episode: Path, **others: Any) -> ReplayConfig:
+    """Configuration of a replay.
+
+    Args:
+        arguments: Values of the options above.
+        episode: The drive.
+        others: Fields of `ReplayConfig` that no common option sets.
+    """
+    from recorder.replaying.plan import ReplayConfig
+
+    return ReplayConfig(
+        episode=episode,
+        out=arguments.out,
+        weathers=arguments.weather,
+        traffic=arguments.traffic,
+        rig=arguments.rig,
+        formats=arguments.format,
+        topics=arguments.topics,
+        quality=arguments.quality,
+        workers=arguments.workers,
+        cluster=arguments.cluster,
+        unit_s=arguments.unit,
+        preview=not arguments.no_preview,
+        lens_drops=arguments.lens_drops,
+        leaf_wind_mps=arguments.leaf_wind,
+        **others,
+    )

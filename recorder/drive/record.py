@@ -30,9 +30,10 @@ from recorder.devices.names import DEVICES, HUMAN
 from recorder.devices.panel import KeyPanel
 from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
-from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
 from recorder.episode.file_names import check_episode_output, recording_path, repair_command
 from recorder.episode.messages import VIOLATIONS
+from recorder.episode.summary import driven_distance_m
 from recorder.window.cockpit import WindowCockpit
 from recorder.window.opening import Opening
 
@@ -88,8 +89,10 @@ class RecordResult:
     """The episode."""
     duration_s: float
     """Length of the drive [s]."""
-    length_m: float
+    route_m: float
     """Distance along the route [m]."""
+    driven_m: float
+    """Distance driven [m], in the plane; on a way of one's own it is not that along the route."""
     collisions: int
     """Number of collisions."""
     violations: Mapping[str, int] = field(default_factory=dict)
@@ -223,7 +226,8 @@ class _Drive:
         return RecordResult(
             path=self._config.out,
             duration_s=session.duration_s,
-            length_m=session.length_m,
+            route_m=session.route_m,
+            driven_m=driven_distance_m(Episode.load(self._config.out)),
             collisions=counts["collision"],
             violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
             attempts=tuple(session.attempts),

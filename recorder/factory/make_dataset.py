@@ -11,6 +11,7 @@ import logging
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,11 @@ from carlaloc_env.core.errors import OutputError, WriterError
 from carlaloc_env.core.files.file_lock import take_lock
 from carlaloc_env.core.files.output_paths import path_below
 from recorder.dataset.manifest import FILE_NAME, as_yaml, checksums
-from recorder.factory.plan import EPISODES, SAMPLE_FROM_S, WORK, DatasetConfig, length_s, plan_dataset
+from recorder.factory.plan import EPISODES, SAMPLE_FROM_S, DatasetConfig, length_s, plan_dataset
 from recorder.replaying.replay import replay
 
+WORK = ".carlaloc-dataset"
+"""Folder of drives that are not whole yet."""
 DRIVE = "drive.yaml"
 """What a town's folder says of its drive: where it comes from, and checksums."""
 Progress = Callable[[float, float, str], None]
@@ -97,7 +100,7 @@ def _write_record(config: DatasetConfig, recipe: dict[str, Any]) -> None:
     )
     document = {
         "recipe": recipe,
-        "topics": config.topics,
+        "topics": config.replay.topics,
         "drives": drives,
         "sequences": sequences,
         "sha256": checksums(config.out),
@@ -125,12 +128,12 @@ def write_manifest(dataset: Path, folder: Path) -> None:
 
 def _recipe(config: DatasetConfig) -> dict[str, Any]:
     """All that decides about the dataset beside the drives, as plain values."""
-    c = config
+    r = config.replay
     return {
-        "towns": list(c.towns), "weathers": list(c.weathers), "traffic": list(c.traffic),
-        "rig": c.rig, "formats": list(c.formats), "topics": c.topics, "quality": c.quality,
-        "preview": c.preview, "lens_drops": c.lens_drops, "leaf_wind_mps": c.leaf_wind_mps,
-        "sample_s": c.sample_s,
+        "towns": list(config.towns), "weathers": list(r.weathers), "traffic": list(r.traffic),
+        "rig": r.rig, "formats": list(r.formats), "topics": r.topics, "quality": r.quality,
+        "preview": r.preview, "lens_drops": r.lens_drops, "leaf_wind_mps": r.leaf_wind_mps,
+        "noise_seed": r.seed, "sample_s": config.sample_s,
         "drive_seeds": {town: config.seed_of(town) for town in config.towns},
         "episodes": None if config.episodes is None else "a person's",
     }  # fmt: skip
@@ -197,7 +200,15 @@ def _make_drive(config: DatasetConfig, town: str, tell: _Told, later_s: Sequence
     if not (work / town / DRIVE).exists():
         if not (work / FILE_NAME).exists():
             _log.info("replaying %s", town)
-            replay(config.replay_of(town), tell.replaying, later_s=later_s)
+            begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
+            one = replace(
+                config.replay,
+                episode=config.out / EPISODES / f"{town}.mcap",
+                out=work,
+                start_s=begin_s,
+                duration_s=config.sample_s,
+            )
+            replay(one, tell.replaying, later_s=later_s)
         (work / FILE_NAME).rename(work / town / DRIVE)
     (work / town).rename(path_below(config.out, town))
     shutil.rmtree(work)

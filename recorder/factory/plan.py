@@ -14,8 +14,6 @@ from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.plan import ReplayConfig, rig_of
 
-WORK = ".carlaloc-dataset"
-"""Folder of drives that are not whole yet."""
 EPISODES = "episodes"
 """Folder of the recorded drives."""
 SAMPLE_FROM_S = 8.0
@@ -45,50 +43,16 @@ class DatasetConfig:
     """Folder of a person's drives, ``<town>.mcap``; None: the scripted driver records them."""
     sample_s: float | None = None
     """Length of the stretch of each drive [s]; None: all of it."""
+    replay: ReplayConfig
+    """Conditions, rig, formats, topics, quality, workers; episode and folder come from here."""
     seed: int | None = None
     """Seed by which drives are recorded; None: the standard drive of each town."""
-    weathers: tuple[str, ...] = ("ClearNoon", "FoggyNoon", "RainyNight")
-    """This and all below: as in `ReplayConfig`."""
-    traffic: tuple[str, ...] = ("static", "dynamic")
-    rig: str = "paper"
-    formats: tuple[str, ...] = ("rosbag1", "euroc")
-    topics: str = "standard"
-    quality: str = "medium"
-    preview: bool = True
-    lens_drops: bool = False
-    leaf_wind_mps: float = 0.0
-    workers: int | None = None
-    cluster: str | None = None
-    unit_s: float = 10.0
 
     def __post_init__(self) -> None:
         for town in self.towns:
             if town not in known_towns():
                 raise ConfigError(f"no town '{town}'; use some of {', '.join(ROUTE_M)}")
-        conditions_of(self.weathers, self.traffic)
-        self.replay_of(self.towns[0])
-
-    def replay_of(self, town: str) -> ReplayConfig:
-        """The replay of a town's drive, into a folder of its own."""
-        is_sample = self.sample_s is not None and self.episodes is None
-        return ReplayConfig(
-            episode=self.out / EPISODES / f"{town}.mcap",
-            out=path_below(self.out / WORK, town),
-            start_s=SAMPLE_FROM_S if is_sample else 0.0,
-            duration_s=self.sample_s,
-            weathers=self.weathers,
-            traffic=self.traffic,
-            rig=self.rig,
-            formats=self.formats,
-            topics=self.topics,
-            quality=self.quality,
-            preview=self.preview,
-            lens_drops=self.lens_drops,
-            leaf_wind_mps=self.leaf_wind_mps,
-            workers=self.workers,
-            cluster=self.cluster,
-            unit_s=self.unit_s,
-        )
+        conditions_of(self.replay.weathers, self.replay.traffic)
 
     def seed_of(self, town: str) -> int:
         """Seed by which a town's drive is recorded."""
@@ -133,16 +97,15 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
         OutputError: the folder cannot be written.
     """
     check_output_folder(config.out)
-    rig_of(config.replay_of(config.towns[0]))
-    work = config.out / WORK
-    parts = [*work.glob("*/.*/units/*/unit.json"), *work.glob("*/**/sequence.yaml")]
+    rig_of(config.replay)
+    there = [path for path in config.out.rglob("*") if path.is_file()]
     return DatasetPlan(
-        sequences=len(config.towns) * len(conditions_of(config.weathers, config.traffic)),
+        sequences=len(config.towns) * len(conditions_of(config.replay.weathers, config.replay.traffic)),
         lengths_s={town: length_s(config, town) for town in config.towns},
         whole=tuple(town for town in config.towns if path_below(config.out, town).exists()),
         drives=len([*(config.out / EPISODES).glob("*.mcap")]),
-        parts=len(parts),
-        kept=sum(path.stat().st_size for path in config.out.rglob("*") if path.is_file()),
+        parts=sum(_is_part(path.relative_to(config.out)) for path in there),
+        kept=sum(path.stat().st_size for path in there),
         free=shutil.disk_usage(_existing(config.out)).free,
     )
 
@@ -170,3 +133,8 @@ def length_s(config: DatasetConfig, town: str) -> float:
 
 def _existing(folder: Path) -> Path:
     return next(one for one in (folder.absolute(), *folder.absolute().parents) if one.exists())
+
+
+def _is_part(path: Path) -> bool:
+    """Whether a file of the dataset makes a unit or a sequence whole in a working folder."""
+    return path.parts[0].startswith(".") and path.name in ("unit.json", "sequence.yaml")

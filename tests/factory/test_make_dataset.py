@@ -20,19 +20,21 @@ from recorder.factory import make_dataset as dataset
 from recorder.factory.make_dataset import make_dataset, write_manifest
 from recorder.factory.plan import DatasetConfig, plan_dataset
 from recorder.replaying import room
+from recorder.replaying.plan import ReplayConfig
 from recorder.verification.verify import verify
 
 
 def config_of(out: Path, episodes: Path | None) -> DatasetConfig:
-    return DatasetConfig(
+    few = ReplayConfig(
+        episode=Path(),
         out=out,
-        towns=("straight",),
-        episodes=episodes,
-        sample_s=1.0,
+        weathers=("ClearNoon", "FoggyNoon", "RainyNight"),
+        traffic=("static", "dynamic"),
         rig="state",
         formats=("rosbag1",),
         workers=1,
     )
+    return DatasetConfig(out=out, towns=("straight",), episodes=episodes, sample_s=1.0, replay=few)
 
 
 @pytest.fixture
@@ -66,7 +68,7 @@ def test_a_dataset_is_made_kept_and_made_again(
     assert sorted(path.name for path in config.out.iterdir()) == ["dataset.yaml", "episodes", "straight"]
     assert verify(config.out).findings == ()
     with pytest.raises(WriterError, match="other weathers"):
-        make_dataset(replace(config, weathers=("ClearNoon",)))
+        make_dataset(replace(config, replay=replace(config.replay, weathers=("ClearNoon",))))
     write_manifest(config.out, tmp_path / "manifest")
     again = config_of(tmp_path / "again", tmp_path / "manifest" / "episodes")
     make_dataset(again)

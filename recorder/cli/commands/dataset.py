@@ -10,13 +10,14 @@ from __future__ import annotations
 import argparse
 import sys
 from datetime import datetime, timedelta, timezone
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import OutputFolder, input_path, names, positive_seconds, seed
 from recorder.cli.log_file import logged_to
 from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_replay_options, common_fields
+from recorder.cli.replay_options import add_replay_options, replay_config
 
 if TYPE_CHECKING:
     from recorder.factory.plan import DatasetConfig, DatasetPlan
@@ -57,11 +58,12 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.factory.plan import ROUTE_M, DatasetConfig, plan_dataset, town_names
 
     config = DatasetConfig(
+        out=arguments.out,
         towns=town_names(arguments.towns or tuple(ROUTE_M)),
         episodes=arguments.episodes,
         sample_s=arguments.sample,
         seed=arguments.seed,
-        **common_fields(arguments),
+        replay=replay_config(arguments, Path()),
     )
     if arguments.hub is not None:
         from recorder.publishing.tables import check_parquet
@@ -95,7 +97,8 @@ def _tell(config: DatasetConfig, plan: DatasetPlan) -> None:
     driver = "the scripted driver" if config.episodes is None else f"drives of {config.episodes}"
     towns = "1 town" if len(config.towns) == 1 else f"{len(config.towns)} towns"
     lines = [
-        f"{plan.sequences} sequences: {towns}, {', '.join(config.weathers)}; {', '.join(config.traffic)}",
+        f"{plan.sequences} sequences: {towns}, {', '.join(config.replay.weathers)}; "
+        + ", ".join(config.replay.traffic),
         f"{timedelta(seconds=round(plan.driven_s))} of driving by {driver}",
         f"{plan.free / 1e9:.1f} GB are free in {config.out}; the first unit shows whether they suffice, and "
         "how long it takes",
