@@ -10,9 +10,11 @@ import json
 import os
 import shutil
 import tarfile
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +23,9 @@ import yaml
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
 from recorder.dataset.manifest import FILE_NAME
-from recorder.factory.quantities import size_text
-from recorder.publishing.croissant import croissant
-from recorder.publishing.tables import (
-    CONDITIONS,
-    TRAJECTORIES,
-    check_parquet,
-    write_conditions,
-    write_trajectories,
-)
 
-FOLDER_FILES, REPOSITORY_FILES, FILE_BYTES = 10_000, 100_000, 200e9
-"""What a repository of the Hugging Face hub holds: entries of a folder, files in all, bytes of a file."""
+FOLDER_FILES = 10_000
+"""Entries of a folder of the Hugging Face hub."""
 SHARD_BYTES = 1_000_000_000
 """Size from which a tar shard is closed [bytes]."""
 CARD, CROISSANT, CITATION = "README.md", "croissant.json", "CITATION.bib"
@@ -72,19 +65,30 @@ def prepare_for_hub(
         folder_files: Files of a folder from which they are put into shards.
 
     Raises:
-        ConfigError: there is no finished dataset, it is too large for a hub, or pyarrow is missing.
+        ConfigError: there is no finished dataset, or a package is missing.
         OutputError: the folder exists.
     """
     if not (dataset / FILE_NAME).exists():
         raise ConfigError(f"{dataset} holds no {FILE_NAME}; give the folder of a finished dataset")
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another")
-    check_parquet()
+    check_packages()
     with new_folder(folder) as part:
         shards = _lay_out(dataset, part, url=url, date=date, folder_files=folder_files)
     files = [path for path in folder.rglob("*") if path.is_file()]
     size = sum(path.stat().st_size for path in files)
     return HubFolder(path=folder, files=len(files), size=size, shards=shards)
+
+
+def check_packages() -> None:
+    """Make sure that tables and metadata can be written.
+
+    Raises:
+        ConfigError: a package is missing.
+    """
+    missing = [name for name in ("mlcroissant", "pyarrow") if find_spec(name) is None]
+    if missing:
+        raise ConfigError(f"--hub needs {' and '.join(missing)}; pip install 'carlaloc-env[hub]'")
 
 
 @contextmanager
@@ -103,6 +107,10 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 def _lay_out(dataset: Path, folder: Path, *, url: str, date: str, folder_files: int) -> int:
     """Write everything; return the number of shards."""
+    # Imported when they are known to be there.
+    from recorder.publishing.croissant import croissant
+    from recorder.publishing.tables import CONDITIONS, TRAJECTORIES, conditions, trajectories
+
     document = yaml.safe_load((dataset / FILE_NAME).read_text("utf-8"))
     sums: dict[str, str] = dict(document["sha256"])
     shards: dict[str, str] = {}
@@ -115,45 +123,28 @@ def _lay_out(dataset: Path, folder: Path, *, url: str, date: str, folder_files: 
         for path in _shards(dataset, folder, parent, members):
             shards[str(path.relative_to(folder))] = _sha256(path)
     shutil.copy(dataset / FILE_NAME, folder / FILE_NAME)
-    poses = write_trajectories(dataset, folder / TRAJECTORIES)
-    sequences = write_conditions(dataset, folder / CONDITIONS, sums)
+    tables = {TRAJECTORIES: trajectories(dataset), CONDITIONS: conditions(dataset, sums)}
+    for path, table in tables.items():
+        (folder / path).parent.mkdir(exist_ok=True)
+        table.to_parquet(folder / path, compression="zstd", index=False)
     cite = _CITE % __version__
     (folder / CITATION).write_text(cite, encoding="utf-8")
-    description = _description(document, sequences)
-    listed = {name: _sha256(folder / name) for name in (TRAJECTORIES, CONDITIONS, FILE_NAME)}
+    description = _description(document, len(tables[CONDITIONS]))
+    listed = {name: _sha256(folder / name) for name in (*tables, FILE_NAME)}
     listed |= {name: digest for name, digest in sums.items() if (folder / name).exists()} | shards
     metadata = croissant(
         name="CarlaLoc", description=description, url=url, cite_as=cite, date=date, sha256=listed,
-        seeds=_origin(document),
+        seeds=_origin(document), tables=tables,
     )  # fmt: skip
     (folder / CROISSANT).write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
-    (folder / CARD).write_text(_card(description, cite, poses, bool(shards)), encoding="utf-8")
-    if problems := list(hub_problems(folder)):
-        raise ConfigError(f"{dataset} is not for a hub: {problems[0]}")
+    text = _card(description, cite, tables, has_shards=bool(shards))
+    (folder / CARD).write_text(text, encoding="utf-8")
     return len(shards)
 
 
-def hub_problems(folder: Path) -> Iterator[str]:
-    """Which limits of the hub a folder does not keep, a line each."""
-    count = 0
-    for parent, folders, files in os.walk(folder):
-        count += len(files)
-        if len(folders) + len(files) > FOLDER_FILES:
-            yield f"{parent} has {len(folders) + len(files)} entries, more than {FOLDER_FILES}"
-        for name in files:
-            size = (Path(parent) / name).stat().st_size
-            if size > FILE_BYTES:
-                yield f"{parent}/{name} takes {size_text(size)}, more than {size_text(FILE_BYTES)}"
-    if count > REPOSITORY_FILES:
-        yield f"{count} files, more than {REPOSITORY_FILES}; choose formats of fewer files, such as rosbag2"
-
-
-def _crowded(names: Sequence[str] | dict[str, str], limit: int) -> list[str]:
+def _crowded(names: Iterable[str], limit: int) -> list[str]:
     """Folders that hold more files than that themselves."""
-    counts: dict[str, int] = {}
-    for name in names:
-        parent = str(Path(name).parent)
-        counts[parent] = counts.get(parent, 0) + 1
+    counts = Counter(str(Path(name).parent) for name in names)
     return sorted(parent for parent, count in counts.items() if count > limit)
 
 
@@ -188,18 +179,7 @@ def _link(source: Path, target: Path) -> None:
 
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
-        return (
-            hashlib.file_digest(file, "sha256").hexdigest()
-            if hasattr(hashlib, "file_digest")
-            else _long(file)
-        )
-
-
-def _long(file: Any) -> str:
-    digest = hashlib.sha256()
-    while piece := file.read(1 << 20):
-        digest.update(piece)
-    return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _origin(document: dict[str, Any]) -> str:
@@ -218,8 +198,9 @@ def _description(document: dict[str, Any], sequences: int) -> str:
     )
 
 
-def _card(description: str, cite: str, poses: int, has_shards: bool) -> str:
+def _card(description: str, cite: str, tables: Mapping[str, Any], *, has_shards: bool) -> str:
     """The dataset card: YAML front matter that the hub reads, then text for people."""
+    rows = max(len(table) for table in tables.values())
     sizes = ((1e4, "1K<n<10K"), (1e5, "10K<n<100K"), (1e6, "100K<n<1M"), (1e7, "1M<n<10M"))
     front = {
         "license": "mit",
@@ -233,10 +214,10 @@ def _card(description: str, cite: str, poses: int, has_shards: bool) -> str:
             "synthetic",
             "autonomous-driving",
         ],
-        "size_categories": [next((text for limit, text in sizes if poses < limit), "10M<n<100M")],
+        "size_categories": [next((text for limit, text in sizes if rows < limit), "10M<n<100M")],
         "configs": [
-            {"config_name": "trajectories", "default": True, "data_files": TRAJECTORIES},
-            {"config_name": "conditions", "data_files": CONDITIONS},
+            {"config_name": Path(path).stem, "data_files": path, "default": path == next(iter(tables))}
+            for path in tables
         ],
     }
     shards = (

@@ -66,9 +66,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         replay=replay_config(arguments, Path()),
     )
     if arguments.hub is not None:
-        from recorder.publishing.tables import check_parquet
+        from recorder.publishing.prepare import check_packages
 
-        check_parquet()
+        check_packages()
     plan = plan_dataset(config)
     _tell(config, plan)
     if not arguments.yes:
