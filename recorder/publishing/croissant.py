@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import datetime, timezone
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 LICENSE = "https://spdx.org/licenses/MIT"
+URL = "https://huggingface.co/datasets/OWNER/NAME"
+"""Put in place of the address; whoever uploads writes their own."""
 _KINDS = {
     "parquet": "application/x-parquet", "yaml": "application/yaml", "mcap": "application/x-mcap",
     "tar": "application/x-tar", "mp4": "video/mp4", "png": "image/png", "csv": "text/csv",
@@ -21,21 +24,17 @@ def croissant(
     *,
     name: str,
     description: str,
-    url: str,
     cite_as: str,
-    date: str,
     sha256: Mapping[str, str],
     seeds: str,
     tables: Mapping[str, pd.DataFrame],
 ) -> dict[str, Any]:
-    """The metadata as JSON-LD, built and checked by `mlcroissant`.
+    """The metadata as JSON-LD, built by `mlcroissant`.
 
     Args:
         name: Name of the dataset.
         description: What it is, a paragraph.
-        url: Where it will lie.
         cite_as: BibTeX.
-        date: Day of publication, ISO 8601.
         sha256: Checksums of the files that are listed one by one, by their paths; the tables among them.
         seeds: What the drives come from, for provenance.
         tables: The tables by their paths.
@@ -43,13 +42,13 @@ def croissant(
     import mlcroissant as mlc
 
     metadata = mlc.Metadata(
-        ctx=mlc.Context(conforms_to=mlc.CroissantVersion.V_1_1),
+        conforms_to=["http://mlcommons.org/croissant/1.1", "http://mlcommons.org/croissant/RAI/1.0"],
         name=name,
         description=description,
         license=[LICENSE],
-        url=url,
+        url=URL,
         version="1.0.0",
-        date_published=date,
+        date_published=datetime.now(timezone.utc).date().isoformat(),
         creators=[mlc.Organization(name="The CarlaLoc authors")],
         cite_as=cite_as,
         keywords=["SLAM", "visual-inertial odometry", "LiDAR", "event camera", "synthetic", "driving"],

@@ -10,10 +10,8 @@ import json
 import os
 import shutil
 import tarfile
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -38,30 +36,12 @@ _CITE = """\
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HubFolder:
-    """What was laid out."""
-
-    path: Path
-    """The folder."""
-    files: int
-    """Number of files."""
-    size: int
-    """Their size [bytes]."""
-    shards: int
-    """Number of tar shards."""
-
-
-def prepare_for_hub(
-    dataset: Path, folder: Path, *, url: str, date: str, folder_files: int = FOLDER_FILES
-) -> HubFolder:
+def prepare_for_hub(dataset: Path, folder: Path, *, folder_files: int = FOLDER_FILES) -> None:
     """Lay a dataset out in a new folder.
 
     Args:
         dataset: A finished dataset.
         folder: New folder.
-        url: Where it will lie.
-        date: Day of publication, ISO 8601.
         folder_files: Files of a folder from which they are put into shards.
 
     Raises:
@@ -73,11 +53,8 @@ def prepare_for_hub(
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another")
     check_packages()
-    with new_folder(folder) as part:
-        shards = _lay_out(dataset, part, url=url, date=date, folder_files=folder_files)
-    files = [path for path in folder.rglob("*") if path.is_file()]
-    size = sum(path.stat().st_size for path in files)
-    return HubFolder(path=folder, files=len(files), size=size, shards=shards)
+    with _new_folder(folder) as part:
+        _lay_out(dataset, part, folder_files)
 
 
 def check_packages() -> None:
@@ -92,7 +69,7 @@ def check_packages() -> None:
 
 
 @contextmanager
-def new_folder(folder: Path) -> Iterator[Path]:
+def _new_folder(folder: Path) -> Iterator[Path]:
     """A folder under a temporary name, which takes its own if all goes well, and is removed if not."""
     part = folder.with_name(f"{folder.name}.part")
     shutil.rmtree(part, ignore_errors=True)
@@ -105,23 +82,23 @@ def new_folder(folder: Path) -> Iterator[Path]:
         raise
 
 
-def _lay_out(dataset: Path, folder: Path, *, url: str, date: str, folder_files: int) -> int:
-    """Write everything; return the number of shards."""
+def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:
     # Imported when they are known to be there.
     from recorder.publishing.croissant import croissant
     from recorder.publishing.tables import CONDITIONS, TRAJECTORIES, conditions, trajectories
 
     document = yaml.safe_load((dataset / FILE_NAME).read_text("utf-8"))
     sums: dict[str, str] = dict(document["sha256"])
-    shards: dict[str, str] = {}
-    crowded = [Path(name) for name in _crowded(sums, folder_files)]
+    members: dict[Path, list[str]] = {}
     for name in sums:
-        if not any(parent in Path(name).parents for parent in crowded):
-            _link(dataset / name, folder / name)
-    for parent in crowded:
-        members = [name for name in sums if parent in Path(name).parents]
-        for path in _shards(dataset, folder, parent, members):
-            shards[str(path.relative_to(folder))] = _sha256(path)
+        members.setdefault(Path(name).parent, []).append(name)
+    shards: list[Path] = []
+    for parent, names in members.items():
+        if len(names) > folder_files:
+            shards += _shards(dataset, folder, parent, names)
+        else:
+            for name in names:
+                _link(dataset / name, folder / name)
     shutil.copy(dataset / FILE_NAME, folder / FILE_NAME)
     tables = {TRAJECTORIES: trajectories(dataset), CONDITIONS: conditions(dataset, sums)}
     for path, table in tables.items():
@@ -131,21 +108,15 @@ def _lay_out(dataset: Path, folder: Path, *, url: str, date: str, folder_files: 
     (folder / CITATION).write_text(cite, encoding="utf-8")
     description = _description(document, len(tables[CONDITIONS]))
     listed = {name: _sha256(folder / name) for name in (*tables, FILE_NAME)}
-    listed |= {name: digest for name, digest in sums.items() if (folder / name).exists()} | shards
+    listed |= {str(path.relative_to(folder)): _sha256(path) for path in shards}
+    listed |= {name: digest for name, digest in sums.items() if (folder / name).exists()}
     metadata = croissant(
-        name="CarlaLoc", description=description, url=url, cite_as=cite, date=date, sha256=listed,
+        name="CarlaLoc", description=description, cite_as=cite, sha256=listed,
         seeds=_origin(document), tables=tables,
     )  # fmt: skip
     (folder / CROISSANT).write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
     text = _card(description, cite, tables, has_shards=bool(shards))
     (folder / CARD).write_text(text, encoding="utf-8")
-    return len(shards)
-
-
-def _crowded(names: Iterable[str], limit: int) -> list[str]:
-    """Folders that hold more files than that themselves."""
-    counts = Counter(str(Path(name).parent) for name in names)
-    return sorted(parent for parent, count in counts.items() if count > limit)
 
 
 def _shards(dataset: Path, folder: Path, parent: Path, members: Sequence[str]) -> Iterator[Path]:
@@ -156,7 +127,7 @@ def _shards(dataset: Path, folder: Path, parent: Path, members: Sequence[str]) -
             path = folder / parent.with_name(f"{parent.name}-{number:05d}.tar")
             path.parent.mkdir(parents=True, exist_ok=True)
             tar = tarfile.open(path, "w", format=tarfile.USTAR_FORMAT)  # noqa: SIM115
-        info = tarfile.TarInfo(str(Path(name).relative_to(parent)))
+        info = tarfile.TarInfo(Path(name).name)
         info.size = (dataset / name).stat().st_size
         with (dataset / name).open("rb") as file:
             tar.addfile(info, file)

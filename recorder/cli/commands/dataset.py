@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from datetime import datetime, timedelta, timezone
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +22,6 @@ from recorder.cli.replay_options import add_replay_options, replay_config
 if TYPE_CHECKING:
     from recorder.factory.plan import DatasetConfig, DatasetPlan
 
-HUB_URL = "https://huggingface.co/datasets/OWNER/NAME"
-"""Put in place of the address in `croissant.json`; whoever uploads writes their own."""
 LOG = ".carlaloc-dataset.log"
 """Name of the log in the dataset's folder."""
 
@@ -81,8 +79,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.hub is not None:
         from recorder.publishing.prepare import prepare_for_hub
 
-        today = datetime.now(timezone.utc).date().isoformat()
-        prepare_for_hub(arguments.out, arguments.hub, url=HUB_URL, date=today)
+        prepare_for_hub(arguments.out, arguments.hub)
     return {
         "dataset": str(path),
         "log": str(arguments.out / LOG),
