@@ -1,7 +1,7 @@
 """The whole dataset: a drive in each town, each of them replayed under all conditions.
 
-Drives are recorded by the scripted driver with fixed seeds, or are a person's. Each is a replay in a folder
-of its own below ``OUT/.carlaloc-dataset`` until it is whole, so that the same command goes on where it was.
+Drives are recorded by the scripted driver with fixed seeds, or are a person's. Each is a replay into the same
+folder, and the same command goes on where it was.
 """
 
 from __future__ import annotations
@@ -11,23 +11,20 @@ import logging
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from carlaloc_env.core.errors import OutputError, WriterError
 from carlaloc_env.core.files.file_lock import take_lock
-from carlaloc_env.core.files.output_paths import path_below
-from recorder.dataset.manifest import FILE_NAME, as_yaml, checksums
-from recorder.factory.plan import EPISODES, SAMPLE_FROM_S, DatasetConfig, length_s, plan_dataset
+from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, DatasetFolder
+from recorder.dataset.manifest import DatasetManifest, write_manifest
+from recorder.factory.plan import SAMPLE_FROM_S, DatasetConfig, length_s, plan_dataset
+from recorder.replaying.plan import ReplayConfig, ReplayOptions
 from recorder.replaying.replay import replay
 
 WORK = ".carlaloc-dataset"
-"""Folder of drives that are not whole yet."""
-DRIVE = "drive.yaml"
-"""What a town's folder says of its drive: where it comes from, and checksums."""
+"""Folder that one run holds at a time; it says of which recipe."""
 Progress = Callable[[float, float, str], None]
 """Called about every second with seconds of driving that are replayed and in all, and what is being done."""
 _log = logging.getLogger(__name__)
@@ -59,9 +56,10 @@ def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Pat
             lengths_s[town] = length_s(config, town)
             later = tuple(lengths_s[t] for t in config.towns[number + 1 :] if t not in plan.whole)
             _make_drive(config, town, tell, later)
-        _write_record(config, recipe)
+        manifest = DatasetManifest.read(config.out, WriterError)
+        write_manifest(config.out, manifest.drives, recipe)
         shutil.rmtree(config.out / WORK, ignore_errors=True)
-    return config.out / FILE_NAME
+    return DatasetFolder(config.out).description
 
 
 class _Told:
@@ -85,33 +83,8 @@ class _Told:
             self._progress(done_s, sum(self._lengths_s.values()), what)
 
 
-def _write_record(config: DatasetConfig, recipe: dict[str, Any]) -> None:
-    """Write ``dataset.yaml``: the recipe, where each drive comes from, all sequences, all checksums."""
-    drives = {
-        town: {
-            key: value
-            for key, value in yaml.safe_load((config.out / town / DRIVE).read_text("utf-8")).items()
-            if key not in ("sha256", "sequences")
-        }
-        for town in config.towns
-    }
-    sequences = sorted(
-        str(path.parent.relative_to(config.out)) for path in config.out.glob("*/*/sequence.yaml")
-    )
-    document = {
-        "recipe": recipe,
-        "topics": config.replay.topics,
-        "drives": drives,
-        "sequences": sequences,
-        "sha256": checksums(config.out),
-    }
-    part = config.out / f".{FILE_NAME}.part"
-    part.write_text(as_yaml(document), encoding="utf-8")
-    part.replace(config.out / FILE_NAME)
-
-
-def write_manifest(dataset: Path, folder: Path) -> None:
-    """Write what anybody needs to make the same dataset: drives, recipe, checksums of all files.
+def copy_manifest(dataset: Path, folder: Path) -> None:
+    """Copy all that the same dataset is made of: drives, recipe, and checksums to compare with.
 
     Args:
         dataset: Folder of a finished dataset.
@@ -123,7 +96,8 @@ def write_manifest(dataset: Path, folder: Path) -> None:
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another --manifest")
     shutil.copytree(dataset / EPISODES, folder / EPISODES)
-    shutil.copy(dataset / FILE_NAME, folder / FILE_NAME)
+    for name in (DATASET, CHECKSUMS):
+        shutil.copy(dataset / name, folder / name)
 
 
 def _recipe(config: DatasetConfig) -> dict[str, Any]:
@@ -154,11 +128,9 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
             )
         file.seek(0)
         text = file.read()
-        found: Any = {}
-        if (out / FILE_NAME).exists():
-            found = yaml.safe_load((out / FILE_NAME).read_text("utf-8")).get("recipe")
-        elif text:
-            found = json.loads(text)
+        found: Any = json.loads(text) if text else {}
+        if not found and DatasetFolder(out).description.exists():
+            found = DatasetManifest.read(out, WriterError).recipe or {"towns": None}
         other = [name for name, value in recipe.items() if found and found.get(name) != value]
         if other:
             raise WriterError(
@@ -172,7 +144,7 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
 
 def _get_drive(config: DatasetConfig, town: str, tell: _Told) -> None:
     """Put the drive of a town into the dataset: a copy of a person's, or a new one by the scripted driver."""
-    target = config.out / EPISODES / f"{town}.mcap"
+    target = DatasetFolder(config.out).episode(town)
     if target.exists():
         return
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -195,21 +167,16 @@ def _get_drive(config: DatasetConfig, town: str, tell: _Told) -> None:
 
 
 def _make_drive(config: DatasetConfig, town: str, tell: _Told, later_s: Sequence[float]) -> None:
-    """Replay a drive in a folder of its own, and give the town's folder its name."""
-    work = path_below(config.out / WORK, town)
-    if not (work / town / DRIVE).exists():
-        if not (work / FILE_NAME).exists():
-            _log.info("replaying %s", town)
-            begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
-            one = replace(
-                config.replay,
-                episode=config.out / EPISODES / f"{town}.mcap",
-                out=work,
-                start_s=begin_s,
-                duration_s=config.sample_s,
-            )
-            replay(one, tell.replaying, later_s=later_s)
-        (work / FILE_NAME).rename(work / town / DRIVE)
-    (work / town).rename(path_below(config.out, town))
-    shutil.rmtree(work)
+    """Replay a drive; an interrupted replay goes on where it was."""
+    begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
+    _log.info("replaying %s", town)
+    options = {field.name: getattr(config.replay, field.name) for field in fields(ReplayOptions)}
+    one = ReplayConfig(
+        **options,
+        episode=DatasetFolder(config.out).episode(town),
+        out=config.out,
+        start_s=begin_s,
+        duration_s=config.sample_s,
+    )
+    replay(one, tell.replaying, later_s=later_s)
     _log.info("%s is whole", town)

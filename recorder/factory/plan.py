@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.files.output_paths import check_output_folder, path_below
+from carlaloc_env.core.errors import ConfigError, WriterError
+from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.town.sources import ALIASES, known_towns
+from recorder.dataset.layout import EPISODES, SEQUENCE, DatasetFolder
+from recorder.dataset.manifest import DatasetManifest
 from recorder.episode.episode import Episode
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.plan import ReplayConfig, rig_of
+from recorder.replaying.plan import ReplayOptions, rig_of
 
-EPISODES = "episodes"
-"""Folder of the recorded drives."""
 SAMPLE_FROM_S = 8.0
 """Where a sample begins [s]: the car has left the kerb then."""
 ROUTE_M = {
@@ -43,8 +43,8 @@ class DatasetConfig:
     """Folder of a person's drives, ``<town>.mcap``; None: the scripted driver records them."""
     sample_s: float | None = None
     """Length of the stretch of each drive [s]; None: all of it."""
-    replay: ReplayConfig
-    """Conditions, rig, formats, topics, quality, workers; episode and folder come from here."""
+    replay: ReplayOptions
+    """Conditions, rig, formats, topics, quality, workers."""
     seed: int | None = None
     """Seed by which drives are recorded; None: the standard drive of each town."""
 
@@ -98,11 +98,13 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     """
     check_output_folder(config.out)
     rig_of(config.replay)
+    has_drives = DatasetFolder(config.out).description.exists()
+    whole = DatasetManifest.read(config.out, WriterError).drives if has_drives else {}
     there = [path for path in config.out.rglob("*") if path.is_file()]
     return DatasetPlan(
         sequences=len(config.towns) * len(conditions_of(config.replay.weathers, config.replay.traffic)),
         lengths_s={town: length_s(config, town) for town in config.towns},
-        whole=tuple(town for town in config.towns if path_below(config.out, town).exists()),
+        whole=tuple(town for town in config.towns if town in whole),
         drives=len([*(config.out / EPISODES).glob("*.mcap")]),
         parts=sum(_is_part(path.relative_to(config.out)) for path in there),
         kept=sum(path.stat().st_size for path in there),
@@ -137,4 +139,4 @@ def _existing(folder: Path) -> Path:
 
 def _is_part(path: Path) -> bool:
     """Whether a file of the dataset makes a unit or a sequence whole in a working folder."""
-    return path.parts[0].startswith(".") and path.name in ("unit.json", "sequence.yaml")
+    return path.parts[0].startswith(".") and path.name in ("unit.json", SEQUENCE)

@@ -5,7 +5,6 @@ Nothing is uploaded. Files are linked where the disk allows it; the folder can t
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -20,7 +19,9 @@ import yaml
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
-from recorder.dataset.manifest import FILE_NAME
+from recorder.dataset.checksums import file_sha256, read_checksums
+from recorder.dataset.layout import CHECKSUMS
+from recorder.dataset.manifest import DatasetManifest
 
 FOLDER_FILES = 10_000
 """Entries of a folder of the Hugging Face hub."""
@@ -48,8 +49,7 @@ def prepare_for_hub(dataset: Path, folder: Path, *, folder_files: int = FOLDER_F
         ConfigError: there is no finished dataset, or a package is missing.
         OutputError: the folder exists.
     """
-    if not (dataset / FILE_NAME).exists():
-        raise ConfigError(f"{dataset} holds no {FILE_NAME}; give the folder of a finished dataset")
+    DatasetManifest.read(dataset)
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another")
     check_packages()
@@ -87,8 +87,7 @@ def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:
     from recorder.publishing.croissant import croissant
     from recorder.publishing.tables import CONDITIONS, TRAJECTORIES, conditions, trajectories
 
-    document = yaml.safe_load((dataset / FILE_NAME).read_text("utf-8"))
-    sums: dict[str, str] = dict(document["sha256"])
+    manifest, sums = DatasetManifest.read(dataset), read_checksums(dataset)
     members: dict[Path, list[str]] = {}
     for name in sums:
         members.setdefault(Path(name).parent, []).append(name)
@@ -99,20 +98,20 @@ def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:
         else:
             for name in names:
                 _link(dataset / name, folder / name)
-    shutil.copy(dataset / FILE_NAME, folder / FILE_NAME)
+    shutil.copy(dataset / CHECKSUMS, folder / CHECKSUMS)
     tables = {TRAJECTORIES: trajectories(dataset), CONDITIONS: conditions(dataset, sums)}
     for path, table in tables.items():
         (folder / path).parent.mkdir(exist_ok=True)
         table.to_parquet(folder / path, compression="zstd", index=False)
     cite = _CITE % __version__
     (folder / CITATION).write_text(cite, encoding="utf-8")
-    description = _description(document, len(tables[CONDITIONS]))
-    listed = {name: _sha256(folder / name) for name in (*tables, FILE_NAME)}
-    listed |= {str(path.relative_to(folder)): _sha256(path) for path in shards}
+    description = _description(manifest, len(tables[CONDITIONS]))
+    listed = {name: file_sha256(folder / name) for name in (*tables, CHECKSUMS)}
+    listed |= {str(path.relative_to(folder)): file_sha256(path) for path in shards}
     listed |= {name: digest for name, digest in sums.items() if (folder / name).exists()}
     metadata = croissant(
         name="CarlaLoc", description=description, cite_as=cite, sha256=listed,
-        seeds=_origin(document), tables=tables,
+        seeds=_origin(manifest), tables=tables,
     )  # fmt: skip
     (folder / CROISSANT).write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
     text = _card(description, cite, tables, has_shards=bool(shards))
@@ -148,20 +147,14 @@ def _link(source: Path, target: Path) -> None:
         shutil.copy(source, target)
 
 
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+def _origin(manifest: DatasetManifest) -> str:
+    episodes = {town: drive["episode"] for town, drive in manifest.drives.items()}
+    found = [f"{town}: episode {e['sha256'][:16]}, seed {e['seed']}" for town, e in episodes.items()]
+    return "; ".join(found)
 
 
-def _origin(document: dict[str, Any]) -> str:
-    drives = document.get("drives", {})
-    found = [f"{town}: episode {drive['episode']['sha256'][:16]}, seed {drive['episode']['seed']}"
-             for town, drive in drives.items()]  # fmt: skip
-    return "; ".join(found) or f"town {document.get('town')}"
-
-
-def _description(document: dict[str, Any], sequences: int) -> str:
-    towns = ", ".join(document.get("drives", {})) or str(document.get("town"))
+def _description(manifest: DatasetManifest, sequences: int) -> str:
+    towns = ", ".join(manifest.drives)
     return (
         f"{sequences} sequences of simulated driving ({towns}) for SLAM: cameras, events, LiDAR, radar, "
         "IMU, GNSS and exact truth. All sequences of a town have the same ego motion, under other weathers "
@@ -193,7 +186,7 @@ def _card(description: str, cite: str, tables: Mapping[str, Any], *, has_shards:
     }
     shards = (
         "\nFolders of very many files are tar shards (`cam0/data-00000.tar` …): unpack them in the folder of "
-        "their name, and the checksums of `dataset.yaml` hold.\n"
+        "their name, and the checksums of `SHA256SUMS` hold.\n"
         if has_shards
         else ""
     )
@@ -209,7 +202,7 @@ def _card(description: str, cite: str, tables: Mapping[str, Any], *, has_shards:
 * `TOWN/WEATHER_TRAFFIC/`: the sequences, `TOWN/calibration/`, `TOWN/ground_truth/`, `episodes/`: the drives.
 * `data/trajectories.parquet`: the true pose of every sensor, 200 Hz; `data/conditions.parquet`: a row
   a sequence.
-* `dataset.yaml`: recipe, origin and the SHA-256 of every file; `croissant.json`: the same for machines.
+* `dataset.yaml`: recipe and origin, `SHA256SUMS`: checksums, `croissant.json`: both for machines.
 {shards}
 Everything is synthetic: nobody in it exists. Whoever has the drives and the recipe makes the same files anew.
 

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
-import yaml
 
+from recorder.dataset.layout import SEQUENCE, sequences_below
+from recorder.dataset.manifest import SequenceDescription
 from recorder.evaluation.trajectory_files import read_tum
 
 TRAJECTORIES, CONDITIONS = "data/trajectories.parquet", "data/conditions.parquet"
@@ -38,22 +39,22 @@ def conditions(dataset: Path, sha256: Mapping[str, str]) -> pd.DataFrame:
         sha256: Checksums of all files of the dataset.
     """
     rows = []
-    for file in sorted(dataset.glob("*/*/sequence.yaml")):
-        found = yaml.safe_load(file.read_text("utf-8"))
-        name = str(file.parent.relative_to(dataset))
+    for folder in sequences_below(dataset):
+        found = SequenceDescription.read(folder)
+        name = f"{folder.path.parent.name}/{folder.name}"
         rows.append(
             {
                 "sequence": name,
-                "town": file.parents[1].name,
-                "weather": found["weather"]["name"],
-                "traffic": found["traffic"]["name"],
-                "traffic_fraction": float(found["traffic"]["fraction"]),
-                "rig": found["rig"],
-                "samples": sum(found["samples"].values()),
-                "samples_by_stream": json.dumps(found["samples"]),
-                "weather_parameters": json.dumps(found["weather"]),
-                "size_bytes": sum(p.stat().st_size for p in file.parent.rglob("*") if p.is_file()),
-                "sha256": sha256[f"{name}/sequence.yaml"],
+                "town": folder.path.parent.name,
+                "weather": found.weather["name"],
+                "traffic": found.traffic["name"],
+                "traffic_fraction": float(found.traffic["fraction"]),
+                "rig": found.rig,
+                "samples": sum(found.samples.values()),
+                "samples_by_stream": json.dumps(found.samples),
+                "weather_parameters": json.dumps(found.weather),
+                "size_bytes": sum(p.stat().st_size for p in folder.path.rglob("*") if p.is_file()),
+                "sha256": sha256[f"{name}/{SEQUENCE}"],
             }
         )
     return pd.DataFrame(rows)

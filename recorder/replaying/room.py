@@ -6,18 +6,23 @@ import shutil
 from pathlib import Path
 
 from carlaloc_env.core.errors import WriterError
+from recorder.dataset.layout import DriveFolder
 from recorder.replaying.sample_counts import SampleCounts
-from recorder.replaying.sequence_writers import WriterGroup
+from recorder.replaying.sequence_writers import SequenceWriters
 from recorder.replaying.spool import merged
-from recorder.replaying.unit_work import SHARED, AssemblyJob, read_summary
+from recorder.replaying.unit_work import SHARED, read_summary
+from recorder.replaying.units import Recipe, Unit
 
 
-def check_room(job: AssemblyJob, length_s: float, *, spools_s: float, sequences_s: float, out: Path) -> None:
+def check_room(
+    recipe: Recipe, unit: Unit, units_dir: Path, *, spools_s: float, sequences_s: float, out: Path
+) -> None:
     """Compare what is yet to be written with what is free.
 
     Args:
-        job: Assembly of the first unit alone, in a folder of its own; nothing is left of it.
-        length_s: Length of that unit [s].
+        recipe: What is made of the drive.
+        unit: The first unit, which is whole.
+        units_dir: Folder of all units.
         spools_s: Time of which spools are yet to be written, at most at once [s].
         sequences_s: Time of all sequences that are yet to be assembled [s].
         out: Folder of the dataset.
@@ -25,9 +30,9 @@ def check_room(job: AssemblyJob, length_s: float, *, spools_s: float, sequences_
     Raises:
         WriterError: the rest does not fit.
     """
-    (unit,) = job.units
-    spools = sum(file["size"] for file in read_summary(unit)["files"].values())
-    needed = (spools_s * spools + sequences_s * _assembled_bytes(job, unit)) / length_s
+    files = read_summary(units_dir / unit.name)["files"].values()
+    spools = sum(file["size"] for file in files)
+    needed = (spools_s * spools + sequences_s * _assembled_bytes(recipe, unit, units_dir)) / unit.length_s
     free = shutil.disk_usage(out).free
     if needed > free:
         raise WriterError(
@@ -36,19 +41,19 @@ def check_room(job: AssemblyJob, length_s: float, *, spools_s: float, sequences_
         )
 
 
-def _assembled_bytes(job: AssemblyJob, unit: Path) -> int:
+def _assembled_bytes(recipe: Recipe, unit: Unit, units_dir: Path) -> int:
     """Size of a unit as a sequence: formats compress what lies in spools as it is [bytes]."""
-    group = WriterGroup(job.sequence, job.config, tuple(read_summary(unit)["streams"]))
-    folder = job.sequence.folder
+    condition, folder = recipe.conditions_of(unit.level)[0], units_dir / unit.name
+    drive = DriveFolder(units_dir / ".first.part")
+    writers = SequenceWriters(drive, condition, recipe, tuple(read_summary(folder)["streams"]))
     try:
-        group.open()
-        names = (SHARED, job.sequence.condition.weather_name)
-        for _, writer, piece in merged(unit / f"{name}.spool" for name in names):
-            group.place(writer, piece)
-        group.close(SampleCounts())
-        return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        writers.open()
+        for _, number, piece in merged(folder / f"{n}.spool" for n in (SHARED, condition.weather_name)):
+            writers.place(number, piece)
+        writers.close(SampleCounts())
+        return sum(path.stat().st_size for path in drive.path.rglob("*") if path.is_file())
     except BaseException:
-        group.abort()
+        writers.abort()
         raise
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(drive.path, ignore_errors=True)

@@ -10,14 +10,13 @@ from __future__ import annotations
 import argparse
 import sys
 from datetime import timedelta
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import OutputFolder, input_path, names, positive_seconds, seed
 from recorder.cli.log_file import logged_to
 from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_replay_options, replay_config
+from recorder.cli.replay_options import add_replay_options, replay_options
 
 if TYPE_CHECKING:
     from recorder.factory.plan import DatasetConfig, DatasetPlan
@@ -52,8 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Plan, ask, make."""
-    from recorder.factory.make_dataset import make_dataset, write_manifest
+    from recorder.factory.make_dataset import copy_manifest, make_dataset
     from recorder.factory.plan import ROUTE_M, DatasetConfig, plan_dataset, town_names
+    from recorder.replaying.plan import ReplayOptions
 
     config = DatasetConfig(
         out=arguments.out,
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         episodes=arguments.episodes,
         sample_s=arguments.sample,
         seed=arguments.seed,
-        replay=replay_config(arguments, Path()),
+        replay=ReplayOptions(**replay_options(arguments)),
     )
     if arguments.hub is not None:
         from recorder.publishing.prepare import check_packages
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     with logged_to(arguments.out / LOG, "recorder"), Progress("dataset") as progress:
         path = make_dataset(config, progress.update)
     if arguments.manifest is not None:
-        write_manifest(arguments.out, arguments.manifest)
+        copy_manifest(arguments.out, arguments.manifest)
     if arguments.hub is not None:
         from recorder.publishing.prepare import prepare_for_hub
 
