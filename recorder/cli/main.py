@@ -62,9 +62,13 @@ def _main(argv: Sequence[str] | None) -> int:
     except SystemExit as stop:
         print(to_json({"text": told.getvalue()}) if as_json else told.getvalue(), end="\n" if as_json else "")
         return int(stop.code or 0)
+    shown = logging.StreamHandler()
+    shown.setLevel(logging.DEBUG if arguments.verbose else logging.WARNING)
+    # A log file may hold more than is shown.
     logging.basicConfig(
-        level=logging.DEBUG if arguments.verbose else logging.WARNING,
+        level=logging.DEBUG if arguments.verbose else logging.INFO,
         format="%(levelname)s %(name)s: %(message)s",
+        handlers=[shown],
     )
     command = import_module(f"recorder.cli.commands.{arguments.command}")
     name = str(arguments.command)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import fcntl
 import io
-import logging
 import os
 import pty
 import re
 import struct
+import subprocess
+import sys
 import termios
 import time
 from pathlib import Path
@@ -16,7 +17,6 @@ from pathlib import Path
 import pytest
 
 from recorder.cli import progress as progress_module
-from recorder.cli.log_file import logged_to
 from recorder.cli.progress import Progress
 
 LINE = r"replaying: (\d+) of 60 s, ([\d.]+) s/s, 00:(\d\d) left, fog"
@@ -82,17 +82,22 @@ def test_a_terminal_has_one_bar_that_goes() -> None:
 
 
 def test_a_log_file_tells_more_than_the_terminal(tmp_path: Path) -> None:
-    shown = io.StringIO()
-    root, handler = logging.getLogger(), logging.StreamHandler(shown)
-    root.addHandler(handler)
-    try:
-        with logged_to(tmp_path / "log", "recorder"):
-            logging.getLogger("recorder.factory").info("driving")
-            logging.getLogger("recorder.factory").warning("going on")
-        logging.getLogger("recorder.factory").info("afterwards")
-    finally:
-        root.removeHandler(handler)
-    assert shown.getvalue() == "going on\n"
+    """Logging as `main` sets it up, in a process of its own."""
+    script = """
+import logging, sys
+from pathlib import Path
+from recorder.cli.log_file import logged_to
+from recorder.cli.main import main
+main(["list", "traffic", "--json"])
+log = logging.getLogger("recorder.factory")
+with logged_to(Path(sys.argv[1]), "recorder"):
+    log.info("driving")
+    log.warning("going on")
+log.warning("afterwards")
+"""
+    words = [sys.executable, "-c", script, str(tmp_path / "log")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert [line.split(": ")[-1] for line in done.stderr.splitlines()] == ["going on", "afterwards"]
     lines = (tmp_path / "log").read_text().splitlines()
     assert [line.split(" ", 2)[2] for line in lines] == ["INFO driving", "WARNING going on"]
-    assert handler.level == logging.NOTSET
