@@ -79,7 +79,7 @@ def test_a_second_run_at_once_is_refused(config: DatasetConfig, monkeypatch: pyt
     """While one is at work, another with the same words is refused, and what there is stays."""
     refused: list[str] = []
 
-    def meanwhile(*_: Any) -> None:
+    def meanwhile(*_: Any, **__: Any) -> None:
         with pytest.raises(WriterError, match=r"another run is at work in .*; wait until") as failure:
             make_dataset(config)
         refused.append(str(failure.value))
@@ -99,8 +99,9 @@ def test_too_little_room_is_told_after_the_first_unit_and_the_same_call_goes_on(
     config: DatasetConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """What is said to be needed is what all sequences take in the end, and the spools of the other level."""
+    full = shutil.disk_usage("/")._replace(free=1000)
     with monkeypatch.context() as patch:
-        patch.setattr(room.shutil, "disk_usage", lambda _: shutil.disk_usage("/")._replace(free=1000))
+        patch.setattr(room.shutil, "disk_usage", lambda _: full)
         with pytest.raises(WriterError, match="1 parts are whole, and the same command goes on") as failure:
             make_dataset(config)
     told = re.search(r"the rest needs about (\S+) GB, and 0\.000 GB are free in", str(failure.value))
