@@ -48,7 +48,11 @@ def test_workers_and_cuts_change_no_byte(straight_drive: StraightDrive, tmp_path
             replay(config)
         except RenderError as error:
             pytest.skip(str(error))
-        assert sorted(path.name for path in (tmp_path / name).iterdir()) == ["dataset.yaml", "straight"]
+        assert sorted(path.name for path in (tmp_path / name).iterdir()) == [
+            "SHA256SUMS",
+            "dataset.yaml",
+            "straight",
+        ]
         return checksums(tmp_path / name)
 
     whole = sums("whole", 10.0, 1)

@@ -111,18 +111,28 @@ def write_dataset(
             for k in range(sweeps):
                 cloud = sweep(k * SWEEP_NS)
                 writer.write(cloud if labelled else plain(cloud))
-        weather, traffic = condition.split("_")
-        described = SequenceDescription(
-            name=condition,
-            weather={"name": weather},
-            traffic={"name": traffic},
-            rig=rig().name,
-            epoch_ns=DEFAULT_EPOCH_NS,
-            samples={"lidar": sweeps, "lidar_semantic": sweeps},
-            movers={"lidar_semantic": CAR_SHARE},
-        )
-        SequenceFolder(path).description.write_text(described.to_yaml())
-        write_checksums(path)
-    topics = "standard" if labelled else "slam"
-    write_manifest(root, {"Box": {"topics": topics, "rig": yaml.safe_load(rig().to_yaml())}}, None)
+        describe(path, rig(), samples={"lidar": sweeps, "lidar_semantic": sweeps}, movers=CAR_SHARE)
+    list_dataset(root, rig(), topics="standard" if labelled else "slam")
     return root
+
+
+def describe(folder: Path, rig: SensorRig, *, samples: dict[str, int], movers: float = 0.0) -> None:
+    """Describe a sequence's folder, named weather_traffic, as replay does."""
+    weather, traffic = folder.name.split("_")
+    described = SequenceDescription(
+        name=folder.name,
+        weather={"name": weather},
+        traffic={"name": traffic},
+        rig=rig.name,
+        epoch_ns=DEFAULT_EPOCH_NS,
+        samples=samples,
+        movers={"lidar_semantic": movers},
+    )
+    SequenceFolder(folder).description.write_text(described.to_yaml())
+    write_checksums(folder)
+
+
+def list_dataset(root: Path, rig: SensorRig, *, topics: str = "standard") -> None:
+    """Describe a dataset of one drive."""
+    town = next(path.name for path in sorted(root.iterdir()) if path.is_dir())
+    write_manifest(root, {town: {"topics": topics, "rig": yaml.safe_load(rig.to_yaml())}}, None)
