@@ -72,7 +72,8 @@ def driven_distance_m(episode: Episode) -> float:
 
 def _route_distance_m(episode: Episode) -> float | None:
     ends = [event.data["route_m"] for event in episode.events if event.kind == "end"]
-    return float(ends[-1]) if ends and not episode.header.history else None
+    last = None if episode.header.history or not ends else ends[-1]
+    return float(last) if isinstance(last, (int, float)) else None
 
 
 def summarise(episode: Episode) -> EpisodeSummary:
