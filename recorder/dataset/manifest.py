@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 from importlib.metadata import version
 from pathlib import Path
@@ -11,6 +10,8 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.checksums import file_sha256
 from carlaloc_env.core.files.config_mapping import to_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
@@ -42,7 +43,7 @@ def origin_of(
         "town_hash": town.content_hash,
         "episode": {
             "file": episode.path.name,
-            "sha256": hashlib.sha256(episode.path.read_bytes()).hexdigest(),
+            "sha256": file_sha256(episode.path),
             "seed": header.seed,
             "device": header.device,
             "duration_s": episode.duration_s,
@@ -94,12 +95,9 @@ def write_record(out: Path, origin: dict[str, Any]) -> Path:
         "sequences": [name for name in sequences if ".part" not in name],
         "sha256": checksums(out),
     }
-    part = out / f".{FILE_NAME}.part"
-    try:
+    with atomic_write(out / FILE_NAME, WriterError) as part:
         part.write_text(as_yaml(document), encoding="utf-8")
-        return part.replace(out / FILE_NAME)
-    except OSError as error:
-        raise WriterError(f"cannot write {out / FILE_NAME}: {error.strerror}") from error
+    return out / FILE_NAME
 
 
 def checksums(folder: Path) -> dict[str, str]:
@@ -108,11 +106,7 @@ def checksums(folder: Path) -> dict[str, str]:
     for path in sorted(folder.rglob("*")):
         hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
         if path.is_file() and not hidden and path.name != FILE_NAME:
-            digest = hashlib.sha256()
-            with path.open("rb") as file:
-                while piece := file.read(1 << 20):
-                    digest.update(piece)
-            found[str(path.relative_to(folder))] = digest.hexdigest()
+            found[str(path.relative_to(folder))] = file_sha256(path)
     return found
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
 from recorder.evaluation.trajectory import Trajectory
@@ -163,14 +164,9 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
         EvaluationError: the file cannot be written.
     """
     path = Path(path)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = tum_text(trajectory.stamp_ns, trajectory.position_m, trajectory.quat_xyzw)
+    text = tum_text(trajectory.stamp_ns, trajectory.position_m, trajectory.quat_xyzw)
+    with atomic_write(path, EvaluationError) as part:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        raise EvaluationError(f"cannot write {path}: {error.strerror}; choose another folder") from error
     return path
 
 

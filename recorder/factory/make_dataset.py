@@ -18,6 +18,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.file_lock import take_lock
 from carlaloc_env.core.files.output_paths import path_below
 from recorder.dataset.manifest import FILE_NAME, as_yaml, checksums
@@ -92,9 +93,8 @@ def _write_record(config: DatasetConfig, recipe: dict[str, Any]) -> None:
         "sequences": sequences,
         "sha256": checksums(config.out),
     }
-    part = config.out / f".{FILE_NAME}.part"
-    part.write_text(as_yaml(document), encoding="utf-8")
-    part.replace(config.out / FILE_NAME)
+    with atomic_write(config.out / FILE_NAME, WriterError) as part:
+        part.write_text(as_yaml(document), encoding="utf-8")
 
 
 def write_manifest(dataset: Path, folder: Path) -> None:
@@ -165,9 +165,9 @@ def _episode(config: DatasetConfig, drive: DrivePlan, clock: DatasetClock, recor
         return target
     target.parent.mkdir(parents=True, exist_ok=True)
     if config.episodes is not None:
-        part = target.with_suffix(".part")
-        shutil.copy(config.episodes / f"{town}.mcap", part)
-        return part.replace(target)
+        with atomic_write(target, WriterError) as part:
+            shutil.copy(config.episodes / f"{town}.mcap", part)
+        return target
     duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
     _log.info("driving through %s", town)
     for rest in target.parent.glob(f"{town}.mcap.*"):

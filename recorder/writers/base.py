@@ -6,7 +6,6 @@ drive can be encoded on any machine and in any order; `place` puts pieces into t
 
 from __future__ import annotations
 
-import shutil
 import sqlite3
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write, part_path, remove
 from carlaloc_env.samples import Image, Sample
 
 DEFAULT_EPOCH_NS = 1_672_531_200_000_000_000
@@ -59,7 +59,7 @@ class Writer(ABC):
     def __init__(self, target: str | Path, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
         self.target = Path(target)
         self.epoch_ns = epoch_ns
-        self._part = self.target.with_name(f".{self.target.name}.part")
+        self._part = part_path(self.target)
         self._is_open = False
         self._last_ns: int | None = None
 
@@ -85,10 +85,10 @@ class Writer(ABC):
             raise WriterError(f"{self.target} exists; choose another folder or delete it first")
         try:
             self.target.parent.mkdir(parents=True, exist_ok=True)
-            _remove(self._part)
+            remove(self._part)
             self._begin(self._part)
         except _FAILURES as error:
-            _remove(self._part)
+            remove(self._part)
             raise WriterError(f"cannot write {self.target}: {_reason(error)}") from error
         self._is_open = True
 
@@ -155,7 +155,7 @@ class Writer(ABC):
         if self._is_open:
             self._is_open = False
             self._drop()
-            _remove(self._part)
+            remove(self._part)
 
     def unix_ns(self, stamp_ns: int) -> int:
         """Time of a stamp in the written files [ns since 1970]."""
@@ -189,15 +189,8 @@ def _reason(error: Exception) -> str:
     return error.strerror or str(error) if isinstance(error, OSError) else str(error)
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    elif path.parent.is_dir():
-        path.unlink(missing_ok=True)
-
-
 def write_text(path: str | Path, text: str) -> Path:
-    """Write a small new file, first under a temporary name.
+    """Write a small new file, whole or not at all.
 
     Raises:
         WriterError: the file exists or cannot be written.
@@ -205,13 +198,8 @@ def write_text(path: str | Path, text: str) -> Path:
     path = Path(path)
     if path.exists():
         raise WriterError(f"{path} exists; choose another folder or delete it first")
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path, WriterError) as part:
         part.write_text(text, encoding="utf-8")
-        part.rename(path)
-    except OSError as error:
-        raise WriterError(f"cannot write {path}: {error.strerror}") from error
     return path
 
 

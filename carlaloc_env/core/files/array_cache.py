@@ -22,6 +22,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core.errors import OutputError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.file_lock import has_name, take_lock
 from carlaloc_env.core.files.source_digest import source_digest
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
@@ -129,8 +131,8 @@ def _made(stored: Path, make: Callable[[], T], to_arrays: Callable[[T], Arrays],
     try:
         save(stored, to_arrays(made))
         _drop_old(stored, kept_files)
-    except OSError as error:
-        _log.warning("%s cannot be cached in %s (%s)", stored.name, stored.parent, error)
+    except (OSError, OutputError) as error:
+        _log.warning("%s cannot be cached: %s", stored.name, error)
     return made
 
 
@@ -200,25 +202,19 @@ def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
     After the signature come the length of a JSON table (8 bytes), the table, and the values themselves.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     rows, end = {}, 0
     for name, value in arrays.items():
         start = -(-end // ALIGNED_BYTES) * ALIGNED_BYTES
         rows[name] = (value.dtype.str, value.shape, start)
         end = start + value.nbytes
     table = json.dumps({"hash": arrays_hash(arrays), "arrays": rows}).encode()
-    try:
-        with partial.open("wb") as out:
-            out.write(SIGNATURE + len(table).to_bytes(8, "little") + table)
-            first = _first_byte(len(table))
-            for name, (_, _, start) in rows.items():
-                out.seek(first + start)
-                out.write(np.ascontiguousarray(arrays[name]).data)
-            out.truncate(first + end)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_write(path, advice="set $CARLALOC_CACHE to another folder") as part, part.open("wb") as out:
+        out.write(SIGNATURE + len(table).to_bytes(8, "little") + table)
+        first = _first_byte(len(table))
+        for name, (_, _, start) in rows.items():
+            out.seek(first + start)
+            out.write(np.ascontiguousarray(arrays[name]).data)
+        out.truncate(first + end)
 
 
 def load(path: Path) -> Arrays | None:

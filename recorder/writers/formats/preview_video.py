@@ -56,8 +56,6 @@ class PreviewWriter(Writer):
         self, target: str | Path, *, shown: Mapping[str, str], rate_hz: float, caption: str = ""
     ) -> None:
         super().__init__(target)
-        # The container is chosen by the file's ending.
-        self._part = self.target.with_name(f".part-{self.target.name}")
         self._panel_of_stream = dict(shown)
         self._places = tuple(shown.values())
         self._rate_hz = rate_hz
