@@ -1,15 +1,13 @@
-"""Files and folders that are whole under their name, or not there, and their checksums."""
+"""Files and folders that are whole under their name, or not there."""
 
 from __future__ import annotations
 
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.atomic_write import atomic_write, part_path
-from carlaloc_env.core.files.checksums import file_sha256
 
 
 def _broken_off(path: Path, fault: BaseException) -> None:
@@ -40,11 +38,3 @@ def test_folders_take_their_name_too(tmp_path: Path) -> None:
     with atomic_write(tmp_path / "folder") as part:
         (part / "below").mkdir(parents=True)
     assert [found.name for found in tmp_path.rglob("*")] == ["folder", "below"]
-
-
-def test_checksums_are_those_of_sha256sum(tmp_path: Path) -> None:
-    for size in (0, 1 << 20, (1 << 20) + 1):
-        (tmp_path / "a").write_bytes(bytes(size))
-        command = ["sha256sum", str(tmp_path / "a")]
-        expected = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()[0]
-        assert file_sha256(tmp_path / "a") == expected
