@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
 from itertools import takewhile
@@ -16,16 +15,13 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory import Trajectory, in_order
 
 _NANOSECONDS_FROM = 10**14
 """Larger stamps are nanoseconds: as seconds they would lie three million years ahead."""
-_POSITION_MAX_M = 1e9
-"""Positions beyond are no trajectory of this world [m]."""
 _LONG_BYTES = 500_000
 """Shorter files are not worth the loading of Arrow."""
 _POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
-_LOG = logging.getLogger(__name__)
 
 
 def read_trajectory(path: str | Path, *, times: Path | None = None, topic: str | None = None) -> Trajectory:
@@ -96,7 +92,7 @@ def _long_tum(path: Path) -> Trajectory | None:
     if high.any() or (low < 0).any():
         return None
     pose = np.stack([table[name].to_numpy() for name in _POSE], axis=1)
-    return _ordered(path, low.copy(), pose[:, :3], pose[:, 3:])
+    return in_order(path, low.copy(), pose[:, :3], pose[:, 3:])
 
 
 Row = tuple[int, list[str]]
@@ -128,7 +124,7 @@ def _poses(path: Path, rows: Sequence[Row], *, w_first: bool) -> Trajectory:
             raise EvaluationError(f"{path} line {number} is not '{form}'; give a TUM, KITTI or EuRoC file")
     table = np.array(values)
     quat = table[:, [4, 5, 6, 3]] if w_first else table[:, 3:]
-    return _ordered(path, np.array(stamps, dtype=np.int64), table[:, :3], quat)
+    return in_order(path, np.array(stamps, dtype=np.int64), table[:, :3], quat)
 
 
 def _kitti(path: Path, rows: Sequence[Row], times: Path | None) -> Trajectory:
@@ -146,24 +142,7 @@ def _kitti(path: Path, rows: Sequence[Row], times: Path | None) -> Trajectory:
     R = matrices[:, :, :3]
     if not np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=0.01):
         raise EvaluationError(f"{path} holds a matrix that is no rotation; give KITTI's poses")
-    return _ordered(path, np.array(stamps, dtype=np.int64), matrices[:, :, 3], matrix_to_quat(R))
-
-
-def _ordered(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> Trajectory:
-    if not np.all(np.abs(position_m) < _POSITION_MAX_M):
-        raise EvaluationError(f"{path} holds a position that is not finite or beyond {_POSITION_MAX_M:g} m")
-    if np.any(np.diff(stamp_ns) < 0):
-        _LOG.warning("%s: the poses are not in the order of their times; sorted", path)
-    order = np.argsort(stamp_ns, kind="stable")
-    # Some systems write a pose twice when they correct it; the last one counts.
-    order = order[np.append(np.diff(stamp_ns[order]) > 0, True)]
-    quat = quat_xyzw[order]
-    norm = np.sqrt(np.sum(quat**2, axis=1, keepdims=True))
-    if not np.all(np.abs(norm - 1.0) < 0.01):
-        raise EvaluationError(f"{path} holds a quaternion that is not of length 1; the order is x y z w")
-    return Trajectory(
-        stamp_ns=stamp_ns[order], position_m=position_m[order].copy(), quat_xyzw=quat / norm, name=path.stem
-    )
+    return in_order(path, np.array(stamps, dtype=np.int64), matrices[:, :, 3], matrix_to_quat(R))
 
 
 def tum_text(unix_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> str:
