@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +31,8 @@ It is fixed so that the same drive always gives the same bytes, and far from 0, 
 """
 
 
+PNG_RUN_LENGTHS = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
+"""Run lengths only: a noisy 1280×720 image takes 13 ms and 507 kB, by default 17 ms and 569 kB."""
 _FAILURES = (OSError, sqlite3.Error)
 """What libraries raise when a disk takes no more."""
 
@@ -216,6 +218,23 @@ def write_text(path: str | Path, text: str) -> Path:
     with atomic_write(path, WriterError) as part:
         part.write_text(text, encoding="utf-8")
     return path
+
+
+def png_of(pixels: NDArray[Any], name: str, options: Sequence[int] = PNG_RUN_LENGTHS) -> bytes:
+    """An image as PNG.
+
+    Args:
+        pixels: Grey or BGR, 8 or 16 bits.
+        name: What an error calls it.
+        options: Pairs of OpenCV's settings and their values.
+
+    Raises:
+        WriterError: OpenCV cannot do it.
+    """
+    done, png = cv2.imencode(".png", pixels, options)
+    if not done:
+        raise WriterError(f"OpenCV cannot write {name}; install opencv-python-headless again")
+    return png.tobytes()
 
 
 def grey(sample: Image) -> NDArray[np.uint8]:
