@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.config_mapping import to_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
@@ -170,12 +171,8 @@ def write_manifest(
         "versions": {**{name: version(name) for name in VERSIONED}, "python": platform.python_version()},
         "sequences": [str(one.path.relative_to(out)) for one in sequences_below(out)],
     }
-    part = out / f".{DATASET}.part"
-    try:
+    with atomic_write(out / DATASET, WriterError) as part:
         part.write_text(as_yaml(document), encoding="utf-8")
-        part.replace(out / DATASET)
-    except OSError as error:
-        raise WriterError(f"cannot write {out / DATASET}: {error.strerror}") from error
     write_checksums(out)
 
 

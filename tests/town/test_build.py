@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.errors import MapError, OutputError
 from carlaloc_env.core.files.array_cache import arrays_hash, load, save
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.sources import find_town, identify_town
@@ -170,7 +170,7 @@ def test_nothing_half_written_stands_under_the_final_name(
 
     monkeypatch.setattr(os, "replace", fail)
     monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OutputError, match="disk full"):
         save(tmp_path / "kept.town", {"a": np.zeros(3)})
     assert list(tmp_path.iterdir()) == []
 

@@ -98,7 +98,7 @@ def test_another_route_and_other_lanes_have_other_tables(tmp_path: Path) -> None
 def test_damaged_tables_are_worked_out_again(tmp_path: Path) -> None:
     town = packaged("Town01")
     kept_tables(town, folder=tmp_path)
-    (file,) = tmp_path.iterdir()
+    (file,) = tmp_path.glob("*.traffic")
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 0x40
     file.write_bytes(content)
