@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin, sqrt
+from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.road.road_profile import no_roughness
@@ -231,7 +232,7 @@ class EgoCar:
     def _place_on_road(self, wanted_m: Array, heading_rad: float) -> tuple[Array, Array]:
         """Pose of `base_link` whose four wheels touch the road."""
         p = self._params
-        c, s = cos(heading_rad), sin(heading_rad)
+        s, c = sin_cos(heading_rad)
         feet = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
         ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in feet]
         high_m, low_m = float(wanted_m[2]) + 2.0, float(wanted_m[2]) - 4.0

@@ -24,12 +24,12 @@ class TownRoads:
 
     network: LaneNetwork
     """Lanes, signals and crosswalks."""
-    levels: LevelGrid | None
-    """How rough the roads are; None: smooth."""
-    route: Route | None
-    """The ego's route, None where the town has none."""
     geo: GeoReference
     """Geodetic position of the world origin."""
+    route: Route | None = None
+    """The ego's route, None where the town has none."""
+    levels: LevelGrid | None = None
+    """How rough the roads are; None: smooth."""
 
 
 def to_arrays(roads: TownRoads) -> Arrays:

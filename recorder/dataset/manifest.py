@@ -39,7 +39,7 @@ def origin_of(
     header = episode.header
     origin = {
         "town": town.name,
-        "town_hash": town.content_hash,
+        "town_hash": header.town_hash,
         "episode": {
             "file": episode.path.name,
             "sha256": hashlib.sha256(episode.path.read_bytes()).hexdigest(),

@@ -23,10 +23,10 @@ from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.town.build import load_town
-from carlaloc_env.town.parked import without_parked_cars
+from carlaloc_env.town.without_movables import without_movables
 from carlaloc_env.weather.schedule import Weather
 from recorder.episode.episode import Episode
+from recorder.episode.town import town_of
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import first_pictures_ns
 from recorder.replaying.spool import Order
@@ -70,18 +70,20 @@ class LevelSensors:
     """Sensors on the stage of a level.
 
     Raises:
+        EpisodeError: the town is another one than was driven in.
         RenderError: pictures cannot be drawn here.
         RaycastError: rays cannot be cast here.
     """
 
     def __init__(self, config: LevelConfig) -> None:
         self.config = config
-        self._timeline = config.level.select(Episode.load(config.episode).timeline())
+        episode = Episode.load(config.episode)
+        self._timeline = config.level.select(episode.timeline())
         # Nobody else holds the town here, so that the stage can let its meshes go.
         self._stage = SensorStage(
-            load_town(config.town)
+            town_of(episode, config.town)
             if config.level.parked_cars
-            else without_parked_cars(load_town(config.town)),
+            else without_movables(town_of(episode, config.town)),
             seed=config.seed,
             weather=config.weathers[0],
             quality=config.quality,

@@ -149,7 +149,7 @@ class ReplayPlan:
         """All that decides about the bytes that are written, by names that a person knows."""
         config = self.config
         return {
-            "town": f"{self.town.name} {self.town.content_hash}",
+            "town": f"{self.town.name} {self.town.source_hash}",
             "episode": self.origin["episode"]["sha256"],
             "rig": repr(self.rig),
             "stretch": repr((self.span_ns, self.camera_ns)),
