@@ -9,7 +9,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import RenderError
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.replay import replay
 from recorder.replaying.units import units_of

@@ -16,7 +16,7 @@ import pytest
 import yaml
 from shared_fixtures.processes.small_disks import small_disk
 
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums
 from recorder.drive.record import RecordConfig, record
 
 KILLS, DISKS = 50, 20

@@ -15,7 +15,7 @@ from shared_fixtures.drives.drives import CALM, small_cameras
 
 from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
 from carlaloc_env.rigs.presets import flu_rig
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums
 from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric

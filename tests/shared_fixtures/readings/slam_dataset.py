@@ -15,11 +15,14 @@ from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.config import LidarConfig
+from recorder.dataset.checksums import write_checksums
+from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.manifest import SequenceDescription, write_manifest
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 ROOM_M = np.array([24.0, 16.0, 5.0])
 ELEVATIONS_DEG = tuple(float(e) for e in range(-24, 24, 3))
@@ -98,25 +101,28 @@ def write_dataset(
     truth = Trajectory(stamp_ns=t_ns + DEFAULT_EPOCH_NS, position_m=position, quat_xyzw=quat, name="lidar")
     for name in ("lidar", "base_link"):
         write_tum(folder / "ground_truth" / f"{name}.tum", truth)
-    document = {"town": "Box", "rig": yaml.safe_load(rig().to_yaml()), "versions": {}}
-    (root / "dataset.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
     for condition in conditions:
         path = folder / condition
         path.mkdir()
         calibration = RigCalibration.from_configs(rig().sensors)
         stream = "lidar_semantic" if labelled else "lidar"
-        with Rosbag1Writer(path / f"{condition}.bag", calibration, streams={stream}) as writer:
+        bag = SequenceFolder(path).place("rosbag1")
+        with Rosbag1Writer(bag, Ros1Encoder(calibration, streams={stream})) as writer:
             for k in range(sweeps):
                 cloud = sweep(k * SWEEP_NS)
                 writer.write(cloud if labelled else plain(cloud))
         weather, traffic = condition.split("_")
-        described = {
-            "name": condition,
-            "weather": {"name": weather},
-            "traffic": {"name": traffic},
-            "samples": {"lidar": sweeps, "lidar_semantic": sweeps},
-            "movers": {"lidar_semantic": CAR_SHARE},
-            "sha256": {},
-        }
-        (path / "sequence.yaml").write_text(yaml.safe_dump(described, sort_keys=False))
+        described = SequenceDescription(
+            name=condition,
+            weather={"name": weather},
+            traffic={"name": traffic},
+            rig=rig().name,
+            epoch_ns=DEFAULT_EPOCH_NS,
+            samples={"lidar": sweeps, "lidar_semantic": sweeps},
+            movers={"lidar_semantic": CAR_SHARE},
+        )
+        SequenceFolder(path).description.write_text(described.to_yaml())
+        write_checksums(path)
+    topics = "standard" if labelled else "slam"
+    write_manifest(root, {"Box": {"topics": topics, "rig": yaml.safe_load(rig().to_yaml())}}, None)
     return root
