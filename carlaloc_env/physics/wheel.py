@@ -14,10 +14,10 @@ from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.elementary_kernels import arctan, sin_cos, tan
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
-from carlaloc_env.core.road.road_profile import RoughTable, rough_height
 from carlaloc_env.physics.ground_heights import GroundTable, highest_below
 from carlaloc_env.physics.tyre import advance_tyre, lateral_mu
 from carlaloc_env.physics.wheel_table import Car, Wheels
+from carlaloc_env.road.road_profile import RoughTable, rough_height
 
 _LOOK_ABOVE_M = 0.5
 """The road is looked for from so far above the hub [m]."""

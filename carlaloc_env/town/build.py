@@ -10,7 +10,7 @@ import numpy as np
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.array_cache import cached
-from carlaloc_env.core.road.road_profile import Roughness
+from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.scene import mesh_arrays
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town import town_roads, town_scenery

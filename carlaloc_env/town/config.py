@@ -14,7 +14,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files import config_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.road.rough_surface import ROAD_CLASSES
+from carlaloc_env.road.rough_surface import ROAD_CLASSES
 
 if sys.version_info >= (3, 11):
     import tomllib

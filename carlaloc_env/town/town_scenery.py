@@ -26,7 +26,7 @@ class TownOutline:
     lenses: SignalLenses
     """Lenses of the traffic lights."""
     road_events: Array
-    """What wheels feel beside the meshes, columns of `core.road_events`, shape (N, 7)."""
+    """What wheels feel beside the meshes, columns of `road.road_events`, shape (N, 7)."""
     lamps_m: Array
     """Light sources of the street lamps [m], shape (K, 3)."""
 

@@ -25,7 +25,7 @@ SHAPES = (
 """Files and folders whose numbers end in a drive or a sample."""
 EXEMPT = {
     "core/geometry/camera_model.py": "a lens is chosen once; calibrations hold its focal length",
-    "core/road/rough_surface.py": "what comes out of the Fourier transform is rounded to a grid",
+    "road/rough_surface.py": "what comes out of the Fourier transform is rounded to a grid",
     "sensors/imaging/imager.py": "pictures are not the same on other processors",
     "town/ground/height_fields.py": "what comes out of the equations is rounded to a grid",
 }

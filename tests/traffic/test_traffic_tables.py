@@ -21,9 +21,8 @@ from carlaloc_env.town.sources import find_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.town.town_roads import TownRoads
 from carlaloc_env.town.town_scenery import TownOutline
-from carlaloc_env.traffic.kept_tables import kept_tables
 from carlaloc_env.traffic.signals import SignalPlan
-from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.traffic_tables import TrafficTables, kept_tables
 
 PARTS = ("roads", "walker_network", "cells", "overlaps")
 
