@@ -79,7 +79,7 @@ def _cost_s(passings: Passings, begins_s: Array) -> Array:
 
 
 def drive_along(passings: Passings, begins_s: Array) -> tuple[Array, Array]:
-    """Waits at L lights of a car of each of `PACES`, and distances of the others from the middle of the green.
+    """Waits of cars of each of `PACES` at L lights; how far from the middle of the green the others pass.
 
     Args:
         passings: Passings of stop lines.

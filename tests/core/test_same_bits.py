@@ -106,18 +106,3 @@ def test_nothing_rounds_by_the_processor() -> None:
 )
 def test_each_way_to_break_the_rule_is_seen(code: str) -> None:
     assert list(faults(ast.parse(code)))
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
-        *("a * b + c", "x ** 2", "2.0 ** -20", "np.sqrt(x)", "np.hypot(x, y)", "elementary.sin(x)"),
-        *(
-            "np.linalg.norm(x, axis=-1)",
-            "@compiled\ndef f(u):\n    return u ** 3",
-            "from math import sqrt, pi",
-        ),
-    ],
-)
-def test_what_is_the_same_everywhere_is_not(code: str) -> None:
-    assert not list(faults(ast.parse(code)))
