@@ -65,8 +65,8 @@ def join_episodes(first: Path, second: Path, out: Path, *, overwrite: bool = Fal
             `JOINT_M` or `JOINT_DEG`.
     """
     a, b = Episode.load(first), Episode.load(second)
-    if a.header.map_hash != b.header.map_hash:
-        raise EpisodeError(f"{first} and {second} were driven on different maps; join drives of one map")
+    if a.header.town_hash != b.header.town_hash:
+        raise EpisodeError(f"{first} and {second} were driven in different towns; join drives in one town")
     same = np.array_equal(a.header.catalog.id, b.header.catalog.id)
     if not same or a.header.catalog.model != b.header.catalog.model:
         raise EpisodeError(

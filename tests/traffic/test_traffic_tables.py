@@ -20,31 +20,30 @@ from carlaloc_env.town.road_building import build_roads
 from carlaloc_env.town.sources import find_town
 from carlaloc_env.town.town import Town
 from carlaloc_env.town.town_roads import TownRoads
-from carlaloc_env.traffic.kept_tables import kept_tables
+from carlaloc_env.town.town_scenery import TownOutline
 from carlaloc_env.traffic.signals import SignalPlan
-from carlaloc_env.traffic.traffic_tables import TrafficTables
+from carlaloc_env.traffic.traffic_tables import TrafficTables, kept_tables
 
 PARTS = ("roads", "walker_network", "cells", "overlaps")
 
 
-def town_of(name: str, network: LaneNetwork, roads: TownRoads | None = None) -> Town:
+def town_of(name: str, roads: TownRoads) -> Town:
     """A town without scenery."""
-    nothing = np.zeros(0, np.int64)
-    return Town(
-        name=name,
-        network=network,
-        config=TownConfig(),
-        route=None if roads is None else roads.route,
-        geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0),
-        scenery=tuple,
-        collision_vertices_m=np.zeros((0, 3)),
-        collision_triangles=np.zeros((0, 3), np.int32),
+    nothing = np.zeros((0, 3))
+    outline = TownOutline(
+        collision_vertices_m=nothing,
+        collision_triangles=nothing.astype(np.int32),
         collision_tags=np.zeros(0, np.uint8),
-        lenses=SignalLenses(signal=nothing, state=nothing, T_world_lens=np.zeros((0, 4, 4)), instance=None),
-        lamps_m=np.zeros((0, 3)),
-        roughness=None,
-        content_hash="0" * 32,
+        lenses=SignalLenses(),
+        road_events=np.zeros((0, 7)),
+        lamps_m=nothing,
     )
+    return Town(name=name, config=TownConfig(), roads=roads, outline=outline, scenery=tuple)
+
+
+def plain(network: LaneNetwork) -> TownRoads:
+    """Roads without a route."""
+    return TownRoads(network=network, geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0))
 
 
 def packaged(name: str) -> Town:
@@ -52,7 +51,7 @@ def packaged(name: str) -> Town:
     source = find_town(name)
     config = TownConfig.from_toml(source.with_name("town.toml"))
     roads = build_roads(read_opendrive(source), config, 3)
-    return town_of(name, roads.network, roads)
+    return town_of(name, roads)
 
 
 def assert_same_tables(a: TrafficTables, b: TrafficTables) -> None:
@@ -74,7 +73,7 @@ def test_kept_tables_are_those_worked_out_anew(name: str, tmp_path: Path) -> Non
 def test_so_are_those_of_small_maps(river: Built, motorway: Built, tmp_path: Path) -> None:
     """Without a route, signals or crosswalks, and without sidewalks."""
     for name, built in (("river", river), ("motorway", motorway)):
-        town = town_of(name, built.network)
+        town = town_of(name, plain(built.network))
         anew = TrafficTables(built.network)
         for _ in range(2):
             assert_same_tables(kept_tables(town, folder=tmp_path), anew)
@@ -84,13 +83,13 @@ def test_another_route_and_other_lanes_have_other_tables(tmp_path: Path) -> None
     """Also under the same name: the file is named after all that its tables come from."""
     town = packaged("Town01")
     first = kept_tables(town, folder=tmp_path)
-    second = kept_tables(replace(town, route=None), folder=tmp_path)
+    second = kept_tables(replace(town, roads=replace(town.roads, route=None)), folder=tmp_path)
     assert not np.array_equal(first.roads.lane.demand, second.roads.lane.demand)
     assert_same_tables(second, TrafficTables(town.network))
     lanes = (("driving", 3.5), ("sidewalk", 2.5))
     road = straight_road(1, (0.0, 0.0, 0.0), 120.0, ((0, 0, 0, 0, 0),), lanes)
     network = build_network(f"<OpenDRIVE><header/>{road}</OpenDRIVE>".encode())
-    third = kept_tables(town_of("Town01", network), folder=tmp_path)
+    third = kept_tables(town_of("Town01", plain(network)), folder=tmp_path)
     assert_same_tables(third, TrafficTables(network))
     assert len(list(tmp_path.glob("Town01-*.traffic"))) == 3
 

@@ -10,8 +10,8 @@ from scipy.signal import csd, welch
 from scipy.special import k1
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.road.road_profile import LevelGrid, Relief, Roughness, level_at
-from carlaloc_env.core.road.rough_surface import ROAD_CLASSES, RoughSurface, class_level, class_roughness_m3
+from carlaloc_env.road.road_profile import LevelGrid, Relief, Roughness, level_at
+from carlaloc_env.road.rough_surface import ROAD_CLASSES, RoughSurface, class_level, class_roughness_m3
 
 TRACK_M = 1.58
 STEP_M = 0.1

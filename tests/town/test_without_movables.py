@@ -10,8 +10,9 @@ from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.scene.mesh import merge
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.parked import MOVABLE, without_parked_cars
 from carlaloc_env.town.town import Town
+from carlaloc_env.town.town_roads import TownRoads
+from carlaloc_env.town.without_movables import MOVABLE, without_movables
 
 pytest.importorskip("open3d", reason="Open3D casts the rays of these tests")
 
@@ -22,24 +23,16 @@ def town_of(built: Built) -> Town:
     assert scenery is not None
     return Town(
         name="small",
-        network=built.network,
         config=TownConfig(),
-        route=None,
-        geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0),
+        roads=TownRoads(network=built.network, geo=GeoReference(latitude_deg=0.0, longitude_deg=0.0)),
+        outline=scenery,
         scenery=lambda: scenery.chunks,
-        collision_vertices_m=scenery.collision_vertices_m,
-        collision_triangles=scenery.collision_triangles,
-        collision_tags=scenery.collision_tags,
-        lenses=scenery.lenses,
-        lamps_m=scenery.lamps_m,
-        roughness=None,
-        content_hash="0" * 32,
     )
 
 
 def test_nothing_movable_is_left(river: Built) -> None:
     town = town_of(river)
-    empty = without_parked_cars(town)
+    empty = without_movables(town)
     before, after = merge(town.chunks), merge(empty.chunks)
     movable = np.isin(before.tag[before.triangles[:, 0]], MOVABLE)
     assert movable.sum() > 1000
@@ -52,9 +45,9 @@ def test_nothing_movable_is_left(river: Built) -> None:
 def test_what_stood_there_is_not_hit_either(river: Built) -> None:
     """Every removed solid triangle is a car's; the rest is the same in the same order."""
     town = town_of(river)
-    empty = without_parked_cars(town)
-    cars = town.collision_tags == Tag.CAR
+    empty = without_movables(town)
+    cars = town.outline.collision_tags == Tag.CAR
     assert cars.any()
     assert cars.sum() % 10 == 0  # boxes without floors
-    np.testing.assert_array_equal(empty.collision_triangles, town.collision_triangles[~cars])
-    assert len(empty.collision_tags) == len(empty.collision_triangles)
+    np.testing.assert_array_equal(empty.outline.collision_triangles, town.outline.collision_triangles[~cars])
+    assert len(empty.outline.collision_tags) == len(empty.outline.collision_triangles)

@@ -15,14 +15,18 @@ MOVABLE = (Tag.PEDESTRIAN, Tag.RIDER, Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.MOTORCYCL
 """Tags of what can move, even where it is parked."""
 
 
-def without_parked_cars(town: Town) -> Town:
+def without_movables(town: Town) -> Town:
     """The same town without anything movable: neither to be seen nor to be hit."""
-    stays = ~np.isin(town.collision_tags, MOVABLE)
+    outline = town.outline
+    stays = ~np.isin(outline.collision_tags, MOVABLE)
     return replace(
         town,
         scenery=cache(lambda: tuple(_standing(chunk) for chunk in town.chunks)),
-        collision_triangles=town.collision_triangles[stays],
-        collision_tags=town.collision_tags[stays],
+        outline=replace(
+            outline,
+            collision_triangles=outline.collision_triangles[stays],
+            collision_tags=outline.collision_tags[stays],
+        ),
     )
 
 
