@@ -14,10 +14,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from carlaloc_env import TOWNS
 from carlaloc_env.core.errors import CarlaLocError
 from recorder.benchmark.findings import read_results, write_findings
 
-TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "findings.md"
 LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
 CAMERA_METHODS = "stereo_vo"

@@ -18,9 +18,10 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.env import CarlaLocEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.traffic.world import TrafficConfig
 from recorder.devices.registry import open_device
 
@@ -132,8 +133,8 @@ def steps(rig: str, least: float | None) -> Callable[[Bench], Row]:
     def row(bench: Bench) -> Row:
         name, what = f"steps_{rig}", f"environment steps of 50 ms, rig '{rig}'"
         count = {"state": 40, "lidar": 8, "paper": 2}[rig]
-        env = CarlaLocEnv(TOWN, rig=rig)
-        action = np.array([0.0, 0.3, 0.0, 0.0, 0.0], np.float32)
+        env = CarlaLocEnv(TOWN, rig=rig_by_name(rig))
+        action = np.array([0.0, 0.3], np.float32)
 
         def some() -> None:
             for _ in range(count):

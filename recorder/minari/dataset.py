@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,11 +21,11 @@ import carlaloc_env
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
 from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.envs.task.actions import action_kind
+from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
+from carlaloc_env.envs.task.config import TaskConfig
+from carlaloc_env.envs.task.referee import Referee
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.task.actions import action_kind
-from carlaloc_env.task.config import TaskConfig
-from carlaloc_env.task.observations import AgentView, agent_view
-from carlaloc_env.task.referee import Referee
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import ControlLog, Episode
 from recorder.episode.town import town_of
@@ -133,7 +134,7 @@ class _Drive:
             weather=weather_of(config.weather),
             quality=config.quality,
         )
-        self.view: AgentView = agent_view(config.rig, self._world, self._stage, config.quality)
+        self.view: AgentView = agent_view(rig_of(config.rig, config.quality), self._world, self._stage)
         self.action_space = action_kind(config.action).space
 
     def chunks(self, number: int) -> Iterator[EpisodeBuffer]:
@@ -218,7 +219,7 @@ def _check(config: MinariConfig) -> None:
 def _spec(config: MinariConfig, drive: Episode) -> gymnasium.envs.registration.EnvSpec:
     """The environment in which the same is seen, done and earned."""
     known = drive.header.map_name in carlaloc_env.TOWNS and config.map is None
-    spec = gymnasium.spec(f"CarlaLoc-{drive.header.map_name}-v1" if known else "CarlaLoc-v1")
+    spec = deepcopy(gymnasium.spec(f"CarlaLoc-{drive.header.map_name}-v0" if known else "CarlaLoc-v0"))
     spec.kwargs.update(rig=config.rig, action=config.action, frame_skip=config.frame_skip)
     spec.kwargs.update(weather=config.weather, quality=config.quality)
     if not known:

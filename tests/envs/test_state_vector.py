@@ -10,19 +10,19 @@ import pytest
 
 from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.geometry.transforms import wrap_angle
-from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.envs.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX
+from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, state_names
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX
-from carlaloc_env.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, state_names
 from carlaloc_env.traffic.signals import SignalState
 
 GO = np.array([0.0, 0.45], np.float32)
 
 
 @pytest.fixture(scope="module")
-def env() -> Iterator[DrivingEnv]:
+def env() -> Iterator[CarlaLocEnv]:
     """Town03 among traffic, with the truth about all others."""
-    made = DrivingEnv(map="Town03", rig="bev", info=("truth", "objects"))
+    made = CarlaLocEnv(map="Town03", rig="bev", info=("truth", "objects"))
     yield made
     made.close()
 
@@ -31,7 +31,7 @@ def _told(vector: np.ndarray) -> dict[str, float]:
     return dict(zip(state_names(), vector.tolist(), strict=True))
 
 
-def _steps(env: DrivingEnv, seed: int, steps: int) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+def _steps(env: CarlaLocEnv, seed: int, steps: int) -> tuple[dict[str, np.ndarray], dict[str, object]]:
     observation, info = env.reset(seed=seed)
     for _ in range(steps):
         observation, _, ended, _, info = env.step(GO)
@@ -40,7 +40,7 @@ def _steps(env: DrivingEnv, seed: int, steps: int) -> tuple[dict[str, np.ndarray
 
 
 @pytest.mark.parametrize(("seed", "steps"), [(1, 5), (2, 40), (3, 60)])
-def test_neighbours_are_those_of_the_truth(env: DrivingEnv, seed: int, steps: int) -> None:
+def test_neighbours_are_those_of_the_truth(env: CarlaLocEnv, seed: int, steps: int) -> None:
     """Complex numbers in place of sines and cosines."""
     observation, info = _steps(env, seed, steps)
     objects, truth = info["objects"], info["truth"]
@@ -67,7 +67,7 @@ def test_neighbours_are_those_of_the_truth(env: DrivingEnv, seed: int, steps: in
         assert velocity * 20.0 == pytest.approx(moved, abs=0.35)
 
 
-def test_the_car_and_its_route_are_those_of_the_world(env: DrivingEnv) -> None:
+def test_the_car_and_its_route_are_those_of_the_world(env: CarlaLocEnv) -> None:
     observation, _ = _steps(env, 2, 40)
     told, world = _told(observation["state"]), env.world
     assert told["speed"] * 40.0 == pytest.approx(world.state.speed_mps, abs=1e-4)
@@ -86,7 +86,7 @@ def test_the_car_and_its_route_are_those_of_the_world(env: DrivingEnv) -> None:
         assert found == pytest.approx(expected, abs=5e-3)
 
 
-def test_gap_and_light_are_what_a_driver_sees(env: DrivingEnv) -> None:
+def test_gap_and_light_are_what_a_driver_sees(env: CarlaLocEnv) -> None:
     """`DriverView` samples the route by the metre; crossing traffic, which it also heeds, comes nearer."""
     compared = lights = 0
     for seed in range(4):
@@ -114,7 +114,7 @@ def test_gap_and_light_are_what_a_driver_sees(env: DrivingEnv) -> None:
 
 def test_a_straight_road_from_above(straight_map: Path) -> None:
     """One lane of 3.5 m whose middle the car follows: rows, columns and areas are plain arithmetic."""
-    env = DrivingEnv(map=straight_map, rig="bev", traffic="empty")
+    env = CarlaLocEnv(map=straight_map, rig="bev", traffic="empty")
     observation, _ = env.reset(seed=0)
     picture = observation["bev"]
     road, lanes, route = (picture[..., CHANNELS.index(name)] for name in ("road", "lanes", "route"))
@@ -130,7 +130,7 @@ def test_a_straight_road_from_above(straight_map: Path) -> None:
     env.close()
 
 
-def test_road_users_from_above_stand_where_the_vector_says(env: DrivingEnv) -> None:
+def test_road_users_from_above_stand_where_the_vector_says(env: CarlaLocEnv) -> None:
     seen = 0
     for seed in range(8):
         observation, _ = env.reset(seed=seed, options={"route": "random"})

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 from gymnasium import spaces
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
-from carlaloc_env.observation import Observer
+from carlaloc_env.envs.observation import Observer
+from carlaloc_env.envs.task.birds_eye_view import BirdsEyeView, birds_eye_space
+from carlaloc_env.envs.task.state_vector import StateVector, state_space
+from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.task.birds_eye_view import BirdsEyeView, birds_eye_space
-from carlaloc_env.task.state_vector import StateVector, state_space
-from carlaloc_env.task.task_world import TaskWorld
+
+AGENT_RIGS = ("state", "bev")
+"""What agents see without sensors: the state vector, and the bird's-eye view with it."""
 
 
 class AgentView(Protocol):
@@ -35,9 +39,6 @@ class AgentView(Protocol):
 
     def observe(self, world: TaskWorld, standing_s: float) -> Any:
         """The observation now."""
-
-    def moved(self, world: TaskWorld, stage: SensorStage) -> AgentView:
-        """The same in another world."""
 
 
 class StateView:
@@ -66,10 +67,6 @@ class StateView:
         assert self._state is not None
         state = self._state.observe(standing_s)
         return state if self._above is None else {"state": state, "bev": self._above.draw(world)}
-
-    def moved(self, world: TaskWorld, stage: SensorStage) -> StateView:
-        """The same in another world."""
-        return StateView(world, from_above=self._above is not None)
 
 
 class SensorView:
@@ -101,25 +98,28 @@ class SensorView:
         """The observation now."""
         return self._observer.newest()
 
-    def moved(self, world: TaskWorld, stage: SensorStage) -> SensorView:
-        """The same in another world."""
-        return SensorView(self._config, stage)
 
-
-def agent_view(rig: str | Path | SensorRig, world: TaskWorld, stage: SensorStage, quality: str) -> AgentView:
-    """What an agent sees with a rig: `state`, `bev`, a rig's name, its YAML file, or a `SensorRig`.
+def rig_of(rig: str | Path | SensorRig | Mapping[str, Any], quality: str) -> str | SensorRig:
+    """What a rig means: `state` and `bev` as they are; a rig's name, its YAML file or plain data as a rig.
 
     Raises:
-        ConfigError: there is no such rig, or it needs more memory than there is.
+        ConfigError: there is no such rig, or its pictures of a quality need more memory than there is.
     """
-    if rig in ("state", "bev"):
-        return StateView(world, from_above=rig == "bev")
-    if isinstance(rig, SensorRig):
-        config = rig
-    else:
-        known = {*RIGS, "bev"}
+    if isinstance(rig, str) and rig in AGENT_RIGS:
+        return rig
+    if isinstance(rig, Mapping):
+        rig = SensorRig.from_mapping(rig)
+    elif not isinstance(rig, SensorRig):
+        known = {*RIGS, *AGENT_RIGS}
         if str(rig) not in known and Path(rig).suffix not in (".yaml", ".yml"):
             raise ConfigError(unknown_name("rig", str(rig), known) + ", or a .yaml file")
-        config = rig_by_name(rig)
-    check_memory(config, quality=quality)
-    return SensorView(config, stage)
+        rig = rig_by_name(rig)
+    check_memory(rig, quality=quality)
+    return rig
+
+
+def agent_view(rig: str | SensorRig, world: TaskWorld, stage: SensorStage) -> AgentView:
+    """What an agent sees with a rig, as `rig_of` gives it."""
+    if isinstance(rig, SensorRig):
+        return SensorView(rig, stage)
+    return StateView(world, from_above=rig == "bev")

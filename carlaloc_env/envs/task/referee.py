@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.envs.task.config import TaskConfig
+from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.physics.contacts import Contact
-from carlaloc_env.task.config import TaskConfig
-from carlaloc_env.task.task_world import TaskWorld
 from carlaloc_env.traffic.signals import SignalState
 
 STEP_S = STEP_NS * 1e-9
@@ -33,19 +33,24 @@ COSTS = ("red_light", "collision", "off_road")
 class Verdict:
     """What the referee says of one step."""
 
-    terms: dict[str, float]
+    terms: dict[str, float] = field(default_factory=lambda: dict.fromkeys(TERMS, 0.0))
     """Reward by term."""
-    cost: float
+    cost: float = 0.0
     """Number of violations: collisions, red lights, leaving the road."""
-    ended_by: str | None
+    ended_by: str | None = None
     """`goal`, `collision`, `off_road`, `off_route`: what terminates the episode."""
-    truncated_by: str | None
+    truncated_by: str | None = None
     """`time` or `standing`: what truncates it."""
 
     @property
     def reward(self) -> float:
         """Sum of all terms."""
         return sum(self.terms.values())
+
+    def then(self, after: Verdict) -> Verdict:
+        """Verdict of this stretch and the one after it."""
+        terms = {name: value + after.terms[name] for name, value in self.terms.items()}
+        return replace(after, terms=terms, cost=self.cost + after.cost)
 
 
 class Referee:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from carlaloc_env.core.ego_car import EGO_FRONT_M
-from carlaloc_env.driving_env import DrivingEnv
-from carlaloc_env.task.config import TaskConfig
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.envs.task.config import TaskConfig
 from carlaloc_env.traffic.signals import SignalState
 
 GO = np.array([0.0, 0.6], np.float32)
@@ -18,8 +18,8 @@ REST = np.array([0.0, -1.0], np.float32)
 
 def test_the_end_of_the_route_is_a_success(straight_map: Path) -> None:
     """100 m but for the last two are earned metre by metre, and the end once."""
-    env = DrivingEnv(
-        map=straight_map, traffic="empty", task={"speeding_per_mps_s": 0.0, "time_limit_s": 60.0}
+    env = CarlaLocEnv(
+        straight_map, "state", traffic="empty", task={"speeding_per_mps_s": 0.0, "time_limit_s": 60.0}
     )
     env.reset(seed=0, options={"spawn": (20.0, 0.0), "goal": (120.0, 0.0)})
     terms: dict[str, float] = {}
@@ -38,7 +38,7 @@ def test_the_end_of_the_route_is_a_success(straight_map: Path) -> None:
 
 def test_speeding_costs_more_than_it_gains(straight_map: Path) -> None:
     """Over a limit of 50 km/h, as OpenDRIVE says where a road has none: gains less costs fall with speed."""
-    env = DrivingEnv(map=straight_map, traffic="empty")
+    env = CarlaLocEnv(straight_map, "state", traffic="empty")
     env.reset(seed=0)
     for _ in range(400):
         _, _, ended, _, info = env.step(np.array([0.0, 1.0], np.float32))
@@ -52,7 +52,7 @@ def test_speeding_costs_more_than_it_gains(straight_map: Path) -> None:
 
 
 def test_leaving_the_road_ends_the_episode(straight_map: Path) -> None:
-    env = DrivingEnv(map=straight_map, traffic="empty")
+    env = CarlaLocEnv(straight_map, "state", traffic="empty")
     env.reset(seed=0)
     for _ in range(200):
         _, _, ended, _, info = env.step(np.array([0.5, 0.5], np.float32))
@@ -70,7 +70,7 @@ def test_standing_and_time_truncate(straight_map: Path) -> None:
         ({"standing_limit_s": 1.0}, "standing", 1.0),
         ({"time_limit_s": 1.5}, "time", 1.5),
     ):
-        env = DrivingEnv(map=straight_map, traffic="empty", task=task)
+        env = CarlaLocEnv(straight_map, "state", traffic="empty", task=task)
         env.reset(seed=0)
         for _ in range(60):
             _, _, ended, over, info = env.step(REST)
@@ -83,7 +83,7 @@ def test_standing_and_time_truncate(straight_map: Path) -> None:
 
 def test_a_car_run_into_is_a_collision() -> None:
     """Full throttle through Town01 meets somebody; the touch is in `info` with the impulse that ended it."""
-    env = DrivingEnv(map="Town01", task={"off_road": 0.0, "off_route_m": 1000.0})
+    env = CarlaLocEnv("Town01", "state", task={"off_road": 0.0, "off_route_m": 1000.0})
     env.reset(seed=3)
     for _ in range(600):
         _, reward, ended, _, info = env.step(np.array([0.0, 0.5], np.float32))
@@ -98,7 +98,7 @@ def test_a_car_run_into_is_a_collision() -> None:
 
 def test_a_stop_line_passed_at_red_costs_once() -> None:
     """Every light of the route is passed by a car without others; lights alone tell which were red."""
-    env = DrivingEnv(map="Town01", traffic="empty", task={"speeding_per_mps_s": 0.0})
+    env = CarlaLocEnv("Town01", "state", traffic="empty", task={"speeding_per_mps_s": 0.0})
     spent, expected, passed = 0.0, 0, 0
     lines_m: list[float] = []
     for line in range(4):

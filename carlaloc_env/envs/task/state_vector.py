@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.envs.task.neighbours import COLUMNS, Ego, first_in_path, put_neighbours
+from carlaloc_env.envs.task.task_world import TaskWorld
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.task.neighbours import COLUMNS, Ego, first_in_path, put_neighbours
-from carlaloc_env.task.task_world import TaskWorld
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.traffic.signals import SignalState
 

@@ -1,63 +1,62 @@
-"""The Gymnasium environment in which agents learn: follow a route through a town among traffic."""
+"""The Gymnasium environment: follow a route through a town among traffic, seen by a rig of sensors."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from numbers import Integral
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_TICKS
-from carlaloc_env.core.errors import ActionError, ClosedError, ConfigError, unknown_name
+from carlaloc_env.core.errors import ActionError, ConfigError, unknown_name
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.env import KEEP_NS, check_seed
-from carlaloc_env.human_window import HumanWindow
+from carlaloc_env.envs.base_env import BaseEnv
+from carlaloc_env.envs.human_window import HumanWindow
+from carlaloc_env.envs.seat_view import view_from_seat
+from carlaloc_env.envs.task.actions import action_kind
+from carlaloc_env.envs.task.agent_views import agent_view, rig_of
+from carlaloc_env.envs.task.config import TaskConfig
+from carlaloc_env.envs.task.episode_start import EpisodeStart, route_of
+from carlaloc_env.envs.task.referee import COSTS, Referee, Verdict
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Sample, SampleList
-from carlaloc_env.seat_view import view_from_seat
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
-from carlaloc_env.task.actions import action_kind
-from carlaloc_env.task.config import TaskConfig
-from carlaloc_env.task.episode_start import EpisodeStart, route_of
-from carlaloc_env.task.observations import AgentView, agent_view
-from carlaloc_env.task.referee import COSTS, TERMS, Referee, Verdict
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.config import TrafficConfig, traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 
-INFO = ("ego", "samples", "truth", "objects")
-"""What `info` can tell beside the task, each for its time."""
+KEEP_NS = 2_000_000_000
+"""How much of the past a live run keeps [ns]."""
+INFO = ("ego", "samples", "truth", "objects", "visibility")
+"""What `info` can hold beside the task, each for its time."""
 
 
-class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
+class CarlaLocEnv(BaseEnv):
     """Follow a route through a town among traffic, to its end.
 
-    The page of this family is docs/environments.md.
+    Its page is docs/environments.md.
     """
-
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "human"], "render_fps": 20}  # type: ignore[misc]
 
     def __init__(
         self,
         map: str | Path = "Town03",
-        rig: str | Path | SensorRig = "state",
+        rig: str | Path | SensorRig | Mapping[str, Any] = "paper",
         action: str = "continuous",
-        weather: str | Path | Weather = "ClearNoon",
-        traffic: str | float = "dynamic",
-        route: str = "town",
+        weather: str | Path | Weather | Mapping[str, Any] = "ClearNoon",
+        traffic: str | float | Mapping[str, Any] = "dynamic",
+        route: str | Sequence[Sequence[float]] = "town",
         frame_skip: int = 1,
         task: TaskConfig | Mapping[str, float] | None = None,
-        info: tuple[str, ...] = (),
+        info: Sequence[str] | None = None,
         quality: str = "medium",
         render_mode: str | None = None,
     ) -> None:
@@ -72,29 +71,26 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
         )
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(unknown_name("render mode", str(render_mode), self.metadata["render_modes"]))
-        if isinstance(frame_skip, bool) or not isinstance(frame_skip, int) or not 1 <= frame_skip <= 200:
+        whole = isinstance(frame_skip, Integral) and not isinstance(frame_skip, bool)
+        if not whole or not 1 <= frame_skip <= 200:
             raise ConfigError(f"frame_skip is {frame_skip!r}; give 1 to 200 steps of 50 ms")
-        for name in info:
-            if name not in INFO:
-                raise ConfigError(unknown_name("part of info", str(name), INFO))
         self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": self.metadata["render_fps"] / int(frame_skip)}
         self.task = TaskConfig.of(task)
         self.weather = weather_of(weather)
         self._default_weather, self._default_traffic = self.weather, traffic
         self._route = EpisodeStart.of({"route": route}).route
-        self._frame_skip = frame_skip
-        self._told = frozenset(info)
+        self._frame_skip = int(frame_skip)
         self._actions = action_kind(action)
         self._quality = check_quality(quality)
+        self._rig = rig_of(rig, quality)
+        self._told = _told(info, of_sensors=isinstance(self._rig, SensorRig))
         self._town = load_town(map)
-        self.world = DrivingWorld(self._town, traffic_of_town(self._town, traffic, 0))
-        self.stage = SensorStage(self.world.town, seed=0, weather=self.weather, quality=quality)
-        self._view: AgentView = agent_view(rig, self.world, self.stage, self._quality)
+        self._enter(traffic_of_town(self._town, traffic, 0))
         self.observation_space = self._view.space
         self.action_space: spaces.Space[Any] = self._actions.space
         self._referee: Referee | None = None
         self._window: HumanWindow | None = None
-        self._closed = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -110,23 +106,23 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
             MapError: no route leads where it is asked to.
             ClosedError: the environment has been closed.
         """
-        self._check_open("reset")
-        check_seed(seed)
         start = EpisodeStart.of({"route": self._route, **(options or {})})
-        super().reset(seed=None if seed is None else int(seed))
+        self._begin(seed)
         drive_seed = int(self.np_random.integers(2**31))
         route = route_of(start, self._town, self.np_random)
         level = self._default_traffic if start.traffic is None else start.traffic
         traffic = traffic_of_town(self._town, level, drive_seed)
-        self._use(traffic)
-        self.weather = self.stage.weather = start.weather or self._default_weather
-        self.stage.seed = drive_seed
+        self.weather = start.weather or self._default_weather
+        if traffic.parked_cars != self.world.traffic_config.parked_cars:
+            self.world.close()
+            self.stage.close()
+            self._enter(traffic)
+        self.stage.weather, self.stage.seed = self.weather, drive_seed
         self.world.reset(drive_seed, route=route, traffic=traffic)
         self._referee = Referee(self.world, self.task)
         observation = self._view.reset(self.world)
         self._show()
-        nothing = Verdict(terms=dict.fromkeys(TERMS, 0.0), cost=0.0, ended_by=None, truncated_by=None)
-        return observation, self._info(nothing, [], self._view.samples)
+        return observation, self._info(Verdict(), [], self._view.samples)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Drive for 50 ms times the frame skip, or until the episode ends.
@@ -138,21 +134,19 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
         self._check_open("step")
         if self._referee is None:
             raise ActionError("step before reset; call reset() first")
-        controls = self._actions.controls(action).checked()
-        verdict: Verdict | None = None
+        controls = self._actions.controls(action)
+        verdict = Verdict()
         contacts: list[Contact] = []
         samples: list[Sample] = []
         for _ in range(self._frame_skip):
             touched = [contact for _ in range(STEP_TICKS) for contact in self.world.tick(controls)]
             contacts += touched
-            now = self._referee.judge(touched)
-            verdict = now if verdict is None else _both(verdict, now)
+            verdict = verdict.then(self._referee.judge(touched))
             self._view.follow(self.world)
             samples += self._view.samples
             self.world.forget_before(self.world.now_ns - KEEP_NS)
             if verdict.ended_by or verdict.truncated_by:
                 break
-        assert verdict is not None
         observation = self._view.observe(self.world, self._referee.standing_s)
         self._show()
         ended, over = verdict.ended_by is not None, verdict.truncated_by is not None
@@ -182,19 +176,11 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
             self._window.close()
             self._window = None
 
-    def _check_open(self, call: str) -> None:
-        if self._closed:
-            raise ClosedError(f"{call} after close; make a new environment with gymnasium.make()")
-
-    def _use(self, traffic: TrafficConfig) -> None:
-        """A new world where cars are parked that were not, or the other way round."""
-        if traffic.parked_cars == self.world.traffic_config.parked_cars:
-            return
-        self.world.close()
-        self.stage.close()
+    def _enter(self, traffic: TrafficConfig) -> None:
+        """A new world: where cars are parked, they are part of the town."""
         self.world = DrivingWorld(self._town, traffic)
         self.stage = SensorStage(self.world.town, seed=0, weather=self.weather, quality=self._quality)
-        self._view = self._view.moved(self.world, self.stage)
+        self._view = agent_view(self._rig, self.world, self.stage)
 
     def _show(self) -> None:
         """Show what the driver sees, in `render_mode` human."""
@@ -226,12 +212,21 @@ class DrivingEnv(gymnasium.Env[Any, Any], EzPickle):
             info["samples"] = SampleList(samples)
         if "truth" in self._told:
             info["truth"] = truth_at(world.timeline, [world.now_ns], np.eye(4))[0]
-        if "objects" in self._told:
-            info["objects"] = objects_at(world.timeline, world.now_ns)
+        if not self._told.isdisjoint(("objects", "visibility")):
+            rays = self.stage.rays() if "visibility" in self._told else None
+            info["objects"] = objects_at(world.timeline, world.now_ns, rays=rays)
         return info
 
 
-def _both(before: Verdict, after: Verdict) -> Verdict:
-    """Verdict of two stretches, one after the other."""
-    terms = {name: value + after.terms[name] for name, value in before.terms.items()}
-    return replace(after, terms=terms, cost=before.cost + after.cost)
+def _told(info: Sequence[str] | None, *, of_sensors: bool) -> frozenset[str]:
+    """What `info` holds beside the task.
+
+    Raises:
+        ConfigError: there is no such part.
+    """
+    if info is None:
+        return frozenset(("samples", "truth", "objects") if of_sensors else ())
+    for name in info:
+        if name not in INFO:
+            raise ConfigError(unknown_name("part of info", str(name), INFO))
+    return frozenset(info)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from numbers import Real
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 
@@ -43,8 +44,9 @@ class TaskConfig:
     def __post_init__(self) -> None:
         for item in fields(self):
             value = getattr(self, item.name)
-            if not isinstance(value, (int, float)) or not math.isfinite(value) or value < 0.0:
+            if not isinstance(value, Real) or not math.isfinite(value) or value < 0.0:
                 raise ConfigError(f"task: {item.name} is {value!r}; give a finite number of 0 or more")
+            object.__setattr__(self, item.name, float(value))
 
     @classmethod
     def of(cls, task: TaskConfig | Mapping[str, float] | None) -> TaskConfig:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,8 @@ STEERS = (-0.6, -0.3, -0.12, -0.04, 0.0, 0.04, 0.12, 0.3, 0.6)
 """Steering of discrete actions, full right −1 to full left +1."""
 PEDALS = (-0.8, -0.3, 0.0, 0.35, 0.8)
 """Pedals of discrete actions: brake below 0, throttle above."""
+ROUNDING = 1e-6
+"""So far may rounding put a number beyond its bounds, as a network in single precision does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,13 +48,8 @@ def controls_of(action: ArrayLike) -> Controls:
     Raises:
         ActionError: not five finite numbers, each in its range.
     """
-    steer, throttle, brake, reverse, handbrake = _numbers(
-        action, ("steer", "throttle", "brake", "reverse", "handbrake")
-    )
-    for name, value in (("reverse", reverse), ("handbrake", handbrake)):
-        if not 0.0 <= value <= 1.0:
-            raise ActionError(f"{name} is {value}; give a finite number from 0 to 1")
-    # Pedals and steering are the car's to check.
+    lows = {"steer": -1.0, "throttle": 0.0, "brake": 0.0, "reverse": 0.0, "handbrake": 0.0}
+    steer, throttle, brake, reverse, handbrake = _numbers(action, lows)
     return Controls(
         steer=steer, throttle=throttle, brake=brake, reverse=reverse > 0.5, handbrake=handbrake > 0.5
     )
@@ -64,10 +61,7 @@ def steer_and_pedal(action: ArrayLike) -> Controls:
     Raises:
         ActionError: not two finite numbers from −1 to 1.
     """
-    steer, pedal = _numbers(action, ("steer", "pedal"))
-    for name, value in (("steer", steer), ("pedal", pedal)):
-        if not -1.0 <= value <= 1.0:
-            raise ActionError(f"{name} is {value}; give a finite number from -1 to 1")
+    steer, pedal = _numbers(action, {"steer": -1.0, "pedal": -1.0})
     return Controls(steer=steer, throttle=max(pedal, 0.0), brake=max(-pedal, 0.0))
 
 
@@ -78,22 +72,27 @@ def chosen(action: Any) -> Controls:
         ActionError: no whole number of the table.
     """
     number = np.asarray(action)
-    whole = number.shape == () and np.issubdtype(number.dtype, np.integer)
-    if not whole or not 0 <= int(number) < len(STEERS) * len(PEDALS):
+    whole = number.shape in ((), (1,)) and np.issubdtype(number.dtype, np.integer)
+    if not whole or not 0 <= number.item() < len(STEERS) * len(PEDALS):
         raise ActionError(f"action {action!r}; give a whole number from 0 to {len(STEERS) * len(PEDALS) - 1}")
-    steer, pedal = divmod(int(number), len(PEDALS))
+    steer, pedal = divmod(number.item(), len(PEDALS))
     return steer_and_pedal((STEERS[steer], PEDALS[pedal]))
 
 
-def _numbers(action: ArrayLike, names: tuple[str, ...]) -> tuple[float, ...]:
-    wanted = f"give {len(names)} numbers: {', '.join(names)}"
+def _numbers(action: ArrayLike, lows: Mapping[str, float]) -> list[float]:
+    """Numbers by the lowest that each may be; what rounding put beyond a bound is put on it."""
+    wanted = f"give {len(lows)} numbers: {', '.join(lows)}"
     try:
         values: NDArray[np.float64] = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ActionError(f"action {action!r} is not numeric; {wanted}") from error
-    if values.shape != (len(names),):
+    if values.shape != (len(lows),):
         raise ActionError(f"action of shape {values.shape}; {wanted}")
-    return tuple(values.tolist())
+    numbers: list[float] = values.tolist()
+    for (name, low), value in zip(lows.items(), numbers, strict=True):
+        if not low - ROUNDING < value < 1.0 + ROUNDING:
+            raise ActionError(f"{name} is {value}; give a finite number from {low:g} to 1")
+    return [min(max(value, low), 1.0) for low, value in zip(lows.values(), numbers, strict=True)]
 
 
 def _five() -> ActionKind:

@@ -11,7 +11,7 @@ import pytest
 from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.env import CarlaLocEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import ObjectList, PointCloud, SemanticImage
@@ -20,7 +20,7 @@ from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig
 
-GO = np.array([0.0, 0.6, 0.0, 0.0, 0.0], np.float32)
+GO = np.array([0.0, 0.6], np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,8 @@ def steps() -> Iterator[list[dict[str, Any]]]:
     camera = CameraConfig(
         name="left", mount=left.mount, pinhole=Pinhole.from_fov(160, 90, 90.0), outputs=("semantic",)
     )
-    env = CarlaLocEnv(rig=SensorRig(name="both", sensors=(lidar, camera)), visibility=True)
+    rig = SensorRig(name="both", sensors=(lidar, camera))
+    env = CarlaLocEnv(rig=rig, info=("samples", "truth", "visibility"))
     try:
         env.reset(seed=7)
         yield [env.step(GO)[4] for _ in range(60)][20::2]
@@ -110,7 +111,7 @@ def test_what_the_lidar_sees_counts_as_visible(steps: list[dict[str, Any]]) -> N
 
 def test_visibility_is_unknown_unless_asked_for() -> None:
     """Without the option no ray is cast: all else is told."""
-    env = CarlaLocEnv(rig="state")
+    env = CarlaLocEnv(rig="state", info=("objects",))
     _, info = env.reset(seed=3)
     objects = info["objects"]
     assert len(objects.id) > 50

@@ -24,7 +24,7 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.errors import RenderError
-from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 
 GO = np.array([0.0, 0.4], np.float32)
 FILM_STEPS = 6
@@ -33,7 +33,7 @@ import os, sys, time
 import gymnasium, numpy, carlaloc_env
 if __name__ == "__main__":
     envs = gymnasium.make_vec(
-        "CarlaLoc-v1", num_envs=2, vectorization_mode="async", map=sys.argv[1], traffic="empty"
+        "CarlaLoc-v0", 2, "async", map=sys.argv[1], rig="state", traffic="empty"
     )
     envs.reset(seed=1)
     print(*[process.pid for process in envs.processes], flush=True)
@@ -44,12 +44,16 @@ if __name__ == "__main__":
 
 @pytest.fixture
 def env(straight_map: Path) -> Any:
-    made = DrivingEnv(map=straight_map, rig="bev", traffic="empty")
+    made = CarlaLocEnv(map=straight_map, rig="bev", traffic="empty")
     yield made
     made.close()
 
 
-def test_wrappers_of_gymnasium_fit(env: DrivingEnv) -> None:
+def _shown(straight_map: Path, mode: str, **settings: Any) -> CarlaLocEnv:
+    return CarlaLocEnv(straight_map, "state", traffic="empty", render_mode=mode, quality="low", **settings)
+
+
+def test_wrappers_of_gymnasium_fit(env: CarlaLocEnv) -> None:
     """One in another; the innermost truncates, the flat vector is the parts one after the other."""
     flat = FlattenObservation(TimeLimit(env, max_episode_steps=3))
     wrapped = NormalizeReward(FrameStackObservation(flat, stack_size=2))
@@ -61,13 +65,16 @@ def test_wrappers_of_gymnasium_fit(env: DrivingEnv) -> None:
     np.testing.assert_array_equal(told[-1][0][1][: len(newest)], newest)
 
 
-def test_films_have_a_picture_a_step_at_the_declared_rate(straight_map: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("skip", [1, 4])
+def test_films_have_a_picture_a_step_and_last_as_long_as_the_drive(
+    skip: int, straight_map: Path, tmp_path: Path
+) -> None:
     import cv2
 
     need_opengl()
     pytest.importorskip("moviepy", reason="RecordVideo of Gymnasium needs moviepy")
     env = RecordVideo(
-        DrivingEnv(map=straight_map, traffic="empty", render_mode="rgb_array", quality="low"),
+        _shown(straight_map, "rgb_array", frame_skip=skip),
         str(tmp_path),
         episode_trigger=lambda _: True,
     )
@@ -78,7 +85,7 @@ def test_films_have_a_picture_a_step_at_the_declared_rate(straight_map: Path, tm
     (path,) = tmp_path.glob("*.mp4")
     film = cv2.VideoCapture(str(path))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == pytest.approx(FILM_STEPS + 1, abs=1)
-    assert film.get(cv2.CAP_PROP_FPS) == 20.0
+    assert film.get(cv2.CAP_PROP_FPS) == 20.0 / skip
     assert (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (640, 360)
 
 
@@ -87,7 +94,7 @@ def test_a_window_without_a_display_is_refused_in_one_line(
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
         monkeypatch.delenv(name, raising=False)
-    env = DrivingEnv(map=straight_map, traffic="empty", render_mode="human", quality="low")
+    env = _shown(straight_map, "human")
     with pytest.raises(RenderError, match="needs a display; set DISPLAY, or use 'rgb_array'"):
         env.reset(seed=1)
     env.close()
@@ -99,7 +106,7 @@ def test_a_window_shows_every_step(straight_map: Path, monkeypatch: pytest.Monke
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame
 
-    env = DrivingEnv(map=straight_map, traffic="empty", render_mode="human", quality="low")
+    env = _shown(straight_map, "human")
     env.reset(seed=1)
     env.step(GO)
     shown = pygame.surfarray.array3d(pygame.display.get_surface())
@@ -111,9 +118,7 @@ def test_a_window_shows_every_step(straight_map: Path, monkeypatch: pytest.Monke
 
 @pytest.mark.timeout(300)
 def test_a_worker_that_dies_raises_in_the_parent(straight_map: Path) -> None:
-    envs = gymnasium.make_vec(
-        "CarlaLoc-v1", num_envs=2, vectorization_mode="async", map=str(straight_map), traffic="empty"
-    )
+    envs = gymnasium.make_vec("CarlaLoc-v0", 2, "async", map=str(straight_map), rig="state", traffic="empty")
     envs.reset(seed=1)
     processes = envs.processes  # type: ignore[attr-defined]
     os.kill(processes[1].pid, signal.SIGKILL)
