@@ -5,13 +5,13 @@ import re
 import time
 
 import pytest
+from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive import xml_document
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
-CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
 TEXT = CROSSING.read_text(encoding="utf-8")
 
 
