@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from shared_fixtures.worlds.maps import MAPS
+from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.core.geometry.transforms import wrap_angle
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")
@@ -20,7 +20,7 @@ STEP_M = 2.0
 @pytest.fixture(scope="module", params=MAPS)
 def pair(request: pytest.FixtureRequest) -> tuple[LaneNetwork, Any]:
     path: pathlib.Path = request.param
-    return build_network(path), carla.Map("map", path.read_text(encoding="utf-8"))
+    return network_at(path), carla.Map("map", path.read_text(encoding="utf-8"))
 
 
 def carla_heading(network: LaneNetwork, rows: NDArray[np.void]) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from shared_fixtures.worlds.maps import CROSSING, MAPS
+from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -25,7 +26,7 @@ ROAD = (
 @pytest.mark.parametrize("path", MAPS)
 def test_chosen_routes_follow_lanes(path: Path) -> None:
     """A chosen route has the length asked for and runs on driving lanes without a jump."""
-    network = build_network(path)
+    network = network_at(path)
     route = choose_route(network, 800.0)
     assert route is not None
     assert route.length_m == pytest.approx(800.0, rel=0.03)

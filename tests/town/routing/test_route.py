@@ -9,6 +9,7 @@ import pytest
 from scipy.sparse import lil_array
 from scipy.sparse.csgraph import dijkstra
 from shared_fixtures.worlds.maps import CROSSING, MAPS, VILLAGE, carla_map
+from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geometry.transforms import wrap_angle
@@ -164,7 +165,7 @@ def test_open_route_is_cut_at_its_start(crossing: LaneNetwork) -> None:
 @pytest.mark.parametrize("path", MAPS)
 def test_loops_on_real_maps(path: pathlib.Path) -> None:
     """Loops through drawn points: closed, smooth, projected back to where they were asked."""
-    network = build_network(path)
+    network = network_at(path)
     rng = np.random.default_rng(11)
     free = [
         n.index for n in network.lanes if n.type == "driving" and n.junction_id is None and n.length_m > 20.0
@@ -190,7 +191,7 @@ def test_loops_on_real_maps(path: pathlib.Path) -> None:
 @pytest.mark.parametrize("path", [VILLAGE, carla_map("Town07")])
 def test_path_is_the_shortest(path: pathlib.Path) -> None:
     """Lengths of routes against scipy's Dijkstra on the same lanes, where no lane changes exist."""
-    network = build_network(path)
+    network = network_at(path)
     graph = lil_array((len(network.lanes), len(network.lanes)))
     for lane in network.lanes:
         for n in lane.successors:
