@@ -49,7 +49,6 @@ def test_every_rig_on_a_small_map(name: str, rig: str, straight_map: Path) -> No
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(("name", "rig"), [(name, rig) for name in IDS for rig in _rigs(name)])
 def test_every_id_with_every_rig(name: str, rig: str) -> None:
     """All towns as they come; AnyTown draws among two, since every reset would build another one."""

@@ -249,7 +249,6 @@ def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     env.close()
 
 
-@pytest.mark.timeout(600)
 def test_env_runners_of_rllib_drive_in_processes_of_their_own() -> None:
     pytest.importorskip("ray", reason="RLlib needs the extra `ray`")
     drove, returns = load("14_rllib").main(runners=2, iterations=1, actions=64)
