@@ -150,7 +150,7 @@ def test_a_sensor_of_ones_own_reaches_a_bag(
 
 def test_fog_of_a_schedule_takes_the_contrast(short_drive: Path, tmp_path: Path) -> None:
     try:
-        noon, fog = load("08_weather_schedule").main(short_drive, tmp_path / "fog", seconds=1.0)
+        noon, fog = load("08_weather_schedule").main(short_drive, tmp_path / "fog", seconds=0.2)
     except RenderError as error:
         pytest.skip(str(error))
     assert fog < 0.6 * noon
