@@ -69,7 +69,7 @@ def shown_after(page: Path, curve: int) -> tuple[float, float]:
     clicked.write_text(page.read_text() + CLICK % curve)
     words = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"]
     words += [f"--user-data-dir={page.parent / 'profile'}", "--dump-dom", clicked.as_uri()]
-    dom = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True).stdout
+    dom = subprocess.run(words, capture_output=True, text=True, timeout=600, check=True).stdout
     told = re.search(r'id="cap-s0">t = ([\d.]+) s', dom)
     image = re.search(r'<img id="img-s0"[^>]*src="data:image/jpeg;base64,([^"]+)"', dom)
     assert told is not None

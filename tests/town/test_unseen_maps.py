@@ -88,7 +88,6 @@ def test_vehicles_take_turns_where_roads_lie_on_each_other(tmp_path: Path) -> No
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("shape", sorted(SHAPES))
 def test_the_scripted_driver_completes_a_kilometre(
     shape: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

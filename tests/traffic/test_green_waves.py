@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.town.config import SignalTiming, TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
@@ -22,7 +22,7 @@ TIMING = SignalTiming(green_s=10.0, main_green_s=20.0, left_green_s=6.0)
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town05's lanes."""
-    return build_network(find_town("Town05"))
+    return town_network("Town05")
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,6 @@ EYE_M = 1.0
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("name", carlaloc_env.TOWNS)
 def test_solid_and_seen_lanes_agree(name: str) -> None:
     """Every half metre of every driving lane nothing stands on it, and what is seen is what is solid.

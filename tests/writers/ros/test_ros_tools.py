@@ -71,7 +71,7 @@ def ask_rosbag(*arguments: str, env: dict[str, str] | None = None) -> str:
     if shutil.which("rosbag") is None:
         pytest.skip("needs Debian's python3-rosbag")
     done = subprocess.run(
-        ["rosbag", *arguments], capture_output=True, text=True, timeout=120, env=env, check=False
+        ["rosbag", *arguments], capture_output=True, text=True, timeout=600, env=env, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -115,6 +115,6 @@ def test_play_sends_every_message(bag: Path, ros_master: dict[str, str]) -> None
     ask_rosbag("play", "--quiet", "--wait-for-subscribers", "--topics", "/lidar/points", "/imu/data",
                "--bags", str(bag), env=ros_master)  # fmt: skip
     time.sleep(0.5)
-    counts = listener.communicate("\n", timeout=60)[0].split()
+    counts = listener.communicate("\n", timeout=600)[0].split()
     _, messages = read(bag)
     assert counts == [str(len(messages[topic])) for topic in ("/lidar/points", "/imu/data")]
