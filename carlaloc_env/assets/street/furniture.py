@@ -142,20 +142,6 @@ def bus_shelter(poster: int = PosterCell.TRAVEL) -> Mesh:
     return merge(parts)
 
 
-def billboard(poster: int = PosterCell.CINEMA, *, width_m: float = 6.0, height_m: float = 3.0) -> Mesh:
-    """Billboard on two posts; its face shows a poster, its lower edge is at 2.8 m."""
-    frame = Look(Material.METAL_PAINTED, _STATIC, (28, 30, 30))
-    parts = [
-        tube(_STEEL, [(-0.15, y, 0), (-0.15, y, 2.8 + height_m)], 0.12, 8)
-        for y in (-0.28 * width_m, 0.28 * width_m)
-    ]
-    parts += _picture(width_m, height_m, poster, (0.0, 0.0, 2.8 + 0.5 * height_m), 0.08, frame)
-    for z, high in ((2.75, 0.1), (2.85 + height_m, 0.1)):
-        parts.append(box(frame, (0.16, width_m + 0.2, high), (-0.02, 0, z)))
-    parts.append(box(frame, (0.7, width_m, 0.04), (0.3, 0, 2.62)))
-    return merge(parts)
-
-
 def banner(poster: int = PosterCell.FESTIVAL) -> Mesh:
     """Two banners to hang on a lamp post: arms along ±y, 4.2–6.0 m above the ground."""
     parts = []
