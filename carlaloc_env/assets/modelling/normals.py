@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,16 +33,8 @@ def crease(mesh: Mesh, crease_deg: float) -> Mesh:
     key = (corner << 33) + _packed(np.round(normals * 500).astype(np.int64), 11)
     _, first, index = np.unique(key, return_index=True, return_inverse=True)
     taken = corner[first]
-    return Mesh(
-        vertices_m=mesh.vertices_m[taken],
-        triangles=index.reshape(-1, 3).astype(np.uint32),
-        normals=normals[first].astype(np.float32),
-        uv_m=mesh.uv_m[taken],
-        colour=mesh.colour[taken],
-        material=mesh.material[taken],
-        tag=mesh.tag[taken],
-        instance=mesh.instance[taken],
-    )
+    found = mesh.taking(taken, index.reshape(-1, 3).astype(np.uint32))
+    return replace(found, normals=normals[first].astype(np.float32))
 
 
 def _packed(rows: NDArray[np.int64], bits: int) -> NDArray[np.int64]:

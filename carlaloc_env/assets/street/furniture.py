@@ -33,27 +33,15 @@ _GLASS = Look(Material.GLASS, _STATIC)
 def lamp(height_m: float = 9.0, arm_m: float = 2.0, *, colour: Colour = (150, 152, 150)) -> Mesh:
     """Street lamp; its arm reaches out along +x, the light is at (arm, 0, height)."""
     pole = Look(Material.METAL_GALVANISED, Tag.POLE, colour)
-    bend = [
-        (0, 0, 0),
-        (0, 0, height_m - 1.1),
-        (0.12, 0, height_m - 0.5),
-        (0.45, 0, height_m - 0.12),
-        (arm_m - 0.3, 0, height_m + 0.05),
-    ]
-    cover = lathe(
-        Look(Material.METAL_PAINTED, Tag.POLE, (70, 72, 72)), [(0.2, 0.0), (0.2, 0.7), (0.13, 0.85)], 10
-    )
-    head = Look(Material.METAL_PAINTED, Tag.POLE, (60, 62, 64))
+    heights = ((0, -height_m), (0, -1.1), (0.12, -0.5), (0.45, -0.12), (arm_m - 0.3, 0.05))
+    cover, head = (Look(Material.METAL_PAINTED, Tag.POLE, tint) for tint in ((70, 72, 72), (60, 62, 64)))
+    lens = Look(Material.LAMP_WHITE, Tag.POLE, (120, 110, 90))
     return merge(
         [
-            tube(pole, bend, [0.105, 0.075, 0.06, 0.05, 0.04], 10),
-            cover,
+            tube(pole, [(x, 0, height_m + z) for x, z in heights], [0.105, 0.075, 0.06, 0.05, 0.04], 10),
+            lathe(cover, [(0.2, 0.0), (0.2, 0.7), (0.13, 0.85)], 10),
             ellipsoid(head, (arm_m, 0, height_m + 0.06), (0.42, 0.16, 0.07), 5, 10),
-            box(
-                Look(Material.LAMP_WHITE, Tag.POLE, (120, 110, 90)),
-                (0.5, 0.2, 0.02),
-                (arm_m, 0, height_m - 0.005),
-            ),
+            box(lens, (0.5, 0.2, 0.02), (arm_m, 0, height_m - 0.005)),
         ]
     )
 
@@ -96,17 +84,9 @@ def hydrant(*, colour: Colour = (150, 12, 8)) -> Mesh:
     """Fire hydrant, 0.75 m high."""
     paint = Look(Material.METAL_PAINTED, _STATIC, colour)
     profile = [
-        (0.16, 0),
-        (0.16, 0.04),
-        (0.10, 0.05),
-        (0.10, 0.48),
-        (0.14, 0.50),
-        (0.14, 0.54),
-        (0.12, 0.58),
-        (0.08, 0.68),
-        (0.03, 0.72),
-        (0.025, 0.75),
-    ]
+        (0.16, 0), (0.16, 0.04), (0.10, 0.05), (0.10, 0.48), (0.14, 0.50), (0.14, 0.54), (0.12, 0.58),
+        (0.08, 0.68), (0.03, 0.72), (0.025, 0.75),
+    ]  # fmt: skip
     parts = [lathe(paint, profile, 12)]
     for yaw, radius, length in ((0.0, 0.075, 0.19), (0.5 * np.pi, 0.05, 0.17), (-0.5 * np.pi, 0.05, 0.17)):
         end = np.array([elementary.cos(yaw), elementary.sin(yaw), 0.0])
