@@ -44,7 +44,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     count = len(names)
     models = [VEHICLES[name] for name in names]
     tag = np.array([int(model.tag) for model in models], dtype=np.int64)
-    heavy = np.isin(tag, (int(Tag.TRUCK), int(Tag.BUS))) & np.array([m.length_m > 6.5 for m in models], bool)
+    heavy = np.isin(tag, (int(Tag.TRUCK), int(Tag.BUS))) & np.array([m.size_m[0] > 6.5 for m in models], bool)
     motorcycle, bicycle = tag == int(Tag.MOTORCYCLE), tag == int(Tag.BICYCLE)
     two_wheels = motorcycle | bicycle
     factor = np.clip(draw.normal(1.0, 0.1, count), 0.8, 1.2)
@@ -64,8 +64,8 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     return fill(
         Drivers,
         count + 1,
-        length_m=with_ego(np.array([model.length_m for model in models]), ego.length_m),
-        width_m=with_ego(np.array([model.width_m for model in models]), ego.width_m),
+        length_m=with_ego(np.array([model.size_m[0] for model in models]), ego.length_m),
+        width_m=with_ego(np.array([model.size_m[1] for model in models]), ego.width_m),
         wheelbase_m=with_ego(np.array([model.wheelbase_m for model in models]), EGO_WHEELBASE_M),
         speed_factor=with_ego(factor * slower * np.where(heavy, 0.9, 1.0), 1.0),
         top_mps=with_ego(np.where(bicycle, cyclist * slower, np.where(heavy, _HEAVY_TOP_MPS, 70.0)), 70.0),

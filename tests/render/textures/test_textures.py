@@ -22,8 +22,7 @@ from carlaloc_env.assets.texture_atlas import (
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.array_cache import save
 from carlaloc_env.core.rng import stream
-from carlaloc_env.render.textures import build_textures
-from carlaloc_env.render.textures.build import RECIPES, make_albedo
+from carlaloc_env.render.textures.build import RECIPES, build_textures, make_albedo
 from carlaloc_env.render.textures.noise import fbm, worley
 from carlaloc_env.scene.materials import MATERIALS, Material
 
