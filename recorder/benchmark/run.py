@@ -16,7 +16,7 @@ from recorder.benchmark.plan import Job, SequenceFolder, find_sequences, plan_jo
 from recorder.benchmark.score import Score, read_score, score_run, write_score
 from recorder.dataset.sequence import RAW, SEGMENTED
 from recorder.evaluation.failure import FailRule
-from recorder.slam.isolated_run import run_isolated
+from recorder.slam.supervisor import run_isolated
 from recorder.slam.systems import SYSTEMS, system_of
 
 Progress = Callable[[int, int, str], None]

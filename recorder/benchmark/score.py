@@ -18,8 +18,8 @@ from recorder.evaluation.evaluate import EvaluationResult, evaluate
 from recorder.evaluation.failure import FailRule
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.slam.child import ESTIMATE
-from recorder.slam.isolated_run import RunRecord
+from recorder.slam.supervisor import RunRecord
+from recorder.slam.worker import ESTIMATE
 
 RESULT = "result.json"
 _FORMAT = 3

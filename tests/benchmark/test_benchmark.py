@@ -81,7 +81,7 @@ def test_failures_are_rows_with_reasons(result: BenchmarkResult) -> None:
 
 
 def test_a_run_has_a_time_limit(data: Path, own: dict[str, str], tmp_path: Path) -> None:
-    from recorder.slam.isolated_run import run_isolated
+    from recorder.slam.supervisor import run_isolated
 
     folder = find_sequences(data)[0].path
     record = run_isolated(own["sleeps"], folder, tmp_path, cloud="raw", limit_s=0.5)
