@@ -29,8 +29,10 @@ from carlaloc_env.sensors.radar.config import RadarConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import weather_of
+from recorder.dataset.layout import SequenceFolder
 from recorder.devices.registry import open_device
-from recorder.replaying.sequence_writers import SequenceConfig, writers_of
+from recorder.replaying.sequence_writers import outputs_of
+from recorder.replaying.units import Recipe
 from recorder.writers.base import Piece
 
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
@@ -125,14 +127,20 @@ def _writing(
 ) -> tuple[float, float, int]:
     """Processor time of encoding and of placing an instant [s], and its pieces' size [bytes]."""
     rig = rig_by_name("paper")
-    config = SequenceConfig(rig=rig, formats=formats, topics=topics, preview=preview, seed=SEED)
+    recipe = Recipe(
+        episode=Path(), town=Path(), conditions=(), rig=rig, camera_ns=(0, 0), seed=SEED, quality="medium",
+        formats=formats, topics=topics, preview=preview,
+    )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        writers = writers_of(config, tuple(s.sensor for s in samples), Path(folder) / "s", caption="")
+        outputs = outputs_of(recipe, tuple(s.sensor for s in samples))
+        writers = [output.place(SequenceFolder(Path(folder) / "s"), {}) for output in outputs]
         (Path(folder) / "s").mkdir()
         for writer in writers:
             writer.open()
-        encode = _cpu(lambda: [w.encode(s) for w in writers for s in samples], 2 * bench.repeat, 1)
-        pieces = [(writer, piece) for writer in writers for s in samples for piece in writer.encode(s)]
+        encode = _cpu(lambda: [w.encoder.encode(s) for w in writers for s in samples], 2 * bench.repeat, 1)
+        pieces = [
+            (writer, piece) for writer in writers for s in samples for piece in writer.encoder.encode(s)
+        ]
         later = itertools.count(samples[0].stamp_ns, STEP_NS)
 
         def place() -> None:

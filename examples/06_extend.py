@@ -15,6 +15,7 @@ from recorder import (
     PROFILES,
     Episode,
     RigCalibration,
+    Ros1Encoder,
     Rosbag1Writer,
     TopicProfile,
     TopicRule,
@@ -50,7 +51,7 @@ def main(drive: Path, out: Path = Path("laser.bag")) -> int:
     timeline = episode.timeline()
     stage = SensorStage(town_of(episode), seed=1, weather=weather_by_name("ClearNoon"))
     scans = config.build(stage).measure(timeline, -1, timeline.end_ns)
-    with Rosbag1Writer(out, RigCalibration.from_configs(config.sensors), profile="mine") as bag:
+    with Rosbag1Writer(out, Ros1Encoder(RigCalibration.from_configs(config.sensors), profile="mine")) as bag:
         for scan in scans:
             bag.write(scan)
     return len(scans)

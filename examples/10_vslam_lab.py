@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from recorder import read_tum
+from recorder.dataset.layout import sequences_below
 from recorder.dataset.sequence import SlamSequence
 
 CAMERA = """  - {{cam_name: rgb_{k}, cam_type: gray, cam_model: pinhole, distortion_type: radtan4,
@@ -49,7 +50,7 @@ def _table(path: Path, head: str, rows: list[str]) -> None:
 
 def main(data: Path, out: Path) -> list[Path]:
     """Write all sequences of a folder."""
-    found = sorted(path.parent for path in data.rglob("sequence.yaml"))
+    found = [sequence.path for sequence in sequences_below(data)]
     return [export(folder, out / "_".join(folder.relative_to(data).parts)) for folder in found]
 
 

@@ -1,5 +1,6 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
+from recorder.dataset.layout import FORMATS as FORMATS
 from recorder.devices.base import Device as Device
 from recorder.devices.registry import DEVICES as DEVICES
 from recorder.doctor import examine as examine
@@ -28,21 +29,27 @@ from recorder.evaluation.trajectory import Trajectory as Trajectory
 from recorder.evaluation.trajectory_files import read_trajectory as read_trajectory
 from recorder.evaluation.trajectory_files import read_tum as read_tum
 from recorder.evaluation.trajectory_files import write_tum as write_tum
-from recorder.replaying.plan import FORMATS as FORMATS
 from recorder.replaying.replay import ReplayConfig as ReplayConfig
+from recorder.replaying.replay import ReplayOptions as ReplayOptions
 from recorder.replaying.replay import ReplayResult as ReplayResult
 from recorder.replaying.replay import replay as replay
 from recorder.report.town_preview import draw_town as draw_town
 from recorder.report.trajectory_plot import plot_trajectories as plot_trajectories
 from recorder.slam.bag_odometry import run_odometry as run_odometry
+from recorder.writers.base import Encoder as Encoder
 from recorder.writers.base import Writer as Writer
+from recorder.writers.formats.dsec import DsecEncoder as DsecEncoder
 from recorder.writers.formats.dsec import DsecWriter as DsecWriter
+from recorder.writers.formats.euroc import EurocEncoder as EurocEncoder
 from recorder.writers.formats.euroc import EurocWriter as EurocWriter
+from recorder.writers.formats.kitti import KittiEncoder as KittiEncoder
 from recorder.writers.formats.kitti import KittiWriter as KittiWriter
 from recorder.writers.rig_calibration import RigCalibration as RigCalibration
 from recorder.writers.ros.messages import ENCODERS as ENCODERS
 from recorder.writers.ros.messages import MessageMaker as MessageMaker
+from recorder.writers.ros.rosbag1 import Ros1Encoder as Ros1Encoder
 from recorder.writers.ros.rosbag1 import Rosbag1Writer as Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Ros2Encoder as Ros2Encoder
 from recorder.writers.ros.rosbag2 import Rosbag2Writer as Rosbag2Writer
 from recorder.writers.topics import PROFILES as PROFILES
 from recorder.writers.topics import TopicProfile as TopicProfile

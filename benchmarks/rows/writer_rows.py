@@ -18,8 +18,8 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import Image, PointCloud, Sample
 from recorder.writers.base import Piece, Writer
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.ros.rosbag2 import Rosbag2Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 
 _MEMORY = Path("/dev/shm")
 _POINTS = 60_000
@@ -62,7 +62,7 @@ def bag_rate(name: str, make: Callable[[Path], Writer]) -> Callable[[Bench], Row
     def row(bench: Bench) -> Row:
         with tempfile.TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None) as folder:
             writer = make(Path(folder) / "bag")
-            pieces = [piece for sample in _instant() for piece in writer.encode(sample)]
+            pieces = [piece for sample in _instant() for piece in writer.encoder.encode(sample)]
             size = sum(len(piece.data) for piece in pieces)
             stamps = itertools.count(0, STEP_NS)
 
@@ -89,9 +89,9 @@ def bag_rate(name: str, make: Callable[[Path], Writer]) -> Callable[[Bench], Row
 def lidar_bag(bench: Bench) -> Row:
     """A cloud as a message of a ROS 1 bag, beside the usual loop over its points."""
     cloud = _cloud()
-    writer = Rosbag1Writer(Path("none.bag"), _RIG, profile="paper", streams={"lidar"})
+    encoder = Ros1Encoder(_RIG, profile="paper", streams={"lidar"})
     calls: dict[str, Callable[[], object]] = {
-        "ours": partial(writer.encode, cloud),
+        "ours": partial(encoder.encode, cloud),
         "naive": partial(_by_points, cloud),
     }
     times = time_calls(calls, bench.repeat)
@@ -109,5 +109,5 @@ def _by_points(cloud: PointCloud) -> bytes:
     return bytes(data)
 
 
-rosbag1_rate = bag_rate("rosbag1", lambda path: Rosbag1Writer(path.with_suffix(".bag"), _RIG))
-mcap_rate = bag_rate("mcap", lambda path: Rosbag2Writer(path, _RIG))
+rosbag1_rate = bag_rate("rosbag1", lambda path: Rosbag1Writer(path.with_suffix(".bag"), Ros1Encoder(_RIG)))
+mcap_rate = bag_rate("mcap", lambda path: Rosbag2Writer(path, Ros2Encoder(_RIG)))

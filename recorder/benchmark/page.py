@@ -20,6 +20,7 @@ from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_
 from recorder.benchmark.plan import Job, SequenceFolder
 from recorder.benchmark.run import BenchmarkResult
 from recorder.benchmark.tables import RULE, all_tables, frame_of, titles_of
+from recorder.dataset.layout import SequenceFolder as SequenceFiles
 from recorder.dataset.sequence import RAW
 from recorder.evaluation.path_errors import PathErrors
 from recorder.report.lane_lines import lane_lines_of
@@ -123,7 +124,8 @@ def _section(
 
 def _stills(sequence: SequenceFolder, start_ns: int, peaks_s: Sequence[float]) -> list[tuple[float, str]]:
     """Times [s] and pictures (data URIs) of a preview, evenly over it and at peaks of error."""
-    film, times = sequence.path / "preview.mp4", sequence.path / "mav0" / "times.txt"
+    files = SequenceFiles(sequence.path)
+    film, times = files.film, files.place("euroc") / "times.txt"
     if not film.is_file():
         return []
     # The film begins with the pictures, which may be later than the sweeps.

@@ -6,12 +6,9 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.files.text_files import read_text
+from recorder.dataset.layout import sequences_below
 from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.slam.system import System
 
@@ -86,36 +83,27 @@ def find_sequences(folder: Path) -> list[SequenceFolder]:
     Raises:
         ConfigError: there is none, or a description cannot be read.
     """
-    files = sorted(
-        path
-        for path in folder.rglob("sequence.yaml")
-        if not any(part.startswith(".") for part in path.relative_to(folder).parts)
-    )
-    if not files:
+    found = sequences_below(folder)
+    if not found:
         raise ConfigError(f"{folder} holds no sequence; give a folder that `carlaloc replay --out` wrote")
-    return [_sequence(file, folder) for file in files]
+    return [_sequence(one.path, folder) for one in found]
 
 
-def _sequence(file: Path, root: Path) -> SequenceFolder:
-    path = file.parent
-    try:
-        # The checksums at the end are thousands; what is wanted stands before them.
-        found: Any = yaml.safe_load(read_text(file, "sequence's description").split("\nsha256:")[0])
-        sequence = SlamSequence(path)
-        lidars = sequence.rig.of_kind("lidar")
-        return SequenceFolder(
-            path=path,
-            dataset=Path(os.path.relpath(path.parent.parent, root)).as_posix(),
-            town=path.parent.name,
-            weather=str(found["weather"]["name"]),
-            traffic=str(found["traffic"]["name"]),
-            movers=max((float(v) for v in found.get("movers", {}).values()), default=0.0),
-            labelled=bool(lidars) and sequence.has_labelled_scans,
-            masked=sum(str(name).startswith("semantic_") for name in found["samples"]) >= 2,
-            weather_matters_to_lidar=any(bool(getattr(lidar, "weather", False)) for lidar in lidars),
-        )
-    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as error:
-        raise ConfigError(f"cannot read {file}: {' '.join(str(error).split())}; replay it anew") from error
+def _sequence(path: Path, root: Path) -> SequenceFolder:
+    sequence = SlamSequence(path)
+    described = sequence.description
+    lidars = sequence.rig.of_kind("lidar")
+    return SequenceFolder(
+        path=path,
+        dataset=Path(os.path.relpath(path.parent.parent, root)).as_posix(),
+        town=path.parent.name,
+        weather=str(described.weather["name"]),
+        traffic=str(described.traffic["name"]),
+        movers=max(described.movers.values(), default=0.0),
+        labelled=bool(lidars) and sequence.has_labelled_scans,
+        masked=sum(name.startswith("semantic_") for name in described.samples) >= 2,
+        weather_matters_to_lidar=any(bool(getattr(lidar, "weather", False)) for lidar in lidars),
+    )
 
 
 def plan_jobs(

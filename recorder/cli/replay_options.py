@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from recorder.cli.arguments import OutputFolder, names, positive_int, positive_seconds, seconds
-
-if TYPE_CHECKING:
-    from recorder.replaying.plan import ReplayConfig
 
 
 def add_replay_options(
@@ -72,30 +68,19 @@ def add_replay_options(
     parser.add_argument("--no-preview", action="store_true", help="make no films")
 
 
-def replay_config(arguments: argparse.Namespace, episode: Path, **others: Any) -> ReplayConfig:
-    """Configuration of a replay.
-
-    Args:
-        arguments: Values of the options above.
-        episode: The drive.
-        others: Fields of `ReplayConfig` that no common option sets.
-    """
-    from recorder.replaying.plan import ReplayConfig
-
-    return ReplayConfig(
-        episode=episode,
-        out=arguments.out,
-        weathers=arguments.weather,
-        traffic=arguments.traffic,
-        rig=arguments.rig,
-        formats=arguments.format,
-        topics=arguments.topics,
-        quality=arguments.quality,
-        workers=arguments.workers,
-        cluster=arguments.cluster,
-        unit_s=arguments.unit,
-        preview=not arguments.no_preview,
-        lens_drops=arguments.lens_drops,
-        leaf_wind_mps=arguments.leaf_wind,
-        **others,
-    )
+def replay_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Fields of `ReplayOptions` that the options above give."""
+    return {
+        "weathers": arguments.weather,
+        "traffic": arguments.traffic,
+        "rig": arguments.rig,
+        "formats": arguments.format,
+        "topics": arguments.topics,
+        "quality": arguments.quality,
+        "workers": arguments.workers,
+        "cluster": arguments.cluster,
+        "unit_s": arguments.unit,
+        "preview": not arguments.no_preview,
+        "lens_drops": arguments.lens_drops,
+        "leaf_wind_mps": arguments.leaf_wind,
+    }

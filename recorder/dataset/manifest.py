@@ -1,32 +1,98 @@
-"""``dataset.yaml``: where a dataset comes from, its sequences, and a checksum of every file."""
+"""``dataset.yaml`` and ``sequence.yaml``: where a dataset comes from, and what each of its sequences holds.
+
+A dataset has one or more drives, each in the folder of its town. `carlaloc replay` adds one drive,
+`carlaloc dataset` as many as its recipe names; the description is the same.
+"""
 
 from __future__ import annotations
 
-import hashlib
 import platform
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
 from carlaloc_env.core.files.config_mapping import to_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.town.sources import TownId
+from recorder.dataset.checksums import file_sha256, write_checksums
+from recorder.dataset.layout import DATASET, DatasetFolder, SequenceFolder, sequences_below
 from recorder.episode.episode import Episode
+from recorder.writers.topics import TopicProfile, profile_by_name
 
-FILE_NAME = "dataset.yaml"
-"""Name of the file in the dataset's folder."""
 VERSIONED = ("carlaloc-env", "numpy", "open3d", "moderngl", "opencv-python-headless", "rosbags")
 """Distributions whose versions shape a dataset."""
 
 
-def origin_of(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DatasetManifest:
+    """What ``dataset.yaml`` says."""
+
+    drives: Mapping[str, Mapping[str, Any]]
+    """Where each drive comes from, by town: `drive_origin`."""
+    recipe: Mapping[str, Any] | None = None
+    """What `carlaloc dataset` was asked for; None: the drives were replayed one by one."""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    """Versions of what made the dataset, by distribution."""
+    sequences: tuple[str, ...] = ()
+    """Paths of all finished sequences, ``TOWN/WEATHER_TRAFFIC``."""
+
+    @classmethod
+    def read(cls, folder: Path, error: type[CarlaLocError] = ConfigError) -> DatasetManifest:
+        """The manifest of a dataset.
+
+        Raises:
+            CarlaLocError: of the kind `error`; the folder holds no dataset, or its description is damaged.
+        """
+        file = DatasetFolder(folder).description
+        if not file.is_file():
+            raise error(f"{folder} holds no {DATASET}; give the folder of a finished dataset")
+        try:
+            document = yaml.safe_load(read_text(file, "dataset's description", error))
+            return cls(
+                drives=dict(document["drives"]),
+                recipe=document.get("recipe"),
+                versions=dict(document["versions"]),
+                sequences=tuple(document["sequences"]),
+            )
+        except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as fault:
+            raise error(f"cannot read {file}: {_reason(fault)}; make the dataset anew") from fault
+
+    def rig(self, town: str) -> SensorRig:
+        """Sensors of a drive.
+
+        Raises:
+            ConfigError: the description is damaged.
+        """
+        return SensorRig.from_yaml(as_yaml(self._of(town, "rig")), where=DATASET)
+
+    def profile(self, town: str) -> TopicProfile:
+        """Topics of the bags of a drive.
+
+        Raises:
+            WriterError: the profile is unknown.
+            ConfigError: the description is damaged.
+        """
+        return profile_by_name(str(self._of(town, "topics")))
+
+    def _of(self, town: str, name: str) -> Any:
+        try:
+            return self.drives[town][name]
+        except (KeyError, TypeError):
+            raise ConfigError(
+                f"{DATASET} has no {name} of a drive in {town}; make the dataset anew"
+            ) from None
+
+
+def drive_origin(
     town: TownId, episode: Episode, rig: SensorRig, *, seed: int, span_ns: tuple[int, int], topics: str
 ) -> dict[str, Any]:
-    """What all sequences of a dataset share, as YAML values.
+    """What all sequences of a drive share, as YAML values.
 
     Args:
         town: The town.
@@ -38,11 +104,10 @@ def origin_of(
     """
     header = episode.header
     origin = {
-        "town": town.name,
         "town_hash": town.content_hash,
         "episode": {
             "file": episode.path.name,
-            "sha256": hashlib.sha256(episode.path.read_bytes()).hexdigest(),
+            "sha256": file_sha256(episode.path),
             "seed": header.seed,
             "device": header.device,
             "duration_s": episode.duration_s,
@@ -58,65 +123,115 @@ def origin_of(
     return plain
 
 
-def is_begun(out: Path, origin: dict[str, Any]) -> bool:
-    """Whether the folder holds a dataset of this origin, to which sequences can be added.
+def has_drive(out: Path, town: str, origin: Mapping[str, Any]) -> bool:
+    """Whether a folder holds a dataset with this drive, to which sequences can be added.
 
     Raises:
-        WriterError: it holds one of another drive, rig, stretch or noise.
+        WriterError: the town's folder is of another drive, rig, stretch or noise.
     """
-    path = out / FILE_NAME
-    if not path.exists():
+    if not DatasetFolder(out).description.exists():
         return False
-    try:
-        found = yaml.safe_load(read_text(path, "dataset's description", WriterError))
-        other = [key for key, value in origin.items() if found.get(key) != value]
-    except (OSError, AttributeError, yaml.YAMLError) as error:
-        raise WriterError(
-            f"cannot read {path}: {' '.join(str(error).split())}; choose another --out"
-        ) from error
+    found = DatasetManifest.read(out, WriterError).drives.get(town)
+    if found is None:
+        return False
+    other = [key for key, value in origin.items() if found.get(key) != value]
     if other:
         raise WriterError(
-            f"{out} holds a dataset of another {other[0]}; choose another --out or delete it first"
+            f"{out} holds a dataset of another {other[0]} in {town}; choose another --out or delete it first"
         )
     return True
 
 
-def write_record(out: Path, origin: dict[str, Any]) -> Path:
-    """Write ``dataset.yaml`` anew: origin, versions, every finished sequence, every file's checksum.
+def list_drive(out: Path, town: str, origin: Mapping[str, Any]) -> None:
+    """Add a drive to ``dataset.yaml``, list all finished sequences, and write ``SHA256SUMS`` anew.
 
     Raises:
-        WriterError: it cannot be written.
+        WriterError: they cannot be written.
     """
-    sequences = sorted(str(path.parent.relative_to(out)) for path in out.glob("*/*/sequence.yaml"))
+    drives = {town: origin}
+    recipe = None
+    if DatasetFolder(out).description.exists():
+        found = DatasetManifest.read(out, WriterError)
+        drives, recipe = dict(sorted({**found.drives, town: origin}.items())), found.recipe
+    write_manifest(out, drives, recipe)
+
+
+def write_manifest(
+    out: Path, drives: Mapping[str, Mapping[str, Any]], recipe: Mapping[str, Any] | None
+) -> None:
+    """Write ``dataset.yaml`` and ``SHA256SUMS`` of all that lies in the folder.
+
+    Raises:
+        WriterError: they cannot be written.
+    """
     document = {
-        **origin,
+        **({} if recipe is None else {"recipe": dict(recipe)}),
+        "drives": {town: dict(origin) for town, origin in drives.items()},
         "versions": {**{name: version(name) for name in VERSIONED}, "python": platform.python_version()},
-        "sequences": [name for name in sequences if ".part" not in name],
-        "sha256": checksums(out),
+        "sequences": [str(one.path.relative_to(out)) for one in sequences_below(out)],
     }
-    part = out / f".{FILE_NAME}.part"
+    part = out / f".{DATASET}.part"
     try:
         part.write_text(as_yaml(document), encoding="utf-8")
-        return part.replace(out / FILE_NAME)
+        part.replace(out / DATASET)
     except OSError as error:
-        raise WriterError(f"cannot write {out / FILE_NAME}: {error.strerror}") from error
+        raise WriterError(f"cannot write {out / DATASET}: {error.strerror}") from error
+    write_checksums(out)
 
 
-def checksums(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a folder, by its path there; big files are read in pieces."""
-    found: dict[str, str] = {}
-    for path in sorted(folder.rglob("*")):
-        hidden = any(part.startswith(".") for part in path.relative_to(folder).parts)
-        if path.is_file() and not hidden and path.name != FILE_NAME:
-            digest = hashlib.sha256()
-            with path.open("rb") as file:
-                while piece := file.read(1 << 20):
-                    digest.update(piece)
-            found[str(path.relative_to(folder))] = digest.hexdigest()
-    return found
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceDescription:
+    """What ``sequence.yaml`` says."""
+
+    name: str
+    """Weather and traffic level."""
+    weather: Mapping[str, Any]
+    """Name and parameters of the weather, or of its schedule."""
+    traffic: Mapping[str, Any]
+    """Traffic level."""
+    rig: str
+    """Name of the sensor rig."""
+    epoch_ns: int
+    """Unix time of the beginning of the drive in the sequence's files [ns]."""
+    samples: Mapping[str, int]
+    """Number of samples by stream."""
+    movers: Mapping[str, float]
+    """Fraction of labelled points and pixels that lie on vehicles and walkers of the traffic, by stream."""
+
+    @classmethod
+    def read(cls, sequence: SequenceFolder, error: type[CarlaLocError] = ConfigError) -> SequenceDescription:
+        """The description of a finished sequence.
+
+        Raises:
+            CarlaLocError: of the kind `error`; there is none, or it is damaged.
+        """
+        file = sequence.description
+        if not file.is_file():
+            raise error(f"{sequence.path} holds no {file.name}; give the folder of one sequence")
+        try:
+            found = yaml.safe_load(read_text(file, "sequence's description", error))
+            return cls(
+                name=str(found["name"]),
+                weather=dict(found["weather"]),
+                traffic=dict(found["traffic"]),
+                rig=str(found["rig"]),
+                epoch_ns=int(found["epoch_ns"]),
+                samples={str(k): int(v) for k, v in found["samples"].items()},
+                movers={str(k): float(v) for k, v in found["movers"].items()},
+            )
+        except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as fault:
+            raise error(f"cannot read {file}: {_reason(fault)}; replay it anew") from fault
+
+    def to_yaml(self) -> str:
+        """Text of the file."""
+        return as_yaml(asdict(self))
 
 
-def as_yaml(document: dict[str, Any]) -> str:
+def _reason(fault: Exception) -> str:
+    return f"{type(fault).__name__} {' '.join(str(fault).split())}"
+
+
+def as_yaml(document: Any) -> str:
     """A YAML document with keys in their order."""
     text: str = yaml.safe_dump(
         document, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True

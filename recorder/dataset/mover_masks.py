@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import cv2 as untyped_cv2
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
-
-if TYPE_CHECKING:
-    from recorder.dataset.sequence import StereoPair
+from recorder.dataset.bags import messages, stamp_ns
+from recorder.dataset.readings import StereoPair
 
 cv2: Any = untyped_cv2
 """OpenCV, whose stubs know arrays of one type only."""
@@ -41,14 +38,10 @@ def mover_masks(bag: Path, topic: str) -> Iterator[Mask]:
     """
     tags = np.array(sorted(DYNAMIC_TAGS), np.uint8)
     rim = np.ones((2 * MARGIN_PX + 1, 2 * MARGIN_PX + 1), np.uint8)
-    with AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC)) as reader:
-        wanted = [connection for connection in reader.connections if connection.topic == topic]
-        for connection, _, raw in reader.messages(connections=wanted):
-            message: Any = reader.deserialize(raw, connection.msgtype)
-            image = np.asarray(message.data).reshape(message.height, message.step)[:, : message.width]
-            stamp = message.header.stamp
-            movers = np.isin(image, tags).astype(np.uint8)
-            yield stamp.sec * 1_000_000_000 + stamp.nanosec, cv2.dilate(movers, rim) > 0
+    for message in messages(bag, topic):
+        image = np.asarray(message.data).reshape(message.height, message.step)[:, : message.width]
+        movers = np.isin(image, tags).astype(np.uint8)
+        yield stamp_ns(message), cv2.dilate(movers, rim) > 0
 
 
 def without_movers(

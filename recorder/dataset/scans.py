@@ -9,11 +9,10 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from recorder.dataset.bags import messages, stamp_ns, topics_in
 from recorder.evaluation.trajectory import Trajectory
 
 Progress = Callable[[int, int], None]
@@ -66,18 +65,15 @@ def read_scans(bag: Path, topic: str) -> Iterator[tuple[int, Scan]]:
     Raises:
         EvaluationError: the bag is missing or damaged, or a cloud lacks x, y, z or time.
     """
-    reader = AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC))
-    try:
-        with reader:
-            connections = [connection for connection in reader.connections if connection.topic == topic]
-            count = sum(connection.msgcount for connection in connections)
-            for connection, _, raw in reader.messages(connections=connections):
-                yield count, _scan(reader.deserialize(raw, connection.msgtype))
-    except EvaluationError:
-        raise
-    # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
-    except Exception as error:
-        raise EvaluationError(f"cannot read {bag}: no ROS bag, or a damaged one; give another") from error
+    count = topics_in(bag).get(topic, 0)
+    for message in messages(bag, topic):
+        try:
+            scan = _scan(message)
+        except (ValueError, IndexError, AttributeError) as error:
+            raise EvaluationError(
+                f"cannot read {bag}: a damaged point cloud on {topic}; give another"
+            ) from error
+        yield count, scan
 
 
 def sweep_of(bag: Path, topic: str) -> float:
@@ -101,10 +97,9 @@ def _scan(message: Any) -> Scan:
         )
     data = np.asarray(message.data).reshape(-1, message.point_step)
     column = {name: _float32(data, offset[name]) for name in ("x", "y", "z", "time")}
-    stamp = message.header.stamp
     ring = data[:, offset["ring"] : offset["ring"] + 2] if "ring" in offset else None
     return Scan(
-        stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
+        stamp_ns=stamp_ns(message),
         points_xyz_m=np.stack([column["x"], column["y"], column["z"]], axis=-1),
         time_s=column["time"],
         ring=None if ring is None else np.ascontiguousarray(ring).view("<u2")[:, 0].astype(np.int64),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -11,51 +10,31 @@ from typing import Any, cast
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
-from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples import Imu, PointCloud, Sample, SemanticImage
 from carlaloc_env.scene.semantic_tags import DYNAMIC_TAGS
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
 from carlaloc_env.sensors.lidar.config import LidarConfig
+from recorder.dataset.bags import messages, stamp_ns, topic_of, topics_in
+from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.dataset.mover_masks import Mask, mover_masks, without_movers
+from recorder.dataset.readings import ImuSample, StereoPair
 from recorder.dataset.scans import Scan, read_scans
 
 RAW, SEGMENTED = "raw", "seg"
 """Clouds as measured, and without the points on classes that move (the paper's seg(d))."""
-DATASET_FILE = "dataset.yaml"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImuSample:
-    """One inertial sample."""
-
-    stamp_ns: int
-    """Unix time [ns]."""
-    acceleration_mps2: Array
-    """Specific force in the IMU's axes [m/s²], shape (3,)."""
-    angular_velocity_radps: Array
-    """Rate of turning in the IMU's axes [rad/s], shape (3,)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StereoPair:
-    """Two grey images of one instant."""
-
-    stamp_ns: int
-    """Unix time [ns]."""
-    left: U8
-    """Left image, shape (H, W)."""
-    right: U8
-    """Right image, shape (H, W)."""
-    left_mover: NDArray[np.bool_] | None = None
-    """Where the left image shows what moves by itself, painted over; None: nothing was. Shape (H, W)."""
+_READ_HERE: dict[type[Sample], tuple[str, ...]] = {
+    PointCloud: ("points", "points_labelled", "points_of_the_town"),
+    Imu: ("imu",),
+    SemanticImage: ("image_tags",),
+}
+"""Encoders of `messages.ENCODERS` whose messages are read here, by kind of sample."""
 
 
 class SlamSequence:
@@ -70,20 +49,28 @@ class SlamSequence:
     """
 
     def __init__(self, folder: Path, *, cloud: str = RAW) -> None:
-        self.folder, self.cloud = folder, cloud
-        if not (folder / "sequence.yaml").is_file():
-            raise EvaluationError(f"{folder} holds no sequence.yaml; give a folder that replay wrote")
-        dataset = folder.parent.parent / DATASET_FILE
-        if not dataset.is_file():
+        # A relative path of one or two parts does not name the dataset's folder.
+        self.files, self.cloud = SequenceFolder(folder if len(folder.parts) > 2 else folder.resolve()), cloud
+        self.description = SequenceDescription.read(self.files, EvaluationError)
+        dataset = self.files.drive.dataset
+        if not dataset.description.is_file():
             raise EvaluationError(
-                f"{folder} lies in no dataset: {dataset} is missing; move the whole dataset, not one sequence"
+                f"{folder} lies in no dataset: {dataset.description} is missing; move the whole dataset, "
+                "not one sequence"
             )
-        self.rig = _rig_of(read_text(dataset, "dataset's description", EvaluationError), dataset)
+        manifest = DatasetManifest.read(dataset.path, EvaluationError)
+        town = folder.resolve().parent.name
+        self.rig, self.profile = manifest.rig(town), manifest.profile(town)
+
+    @property
+    def folder(self) -> Path:
+        """Its folder."""
+        return self.files.path
 
     @property
     def name(self) -> str:
         """Name of the folder: weather and traffic level."""
-        return self.folder.name
+        return self.files.name
 
     @property
     def bag(self) -> Path:
@@ -92,11 +79,10 @@ class SlamSequence:
         Raises:
             EvaluationError: there is none.
         """
-        for suffix in (".bag", "_ros2", "_sqlite3"):
-            path = self.folder / f"{self.name}{suffix}"
-            if path.exists():
-                return path
-        raise EvaluationError(f"{self.folder} has no bag; replay with --format rosbag1,euroc")
+        bags = self.files.bags
+        if not bags:
+            raise EvaluationError(f"{self.folder} has no bag; replay with --format rosbag1,euroc")
+        return bags[0]
 
     @property
     def euroc(self) -> Path:
@@ -105,15 +91,15 @@ class SlamSequence:
         Raises:
             EvaluationError: there is none.
         """
-        path = self.folder / "mav0"
+        path = self.files.place("euroc")
         if not path.is_dir():
-            raise EvaluationError(f"{self.folder} has no mav0; replay with --format rosbag1,euroc")
+            raise EvaluationError(f"{self.folder} has no {path.name}; replay with --format rosbag1,euroc")
         return path
 
     @property
     def calibration(self) -> Path:
         """Folder of the calibration files."""
-        return self.folder.parent / "calibration"
+        return self.files.drive.calibration
 
     @cached_property
     def lidar(self) -> LidarConfig:
@@ -152,7 +138,7 @@ class SlamSequence:
             name = self.stereo[0].frame_id
         else:
             name = self._first(frame).frame_id if frame in names else frame
-        return self.folder.parent / "ground_truth" / f"{name}.tum"
+        return self.files.drive.truth(name)
 
     def T(self, to: str, of: str) -> Array:
         """Maps coordinates of sensor `of` to sensor `to` (``lidar``, ``imu``), shape (4, 4)."""
@@ -168,22 +154,20 @@ class SlamSequence:
         """
         if sensor == "stereo":
             return len(self.image_stamps())
-        topic = self._topic(self._cloud_topics, "point clouds")
-        with _reader(self.bag) as reader:
-            return sum(c.msgcount for c in reader.connections if c.topic == topic)
+        return topics_in(self.bag)[self._cloud_topic]
 
     @property
     def has_labelled_scans(self) -> bool:
         """Whether its sweeps can be had without movers: the bag has clouds, and the first one has labels."""
         try:
-            topic = self._topic(self._cloud_topics, "point clouds")
-            return any(scan.tag is not None for _, scan in islice(read_scans(self.bag, topic), 1))
+            return any(scan.tag is not None for _, scan in islice(read_scans(self.bag, self._cloud_topic), 1))
         except EvaluationError:
             return False
 
-    @property
-    def _cloud_topics(self) -> tuple[str, ...]:
-        return (f"/{self.lidar.name}/points", "/velodyne")
+    @cached_property
+    def _cloud_topic(self) -> str:
+        name = self.lidar.name
+        return self._topic(PointCloud, f"{name}_semantic", name)
 
     def scans(self) -> Iterator[Scan]:
         """All sweeps, without what moves by itself if the cloud is `SEGMENTED`.
@@ -191,9 +175,8 @@ class SlamSequence:
         Raises:
             EvaluationError: the bag has no clouds, or none with labels where they are needed.
         """
-        topic = self._topic(self._cloud_topics, "point clouds")
         moving = np.array(sorted(DYNAMIC_TAGS), np.uint8)
-        for _, scan in read_scans(self.bag, topic):
+        for _, scan in read_scans(self.bag, self._cloud_topic):
             if self.cloud == RAW:
                 yield scan
                 continue
@@ -209,11 +192,10 @@ class SlamSequence:
         Raises:
             EvaluationError: the bag has none.
         """
-        topic = self._topic((f"/{self.imu.name}/data", "/imu"), "inertial samples")
-        for message in _messages(self.bag, topic):
-            a, w, stamp = message.linear_acceleration, message.angular_velocity, message.header.stamp
+        for message in messages(self.bag, self._topic(Imu, self.imu.name)):
+            a, w = message.linear_acceleration, message.angular_velocity
             yield ImuSample(
-                stamp_ns=stamp.sec * 1_000_000_000 + stamp.nanosec,
+                stamp_ns=stamp_ns(message),
                 acceleration_mps2=np.array([a.x, a.y, a.z]),
                 angular_velocity_radps=np.array([w.x, w.y, w.z]),
             )
@@ -237,7 +219,7 @@ class SlamSequence:
 
     def _mover_masks(self) -> tuple[Iterator[Mask], Iterator[Mask]]:
         names = [camera.name for camera in self.stereo]
-        left, right = (self._topic((f"/camera/{name}/semantic",), "labelled images") for name in names)
+        left, right = (self._topic(SemanticImage, f"semantic_{name}") for name in names)
         return mover_masks(self.bag, left), mover_masks(self.bag, right)
 
     def _grey_pairs(self) -> Iterator[StereoPair]:
@@ -256,37 +238,16 @@ class SlamSequence:
             raise EvaluationError(f"rig '{self.rig.name}' has no {kind}; replay with a rig that has one")
         return found[0]
 
-    def _topic(self, wanted: tuple[str, ...], what: str) -> str:
-        with _reader(self.bag) as reader:
-            topics = {connection.topic for connection in reader.connections}
-        for topic in wanted:
-            if topic in topics:
-                return topic
-        raise EvaluationError(f"{self.bag} has no {what} on {' or '.join(wanted)}")
-
-
-def _reader(bag: Path) -> AnyReader:
-    return AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC))
-
-
-def _messages(bag: Path, topic: str) -> Iterator[Any]:
-    try:
-        with _reader(bag) as reader:
-            wanted = [connection for connection in reader.connections if connection.topic == topic]
-            for connection, _, raw in reader.messages(connections=wanted):
-                yield reader.deserialize(raw, connection.msgtype)
-    # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
-    except Exception as error:
-        raise EvaluationError(f"cannot read {bag}: no ROS bag, or a damaged one; give another") from error
-
-
-def _rig_of(text: str, path: Path) -> SensorRig:
-    """The rig in a dataset's description, whose thousands of checksums are not parsed for it."""
-    lines = text.splitlines()
-    try:
-        begin = lines.index("rig:")
-    except ValueError:
-        raise EvaluationError(f"{path} names no rig; give a dataset that replay wrote") from None
-    end = next((k for k in range(begin + 1, len(lines)) if lines[k][:1] not in (" ", "")), len(lines))
-    document = yaml.safe_load("\n".join(lines[begin:end]))["rig"]
-    return SensorRig.from_yaml(yaml.safe_dump(document), where=str(path))
+    def _topic(self, kind: type[Sample], *wanted: str) -> str:
+        """Topic of the first of some streams that the bag holds and that is read here."""
+        topic = topic_of(
+            self.profile, kind, wanted, streams=self.description.samples, encoders=_READ_HERE[kind]
+        )
+        if topic is None:
+            raise EvaluationError(
+                f"topics '{self.profile.name}' hold no {wanted[-1]} that is read here; "
+                "replay with --topics standard"
+            )
+        if topic not in topics_in(self.bag):
+            raise EvaluationError(f"{self.bag} has no messages on {topic}; replay a stretch that holds some")
+        return topic

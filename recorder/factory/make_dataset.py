@@ -1,7 +1,7 @@
 """The whole dataset: a drive in each town, each of them replayed under all conditions.
 
-Drives are recorded by the scripted driver with fixed seeds, or are a person's. Each is a replay in a folder
-of its own below ``OUT/.carlaloc-dataset`` until it is whole, so that the same command goes on where it was.
+Drives are recorded by the scripted driver with fixed seeds, or are a person's. Each is a replay into the same
+folder, and the same command goes on where it was.
 """
 
 from __future__ import annotations
@@ -11,18 +11,15 @@ import logging
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
 from carlaloc_env.core.files.file_lock import take_lock
-from carlaloc_env.core.files.output_paths import path_below
-from recorder.dataset.manifest import FILE_NAME, as_yaml, checksums
+from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, DatasetFolder
+from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.factory.plan import (
-    EPISODES,
     SAMPLE_FROM_S,
     DatasetConfig,
     DrivePlan,
@@ -30,12 +27,12 @@ from recorder.factory.plan import (
 )
 from recorder.factory.quantities import duration_text
 from recorder.factory.time_left import DRIVING, REPLAYING, DatasetClock, DatasetProgress
+from recorder.replaying.plan import ReplayConfig, ReplayOptions
 from recorder.replaying.replay import replay
+from recorder.replaying.working_folder import FOLDER
 
 WORK = ".carlaloc-dataset"
-"""Folder of drives that are not whole yet."""
-DRIVE = "drive.yaml"
-"""What a town's folder says of its drive: where it comes from, and checksums."""
+"""Folder that one run holds at a time; it says of which recipe."""
 Progress = Callable[[DatasetProgress], None]
 """Called about every second."""
 Record = Callable[[str, Path, float | None, Callable[[float], None]], None]
@@ -67,38 +64,14 @@ def make_dataset(
         for drive in plan.drives:
             if not drive.is_whole:
                 _make_drive(config, drive.town, _episode(config, drive, clock, record), clock)
-        _write_record(config, recipe)
+        manifest = DatasetManifest.read(config.out, WriterError)
+        write_manifest(config.out, manifest.drives, recipe)
         shutil.rmtree(config.out / WORK, ignore_errors=True)
-    return config.out / FILE_NAME
+    return DatasetFolder(config.out).description
 
 
-def _write_record(config: DatasetConfig, recipe: dict[str, Any]) -> None:
-    """Write ``dataset.yaml``: the recipe, where each drive comes from, all sequences, all checksums."""
-    drives = {
-        town: {
-            key: value
-            for key, value in yaml.safe_load((config.out / town / DRIVE).read_text("utf-8")).items()
-            if key not in ("sha256", "sequences")
-        }
-        for town in config.towns
-    }
-    sequences = sorted(
-        str(path.parent.relative_to(config.out)) for path in config.out.glob("*/*/sequence.yaml")
-    )
-    document = {
-        "recipe": recipe,
-        "topics": config.replay.topics,
-        "drives": drives,
-        "sequences": sequences,
-        "sha256": checksums(config.out),
-    }
-    part = config.out / f".{FILE_NAME}.part"
-    part.write_text(as_yaml(document), encoding="utf-8")
-    part.replace(config.out / FILE_NAME)
-
-
-def write_manifest(dataset: Path, folder: Path) -> None:
-    """Write what anybody needs to make the same dataset: drives, recipe, checksums of all files.
+def copy_manifest(dataset: Path, folder: Path) -> None:
+    """Copy all that the same dataset is made of: drives, recipe, and checksums to compare with.
 
     Args:
         dataset: Folder of a finished dataset.
@@ -110,7 +83,8 @@ def write_manifest(dataset: Path, folder: Path) -> None:
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another --manifest")
     shutil.copytree(dataset / EPISODES, folder / EPISODES)
-    shutil.copy(dataset / FILE_NAME, folder / FILE_NAME)
+    for name in (DATASET, CHECKSUMS):
+        shutil.copy(dataset / name, folder / name)
 
 
 def _recipe(config: DatasetConfig) -> dict[str, Any]:
@@ -141,11 +115,9 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
             )
         file.seek(0)
         text = file.read()
-        found: Any = {}
-        if (out / FILE_NAME).exists():
-            found = yaml.safe_load((out / FILE_NAME).read_text("utf-8")).get("recipe")
-        elif text:
-            found = json.loads(text)
+        found: Any = json.loads(text) if text else {}
+        if not found and DatasetFolder(out).description.exists():
+            found = DatasetManifest.read(out, WriterError).recipe or {"towns": None}
         other = [name for name, value in recipe.items() if found and found.get(name) != value]
         if other:
             raise WriterError(
@@ -160,7 +132,7 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
 def _episode(config: DatasetConfig, drive: DrivePlan, clock: DatasetClock, record: Record | None) -> Path:
     """The drive of a town, recorded if there is none yet; a copy of it lies in the dataset."""
     town = drive.town
-    target = config.out / EPISODES / f"{town}.mcap"
+    target = DatasetFolder(config.out).episode(town)
     if target.exists():
         return target
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -181,22 +153,14 @@ def _episode(config: DatasetConfig, drive: DrivePlan, clock: DatasetClock, recor
 
 
 def _make_drive(config: DatasetConfig, town: str, episode: Path, clock: DatasetClock) -> None:
-    """Replay a drive in a folder of its own, and give the town's folder its name."""
-    work = path_below(config.out / WORK, town)
+    """Replay a drive; an interrupted replay goes on where it was."""
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
-    if not (work / town / DRIVE).exists():
-        if not (work / FILE_NAME).exists():
-            _log.info("replaying %s", town)
-            stage = clock.stage(town, REPLAYING, work)
-            replay(
-                replace(
-                    config.replay, episode=episode, out=work, start_s=begin_s, duration_s=config.sample_s
-                ),
-                stage.update,
-            )
-            _log.info("replayed %s in %s", town, duration_text(stage.finish()))
-        (work / FILE_NAME).rename(work / town / DRIVE)
-    (work / town).rename(path_below(config.out, town))
-    shutil.rmtree(work)
+    _log.info("replaying %s", town)
+    stage = clock.stage(town, REPLAYING, config.out / FOLDER)
+    options = {field.name: getattr(config.replay, field.name) for field in fields(ReplayOptions)}
+    replay(
+        ReplayConfig(**options, episode=episode, out=config.out, start_s=begin_s, duration_s=config.sample_s),
+        stage.update,
+    )
+    _log.info("replayed %s in %s", town, duration_text(stage.finish()))
     clock.finish(town)
-    _log.info("%s is whole", town)

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, WriterError
-from carlaloc_env.core.files.output_paths import check_output_folder, path_below
+from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.town.sources import ALIASES, known_towns
+from recorder.dataset.layout import EPISODES, DatasetFolder
+from recorder.dataset.manifest import DatasetManifest
 from recorder.episode.episode import Episode
 from recorder.factory.quantities import size_text
 from recorder.factory.size_estimate import bytes_per_second, spool_bytes_per_second
 from recorder.factory.time_estimate import DRIVING_COST, processes_of, replay_cost
 from recorder.replaying.conditions import conditions_of
-from recorder.replaying.plan import ReplayConfig, rig_of
+from recorder.replaying.plan import ReplayOptions, rig_of
 
-EPISODES = "episodes"
-"""Folder of the recorded drives."""
 SAMPLE_FROM_S = 8.0
 """Where a sample begins [s]: the car has left the kerb then."""
 ROUTE_M = {
@@ -46,8 +46,8 @@ class DatasetConfig:
     """Folder of a person's drives, ``<town>.mcap``; None: the scripted driver records them."""
     sample_s: float | None = None
     """Length of the stretch of each drive [s]; None: all of it."""
-    replay: ReplayConfig
-    """Conditions, rig, formats, topics, quality, workers; episode and folder come from here."""
+    replay: ReplayOptions
+    """Conditions, rig, formats, topics, quality, workers."""
     seed: int | None = None
     """Seed by which drives are recorded; None: the standard drive of each town."""
 
@@ -118,6 +118,8 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     conditions = conditions_of(replay.weathers, replay.traffic)
     rig = rig_of(replay)
     cost, processes = replay_cost(rig, replay, conditions), processes_of(replay)
+    has_drives = DatasetFolder(config.out).description.exists()
+    whole = DatasetManifest.read(config.out, WriterError).drives if has_drives else {}
     drives = []
     for town in config.towns:
         length_s, recorded_s = _lengths_s(config, town)
@@ -126,7 +128,7 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
                 town=town,
                 length_s=length_s,
                 recorded_s=recorded_s,
-                is_whole=path_below(config.out, town).exists(),
+                is_whole=town in whole,
                 driving_s=DRIVING_COST * (recorded_s + cost.opening) if recorded_s else 0.0,
                 replaying_s=cost.seconds(length_s, processes),
             )

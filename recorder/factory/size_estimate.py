@@ -7,7 +7,7 @@ from typing import Any
 
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.replaying.conditions import Condition
-from recorder.replaying.plan import ReplayConfig
+from recorder.replaying.plan import ReplayOptions
 from recorder.writers.topics import profile_by_name
 
 _IMAGE_BYTES = {"rgb": 3.0, "depth": 4.0, "semantic": 1.0, "flow": 8.0, "normal": 12.0}
@@ -58,7 +58,7 @@ def bytes_per_second(rig: SensorRig, formats: Sequence[str], topics: str) -> flo
     return sum(sizes[name] for name in dict.fromkeys(formats))
 
 
-def spool_bytes_per_second(rig: SensorRig, config: ReplayConfig, conditions: Sequence[Condition]) -> float:
+def spool_bytes_per_second(rig: SensorRig, config: ReplayOptions, conditions: Sequence[Condition]) -> float:
     """Pieces of a traffic level that wait to be assembled, for each second of the drive [bytes/s].
 
     The larger level counts: the spools of one go when its sequences stand. What all weathers share lies

@@ -16,8 +16,7 @@ from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.weather.schedule import Weather
 from recorder.factory.size_estimate import bytes_per_second
 from recorder.replaying.conditions import Condition
-from recorder.replaying.plan import ReplayConfig
-from recorder.replaying.sequence_writers import without_unwritten
+from recorder.replaying.plan import ReplayOptions, without_unwritten
 
 DRIVING_COST = 0.05
 """Processor time of a second that the scripted driver drives among a town's traffic [s/s]."""
@@ -55,12 +54,12 @@ class ReplayCost:
         return self.opening + self.per_second * length_s / processes
 
 
-def processes_of(config: ReplayConfig) -> int:
+def processes_of(config: ReplayOptions) -> int:
     """How many processes can work at a time; those of a cluster are not known, and count as ours."""
     return min(config.workers or os.cpu_count() or 1, os.cpu_count() or 1)
 
 
-def replay_cost(rig: SensorRig, config: ReplayConfig, conditions: Sequence[Condition]) -> ReplayCost:
+def replay_cost(rig: SensorRig, config: ReplayOptions, conditions: Sequence[Condition]) -> ReplayCost:
     """Processor time of a replay under some conditions, by its rig, formats and weathers."""
     rig = without_unwritten(rig, config.formats, config.topics)
     levels = dict.fromkeys(condition.traffic for condition in conditions)
@@ -85,7 +84,7 @@ def _sensor(sensor: Any, weathers: Sequence[Weather]) -> float:
     return _RADAR * float(sensor.rate_hz) if sensor.kind == "radar" else 0.0
 
 
-def _formats(rig: SensorRig, config: ReplayConfig) -> float:
+def _formats(rig: SensorRig, config: ReplayOptions) -> float:
     """Compressing pictures and drawing a film, a second of one sequence."""
     cameras = [sensor for sensor in rig.sensors if sensor.kind == "camera"]
     pictures = sum(_megapixels(camera) * float(camera.rate_hz) for camera in cameras)

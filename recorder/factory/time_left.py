@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from recorder.dataset.layout import SEQUENCE
 from recorder.factory.plan import DatasetPlan, DrivePlan
 
 DRIVING, REPLAYING = "driving", "replaying"
@@ -186,7 +187,7 @@ class _FolderSize:
                     size += self._below(entry.path)
                 else:
                     size += entry.stat(follow_symlinks=False).st_size
-                    is_whole = is_whole or entry.name == "sequence.yaml"
+                    is_whole = is_whole or entry.name == SEQUENCE
         except OSError:  # Its owner has just renamed or removed it.
             return size
         if is_whole and not Path(folder).name.startswith("."):

@@ -20,7 +20,9 @@ import yaml
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
-from recorder.dataset.manifest import FILE_NAME
+from recorder.dataset.checksums import read_checksums
+from recorder.dataset.layout import CHECKSUMS, DATASET
+from recorder.dataset.manifest import DatasetManifest
 from recorder.factory.quantities import size_text
 from recorder.publishing.croissant import croissant
 from recorder.publishing.tables import (
@@ -75,8 +77,7 @@ def prepare_for_hub(
         ConfigError: there is no finished dataset, it is too large for a hub, or pyarrow is missing.
         OutputError: the folder exists.
     """
-    if not (dataset / FILE_NAME).exists():
-        raise ConfigError(f"{dataset} holds no {FILE_NAME}; give the folder of a finished dataset")
+    DatasetManifest.read(dataset)
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another")
     check_parquet()
@@ -103,8 +104,8 @@ def new_folder(folder: Path) -> Iterator[Path]:
 
 def _lay_out(dataset: Path, folder: Path, *, url: str, date: str, folder_files: int) -> int:
     """Write everything; return the number of shards."""
-    document = yaml.safe_load((dataset / FILE_NAME).read_text("utf-8"))
-    sums: dict[str, str] = dict(document["sha256"])
+    manifest = DatasetManifest.read(dataset)
+    sums = read_checksums(dataset)
     shards: dict[str, str] = {}
     crowded = [Path(name) for name in _crowded(sums, folder_files)]
     for name in sums:
@@ -114,17 +115,17 @@ def _lay_out(dataset: Path, folder: Path, *, url: str, date: str, folder_files: 
         members = [name for name in sums if parent in Path(name).parents]
         for path in _shards(dataset, folder, parent, members):
             shards[str(path.relative_to(folder))] = _sha256(path)
-    shutil.copy(dataset / FILE_NAME, folder / FILE_NAME)
+    shutil.copy(dataset / CHECKSUMS, folder / CHECKSUMS)
     poses = write_trajectories(dataset, folder / TRAJECTORIES)
     sequences = write_conditions(dataset, folder / CONDITIONS, sums)
     cite = _CITE % __version__
     (folder / CITATION).write_text(cite, encoding="utf-8")
-    description = _description(document, sequences)
-    listed = {name: _sha256(folder / name) for name in (TRAJECTORIES, CONDITIONS, FILE_NAME)}
+    description = _description(manifest, sequences)
+    listed = {name: _sha256(folder / name) for name in (TRAJECTORIES, CONDITIONS, DATASET, CHECKSUMS)}
     listed |= {name: digest for name, digest in sums.items() if (folder / name).exists()} | shards
     metadata = croissant(
         name="CarlaLoc", description=description, url=url, cite_as=cite, date=date, sha256=listed,
-        seeds=_origin(document),
+        seeds=_origin(manifest),
     )  # fmt: skip
     (folder / CROISSANT).write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
     (folder / CARD).write_text(_card(description, cite, poses, bool(shards)), encoding="utf-8")
@@ -202,15 +203,14 @@ def _long(file: Any) -> str:
     return digest.hexdigest()
 
 
-def _origin(document: dict[str, Any]) -> str:
-    drives = document.get("drives", {})
-    found = [f"{town}: episode {drive['episode']['sha256'][:16]}, seed {drive['episode']['seed']}"
-             for town, drive in drives.items()]  # fmt: skip
-    return "; ".join(found) or f"town {document.get('town')}"
+def _origin(manifest: DatasetManifest) -> str:
+    episodes = {town: drive["episode"] for town, drive in manifest.drives.items()}
+    found = [f"{town}: episode {e['sha256'][:16]}, seed {e['seed']}" for town, e in episodes.items()]
+    return "; ".join(found)
 
 
-def _description(document: dict[str, Any], sequences: int) -> str:
-    towns = ", ".join(document.get("drives", {})) or str(document.get("town"))
+def _description(manifest: DatasetManifest, sequences: int) -> str:
+    towns = ", ".join(manifest.drives)
     return (
         f"{sequences} sequences of simulated driving ({towns}) for SLAM: cameras, events, LiDAR, radar, "
         "IMU, GNSS and exact truth. All sequences of a town have the same ego motion, under other weathers "
@@ -241,7 +241,7 @@ def _card(description: str, cite: str, poses: int, has_shards: bool) -> str:
     }
     shards = (
         "\nFolders of very many files are tar shards (`cam0/data-00000.tar` …): unpack them in the folder of "
-        "their name, and the checksums of `dataset.yaml` hold.\n"
+        "their name, and the checksums of `SHA256SUMS` hold.\n"
         if has_shards
         else ""
     )
@@ -257,7 +257,7 @@ def _card(description: str, cite: str, poses: int, has_shards: bool) -> str:
 * `TOWN/WEATHER_TRAFFIC/`: the sequences, `TOWN/calibration/`, `TOWN/ground_truth/`, `episodes/`: the drives.
 * `data/trajectories.parquet`: the true pose of every sensor, 200 Hz; `data/conditions.parquet`: a row
   a sequence.
-* `dataset.yaml`: recipe, origin and the SHA-256 of every file; `croissant.json`: the same for machines.
+* `dataset.yaml`: recipe and origin, `SHA256SUMS`: checksums, `croissant.json`: both for machines.
 {shards}
 Everything is synthetic: nobody in it exists. Whoever has the drives and the recipe makes the same files anew.
 

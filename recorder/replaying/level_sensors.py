@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from heapq import merge
-from pathlib import Path
 
 import numpy as np
 
@@ -25,33 +24,11 @@ from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.parked import without_parked_cars
-from carlaloc_env.weather.schedule import Weather
 from recorder.episode.episode import Episode
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import first_pictures_ns
 from recorder.replaying.spool import Order
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LevelConfig:
-    """What the sensors of a level are made of."""
-
-    episode: Path
-    """The drive."""
-    town: Path
-    """OpenDRIVE file of the town."""
-    level: TrafficLevel
-    """Traffic."""
-    rig: SensorRig
-    """The sensors."""
-    weathers: tuple[Weather, ...]
-    """Weathers of images and of sensors that feel the weather."""
-    camera_ns: tuple[int, int]
-    """Stretch in which cameras take images [ns]."""
-    seed: int
-    """Seed of sensor noise."""
-    quality: str
-    """Quality of images."""
+from recorder.replaying.units import Recipe
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,25 +46,28 @@ class Measured:
 class LevelSensors:
     """Sensors on the stage of a level.
 
+    Args:
+        recipe: What is made of the drive.
+        level: The traffic level.
+
     Raises:
         RenderError: pictures cannot be drawn here.
         RaycastError: rays cannot be cast here.
     """
 
-    def __init__(self, config: LevelConfig) -> None:
-        self.config = config
-        self._timeline = config.level.select(Episode.load(config.episode).timeline())
+    def __init__(self, recipe: Recipe, level: TrafficLevel) -> None:
+        self.recipe, self.level = recipe, level
+        self._weathers = [condition.weather for condition in recipe.conditions_of(level)]
+        self._timeline = level.select(Episode.load(recipe.episode).timeline())
         # Nobody else holds the town here, so that the stage can let its meshes go.
         self._stage = SensorStage(
-            load_town(config.town)
-            if config.level.parked_cars
-            else without_parked_cars(load_town(config.town)),
-            seed=config.seed,
-            weather=config.weathers[0],
-            quality=config.quality,
+            load_town(recipe.town) if level.parked_cars else without_parked_cars(load_town(recipe.town)),
+            seed=recipe.seed,
+            weather=self._weathers[0],
+            quality=recipe.quality,
         )
-        self._rig = config.rig.build(self._stage)
-        self._objects = _object_truth(config.rig, self._stage)
+        self._rig = recipe.rig.build(self._stage)
+        self._objects = _object_truth(recipe.rig, self._stage)
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -103,13 +83,13 @@ class LevelSensors:
 
         Measuring sees those that are missing, too; this tells how far it is.
         """
-        timeline, weathers = self._timeline, list(self.config.weathers)
-        firsts_ns = first_pictures_ns(self.config.rig, self.config.camera_ns, span_ns)
+        timeline, weathers = self._timeline, self._weathers
+        firsts_ns = first_pictures_ns(self.recipe.rig, self.recipe.camera_ns, span_ns)
         # All cameras go together: they share shadows.
         return merge(
             *(
                 sensor.recall(timeline, firsts_ns[config], weathers)
-                for config, sensor in zip(self.config.rig.sensors, self._rig.sensors, strict=True)
+                for config, sensor in zip(self.recipe.rig.sensors, self._rig.sensors, strict=True)
                 if isinstance(config, CameraConfig) and isinstance(sensor, Camera) and config in firsts_ns
             )
         )
@@ -120,8 +100,8 @@ class LevelSensors:
         return sorted(found, key=lambda one: one.order)
 
     def _of_sensors(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
-        timeline, weathers = self._timeline, list(self.config.weathers)
-        begin, end = self.config.camera_ns
+        timeline, weathers = self._timeline, self._weathers
+        begin, end = self.recipe.camera_ns
         for place, sensor in enumerate(self._rig.sensors):
             stamps = [
                 stamp

@@ -3,50 +3,36 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.core.errors import ConfigError, WriterError, unknown_name
-from carlaloc_env.core.files.output_paths import check_output_folder, path_below
+from carlaloc_env.core.errors import ConfigError, WriterError
+from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.sources import TownId
-from recorder.dataset.manifest import is_begun, origin_of
+from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
+from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode
 from recorder.episode.town import town_id_of
 from recorder.replaying.code_digest import code_digest
-from recorder.replaying.conditions import Condition, conditions_of
-from recorder.replaying.units import Unit, units_of
+from recorder.replaying.conditions import conditions_of
+from recorder.replaying.units import Recipe, Unit, units_of
 from recorder.writers.topics import profile_by_name
-
-FORMATS = {
-    "rosbag1": "ROS 1 bag, not compressed",
-    "rosbag1_lz4": "ROS 1 bag, chunks by LZ4",
-    "rosbag1_bz2": "ROS 1 bag, chunks by bzip2: slow",
-    "rosbag2": "ROS 2 bag, MCAP with zstd chunks",
-    "rosbag2_sqlite3": "ROS 2 bag, SQLite",
-    "euroc": "EuRoC (ASL) folder mav0: grey images, IMU, true states",
-    "kitti": "KITTI odometry and SemanticKITTI, with labels of what moves",
-    "dsec": "DSEC: events and identity maps of each event camera, disparity of a pair",
-    "raw": "PNG, PLY and npz, a folder or table a stream",
-}
-"""Names of dataset formats; `sequence_writers` has the writers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayConfig:
-    """What to replay, under which conditions, and in which formats."""
+class ReplayOptions:
+    """Under which conditions, with which sensors and in which formats drives are replayed."""
 
-    episode: Path
-    """Episode to replay."""
-    out: Path
-    """Folder of the dataset; must not hold this town's sequences yet."""
     weathers: tuple[str, ...] = ("ClearNoon",)
     """Names of weathers, or paths of schedules (``.yaml``)."""
     traffic: tuple[str, ...] = ("dynamic",)
@@ -57,14 +43,6 @@ class ReplayConfig:
     """Dataset formats."""
     topics: str = "standard"
     """Topic profile of bags."""
-    start_s: float = 0.0
-    """Beginning of the stretch [s]."""
-    duration_s: float | None = None
-    """Length of the stretch [s]; None: to the end of the drive."""
-    camera_start_s: float | None = None
-    """Beginning of the images [s]; None: that of the stretch."""
-    camera_duration_s: float | None = None
-    """Length of the images [s]; None: the whole stretch."""
     seed: int | None = None
     """Seed of sensor noise; None: the episode's."""
     quality: str = "medium"
@@ -79,8 +57,6 @@ class ReplayConfig:
     """Whether a film of each sequence is made."""
     lens_drops: bool = False
     """Whether drops cling to the lenses of all cameras while it rains."""
-    map: Path | str | None = None
-    """Map of the drive, name or file; None: the town that the episode names."""
     leaf_wind_mps: float = 0.0
     """Wind that sways leaves in all images [m/s]; 0: as the rig says."""
 
@@ -88,8 +64,6 @@ class ReplayConfig:
         check_formats(self.formats)
         check_quality(self.quality)
         profile_by_name(self.topics)
-        if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
-            raise ConfigError("start must not be negative and duration must be above zero")
         if self.workers is not None and self.workers < 1:
             raise ConfigError(f"{self.workers} workers; give at least 1")
         if self.unit_s < STEP_NS / 1e9:
@@ -98,40 +72,60 @@ class ReplayConfig:
             raise ConfigError(f"seed {self.seed}; give a number that is not negative")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayConfig(ReplayOptions):
+    """Which drive and which stretch of it to replay, where to, and by which options."""
+
+    episode: Path
+    """Episode to replay."""
+    out: Path
+    """Folder of the dataset; must not hold these sequences yet."""
+    start_s: float = 0.0
+    """Beginning of the stretch [s]."""
+    duration_s: float | None = None
+    """Length of the stretch [s]; None: to the end of the drive."""
+    camera_start_s: float | None = None
+    """Beginning of the images [s]; None: that of the stretch."""
+    camera_duration_s: float | None = None
+    """Length of the images [s]; None: the whole stretch."""
+    map: Path | str | None = None
+    """Map of the drive, name or file; None: the town that the episode names."""
+
+    def __post_init__(self) -> None:
+        # Without arguments, `super` does not find the class that slots have made anew.
+        super(ReplayConfig, self).__post_init__()
+        if self.start_s < 0 or (self.duration_s is not None and self.duration_s <= 0):
+            raise ConfigError("start must not be negative and duration must be above zero")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReplayPlan:
     """A replay that may begin."""
 
     config: ReplayConfig
     """What was asked for."""
-    conditions: tuple[Condition, ...]
-    """Weather and traffic of every sequence."""
+    recipe: Recipe
+    """What is made."""
     rig: SensorRig
-    """The sensors."""
-    episode: Episode
-    """The drive."""
+    """All sensors, those without a format included: calibration and truth tell of them, too."""
     timeline: Timeline
     """Where everything was."""
     town: TownId
     """Where it was driven."""
     span_ns: tuple[int, int]
     """First stamp and end (not included) of the stretch [ns]."""
-    camera_ns: tuple[int, int]
-    """The same of its images [ns]."""
-    seed: int
-    """Seed of sensor noise."""
     origin: dict[str, Any]
-    """What all sequences of the dataset share."""
+    """What all sequences of the drive share."""
 
     @property
-    def town_dir(self) -> Path:
-        """Folder of the town in the dataset."""
-        return path_below(self.config.out, self.town.name)
+    def drive(self) -> DriveFolder:
+        """Folder of the drive in the dataset."""
+        return DatasetFolder(self.config.out).drive(self.town.name)
 
     @property
-    def sequences(self) -> tuple[Path, ...]:
+    def sequences(self) -> tuple[SequenceFolder, ...]:
         """Folders of the sequences in the dataset."""
-        return tuple(path_below(self.town_dir, condition.name) for condition in self.conditions)
+        return tuple(self.drive.sequence(condition.name) for condition in self.recipe.conditions)
 
     @property
     def processes(self) -> int:
@@ -141,23 +135,23 @@ class ReplayPlan:
     @property
     def units(self) -> tuple[Unit, ...]:
         """Units of work, traffic level by traffic level."""
-        levels = tuple(dict.fromkeys(condition.traffic for condition in self.conditions))
-        return units_of(levels, self.span_ns, round(self.config.unit_s * 1e9) // STEP_NS * STEP_NS)
+        unit_ns = round(self.config.unit_s * 1e9) // STEP_NS * STEP_NS
+        return units_of(self.recipe.levels, self.span_ns, unit_ns)
 
     @property
     def request(self) -> dict[str, str]:
         """All that decides about the bytes that are written, by names that a person knows."""
-        config = self.config
+        recipe = self.recipe
         return {
             "town": f"{self.town.name} {self.town.content_hash}",
             "episode": self.origin["episode"]["sha256"],
             "rig": repr(self.rig),
-            "stretch": repr((self.span_ns, self.camera_ns)),
-            "set of conditions": repr(self.conditions),
-            "set of formats": repr((config.formats, config.topics, config.preview)),
-            "seed": repr(self.seed),
-            "quality": config.quality,
-            "length of units": repr(config.unit_s),
+            "stretch": repr((self.span_ns, recipe.camera_ns)),
+            "set of conditions": repr(recipe.conditions),
+            "set of formats": repr((recipe.formats, recipe.topics, recipe.preview)),
+            "seed": repr(recipe.seed),
+            "quality": recipe.quality,
+            "length of units": repr(self.config.unit_s),
             "version of CarlaLoc": code_digest(),
         }
 
@@ -167,15 +161,15 @@ class ReplayPlan:
         Raises:
             WriterError: it is one of another drive, or has one of the sequences.
         """
-        begun = is_begun(self.config.out, self.origin)
-        if not begun and self.town_dir.exists():
+        begun = has_drive(self.config.out, self.town.name, self.origin)
+        if not begun and self.drive.path.exists():
             raise WriterError(
-                f"{self.town_dir} exists, but {self.config.out} holds no dataset; choose another --out or "
-                "delete it first"
+                f"{self.drive.path} exists, but {self.config.out} lists no drive there; "
+                "choose another --out or delete it first"
             )
         for folder in self.sequences:
-            if folder.exists():
-                raise WriterError(f"{folder} exists; choose another --out or delete it first")
+            if folder.path.exists():
+                raise WriterError(f"{folder.path} exists; choose another --out or delete it first")
         return begun
 
 
@@ -196,26 +190,34 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     span, cameras = _spans(config, timeline)
     rig = rig_of(config)
     seed = episode.header.seed if config.seed is None else config.seed
+    recipe = Recipe(
+        episode=config.episode.resolve(),
+        town=town.source.resolve(),
+        conditions=conditions,
+        rig=without_unwritten(rig, config.formats, config.topics),
+        camera_ns=cameras,
+        seed=seed,
+        quality=config.quality,
+        formats=config.formats,
+        topics=config.topics,
+        preview=config.preview,
+    )
     plan = ReplayPlan(
         config=config,
-        conditions=conditions,
+        recipe=recipe,
         rig=rig,
-        episode=episode,
         timeline=timeline,
         town=town,
         span_ns=span,
-        camera_ns=cameras,
-        seed=seed,
-        origin=origin_of(town, episode, rig, seed=seed, span_ns=span, topics=config.topics),
+        origin=drive_origin(town, episode, rig, seed=seed, span_ns=span, topics=config.topics),
     )
     if config.cluster is None:
-        levels = len({condition.traffic for condition in conditions})
-        weathers = len(conditions) // levels
+        weathers = len(conditions) // len(recipe.levels)
         check_memory(rig, quality=config.quality, weathers=weathers, processes=plan.processes)
     return plan
 
 
-def rig_of(config: ReplayConfig) -> SensorRig:
+def rig_of(config: ReplayOptions) -> SensorRig:
     """The rig of a replay, with the options that it sets for all cameras.
 
     Raises:
@@ -233,17 +235,24 @@ def rig_of(config: ReplayConfig) -> SensorRig:
     return replace(rig, sensors=sensors)
 
 
-def check_formats(formats: tuple[str, ...]) -> None:
-    """Refuse unknown formats.
+def without_unwritten(rig: SensorRig, formats: Sequence[str], topics: str) -> SensorRig:
+    """The rig without event cameras if no format holds events: they cost more than all else.
 
-    Raises:
-        ConfigError: a format is unknown; the message names the nearest.
+    Args:
+        rig: The sensors.
+        formats: Names of dataset formats.
+        topics: Topic profile of bags.
     """
-    for name in formats:
-        if name == "minari":
-            raise ConfigError("Minari tells steps, actions and rewards, no samples; use `carlaloc minari`")
-        if name not in FORMATS:
-            raise ConfigError(unknown_name("format", name, FORMATS))
+    in_bags = any(rule.sample is Events for rule in profile_by_name(topics).rules)
+    if {"dsec", "raw"} & set(formats) or (in_bags and any(FORMATS[name].is_bag for name in formats)):
+        return rig
+    sensors = tuple(
+        replace(config, outputs=tuple(output for output in config.outputs if output != "events"))
+        if isinstance(config, CameraConfig) and set(config.outputs) - {"events"}
+        else config
+        for config in rig.sensors
+    )
+    return replace(rig, sensors=sensors)
 
 
 def _spans(config: ReplayConfig, timeline: Timeline) -> tuple[tuple[int, int], tuple[int, int]]:

@@ -11,12 +11,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
-from recorder.replaying.plan import ReplayConfig, ReplayPlan, plan_replay, rig_of
+from recorder.dataset.manifest import SequenceDescription
+from recorder.replaying.plan import ReplayConfig, ReplayOptions, ReplayPlan, plan_replay, rig_of
 from recorder.replaying.working_folder import WorkingFolder
 
-__all__ = ["Progress", "ReplayConfig", "ReplayResult", "replay", "rig_of"]
+__all__ = ["Progress", "ReplayConfig", "ReplayOptions", "ReplayResult", "replay", "rig_of"]
 
 Progress = Callable[[float, float], None]
 """Called with seconds of sensor data done and seconds in all, over all traffic levels."""
@@ -72,10 +71,10 @@ def _nobody(done_s: float, total_s: float) -> None:
 def _result(plan: ReplayPlan) -> ReplayResult:
     samples: Counter[str] = Counter()
     for folder in plan.sequences:
-        samples.update(yaml.safe_load((folder / "sequence.yaml").read_text(encoding="utf-8"))["samples"])
+        samples.update(SequenceDescription.read(folder).samples)
     return ReplayResult(
         out=plan.config.out,
-        sequences=plan.sequences,
-        ground_truth=plan.town_dir / "ground_truth",
+        sequences=tuple(folder.path for folder in plan.sequences),
+        ground_truth=plan.drive.ground_truth,
         samples=dict(sorted(samples.items())),
     )

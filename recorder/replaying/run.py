@@ -5,27 +5,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from contextlib import suppress
-from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-import yaml
-
-from carlaloc_env.core.errors import WriterError
-from carlaloc_env.core.files.output_paths import path_below
-from recorder.dataset.manifest import checksums
+from carlaloc_env.core.errors import ConfigError, WriterError
+from recorder.dataset.checksums import checksums, read_checksums
+from recorder.dataset.layout import SequenceFolder
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import nearest_begin_ns, past_s
 from recorder.replaying.conditions import Condition
-from recorder.replaying.level_sensors import LevelConfig
 from recorder.replaying.plan import ReplayPlan
-from recorder.replaying.sequence_writers import (
-    DatasetSequence,
-    SequenceConfig,
-    without_unwritten,
-    write_shared,
-    writers_of,
-)
+from recorder.replaying.sequence_writers import outputs_of, write_shared
 from recorder.replaying.unit_work import (
     SHARED,
     STOP,
@@ -46,7 +36,6 @@ from recorder.replaying.workers import (
     progress_of,
     run_tasks,
 )
-from recorder.replaying.working_folder import SHARED as SHARED_FOLDERS
 from recorder.replaying.working_folder import WorkingFolder
 
 _log = logging.getLogger(__name__)
@@ -69,13 +58,9 @@ class ReplayRun:
 
     def __init__(self, plan: ReplayPlan, work: WorkingFolder, progress: Any) -> None:
         self._plan, self._work, self._progress = plan, work, progress
-        config = plan.config
-        rig = without_unwritten(plan.rig, config.formats, config.topics)
-        self._writers = SequenceConfig(
-            rig=rig, formats=config.formats, topics=config.topics, preview=config.preview, seed=plan.seed
-        )
-        # A rig without what a format needs is told before anything is made.
-        writers_of(self._writers, (), work.path, caption="")
+        self._recipe = plan.recipe
+        # A rig without what a format needs is refused before anything is made.
+        outputs_of(plan.recipe, ())
         self._left: dict[TrafficLevel, set[str]] = {}
         self._done_s = 0.0
 
@@ -91,15 +76,11 @@ class ReplayRun:
         """
         plan, work = self._plan, self._work
         if with_shared:
-            for name in SHARED_FOLDERS:
-                rmtree(work.town_dir / name, ignore_errors=True)
+            for folder in (work.drive.calibration, work.drive.ground_truth):
+                rmtree(folder, ignore_errors=True)
+            recipe = self._recipe
             write_shared(
-                work.town_dir,
-                plan.rig,
-                plan.timeline,
-                plan.span_ns,
-                topics=plan.config.topics,
-                seed=plan.seed,
+                work.drive, plan.rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed
             )
         self._tell_of_the_past()
         try:
@@ -115,7 +96,7 @@ class ReplayRun:
 
     def _tell_of_the_past(self) -> None:
         """Tell of pictures that must be made before the first one, where they are many."""
-        rig, camera_ns = self._writers.rig, self._plan.camera_ns
+        rig, camera_ns = self._recipe.rig, self._recipe.camera_ns
         long_s = past_s(rig, camera_ns, camera_ns)
         if long_s >= TOLD_FROM_S:
             better_ns = nearest_begin_ns(rig, camera_ns)
@@ -143,8 +124,8 @@ class ReplayRun:
         """Units that are to be made, and sequences whose units are whole already."""
         tasks: list[Task] = []
         kept = 0
-        for level in dict.fromkeys(unit.level for unit in self._plan.units):
-            conditions = [one for one in self._conditions(level) if not self._is_assembled(one)]
+        for level in self._recipe.levels:
+            conditions = [one for one in self._recipe.conditions_of(level) if not self._is_assembled(one)]
             if not conditions:
                 continue
             weathers = [condition.weather_name for condition in conditions]
@@ -161,15 +142,16 @@ class ReplayRun:
         for level, left in self._left.items():
             if left:
                 weight_s = ASSEMBLY_SHARE * self._length_s
-                self._done_s -= weight_s * sum(not self._is_assembled(c) for c in self._conditions(level))
+                conditions_left = [c for c in self._recipe.conditions_of(level) if not self._is_assembled(c)]
+                self._done_s -= weight_s * len(conditions_left)
         return tasks
 
     def _after(self, task: Task) -> Sequence[Task]:
         """What can be done now that a task is finished."""
         self._done_s += self._weight_s(task)
         if isinstance(task.job, AssemblyJob):
-            condition = task.job.sequence.condition
-            if all(self._final(one).exists() for one in self._conditions(condition.traffic)):
+            level = task.job.condition.traffic
+            if all(self._final(one).path.exists() for one in self._recipe.conditions_of(level)):
                 for folder in task.job.units:
                     rmtree(folder, ignore_errors=True)
             return []
@@ -177,60 +159,36 @@ class ReplayRun:
         self._left[unit.level].discard(unit.name)
         if self._left[unit.level]:
             return []
-        return [
-            self._assembly_task(one) for one in self._conditions(unit.level) if not self._final(one).exists()
-        ]
+        conditions = self._recipe.conditions_of(unit.level)
+        return [self._assembly_task(one) for one in conditions if not self._final(one).path.exists()]
 
     def _unit_task(self, unit: Unit) -> Task:
-        plan, config = self._plan, self._plan.config
-        conditions = self._conditions(unit.level)
-        level = LevelConfig(
-            episode=config.episode.resolve(),
-            town=plan.town.source.resolve(),
-            level=unit.level,
-            rig=self._writers.rig,
-            weathers=tuple(condition.weather for condition in conditions),
-            camera_ns=plan.camera_ns,
-            seed=plan.seed,
-            quality=config.quality,
-        )
-        job = UnitJob(
-            unit=unit,
-            level=level,
-            sequence=self._writers,
-            weathers=tuple(condition.weather_name for condition in conditions),
-            folder=self._work.units_dir.resolve(),
-        )
+        job = UnitJob(recipe=self._recipe, unit=unit, folder=self._work.units_dir.resolve())
         return Task(make_unit, job, job.folder / f"{unit.name}.progress")
 
     def _assembly_task(self, condition: Condition) -> Task:
         folder = self._work.units_dir.resolve()
         job = AssemblyJob(
-            sequence=DatasetSequence(condition=condition, folder=self._final(condition).resolve()),
-            config=self._writers,
+            recipe=self._recipe,
+            condition=condition,
+            drive=self._work.drive.path.resolve(),
             units=tuple(folder / unit.name for unit in self._plan.units if unit.level == condition.traffic),
         )
         return Task(assemble, job, folder / f"{condition.name}.progress")
 
-    def _conditions(self, level: TrafficLevel) -> list[Condition]:
-        return [condition for condition in self._plan.conditions if condition.traffic == level]
-
-    def _final(self, condition: Condition) -> Path:
-        return path_below(self._work.town_dir, condition.name)
+    def _final(self, condition: Condition) -> SequenceFolder:
+        return self._work.drive.sequence(condition.name)
 
     def _is_assembled(self, condition: Condition) -> bool:
         """Whether a sequence is whole, every byte of it."""
-        folder = self._final(condition)
+        folder = self._final(condition).path
         try:
-            found = yaml.safe_load((folder / "sequence.yaml").read_text(encoding="utf-8"))["sha256"]
-        except (OSError, KeyError, TypeError, yaml.YAMLError):
+            is_whole = checksums(folder) == read_checksums(folder)
+        except (OSError, ConfigError):
+            is_whole = False
+        if not is_whole:
             rmtree(folder, ignore_errors=True)
-            return False
-        sums = checksums(folder)
-        sums.pop("sequence.yaml")
-        if sums != found:
-            rmtree(folder)
-        return bool(sums == found)
+        return is_whole
 
     def _is_made(self, unit: Unit, weathers: Sequence[str]) -> bool:
         folder = self._work.units_dir / unit.name
@@ -247,11 +205,11 @@ class ReplayRun:
     @property
     def _total_s(self) -> float:
         units_s = sum(self._unit_s(unit) for unit in self._plan.units)
-        return units_s + ASSEMBLY_SHARE * self._length_s * len(self._plan.conditions)
+        return units_s + ASSEMBLY_SHARE * self._length_s * len(self._recipe.conditions)
 
     def _unit_s(self, unit: Unit) -> float:
         """Length of a unit [s], with what its cameras must have seen before."""
-        return unit.length_s + past_s(self._writers.rig, self._plan.camera_ns, unit.span_ns)
+        return unit.length_s + past_s(self._recipe.rig, self._recipe.camera_ns, unit.span_ns)
 
     def _weight_s(self, task: Task) -> float:
         if isinstance(task.job, UnitJob):

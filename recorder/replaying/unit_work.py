@@ -18,13 +18,15 @@ from typing import Any
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError, WriterError
 from carlaloc_env.core.freed_memory import give_back_freed_memory
+from recorder.dataset.layout import DriveFolder
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import past_ns
-from recorder.replaying.level_sensors import LevelConfig, LevelSensors
+from recorder.replaying.conditions import Condition
+from recorder.replaying.level_sensors import LevelSensors
 from recorder.replaying.sample_counts import SampleCounts
-from recorder.replaying.sequence_writers import DatasetSequence, SequenceConfig, WriterGroup, writers_of
+from recorder.replaying.sequence_writers import SequenceWriters, outputs_of
 from recorder.replaying.spool import SpoolFile, SpoolWriter, merged
-from recorder.replaying.units import Unit
+from recorder.replaying.units import Recipe, Unit
 
 SUMMARY = "unit.json"
 """File that makes a unit's folder whole."""
@@ -48,14 +50,10 @@ class Stopped(CarlaLocError):
 class UnitJob:
     """A unit, as a worker gets it."""
 
+    recipe: Recipe
+    """What is made of the drive."""
     unit: Unit
-    """What to make."""
-    level: LevelConfig
-    """Of what."""
-    sequence: SequenceConfig
-    """For which writers."""
-    weathers: tuple[str, ...]
-    """Names of the weathers."""
+    """The stretch."""
     folder: Path
     """Folder of all units."""
 
@@ -64,10 +62,12 @@ class UnitJob:
 class AssemblyJob:
     """A sequence, as a worker gets it."""
 
-    sequence: DatasetSequence
-    """Condition and folder."""
-    config: SequenceConfig
-    """Its writers."""
+    recipe: Recipe
+    """What is made of the drive."""
+    condition: Condition
+    """Weather and traffic of the sequence."""
+    drive: Path
+    """Folder in which its own will stand."""
     units: tuple[Path, ...]
     """Folders of its units, in the order of time."""
 
@@ -103,16 +103,18 @@ def make_unit(job: UnitJob, report: Report) -> None:
 
 
 def _fill(job: UnitJob, part: Path, report: Report) -> None:
-    sensors = _sensors_of(job.level)
-    encoders = writers_of(job.sequence, sensors.streams, part / "none", caption="")
-    names = (SHARED, *job.weathers)
+    recipe = job.recipe
+    sensors = _sensors_of(recipe, job.unit.level)
+    encoders = [output.encoder for output in outputs_of(recipe, sensors.streams)]
+    weathers = [condition.weather_name for condition in recipe.conditions_of(job.unit.level)]
+    names = (SHARED, *weathers)
     counts = {name: SampleCounts() for name in names}
     with ExitStack() as closing:
         spools = {name: SpoolWriter(part / f"{name}.spool") for name in names}
         for spool in spools.values():
             closing.callback(spool.drop)
         first, end = job.unit.span_ns
-        past = past_ns(job.level.rig, job.level.camera_ns, job.unit.span_ns)
+        past = past_ns(recipe.rig, recipe.camera_ns, job.unit.span_ns)
         for at_ns in sensors.recall(job.unit.span_ns):
             _check_stop(job)
             report((at_ns - past[0]) / 1e9)
@@ -120,7 +122,7 @@ def _fill(job: UnitJob, part: Path, report: Report) -> None:
             _check_stop(job)
             window = (begin, min(begin + STEP_NS, end))
             for one in sensors.measure(window):
-                name = SHARED if one.weather is None else job.weathers[one.weather]
+                name = SHARED if one.weather is None else weathers[one.weather]
                 counts[name].count(one.sample)
                 for number, encoder in enumerate(encoders):
                     for piece in encoder.encode(one.sample):
@@ -140,14 +142,14 @@ def _check_stop(job: UnitJob) -> None:
         raise Stopped("the run has been asked to end")
 
 
-def _sensors_of(config: LevelConfig) -> LevelSensors:
+def _sensors_of(recipe: Recipe, level: TrafficLevel) -> LevelSensors:
     """Sensors of a level: those that were built last, where they are the same."""
     held: LevelSensors | None = getattr(_held, "sensors", None)
-    if held is None or held.config != config:
+    if held is None or (held.recipe, held.level) != (recipe, level):
         # The old ones are gone before new ones are made: each takes a gigabyte.
         del held
         release_sensors()
-        held = _held.sensors = LevelSensors(config)
+        held = _held.sensors = LevelSensors(recipe, level)
     return held
 
 
@@ -164,7 +166,7 @@ def release_sensors() -> None:
 def _forget_level(level: TrafficLevel) -> None:
     """Let go of held sensors of a level of which all units are whole: nothing of it is measured again."""
     held: LevelSensors | None = getattr(_held, "sensors", None)
-    if held is not None and held.config.level == level:
+    if held is not None and held.level == level:
         del held
         release_sensors()
 
@@ -194,22 +196,23 @@ def assemble(job: AssemblyJob, report: Report) -> None:
     Raises:
         WriterError: the disk is full.
     """
-    _forget_level(job.sequence.condition.traffic)
-    weather = job.sequence.condition.weather_name
+    _forget_level(job.condition.traffic)
+    weather = job.condition.weather_name
     summaries = [read_summary(folder) for folder in job.units]
-    group = WriterGroup(job.sequence, job.config, tuple(summaries[0]["streams"]))
+    streams = tuple(summaries[0]["streams"])
+    writers = SequenceWriters(DriveFolder(job.drive), job.condition, job.recipe, streams)
     counts = SampleCounts()
     try:
-        group.open()
-        for number, (folder, summary) in enumerate(zip(job.units, summaries, strict=True)):
+        writers.open()
+        for done, (folder, summary) in enumerate(zip(job.units, summaries, strict=True), start=1):
             for name in (SHARED, weather):
                 counts.add(summary["counts"][name])
-            for _, writer, piece in merged(folder / f"{name}.spool" for name in (SHARED, weather)):
-                group.place(writer, piece)
-            report(float(number + 1))
-        group.close(counts)
+            for _, number, piece in merged(folder / f"{name}.spool" for name in (SHARED, weather)):
+                writers.place(number, piece)
+            report(float(done))
+        writers.close(counts)
     except BaseException:
-        group.abort()
+        writers.abort()
         raise
     # Nobody needs them any more; what all weathers share goes with the last of them.
     for folder in job.units:

@@ -1,4 +1,4 @@
-"""Units of work: a stretch of a drive under one traffic level, with all its weathers and formats.
+"""What workers get: a recipe of all that is made of a drive, and units, which stretches it is made of.
 
 A unit needs the episode and nothing else. No byte of a dataset depends on how its drive is cut into units.
 """
@@ -8,9 +8,47 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.rigs.rig import SensorRig
 from recorder.episode.traffic_level import TrafficLevel
+from recorder.replaying.conditions import Condition
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """What is made of a drive."""
+
+    episode: Path
+    """The drive, absolute path."""
+    town: Path
+    """OpenDRIVE file of its town, absolute path."""
+    conditions: tuple[Condition, ...]
+    """Weather and traffic of each sequence."""
+    rig: SensorRig
+    """Sensors whose samples a format holds."""
+    camera_ns: tuple[int, int]
+    """First stamp of images and end (not included) [ns]."""
+    seed: int
+    """Seed of sensor noise."""
+    quality: str
+    """Quality of images."""
+    formats: tuple[str, ...]
+    """Names of dataset formats."""
+    topics: str
+    """Topic profile of bags."""
+    preview: bool
+    """Whether a film of each sequence is made."""
+
+    @property
+    def levels(self) -> tuple[TrafficLevel, ...]:
+        """Traffic levels, each once."""
+        return tuple(dict.fromkeys(condition.traffic for condition in self.conditions))
+
+    def conditions_of(self, level: TrafficLevel) -> tuple[Condition, ...]:
+        """Conditions of a traffic level: its weathers."""
+        return tuple(condition for condition in self.conditions if condition.traffic == level)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,8 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.files.file_lock import has_name, take_lock
 from carlaloc_env.core.files.output_paths import path_below
 from carlaloc_env.core.names import check_name
-from recorder.dataset.manifest import is_begun, write_record
+from recorder.dataset.layout import CALIBRATION, GROUND_TRUTH, DriveFolder
+from recorder.dataset.manifest import has_drive, list_drive
 
 FOLDER = ".carlaloc-partial"
 """Folder of unfinished work in the folder of a dataset."""
@@ -30,8 +31,8 @@ WHOLE = "whole\n"
 """Second line of that file, once all that the run writes is whole."""
 UNITS = "units"
 """Folder of finished units."""
-SHARED = ("calibration", "ground_truth")
-"""What all sequences of a town share."""
+SHARED = (CALIBRATION, GROUND_TRUTH)
+"""What all sequences of a drive share."""
 
 _log = logging.getLogger(__name__)
 
@@ -41,8 +42,8 @@ class WorkingFolder:
 
     Args:
         out: Folder of the dataset.
-        town: Name of the town's folder in it.
-        origin: What all sequences of the dataset share.
+        town: Name of the drive's folder in it.
+        origin: What all sequences of the drive share.
         request: All that decides about the bytes of the run, as plain values by name.
     """
 
@@ -59,9 +60,9 @@ class WorkingFolder:
         """The folder."""
 
     @property
-    def town_dir(self) -> Path:
-        """Folder of the town while it is being written."""
-        return self.path / self._town
+    def drive(self) -> DriveFolder:
+        """Folder of the drive while it is being written."""
+        return DriveFolder(self.path / self._town)
 
     @property
     def units_dir(self) -> Path:
@@ -144,7 +145,7 @@ class WorkingFolder:
         Raises:
             WriterError: a name was taken meanwhile, or the disk is full.
         """
-        for part in self.town_dir.glob("*"):
+        for part in self.drive.path.glob("*"):
             final = self._out / self._town / part.name
             if part.name not in SHARED and final.exists():
                 raise WriterError(f"{final} exists; choose another --out or delete it first")
@@ -165,11 +166,11 @@ class WorkingFolder:
     def kept(self) -> int:
         """How many finished units and sequences another run can go on from."""
         units = sum("." not in path.name for path in self.units_dir.glob("*") if path.is_dir())
-        return units + sum(path.name not in SHARED for path in self.town_dir.glob("[!.]*"))
+        return units + sum(path.name not in SHARED for path in self.drive.path.glob("[!.]*"))
 
     def _sweep(self) -> None:
         """Remove what workers had in hand when they were killed."""
-        for half in (*self.units_dir.glob("*.part"), *self.town_dir.glob(".*.part")):
+        for half in (*self.units_dir.glob("*.part"), *self.drive.path.glob(".*.part")):
             rmtree(half, ignore_errors=True)
         for stale in self.units_dir.glob("*.progress"):
             stale.unlink(missing_ok=True)
@@ -197,7 +198,7 @@ class WorkingFolder:
 def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
     """Move what is whole to where it belongs, and list it; may be done again after having been cut off."""
     town = check_name("town", str(marks["town"]))
-    begun = is_begun(out, marks["origin"])
+    begun = has_drive(out, town, marks["origin"])
     try:
         (out / town).mkdir(parents=True, exist_ok=True)
         for part in sorted((run / town).glob("*")):
@@ -208,7 +209,7 @@ def _give_names(out: Path, run: Path, marks: Mapping[str, Any]) -> None:
                 part.rename(out / town / part.name)
     except OSError as error:
         raise WriterError(f"cannot give {error.filename} its final name: {error.strerror}") from error
-    write_record(out, dict(marks["origin"]))
+    list_drive(out, town, marks["origin"])
 
 
 def _remove_if_empty(folder: Path) -> None:

@@ -18,6 +18,7 @@ from evalio.datasets import Dataset
 from evalio.datasets.loaders import RawDataIter
 from evalio.types import SE3, SO3, ImuMeasurement, ImuParams, LidarParams, Stamp, Trajectory
 
+from recorder.dataset.layout import sequences_below
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.runners.evalio import imu_params, lidar_measurement, lidar_params
@@ -29,7 +30,7 @@ DATA = "CARLALOC_DATA"
 def _folders() -> dict[str, Path]:
     """Folders of all sequences below `DATA`, by their names in evalio."""
     root = Path(os.environ.get(DATA, "."))
-    found = sorted(path.parent for path in root.rglob("sequence.yaml"))
+    found = [sequence.path for sequence in sequences_below(root)]
     return {"_".join(folder.relative_to(root).parts).lower(): folder for folder in found}
 
 

@@ -16,12 +16,14 @@ from typing import Any
 import cv2
 import h5py
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from carlaloc_env.core.errors import ConfigError
-from recorder.dataset.manifest import FILE_NAME, checksums
-from recorder.verification.stamps import open_bag
+from recorder.dataset.bags import open_bag
+from recorder.dataset.checksums import checksums
+from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES
+from recorder.dataset.manifest import DatasetManifest
+from recorder.episode.episode import read_episode_file
+from recorder.episode.mcap_container import Container
 from recorder.writers.ros.event_messages import EVENT_TYPE, unpacked_events
 
 STEP = 1
@@ -30,6 +32,8 @@ STEP_SHARE = 1e-4
 """Largest share of a picture's values that differ."""
 EVENT_SHARE = 0.05
 """Largest share of a file's or message's events, of those in either, that stand in one of both alone."""
+_OF_A_RECORDING = ("created_utc", "versions", "crc32", "sha256")
+"""What an episode's header and its description say of when and by what it was recorded."""
 _FEW = 5
 """So many events may stand alone, however few there are."""
 _LABELS = ("semantic", "instance", "label")
@@ -56,16 +60,15 @@ def compare(folder: Path, other: Path) -> Comparison:
     Raises:
         ConfigError: the other folder holds no dataset.
     """
-    if not (other / FILE_NAME).exists():
-        raise ConfigError(f"{other} holds no {FILE_NAME}; give the folder of a finished dataset")
+    manifests = [DatasetManifest.read(one) for one in (folder, other)]
     ours, theirs = checksums(folder), checksums(other)
     findings = [f"{name}: only in {other}" for name in sorted(set(theirs) - set(ours))]
     findings += [f"{name}: not in {other}" for name in sorted(set(ours) - set(theirs))]
+    if len({repr(_origins(manifest)) for manifest in manifests}) > 1:
+        findings.append(f"{DATASET}: the drives have another rig, stretch, seed or town")
     within = []
     for name in sorted(set(ours) & set(theirs)):
-        if ours[name] == theirs[name] or name.endswith(".mp4"):
-            continue
-        if name.endswith("sequence.yaml") and _described(folder / name) == _described(other / name):
+        if ours[name] == theirs[name] or name.endswith((".mp4", CHECKSUMS)) or name == DATASET:
             continue
         try:
             beyond = differences(folder / name, other / name)
@@ -79,14 +82,19 @@ def compare(folder: Path, other: Path) -> Comparison:
     return Comparison(within=tuple(within), findings=tuple(findings))
 
 
-def _described(path: Path) -> dict[str, Any]:
-    """What a sequence's description says beside the checksums of its files."""
-    return {key: value for key, value in yaml.safe_load(path.read_text("utf-8")).items() if key != "sha256"}
+def _origins(manifest: DatasetManifest) -> dict[str, Any]:
+    """Where the drives come from, without what differs from one recording of a drive to the next."""
+    return {
+        town: {**origin, "episode": {k: v for k, v in origin["episode"].items() if k not in _OF_A_RECORDING}}
+        for town, origin in manifest.drives.items()
+    }
 
 
 def differences(ours: Path, theirs: Path) -> str:
     """What of two files of one name differs by more than its bound; nothing where that is all."""
     kind = ours.suffix
+    if kind == ".mcap" and ours.parent.name == EPISODES:
+        return _of_episodes(ours, theirs)
     if kind == ".png" and not _is_label(str(ours)):
         return of_pictures(*(np.asarray(cv2.imread(str(p), cv2.IMREAD_UNCHANGED)) for p in (ours, theirs)))
     if kind == ".npz":
@@ -149,6 +157,19 @@ def _event_file(path: Path) -> dict[str, NDArray[Any]]:
             rows[name] = values
         found["events"] = rows
     return found
+
+
+def _of_episodes(ours: Path, theirs: Path) -> str:
+    """What differs in two recordings of a drive, beside when and by which versions they were made."""
+    first, second = (read_episode_file(path) for path in (ours, theirs))
+    if (first.payloads, first.stamps_ns) != (second.payloads, second.stamps_ns):
+        return "is another drive"
+    return "" if _header(first) == _header(second) else "has another header"
+
+
+def _header(episode: Container) -> list[dict[str, str]]:
+    rows = [values for _, values in episode.metadata]
+    return [{name: text for name, text in row.items() if name not in _OF_A_RECORDING} for row in rows]
 
 
 def _of_messages(ours: Path, theirs: Path) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,14 @@ from rosbags.interfaces import Connection
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry import transforms
+from carlaloc_env.samples import DepthImage, Image, Imu, PointCloud, Sample
+from recorder.dataset.bags import open_bag, topic_of
+from recorder.dataset.layout import DriveFolder
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.verification.stamps import open_bag
+from recorder.writers.calibration.files import EXTRINSICS
 from recorder.writers.ros.compact_messages import DRACO_FIELDS, depth_of_png, draco
+from recorder.writers.topics import TopicProfile
 
 FRAMES = 5
 """Depth images that are compared."""
@@ -28,36 +32,49 @@ WINDOW_S = 0.5
 """Time over which the IMU is integrated [s]."""
 FORCE_MPS2, RATE_RADPS = 0.3, 0.02
 """Largest mean error of acceleration [m/s²] and angular rate [rad/s]; biases are smaller."""
-_CLOUDS = ("/lidar/points", "/lidar/draco")
-_DEPTHS = ("/depth", "/depth/compressedDepth")
-_IMUS = ("/imu/data", "/imu")
-"""Topics that are compared, by the names that the profiles give them."""
+_CLOUDS = ("points_labelled", "points", "cloud_draco")
+_DEPTHS = ("image_32fc1", "depth_png")
+"""Encoders of messages that are compared, see `messages.ENCODERS`."""
 _GENERIC = 4
 """What Draco calls attributes that have no meaning of their own."""
 _GRAVITY_MPS2 = np.array([0.0, 0.0, -9.81])
 
 
-def extrinsics_of(town: Path) -> dict[str, Array]:
+def extrinsics_of(drive: DriveFolder) -> dict[str, Array]:
     """Maps each sensor frame's coordinates to `base_link`, by frame, from the calibration that is shipped."""
-    document = yaml.safe_load((town / "calibration" / "extrinsics.yaml").read_text("utf-8"))
+    document = yaml.safe_load((drive.calibration / EXTRINSICS).read_text("utf-8"))
     frames: dict[str, Any] = document["frames"]
     return {name: np.array(entry[f"T_base_link_{name}"], float) for name, entry in frames.items()}
 
 
-def check_fit(town: Path, bag: Path) -> Iterator[str]:
-    """What of the calibration does not fit a bag, by the topics that it has."""
-    T_base = extrinsics_of(town)
-    truth = read_tum(town / "ground_truth" / "base_link.tum")
+def check_fit(
+    drive: DriveFolder, bag: Path, profile: TopicProfile, streams: Collection[str]
+) -> Iterator[str]:
+    """What of the calibration does not fit a bag.
+
+    Args:
+        drive: Folder of calibration and truth.
+        bag: The bag.
+        profile: Its topics.
+        streams: Streams of the sequence.
+    """
+    T_base = extrinsics_of(drive)
+    truth = read_tum(drive.truth("base_link"))
+
+    def topic(kind: type[Sample], encoders: tuple[str, ...], *wanted: str) -> str | None:
+        return topic_of(profile, kind, wanted, streams=streams, encoders=encoders)
+
     with open_bag(bag) as reader:
-        topics = {connection.topic: connection for connection in reader.connections}
-        clouds = [topics[name] for name in _CLOUDS if name in topics and "lidar" in T_base]
-        for topic in sorted(topics):
-            info = topics.get(f"{topic.rpartition('/depth')[0]}/camera_info")
-            if topic.endswith(_DEPTHS) and clouds and info is not None:
-                yield from _check_depth(reader, topics[topic], clouds[0], info, T_base, truth)
-        for name in _IMUS:
-            if name in topics and "imu" in T_base:
-                yield from _check_imu(reader, topics[name], T_base["imu"], truth)
+        connections: dict[str | None, Connection] = {one.topic: one for one in reader.connections}
+        lidar = connections.get(topic(PointCloud, _CLOUDS, "lidar_semantic", "lidar"))
+        for stream in sorted(streams):
+            depths = connections.get(topic(DepthImage, _DEPTHS, stream))
+            info = connections.get(topic(Image, ("camera_info",), stream.replace("depth_", "rgb_")))
+            if depths and lidar and info and "lidar" in T_base:
+                yield from _check_depth(reader, depths, lidar, info, T_base, truth)
+        imu = connections.get(topic(Imu, ("imu",), "imu"))
+        if imu and "imu" in T_base:
+            yield from _check_imu(reader, imu, T_base["imu"], truth)
 
 
 def _check_depth(

@@ -8,30 +8,17 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
 
-from carlaloc_env.samples import ObjectList, Odometry
+from carlaloc_env.samples import Image, ObjectList, Odometry
+from recorder.dataset.bags import open_bag
 from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import TopicProfile
 
 Stamps = NDArray[np.int64]
-_PAIRS = (("/camera/left/image_raw", "/camera/right/image_raw"), ("/cam0_raw", "/cam1_raw"))
+_PAIR = ("rgb_left", "rgb_right")
+"""Streams of a stereo pair."""
 _OF_NOBODY = {Odometry: "truth", ObjectList: "objects"}
 """Streams of the replay itself, whose rules fit any name."""
-
-
-def bags_of(sequence: Path) -> list[Path]:
-    """Bags of a sequence: ROS 1 files and ROS 2 folders."""
-    return [
-        *sorted(sequence.glob("*.bag")),
-        *sorted(path.parent for path in sequence.glob("*/metadata.yaml")),
-    ]
-
-
-def open_bag(bag: Path) -> AnyReader:
-    """A bag of either kind."""
-    return AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC))
 
 
 def check_bag(bag: Path, samples: Mapping[str, int], profile: TopicProfile) -> Iterator[str]:
@@ -54,9 +41,9 @@ def check_bag(bag: Path, samples: Mapping[str, int], profile: TopicProfile) -> I
         if wanted is not None and wanted != len(stamps):
             yield f"{topic} has {len(stamps)} messages instead of {wanted}"
         yield from check_gaps(topic, np.unique(np.array(stamps, np.int64)))
-    for left, right in _PAIRS:
-        if left in found and right in found:
-            yield from check_pair(f"{left} and {right}", np.array(found[left]), np.array(found[right]))
+    left, right = (profile.topic(Image, stream) for stream in _PAIR)
+    if left in found and right in found:
+        yield from check_pair(f"{left} and {right}", np.array(found[left]), np.array(found[right]))
 
 
 def expected_counts(samples: Mapping[str, int], profile: TopicProfile) -> dict[tuple[str, str], int]:

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import yaml
-
-from carlaloc_env.core.errors import ConfigError
-from carlaloc_env.core.files.text_files import read_text
-from recorder.dataset.manifest import FILE_NAME, checksums
+from carlaloc_env.core.files.output_paths import path_below
+from recorder.dataset.checksums import checksums, read_checksums
+from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.replaying.working_folder import FOLDER
 from recorder.verification.against import compare
 from recorder.verification.calibration_fit import check_fit
-from recorder.verification.stamps import bags_of, check_bag, check_euroc, check_kitti
-from recorder.writers.topics import profile_by_name
+from recorder.verification.stamps import check_bag, check_euroc, check_kitti
+from recorder.writers.topics import TopicProfile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,22 +37,25 @@ def verify(
     """Look for all that can be wrong with a finished dataset.
 
     Args:
-        folder: Folder with `dataset.yaml`.
+        folder: Folder of the dataset.
         progress: Told what is looked at.
         against: The same dataset, made elsewhere: pictures and events may differ from it within bounds.
 
     Raises:
         ConfigError: a folder holds no dataset.
     """
-    document = _document(folder)
+    manifest = DatasetManifest.read(folder)
+    expected = read_checksums(folder)
     tell = progress or (lambda _: None)
     tell("checksums")
-    findings = list(check_files(folder, document["sha256"]))
+    findings = list(check_files(folder, expected))
     if (folder / FOLDER).exists():
         findings.append(f"{FOLDER}: an unfinished run lies there; run its command again")
-    for name in document["sequences"]:
+    for name in manifest.sequences:
         tell(name)
-        findings += [f"{name}: {what}" for what in _check_sequence(folder / name, str(document["topics"]))]
+        sequence = SequenceFolder(path_below(folder, name))
+        profile = manifest.profile(sequence.path.parent.name)
+        findings += [f"{name}: {what}" for what in _check_sequence(sequence, profile)]
     within: tuple[str, ...] = ()
     if against is not None:
         tell(str(against))
@@ -62,8 +63,8 @@ def verify(
         findings += comparison.findings
         within = comparison.within
     return Verification(
-        files=len(document["sha256"]),
-        sequences=len(document["sequences"]),
+        files=len(expected),
+        sequences=len(manifest.sequences),
         findings=tuple(findings),
         within=within,
     )
@@ -81,28 +82,17 @@ def check_files(folder: Path, expected: dict[str, str]) -> Iterator[str]:
         yield f"{name}: not part of the dataset"
 
 
-def _check_sequence(sequence: Path, topics: str) -> Iterator[str]:
+def _check_sequence(sequence: SequenceFolder, profile: TopicProfile) -> Iterator[str]:
     try:
-        samples = yaml.safe_load(read_text(sequence / "sequence.yaml", "sequence's description"))["samples"]
-        for bag in bags_of(sequence):
-            yield from (f"{bag.name}: {what}" for what in check_bag(bag, samples, profile_by_name(topics)))
-        if (sequence / "mav0").is_dir():
-            yield from check_euroc(sequence / "mav0")
-        if (sequence / "kitti").is_dir():
-            yield from check_kitti(sequence / "kitti")
-        if bags_of(sequence):
-            yield from check_fit(sequence.parent, bags_of(sequence)[0])
+        samples = SequenceDescription.read(sequence).samples
+        for bag in sequence.bags:
+            yield from (f"{bag.name}: {what}" for what in check_bag(bag, samples, profile))
+        if (mav0 := sequence.place("euroc")).is_dir():
+            yield from check_euroc(mav0)
+        if (kitti := sequence.place("kitti")).is_dir():
+            yield from check_kitti(kitti)
+        if sequence.bags:
+            yield from check_fit(sequence.drive, sequence.bags[0], profile, samples)
     # Damaged files make their readers raise whatever their parts do: struct, zlib, assertions, …
     except Exception as error:
         yield f"cannot be read: {type(error).__name__} {' '.join(str(error).split())[:200]}"
-
-
-def _document(folder: Path) -> dict[str, Any]:
-    file = folder / FILE_NAME
-    if not file.exists():
-        raise ConfigError(f"{folder} holds no {FILE_NAME}; give the folder of a finished dataset")
-    try:
-        document = yaml.safe_load(read_text(file, "dataset's description"))
-        return {key: document[key] for key in ("sha256", "sequences", "topics")}
-    except (KeyError, TypeError, yaml.YAMLError) as error:
-        raise ConfigError(f"cannot read {file}: {' '.join(str(error).split())}; replay it anew") from error

@@ -1,7 +1,7 @@
-"""What every dataset writer has: it takes samples in time order and ends with a whole file or with none.
+"""Encoders, which make pieces of samples, and writers, which put pieces into a file that is whole or absent.
 
-A writer has two halves. `encode` makes pieces of a sample and remembers nothing, so that stretches of a
-drive can be encoded on any machine and in any order; `place` puts pieces into the file, in their order.
+An encoder remembers nothing, so that stretches of a drive can be encoded on any machine and in any order.
+A writer takes the pieces of its encoder in the order of their stamps.
 """
 
 from __future__ import annotations
@@ -49,16 +49,45 @@ class Piece:
     """Content as it will stand in the file, or nearly so."""
 
 
+class Encoder(ABC):
+    """Makes pieces of samples for one format; it touches no file.
+
+    Args:
+        epoch_ns: Unix time of the drive's beginning [ns].
+    """
+
+    def __init__(self, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+        self.epoch_ns = epoch_ns
+
+    @abstractmethod
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Pieces of a sample; none of a kind that the format does not hold.
+
+        They depend on the sample alone, never on those before it.
+
+        Raises:
+            WriterError: the sample does not fit the calibration.
+        """
+
+    def unix_ns(self, stamp_ns: int) -> int:
+        """Time of a stamp in the written files [ns since 1970]."""
+        return self.epoch_ns + stamp_ns
+
+
 class Writer(ABC):
-    """Writes under a temporary name and takes the final one when closed.
+    """Puts pieces into a file or folder under a temporary name, which takes the final one when closed.
 
     As a context manager it closes at the end of the block; an exception inside removes what was
     written.
+
+    Args:
+        target: The file or folder.
+        encoder: Makes the pieces.
     """
 
-    def __init__(self, target: str | Path, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+    def __init__(self, target: str | Path, encoder: Encoder) -> None:
         self.target = Path(target)
-        self.epoch_ns = epoch_ns
+        self.encoder = encoder
         self._part = self.target.with_name(f".{self.target.name}.part")
         self._is_open = False
         self._last_ns: int | None = None
@@ -99,21 +128,11 @@ class Writer(ABC):
             WriterError: the writer is closed, the stamp is older than the one before, or the disk is full.
         """
         self._check(sample.stamp_ns, sample.sensor)
-        for piece in self.encode(sample):
+        for piece in self.encoder.encode(sample):
             self.place(piece)
 
-    @abstractmethod
-    def encode(self, sample: Sample) -> list[Piece]:
-        """Pieces of a sample; none of a kind that the format does not hold.
-
-        They depend on the sample alone, never on those before it, and no file is touched.
-
-        Raises:
-            WriterError: the sample does not fit the calibration.
-        """
-
     def place(self, piece: Piece) -> None:
-        """Add a piece that `encode` of a writer with the same settings has made; stamps never go back.
+        """Add a piece of an encoder with the same settings; stamps never go back.
 
         Raises:
             WriterError: the writer is closed, the stamp is older than the one before, or the disk is full.
@@ -156,10 +175,6 @@ class Writer(ABC):
             self._is_open = False
             self._drop()
             _remove(self._part)
-
-    def unix_ns(self, stamp_ns: int) -> int:
-        """Time of a stamp in the written files [ns since 1970]."""
-        return self.epoch_ns + stamp_ns
 
     @abstractmethod
     def _begin(self, part: Path) -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from carlaloc_env.rigs.presets import RIGS
 from recorder.cli.main import main
+from recorder.dataset.layout import FORMATS
 from recorder.devices.registry import DEVICES
 from recorder.evaluation.align import Alignment
-from recorder.replaying.plan import FORMATS
 from recorder.writers.topics import PROFILES
 
 ROOT = Path(__file__).parents[2]

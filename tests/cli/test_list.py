@@ -14,9 +14,9 @@ from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.cli.commands.list import KINDS
 from recorder.cli.main import COMMANDS, main
+from recorder.dataset.layout import FORMATS
 from recorder.devices.registry import DEVICES
-from recorder.replaying.plan import FORMATS
-from recorder.replaying.sequence_writers import _WRITERS
+from recorder.replaying.sequence_writers import _OUTPUTS
 from recorder.writers.topics import profile_by_name
 
 NAMED_BY = {"weathers": weather_by_name, "rigs": rig_by_name, "topics": profile_by_name}
@@ -32,7 +32,7 @@ def test_what_is_listed_can_be_named(kind: str, capsys: pytest.CaptureFixture[st
         for name in names:
             NAMED_BY[kind](name)
     if kind == "formats":
-        assert tuple(names) == tuple(FORMATS) == tuple(_WRITERS)
+        assert tuple(names) == tuple(FORMATS) == tuple(_OUTPUTS)
     if kind == "devices":
         assert tuple(names) == DEVICES
     assert main(["list", kind]) == 0

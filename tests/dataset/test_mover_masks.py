@@ -14,7 +14,7 @@ from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder.dataset.mover_masks import MARGIN_PX, mover_masks, painted_over, without_movers
-from recorder.dataset.sequence import StereoPair
+from recorder.dataset.readings import StereoPair
 from recorder.slam.stereo_vo.odometry import StereoOdometry
 
 WIDTH, HEIGHT, CAR = 320, 200, (slice(60, 140), slice(100, 220))

@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.rigs.presets import rig_by_name
 from recorder.cli.main import main
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums, read_checksums
+from recorder.dataset.manifest import DatasetManifest
 from recorder.factory import make_dataset as dataset
 from recorder.factory import plan as dataset_plan
-from recorder.factory.make_dataset import make_dataset, write_manifest
+from recorder.factory.make_dataset import copy_manifest, make_dataset
 from recorder.factory.plan import DatasetConfig, plan_dataset
 from recorder.factory.size_estimate import bytes_per_second
 from recorder.factory.time_left import DatasetProgress
-from recorder.replaying.plan import ReplayConfig
+from recorder.replaying.plan import ReplayOptions
 from recorder.verification.verify import verify
 
 
 def config_of(out: Path, episodes: Path | None) -> DatasetConfig:
-    few = ReplayConfig(
-        episode=Path(),
-        out=out,
+    few = ReplayOptions(
         weathers=("ClearNoon", "FoggyNoon", "RainyNight"),
         traffic=("static", "dynamic"),
         rig="state",
@@ -56,26 +55,26 @@ def test_a_dataset_is_made_kept_and_made_again(
 ) -> None:
     plan = plan_dataset(config)
     assert (plan.sequences, plan.driven_s) == (6, 1.0)
-    # Cut off where the drive is whole and has not its name: the same call goes on.
+    # Cut off where all drives are whole and the recipe is yet to be listed: the same call goes on.
     with monkeypatch.context() as patch:
-        patch.setattr(dataset, "DRIVE", "no/such.yaml")
-        with pytest.raises(OSError, match="no/such"):
+        patch.setattr(dataset, "write_manifest", lambda *_: (_ for _ in ()).throw(WriterError("cut off")))
+        with pytest.raises(WriterError, match="cut off"):
             make_dataset(config)
-    assert not (config.out / "dataset.yaml").exists()
     stages: list[DatasetProgress] = []
     make_dataset(config, stages.append)
     assert stages == [], "the replay was whole"
-    document = yaml.safe_load((config.out / "dataset.yaml").read_text())
-    assert len(document["sequences"]) == 6
-    assert document["sha256"] == checksums(config.out)
-    assert sorted(path.name for path in config.out.iterdir()) == ["dataset.yaml", "episodes", "straight"]
+    assert len(DatasetManifest.read(config.out).sequences) == 6
+    assert read_checksums(config.out) == checksums(config.out)
+    names = sorted(path.name for path in config.out.iterdir())
+    assert names == ["SHA256SUMS", "dataset.yaml", "episodes", "straight"]
+    assert subprocess.run(["sha256sum", "-c", "--quiet", "SHA256SUMS"], cwd=config.out).returncode == 0
     assert verify(config.out).findings == ()
     with pytest.raises(WriterError, match="other weathers"):
         make_dataset(replace(config, replay=replace(config.replay, weathers=("ClearNoon",))))
-    write_manifest(config.out, tmp_path / "manifest")
+    copy_manifest(config.out, tmp_path / "manifest")
     again = config_of(tmp_path / "again", tmp_path / "manifest" / "episodes")
     make_dataset(again)
-    assert checksums(again.out) == yaml.safe_load((tmp_path / "manifest/dataset.yaml").read_text())["sha256"]
+    assert checksums(again.out) == read_checksums(tmp_path / "manifest")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="locks as on Linux")

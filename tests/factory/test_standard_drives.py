@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.traffic_near_ego import drive
 from recorder.factory.plan import ROUTE_M, STANDARD_SEEDS, DatasetConfig
-from recorder.replaying.plan import ReplayConfig
+from recorder.replaying.plan import ReplayOptions
 
 PACE_MPS = {
     "Town01": 5.5, "Town03": 7.0, "Town04": 16.0, "Town05": 7.0, "Town06": 8.0, "Town07": 6.0, "Town10": 4.2,
@@ -17,7 +17,7 @@ PACE_MPS = {
 
 
 def test_each_town_of_the_paper_has_a_seed_and_one_seed_can_be_given_for_all(tmp_path: Path) -> None:
-    replay = ReplayConfig(episode=Path(), out=tmp_path)
+    replay = ReplayOptions()
     assert set(STANDARD_SEEDS) == set(ROUTE_M)
     standard = DatasetConfig(out=tmp_path, replay=replay)
     assert [standard.seed_of(town) for town in ROUTE_M] == list(STANDARD_SEEDS.values())

@@ -12,8 +12,8 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.rigs.presets import rig_by_name
 from recorder.replaying.camera_history import nearest_begin_ns, past_s
+from recorder.replaying.plan import without_unwritten
 from recorder.replaying.replay import replay
-from recorder.replaying.sequence_writers import without_unwritten
 
 S = 1_000_000_000
 

@@ -13,7 +13,7 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import RenderError
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import FOLDER, UNITS
 

@@ -8,15 +8,8 @@ from typing import Any, ClassVar
 
 import pytest
 
-from recorder.episode.traffic_level import traffic_level
+from recorder.episode.traffic_level import TrafficLevel, traffic_level
 from recorder.replaying import unit_work
-
-
-class Config:
-    """All that is asked of a configuration."""
-
-    def __init__(self, name: str) -> None:
-        self.level = traffic_level(name)
 
 
 class Sensors:
@@ -24,9 +17,9 @@ class Sensors:
 
     alive: ClassVar[weakref.WeakSet[Sensors]] = weakref.WeakSet()
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, recipe: Any, level: TrafficLevel) -> None:
         assert not self.alive, "others are still held"
-        self.config = config
+        self.recipe, self.level = recipe, level
         self.alive.add(self)
 
     def close(self) -> None:
@@ -41,21 +34,22 @@ def sensors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     unit_work.release_sensors()
 
 
-def hold(config: Any) -> int:
-    return id(unit_work._sensors_of(config))
+def hold(level: str, recipe: Any = "a drive") -> int:
+    return id(unit_work._sensors_of(recipe, traffic_level(level)))
 
 
 def test_the_next_unit_of_a_level_gets_the_same_and_another_level_others() -> None:
-    dynamic, static = Config("dynamic"), Config("static")
-    assert hold(dynamic) == hold(dynamic)
+    assert hold("dynamic") == hold("dynamic")
     assert len(Sensors.alive) == 1
-    hold(static)
-    assert [one.config for one in Sensors.alive] == [static]
+    hold("static")
+    assert [one.level.name for one in Sensors.alive] == ["static"]
+    hold("static", "another drive")
+    assert [one.recipe for one in Sensors.alive] == ["another drive"]
 
 
 def test_a_level_that_is_assembled_is_not_held_any_more() -> None:
     """All of its units are whole; another level's sensors wait for their next unit."""
-    hold(Config("dynamic"))
+    hold("dynamic")
     unit_work._forget_level(traffic_level("static"))
     assert len(Sensors.alive) == 1
     unit_work._forget_level(traffic_level("dynamic"))

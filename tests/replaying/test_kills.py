@@ -13,7 +13,7 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import WriterError
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums
 from recorder.replaying import working_folder
 from recorder.replaying.replay import replay
 from recorder.replaying.working_folder import FOLDER, UNITS
@@ -69,7 +69,7 @@ def finish(drive: StraightDrive, out: Path, whole: dict[str, str]) -> str:
     done = subprocess.run(command(drive, out), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert checksums(out) == whole
-    assert sorted(path.name for path in out.iterdir()) == ["dataset.yaml", "straight"]
+    assert sorted(path.name for path in out.iterdir()) == ["SHA256SUMS", "dataset.yaml", "straight"]
     return done.stderr
 
 
@@ -162,7 +162,7 @@ def test_a_whole_run_is_finished_by_the_next_one(
     if renames < 3:
         monkeypatch.setattr(Path, "rename", rename)
     else:
-        monkeypatch.setattr(working_folder, "write_record", lambda *_: (_ for _ in ()).throw(_Killed))
+        monkeypatch.setattr(working_folder, "list_drive", lambda *_: (_ for _ in ()).throw(_Killed))
     with pytest.raises(_Killed):
         replay(cut)
     monkeypatch.undo()

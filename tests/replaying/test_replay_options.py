@@ -11,7 +11,7 @@ from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.camera.config import CameraConfig
 from recorder.cli.commands import replay as command
-from recorder.replaying import plan as replay_plan
+from recorder.dataset.layout import FORMATS
 from recorder.replaying import sequence_writers
 from recorder.replaying.replay import ReplayConfig, rig_of
 
@@ -51,4 +51,4 @@ def test_the_command_line_knows_them() -> None:
 
 def test_every_named_format_has_its_writer() -> None:
     """Names stand apart from writers, so that a wrong one is told before these are imported."""
-    assert tuple(sequence_writers._WRITERS) == tuple(replay_plan.FORMATS)
+    assert tuple(sequence_writers._OUTPUTS) == tuple(FORMATS)

@@ -15,7 +15,10 @@ from recorder.replaying.sample_counts import SampleCounts
 
 SEQUENCE = """\
 name: ClearNoon_dynamic
+weather: {name: ClearNoon}
+traffic: {name: dynamic}
 rig: paper
+epoch_ns: 1672531200000000000
 samples: {imu: 200, lidar_semantic: 20}
 movers: {lidar_semantic: 0.0521, semantic_left: 0.125}
 """

@@ -9,7 +9,7 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import RenderError
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.replay import replay
 from recorder.replaying.units import units_of
@@ -48,7 +48,11 @@ def test_workers_and_cuts_change_no_byte(straight_drive: StraightDrive, tmp_path
             replay(config)
         except RenderError as error:
             pytest.skip(str(error))
-        assert sorted(path.name for path in (tmp_path / name).iterdir()) == ["dataset.yaml", "straight"]
+        assert sorted(path.name for path in (tmp_path / name).iterdir()) == [
+            "SHA256SUMS",
+            "dataset.yaml",
+            "straight",
+        ]
         return checksums(tmp_path / name)
 
     whole = sums("whole", 10.0, 1)

@@ -13,10 +13,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import yaml
 from shared_fixtures.processes.small_disks import small_disk
 
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums, read_checksums
 from recorder.drive.record import RecordConfig, record
 
 KILLS, DISKS = 50, 20
@@ -97,7 +96,7 @@ def test_killed_at_random_moments(
         if again.returncode:
             # Killed after its last rename: then everything is there, and the command says so.
             assert "exist" in again.stderr
-            assert yaml.safe_load((out / "dataset.yaml").read_text())["sha256"] == sums
+            assert read_checksums(out) == sums
         assert _final_files(out) == sums, f"trial {trial}"
         shutil.rmtree(out)
     record_property("what", "SIGKILL at a random moment of a replay; the same command then finishes it")

@@ -11,7 +11,8 @@ from shared_fixtures.readings.slam_dataset import COLUMNS, ELEVATIONS_DEG, pose,
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.sensors.inertial.imu import ImuConfig
-from recorder.dataset.sequence import ImuSample, SlamSequence
+from recorder.dataset.readings import ImuSample
+from recorder.dataset.sequence import SlamSequence
 from recorder.slam.runners.evalio import lidar_measurement, loam
 from recorder.slam.system import FrameClock
 

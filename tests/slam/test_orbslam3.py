@@ -15,7 +15,8 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.camera.config import CameraConfig
-from recorder.dataset.sequence import ImuSample, SlamSequence, StereoPair
+from recorder.dataset.readings import ImuSample, StereoPair
+from recorder.dataset.sequence import SlamSequence
 from recorder.slam.runners import orbslam3
 from recorder.slam.system import FrameClock
 from recorder.slam.systems import SYSTEMS

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import yaml
 from shared_fixtures.processes.external_programs import EXTERNAL, missing_program, missing_ros
+from shared_fixtures.readings.slam_dataset import describe, list_dataset
 from shared_fixtures.worlds.closed_room import EPOCH_S, SWEEP_S, late_s, write_room_bag
 
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
@@ -31,12 +31,11 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> SlamSequence:
     mount = Mount(position_m=(0.0, 0.0, 1.8))
     lidar = LidarConfig(mount=mount, rate_hz=1.0 / SWEEP_S, elevations_deg=tuple(HDL32E_DEG.tolist()))
     rig = SensorRig(name="room", sensors=(ImuConfig(mount=mount), lidar))
-    document = {"town": "Room", "rig": yaml.safe_load(rig.to_yaml()), "versions": {}}
-    (root / "dataset.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
     folder = root / "Room" / "ClearNoon_static"
     folder.mkdir(parents=True)
-    (folder / "sequence.yaml").write_text("name: ClearNoon_static\n")
     write_room_bag(folder / "ClearNoon_static.bag", HDL32E_DEG)
+    describe(folder, rig, samples={"lidar": 1, "imu": 1})
+    list_dataset(root, rig)
     return SlamSequence(folder)
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from shared_fixtures.drives.straight_drives import StraightDrive
@@ -18,14 +17,14 @@ from shared_fixtures.drives.straight_drives import StraightDrive
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.samples import EVENT, Events
 from recorder.cli.main import main
-from recorder.dataset.manifest import FILE_NAME, checksums
+from recorder.dataset.checksums import write_checksums
 from recorder.replaying.replay import replay
 from recorder.verification.against import compare, of_events, of_pictures
 from recorder.verification.verify import verify
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.event_messages import unpacked_events
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.ros.rosbag2 import Rosbag2Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder
+from recorder.writers.ros.rosbag2 import Ros2Encoder
 
 SEQUENCE = "straight/ClearNoon_dynamic"
 Change = Callable[[Path], None]
@@ -115,9 +114,10 @@ def test_the_command_says_how_many_and_fails_on_what_is_beyond(
     assert main(["verify", str(data), "--against", str(whole)]) == 0
     assert "differ within" not in capsys.readouterr().out
     _change_png(1, 1)(data)
-    document = yaml.safe_load((data / FILE_NAME).read_text())
     # As if it had been made so, elsewhere.
-    (data / FILE_NAME).write_text(yaml.safe_dump({**document, "sha256": checksums(data)}))
+    (data / SEQUENCE / "SHA256SUMS").unlink()
+    write_checksums(data / SEQUENCE)
+    write_checksums(data)
     assert main(["verify", str(data), "--against", str(whole)]) == 0
     assert "1 files differ within the bounds" in capsys.readouterr().out
     (data / SEQUENCE / "mav0/imu0/data.csv").write_text("")
@@ -138,9 +138,9 @@ def test_what_is_in_one_alone_is_named(whole: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 500])
-@pytest.mark.parametrize("writer", [Rosbag1Writer, Rosbag2Writer])
+@pytest.mark.parametrize("kind", [Ros1Encoder, Ros2Encoder])
 def test_events_come_out_of_messages_as_they_went_in(
-    count: int, writer: type[Rosbag1Writer | Rosbag2Writer], tmp_path: Path
+    count: int, kind: type[Ros1Encoder | Ros2Encoder]
 ) -> None:
     draw = np.random.default_rng(count)
     events = np.zeros(count, EVENT)
@@ -150,7 +150,7 @@ def test_events_come_out_of_messages_as_they_went_in(
         sensor="events_left", frame_id="camera_left", stamp_ns=0, events=events, width_px=1280, height_px=720,
         period_ns=50_000_000,
     )  # fmt: skip
-    bag = writer(tmp_path / "some.bag", RigCalibration.from_configs(()), profile="full")
+    bag = kind(RigCalibration.from_configs(()), profile="full")
     head, rows = unpacked_events(bag.encode(sample)[0].data)
     assert b"camera_left" in head
     assert (rows["t"] - bag.epoch_ns).tolist() == events["t"].tolist()

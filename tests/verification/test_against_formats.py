@@ -14,9 +14,9 @@ from shared_fixtures.readings.bag_samples import drive, rig
 
 from carlaloc_env.samples import EVENT, DepthImage, Events, Image, Imu, PointCloud, Sample, SemanticImage
 from recorder.verification.against import differences
-from recorder.writers.formats.dsec import DsecWriter
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.ros.rosbag2 import Rosbag2Writer
+from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 
 Make = Callable[[Path, list[Sample]], Path]
 AT = 100_000_000
@@ -24,13 +24,13 @@ AT = 100_000_000
 
 
 def _rosbag1(folder: Path, samples: list[Sample]) -> Path:
-    _write(Rosbag1Writer(folder / "some.bag", rig()), samples)
+    _write(Rosbag1Writer(folder / "some.bag", Ros1Encoder(rig())), samples)
     return folder / "some.bag"
 
 
 def _rosbag2(storage: str) -> Make:
     def make(folder: Path, samples: list[Sample]) -> Path:
-        _write(Rosbag2Writer(folder / "some", rig(), storage=storage), samples)
+        _write(Rosbag2Writer(folder / "some", Ros2Encoder(rig()), storage=storage), samples)
         return next((folder / "some").glob("*.mcap" if storage == "mcap" else "*.db3"))
 
     return make
@@ -133,7 +133,7 @@ def test_a_bag_that_lacks_a_message_is_named(kind: str, tmp_path: Path) -> None:
 def events(tmp_path: Path) -> Path:
     """Half a second of events in DSEC's layout."""
     path = tmp_path / "events.h5"
-    with DsecWriter(path, stream="events_left") as writer:
+    with DsecWriter(path, DsecEncoder("events_left")) as writer:
         for stamp in range(50_000_000, 500_000_001, 50_000_000):
             rows = np.zeros(1000, EVENT)
             rows["t"] = stamp - 50_000_000 + np.arange(1, 1001) * 50_000

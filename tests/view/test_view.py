@@ -12,8 +12,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
-from shared_fixtures.readings.slam_dataset import ELEVATIONS_DEG, ROOM_M, SWEEP_NS, rig, write_dataset
+from shared_fixtures.readings.slam_dataset import (
+    ELEVATIONS_DEG,
+    ROOM_M,
+    SWEEP_NS,
+    list_dataset,
+    rig,
+    write_dataset,
+)
 
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.scene.semantic_tags import Tag
@@ -92,8 +98,7 @@ def test_images_are_shown_and_a_damaged_one_is_named(tmp_path: Path, capfd: Capt
     root = write_dataset(tmp_path / "set", sweeps=5)
     eyes = [CameraConfig(name=name, mount=Mount(position_m=(1.0, y, 1.5))) for name, y in STEREO.items()]
     whole = SensorRig(name="box", sensors=(*rig().sensors, *eyes))
-    text = yaml.safe_dump({"town": "Box", "rig": yaml.safe_load(whole.to_yaml())}, sort_keys=False)
-    (root / "dataset.yaml").write_text(text)
+    list_dataset(root, whole)
     folder = root / "Box" / "ClearNoon_dynamic"
     images = folder / "mav0" / "cam0" / "data"
     images.mkdir(parents=True)

@@ -8,14 +8,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 from shared_fixtures.drives.drives import CALM, small_cameras
 
 from carlaloc_env.core.errors import ConfigError, RenderError, WriterError
 from carlaloc_env.rigs.presets import flu_rig
-from recorder.dataset.manifest import checksums
+from recorder.dataset.checksums import checksums, read_checksums
+from recorder.dataset.manifest import DatasetManifest
 from recorder.drive.record import RecordConfig, record
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
@@ -139,11 +139,11 @@ def test_replaying_again_gives_the_same_bytes(
 
 
 def test_checksums_tell_every_file(data: ReplayResult) -> None:
-    """dataset.yaml lists every file with its SHA-256, and nothing half-written stands about."""
-    document = yaml.safe_load((data.out / "dataset.yaml").read_text(encoding="utf-8"))
-    assert document["sha256"] == checksums(data.out)
+    """SHA256SUMS lists every file, and nothing half-written stands about."""
+    assert read_checksums(data.out) == checksums(data.out)
     assert not [path for path in data.out.rglob("*") if ".part" in path.name]
-    assert document["sequences"] == sorted(str(path.relative_to(data.out)) for path in data.sequences)
+    listed = DatasetManifest.read(data.out).sequences
+    assert list(listed) == sorted(str(path.relative_to(data.out)) for path in data.sequences)
 
 
 def test_true_biases_explain_the_imu(data: ReplayResult) -> None:
@@ -217,10 +217,10 @@ def test_a_weather_can_be_added_to_a_dataset(drive: Path, tmp_path: Path) -> Non
     before = checksums(first.out)
     again("FoggyNoon")
     after = checksums(first.out)
-    assert {name: after[name] for name in before} == before
-    document = yaml.safe_load((first.out / "dataset.yaml").read_text(encoding="utf-8"))
-    assert document["sequences"] == ["Town03/ClearNoon_dynamic", "Town03/FoggyNoon_dynamic"]
-    assert document["sha256"] == after
+    assert {name: after[name] for name in before if name != "dataset.yaml"}.items() <= before.items()
+    listed = DatasetManifest.read(first.out).sequences
+    assert listed == ("Town03/ClearNoon_dynamic", "Town03/FoggyNoon_dynamic")
+    assert read_checksums(first.out) == after
     for changes in ({"duration_s": 2.0}, {"rig": "lidar"}, {"seed": 99}):
         with pytest.raises(WriterError, match="dataset of another"):
             again("RainyNight", **changes)

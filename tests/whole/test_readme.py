@@ -86,7 +86,7 @@ def test_the_first_lines_run(
 ) -> None:
     """doctor, record, replay, odometry, evaluate, as README has them, in an empty folder."""
     monkeypatch.chdir(tmp_path)
-    lines = command_lines(ROOT / "README.md")
+    lines = command_lines(ROOT / "README.md")[:5]
     assert [words[0] for words in lines] == ["doctor", "record", "replay", "odometry", "evaluate"]
     if main(lines[0]) != 0:
         pytest.skip(f"this machine cannot do all: {capfd.readouterr().out}")
@@ -102,7 +102,7 @@ def test_the_first_lines_run(
     assert (tmp_path / "figures" / "trajectories.png").is_file()
     for name in ("ClearNoon_static", "ClearNoon_dynamic", "FoggyNoon_static", "FoggyNoon_dynamic"):
         folder = tmp_path / "data" / "Town03" / name
-        assert {f"{name}.bag", "mav0", "preview.mp4", "preview.png", "sequence.yaml"} == {
+        assert {f"{name}.bag", "mav0", "preview.mp4", "preview.png", "sequence.yaml", "SHA256SUMS"} == {
             path.name for path in folder.iterdir()
         }
     documented = set(re.findall(r"`([\w/-]+\.(?:yaml|md|json|launch))`", _calibration_section()))

@@ -20,8 +20,8 @@ from recorder.writers.base import Writer
 from recorder.writers.rig_calibration import CameraCalibration, RigCalibration
 from recorder.writers.ros import compact_messages
 from recorder.writers.ros.compact_messages import DRACO_FIELDS, depth_of_png
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.ros.rosbag2 import METADATA, Rosbag2Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+from recorder.writers.ros.rosbag2 import METADATA, Ros2Encoder, Rosbag2Writer
 
 av = pytest.importorskip("av")
 draco = pytest.importorskip("DracoPy", reason="clouds of the profile compact need DracoPy")
@@ -90,9 +90,9 @@ def messages(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFa
     folder = tmp_path_factory.mktemp("compact")
     streams = {sample.sensor for sample in drive()}
     writer: Writer = (
-        Rosbag1Writer(folder / "a.bag", RIG, profile="compact_full", streams=streams)
+        Rosbag1Writer(folder / "a.bag", Ros1Encoder(RIG, profile="compact_full", streams=streams))
         if request.param == "rosbag1"
-        else Rosbag2Writer(folder / "a", RIG, profile="compact_full", streams=streams)
+        else Rosbag2Writer(folder / "a", Ros2Encoder(RIG, profile="compact_full", streams=streams))
     )
     with writer:
         for sample in drive():
@@ -160,19 +160,19 @@ def test_clouds_lose_less_than_a_centimetre(messages: Any) -> None:
     assert len(message.data) < 5.0 * len(order), "of 27 bytes a point"
 
 
-def test_without_draco_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_draco_the_way_to_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "DracoPy", None)
     compact_messages.draco.cache_clear()
     try:
         with pytest.raises(WriterError, match=r"pip install 'carlaloc-env\[compact\]'"):
-            Rosbag1Writer(tmp_path / "a.bag", RIG, profile="compact").encode(cloud(0))
+            Ros1Encoder(RIG, profile="compact").encode(cloud(0))
     finally:
         compact_messages.draco.cache_clear()
 
 
 def test_mcap_carries_conditions_and_calibration(tmp_path: Path) -> None:
     about, files = {"weather": '{"name": "FoggyNoon"}'}, {"extrinsics.yaml": "frames: {}\n", "notes.md": "hi"}
-    with Rosbag2Writer(tmp_path / "fog", RIG, about=about, attachments=files) as writer:
+    with Rosbag2Writer(tmp_path / "fog", Ros2Encoder(RIG), about=about, attachments=files) as writer:
         writer.write(next(drive()))
     with (tmp_path / "fog" / "fog.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True)

@@ -12,7 +12,9 @@ import pytest
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, DepthImage, Events
 from carlaloc_env.sensors.camera.config import CameraConfig
-from recorder.replaying.sequence_writers import SequenceConfig, writers_of
+from recorder.dataset.layout import SequenceFolder
+from recorder.replaying.sequence_writers import outputs_of
+from recorder.replaying.units import Recipe
 
 HEIGHT, WIDTH, STEP_NS = 480, 640, 50_000_000
 
@@ -21,9 +23,12 @@ HEIGHT, WIDTH, STEP_NS = 480, 640, 50_000_000
 def sequence(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Half a second of the rig `dsec`: events that drift, depth that grows downwards."""
     folder = tmp_path_factory.mktemp("dsec") / "ClearNoon_dynamic"
-    config = SequenceConfig(rig=rig_by_name("dsec"), formats=("dsec",), topics="slam", preview=False, seed=0)
+    config = Recipe(
+        episode=Path(), town=Path(), conditions=(), rig=rig_by_name("dsec"), camera_ns=(0, 0), seed=0,
+        quality="medium", formats=("dsec",), topics="slam", preview=False,
+    )  # fmt: skip
     streams = tuple(f"{kind}_{side}" for side in ("left", "right") for kind in ("rgb", "depth", "events"))
-    writers = writers_of(config, streams, folder, caption="")
+    writers = [one.place(SequenceFolder(folder), {}) for one in outputs_of(config, streams)]
     for writer in writers:
         writer.open()
     for stamp in range(0, 10 * STEP_NS, STEP_NS):

@@ -18,7 +18,7 @@ from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.motion import Motion
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.formats.euroc import EurocWriter
+from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
 from recorder.writers.formats.euroc_states import write_state_csv
 from recorder.writers.formats.tum import write_truth, write_tum
 from recorder.writers.rig_calibration import CameraCalibration, ImuCalibration, RigCalibration
@@ -67,7 +67,7 @@ def write(path: Path, truth_frame: str, *, colour: bool = False) -> tuple[Motion
     given = motion if truth_frame == "base_link" else motion.at_mount(T_BASE_IMU)
     rng = np.random.default_rng(1)
     images, inertial = [], []
-    with EurocWriter(path, rig(), colour=colour) as writer:
+    with EurocWriter(path, EurocEncoder(rig(), colour=colour)) as writer:
         for k, stamp in enumerate(STAMPS.tolist()):
             inertial.append(
                 Imu(
@@ -147,11 +147,14 @@ def test_sensor_yaml(tmp_path: Path) -> None:
 
 def test_euroc_refusals(tmp_path: Path) -> None:
     with pytest.raises(WriterError, match="needs an IMU"):
-        EurocWriter(tmp_path / "mav0", RigCalibration())
+        EurocWriter(tmp_path / "mav0", EurocEncoder(RigCalibration()))
     (tmp_path / "mav0").mkdir()
     with pytest.raises(WriterError, match="exists"):
-        EurocWriter(tmp_path / "mav0", rig()).open()
-    with EurocWriter(tmp_path / "b", rig()) as writer, pytest.raises(WriterError, match="frame 'gnss'"):
+        EurocWriter(tmp_path / "mav0", EurocEncoder(rig())).open()
+    with (
+        EurocWriter(tmp_path / "b", EurocEncoder(rig())) as writer,
+        pytest.raises(WriterError, match="frame 'gnss'"),
+    ):
         writer.write(odometry(timeline().ego_motion(STAMPS), 0, "gnss"))
 
 

@@ -14,14 +14,14 @@ from rosbags.typesys import Stores
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import EVENT, Events
 from carlaloc_env.sensors.camera.config import CameraConfig
-from recorder.replaying.sequence_writers import without_unwritten
+from recorder.replaying.plan import without_unwritten
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.formats.dsec import DsecWriter
+from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
 from recorder.writers.rig_calibration import RigCalibration
 from recorder.writers.ros.event_messages import cdr_with_events
 from recorder.writers.ros.message_parts import make_typestore
 from recorder.writers.ros.messages import MessageMaker
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 PERIOD_NS = 50_000_000
 
@@ -50,7 +50,7 @@ ALL = np.concatenate([one.events for one in BATCHES])
 
 def write(folder: Path, compression: str = "gzip") -> Path:
     path = folder / "events_left.h5"
-    with DsecWriter(path, stream="events_left", compression=compression) as writer:
+    with DsecWriter(path, DsecEncoder("events_left"), compression=compression) as writer:
         for one in BATCHES:
             writer.write(one)
     return path
@@ -90,7 +90,7 @@ def test_dsec_files_are_the_same_bytes(tmp_path: Path) -> None:
 
 def test_bag_holds_dvs_msgs_event_arrays(tmp_path: Path) -> None:
     path = tmp_path / "e.bag"
-    with Rosbag1Writer(path, RigCalibration(), profile="full") as writer:
+    with Rosbag1Writer(path, Ros1Encoder(RigCalibration(), profile="full")) as writer:
         for one in BATCHES:
             writer.write(one)
     with AnyReader([path]) as reader:

@@ -13,9 +13,9 @@ from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import Image, Imu
 from recorder.episode.episode import EgoRow, EpisodeHeader, EpisodeWriter, open_episode
 from recorder.writers.base import Writer
-from recorder.writers.formats.euroc import EurocWriter
+from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
 from recorder.writers.rig_calibration import CameraCalibration, ImuCalibration, RigCalibration
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 resource = pytest.importorskip("resource")
 
@@ -40,8 +40,8 @@ def picture(stamp_ns: int) -> Image:
 
 
 WRITERS: list[Callable[[Path], Writer]] = [
-    lambda folder: Rosbag1Writer(folder / "a.bag", rig()),
-    lambda folder: EurocWriter(folder / "mav0", rig()),
+    lambda folder: Rosbag1Writer(folder / "a.bag", Ros1Encoder(rig())),
+    lambda folder: EurocWriter(folder / "mav0", EurocEncoder(rig())),
 ]
 
 

@@ -14,18 +14,18 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.samples import EVENT, Events, Image, Imu, Odometry, PointCloud, Sample
 from recorder.writers.base import Writer
-from recorder.writers.formats.dsec import DsecWriter
-from recorder.writers.formats.euroc import EurocWriter
-from recorder.writers.formats.kitti import KittiWriter
-from recorder.writers.formats.preview_video import PreviewWriter
+from recorder.writers.formats.dsec import DsecEncoder, DsecWriter
+from recorder.writers.formats.euroc import EurocEncoder, EurocWriter
+from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
+from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter
 from recorder.writers.rig_calibration import (
     CameraCalibration,
     ImuCalibration,
     LidarCalibration,
     RigCalibration,
 )
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.ros.rosbag2 import Rosbag2Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 
 WIDTH, HEIGHT, STEP_NS, STEPS = 96, 64, 50_000_000, 6
 RIG = RigCalibration.of(
@@ -34,13 +34,17 @@ RIG = RigCalibration.of(
     lidar=LidarCalibration(),
 )
 WRITERS: dict[str, Callable[[Path], Writer]] = {
-    "rosbag1": lambda folder: Rosbag1Writer(folder / "a.bag", RIG, profile="full"),
-    "rosbag2": lambda folder: Rosbag2Writer(folder / "a", RIG, profile="full"),
-    "rosbag2_sqlite3": lambda folder: Rosbag2Writer(folder / "a", RIG, storage="sqlite3", profile="full"),
-    "euroc": lambda folder: EurocWriter(folder / "mav0", RIG),
-    "kitti": lambda folder: KittiWriter(folder / "kitti", RIG),
-    "dsec": lambda folder: DsecWriter(folder / "events_left.h5", stream="events_left"),
-    "preview": lambda folder: PreviewWriter(folder / "preview.mp4", shown={"rgb_left": "rgb"}, rate_hz=20.0),
+    "rosbag1": lambda folder: Rosbag1Writer(folder / "a.bag", Ros1Encoder(RIG, profile="full")),
+    "rosbag2": lambda folder: Rosbag2Writer(folder / "a", Ros2Encoder(RIG, profile="full")),
+    "rosbag2_sqlite3": lambda folder: Rosbag2Writer(
+        folder / "a", Ros2Encoder(RIG, profile="full"), storage="sqlite3"
+    ),
+    "euroc": lambda folder: EurocWriter(folder / "mav0", EurocEncoder(RIG)),
+    "kitti": lambda folder: KittiWriter(folder / "kitti", KittiEncoder(RIG)),
+    "dsec": lambda folder: DsecWriter(folder / "events_left.h5", DsecEncoder("events_left")),
+    "preview": lambda folder: PreviewWriter(
+        folder / "preview.mp4", PreviewEncoder({"rgb_left": "rgb"}), rate_hz=20.0
+    ),
 }
 
 

@@ -13,7 +13,7 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.writers.formats.kitti import KittiWriter
+from recorder.writers.formats.kitti import KittiEncoder, KittiWriter
 from recorder.writers.formats.kitti_labels import semantic_kitti_labels
 from recorder.writers.rig_calibration import RigCalibration
 
@@ -89,7 +89,7 @@ def drive(calibration: RigCalibration, sweeps: int = 5) -> list[Sample]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("kitti") / "00"
-    with KittiWriter(path, rig()) as writer:
+    with KittiWriter(path, KittiEncoder(rig())) as writer:
         for sample in drive(rig()):
             writer.write(sample)
     return path
@@ -197,4 +197,4 @@ def test_every_tag_has_a_label_of_the_benchmark() -> None:
 
 def test_rig_without_lidar_is_refused(tmp_path: Path) -> None:
     with pytest.raises(WriterError, match="needs a LiDAR"):
-        KittiWriter(tmp_path / "00", RigCalibration.of())
+        KittiWriter(tmp_path / "00", KittiEncoder(RigCalibration.of()))

@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
-from recorder.replaying.sequence_writers import SequenceConfig, writers_of
+from recorder.dataset.layout import SequenceFolder
+from recorder.replaying.sequence_writers import outputs_of
+from recorder.replaying.units import Recipe
 from recorder.report.mosaic import panel_of, panels_in
-from recorder.writers.formats.preview_video import PreviewWriter, shown_streams
+from recorder.writers.formats.preview_video import PreviewEncoder, PreviewWriter, shown_streams
 
 COUNT, RATE_HZ = 25, 20.0
 COLOUR = {"rgb_left": "rgb"}
@@ -53,7 +55,7 @@ def _still(path: Path) -> NDArray[np.uint8]:
 
 def test_film_is_h264_with_every_image(tmp_path: Path) -> None:
     images = [_image(number) for number in range(COUNT)]
-    with PreviewWriter(tmp_path / "preview.mp4", shown=COLOUR, rate_hz=RATE_HZ) as writer:
+    with PreviewWriter(tmp_path / "preview.mp4", PreviewEncoder(COLOUR), rate_hz=RATE_HZ) as writer:
         for image in images:
             writer.write(image)
     with av.open(str(tmp_path / "preview.mp4")) as container:
@@ -70,7 +72,7 @@ def test_film_is_h264_with_every_image(tmp_path: Path) -> None:
 
 
 def test_no_film_without_a_picture(tmp_path: Path) -> None:
-    with PreviewWriter(tmp_path / "preview.mp4", shown=COLOUR, rate_hz=RATE_HZ):
+    with PreviewWriter(tmp_path / "preview.mp4", PreviewEncoder(COLOUR), rate_hz=RATE_HZ):
         pass
     assert list(tmp_path.iterdir()) == []
 
@@ -106,8 +108,12 @@ def _sample(stream: str, number: int) -> Image | DepthImage | SemanticImage | Po
 @pytest.mark.parametrize("kind", RIGS)
 def test_each_sensor_of_the_rig_has_a_panel_and_none_else(tmp_path: Path, kind: str) -> None:
     name, streams, shown, size = RIGS[kind]
-    config = SequenceConfig(rig=rig_by_name(name), formats=(), topics="slam", preview=True, seed=0)
-    (writer,) = writers_of(config, streams, tmp_path / "data", caption="")
+    config = Recipe(
+        episode=Path(), town=Path(), conditions=(), rig=rig_by_name(name), camera_ns=(0, 0), seed=0,
+        quality="medium", formats=(), topics="slam", preview=True,
+    )  # fmt: skip
+    (output,) = outputs_of(config, streams)
+    writer = output.place(SequenceFolder(tmp_path / "data"), {})
     instants = [{stream: _sample(stream, number) for stream in streams} for number in range(3)]
     with writer:
         for samples in instants:
@@ -133,7 +139,9 @@ def test_a_full_mosaic_is_a_square_of_its_panels(tmp_path: Path) -> None:
     _, streams, _, _ = RIGS["full"]
     samples = {stream: _sample(stream, 0) for stream in streams}
     with PreviewWriter(
-        tmp_path / "a.mp4", shown=shown_streams(streams, camera="left", lidar="lidar"), rate_hz=RATE_HZ
+        tmp_path / "a.mp4",
+        PreviewEncoder(shown_streams(streams, camera="left", lidar="lidar")),
+        rate_hz=RATE_HZ,
     ) as writer:
         for sample in samples.values():
             writer.write(sample)
@@ -151,7 +159,7 @@ def test_other_cameras_do_not_mix_in() -> None:
 
 @pytest.mark.skipif(shutil.which("ffprobe") is None, reason="needs FFmpeg's ffprobe")
 def test_ffprobe_counts_the_same(tmp_path: Path) -> None:
-    with PreviewWriter(tmp_path / "preview.mp4", shown=COLOUR, rate_hz=RATE_HZ) as writer:
+    with PreviewWriter(tmp_path / "preview.mp4", PreviewEncoder(COLOUR), rate_hz=RATE_HZ) as writer:
         for number in range(COUNT):
             writer.write(_image(number))
     asked = "stream=codec_name,pix_fmt,nb_read_frames,r_frame_rate:format=duration"

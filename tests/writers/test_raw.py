@@ -12,7 +12,7 @@ from shared_fixtures.readings.bag_samples import drive
 
 from carlaloc_env.samples import EVENT, DepthImage, Events, GnssFix, Image, Imu, PointCloud, SemanticImage
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.formats.raw import RawWriter
+from recorder.writers.formats.raw import RawEncoder, RawWriter
 
 SAMPLES = drive()
 
@@ -20,7 +20,7 @@ SAMPLES = drive()
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("raw") / "raw"
-    with RawWriter(path) as writer:
+    with RawWriter(path, RawEncoder()) as writer:
         for sample in SAMPLES:
             writer.write(sample)
     return path
@@ -78,7 +78,7 @@ def test_events(tmp_path: Path) -> None:
         sensor="events_left", frame_id="camera_left", stamp_ns=10, events=rows, width_px=9, height_px=8,
         period_ns=10,
     )  # fmt: skip
-    with RawWriter(tmp_path / "raw") as writer:
+    with RawWriter(tmp_path / "raw", RawEncoder()) as writer:
         writer.write(sample)
     found = np.load(path_of(tmp_path / "raw", sample, ".npz"))
     assert np.array_equal(found["events"], rows)
@@ -86,7 +86,7 @@ def test_events(tmp_path: Path) -> None:
 
 
 def test_the_same_samples_give_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    with RawWriter(tmp_path / "raw") as writer:
+    with RawWriter(tmp_path / "raw", RawEncoder()) as writer:
         for sample in SAMPLES:
             writer.write(sample)
     for path in sorted(folder.rglob("*.*")):

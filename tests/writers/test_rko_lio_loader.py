@@ -11,8 +11,8 @@ from shared_fixtures.readings.bag_samples import drive, rig
 
 from carlaloc_env.samples import Imu, PointCloud
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.ros.rosbag2 import Rosbag2Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 
 rosbag = pytest.importorskip("rko_lio.dataloaders.rosbag", reason="RKO-LIO reads bags")
 
@@ -24,9 +24,9 @@ def loader(request: pytest.FixtureRequest, tmp_path: Path) -> Any:
 
     streams = {sample.sensor for sample in drive()}
     if request.param == "rosbag1":
-        writer: Any = Rosbag1Writer(tmp_path / "bags" / "drive.bag", rig(), streams=streams)
+        writer: Any = Rosbag1Writer(tmp_path / "bags" / "drive.bag", Ros1Encoder(rig(), streams=streams))
     else:
-        writer = Rosbag2Writer(tmp_path / "bags", rig(), streams=streams)
+        writer = Rosbag2Writer(tmp_path / "bags", Ros2Encoder(rig(), streams=streams))
     with writer:
         for sample in drive():
             writer.write(sample)

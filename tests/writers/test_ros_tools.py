@@ -16,7 +16,7 @@ import pytest
 import yaml
 from shared_fixtures.readings.bag_samples import drive, read, rig
 
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 _COUNT = """
 import collections, sys, rospy
@@ -36,7 +36,7 @@ def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     path = tmp_path_factory.mktemp("bags") / "a.bag"
     samples = drive()
     streams = {sample.sensor for sample in samples}
-    with Rosbag1Writer(path, rig(), streams=streams, compression=request.param) as writer:
+    with Rosbag1Writer(path, Ros1Encoder(rig(), streams=streams), compression=request.param) as writer:
         for sample in samples:
             writer.write(sample)
     return path

@@ -16,7 +16,7 @@ from carlaloc_env.samples import (
     Imu,
 )
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 OFFICIAL_MD5 = {
     "sensor_msgs/msg/Imu": "6a62c6daae103f4ff57a132d6f95cec2",
@@ -37,7 +37,9 @@ OFFICIAL_MD5 = {
 def standard(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("bags") / "standard.bag"
     samples = drive()
-    with Rosbag1Writer(path, rig(), streams={s.sensor for s in samples}, compression="lz4") as writer:
+    with Rosbag1Writer(
+        path, Ros1Encoder(rig(), streams={s.sensor for s in samples}), compression="lz4"
+    ) as writer:
         for sample in samples:
             writer.write(sample)
         assert not path.exists()

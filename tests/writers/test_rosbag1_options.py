@@ -14,12 +14,12 @@ from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import (
     Image,
 )
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 
 def test_paper_profile(tmp_path: Path) -> None:
     samples = drive()
-    with Rosbag1Writer(tmp_path / "p.bag", rig(), profile="paper") as writer:
+    with Rosbag1Writer(tmp_path / "p.bag", Ros1Encoder(rig(), profile="paper")) as writer:
         for sample in samples:
             writer.write(sample)
     types, messages = read(tmp_path / "p.bag")
@@ -36,7 +36,7 @@ def test_paper_profile(tmp_path: Path) -> None:
 
 
 def test_plain_cloud_alone_is_written(tmp_path: Path) -> None:
-    with Rosbag1Writer(tmp_path / "a.bag", rig(), streams={"lidar"}) as writer:
+    with Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(rig(), streams={"lidar"})) as writer:
         writer.write(cloud(0, False))
     _, messages = read(tmp_path / "a.bag")
     assert messages["/lidar/points"][0][1].point_step == 22
@@ -68,7 +68,9 @@ def test_ros_own_reader_agrees(tmp_path: Path, compression: str) -> None:
         pytest.skip("needs Debian's python3-rosbag with its message packages")
     samples = drive()
     path = tmp_path / "a.bag"
-    with Rosbag1Writer(path, rig(), streams={s.sensor for s in samples}, compression=compression) as writer:
+    with Rosbag1Writer(
+        path, Ros1Encoder(rig(), streams={s.sensor for s in samples}), compression=compression
+    ) as writer:
         for sample in samples:
             writer.write(sample)
     done = subprocess.run([python, "-c", _ROS, str(path)], capture_output=True, text=True)
@@ -88,15 +90,15 @@ def test_refusals(tmp_path: Path) -> None:
     path = tmp_path / "a.bag"
     path.write_bytes(b"mine")
     with pytest.raises(WriterError, match="exists"):
-        Rosbag1Writer(path, rig()).open()
+        Rosbag1Writer(path, Ros1Encoder(rig())).open()
     assert path.read_bytes() == b"mine"
     with pytest.raises(WriterError, match="did you mean 'paper'"):
-        Rosbag1Writer(path, rig(), profile="papr")
+        Rosbag1Writer(path, Ros1Encoder(rig(), profile="papr"))
     with pytest.raises(WriterError, match="lz4"):
-        Rosbag1Writer(path, rig(), compression="zip")
+        Rosbag1Writer(path, Ros1Encoder(rig()), compression="zip")
     with pytest.raises(WriterError, match="after 0"):
-        Rosbag1Writer(path, rig(), epoch_ns=0)
-    with Rosbag1Writer(tmp_path / "b.bag", rig()) as writer:
+        Rosbag1Writer(path, Ros1Encoder(rig(), epoch_ns=0))
+    with Rosbag1Writer(tmp_path / "b.bag", Ros1Encoder(rig())) as writer:
         writer.write(cloud(100, False))
         with pytest.raises(WriterError, match="order of their stamps"):
             writer.write(cloud(99, False))
@@ -104,7 +106,7 @@ def test_refusals(tmp_path: Path) -> None:
 
 def test_failure_leaves_nothing_behind(tmp_path: Path) -> None:
     def crash() -> None:
-        with Rosbag1Writer(tmp_path / "a.bag", rig()) as writer:
+        with Rosbag1Writer(tmp_path / "a.bag", Ros1Encoder(rig())) as writer:
             writer.write(cloud(0, False))
             raise RuntimeError
 

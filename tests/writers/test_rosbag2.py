@@ -16,8 +16,8 @@ from shared_fixtures.readings.bag_samples import drive, read, rig
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import EVENT, Events
 from recorder.writers.base import DEFAULT_EPOCH_NS
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
-from recorder.writers.ros.rosbag2 import Rosbag2Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+from recorder.writers.ros.rosbag2 import Ros2Encoder, Rosbag2Writer
 
 ABOUT = {"conditions": "weather: FoggyNoon\n", "calibration/extrinsics.yaml": "frames: {}\n"}
 
@@ -25,7 +25,7 @@ ABOUT = {"conditions": "weather: FoggyNoon\n", "calibration/extrinsics.yaml": "f
 def write(path: Path, storage: str) -> Path:
     samples = drive()
     streams = {sample.sensor for sample in samples}
-    with Rosbag2Writer(path, rig(), storage=storage, streams=streams, about=ABOUT) as writer:
+    with Rosbag2Writer(path, Ros2Encoder(rig(), streams=streams), storage=storage, about=ABOUT) as writer:
         for sample in samples:
             writer.write(sample)
         assert not path.exists()
@@ -57,7 +57,9 @@ def plain(message: Any) -> Any:
 
 def test_messages_are_those_of_the_ros1_bag(bag: Path, tmp_path: Path) -> None:
     samples = drive()
-    with Rosbag1Writer(tmp_path / "one.bag", rig(), streams={s.sensor for s in samples}) as writer:
+    with Rosbag1Writer(
+        tmp_path / "one.bag", Ros1Encoder(rig(), streams={s.sensor for s in samples})
+    ) as writer:
         for sample in samples:
             writer.write(sample)
     (types1, messages1), (types2, messages2) = read(tmp_path / "one.bag"), read(bag)
@@ -129,7 +131,7 @@ def test_events_survive(tmp_path: Path) -> None:
         height_px=24,
         period_ns=10_000,
     )
-    with Rosbag2Writer(tmp_path / "events", rig(), profile="full") as writer:
+    with Rosbag2Writer(tmp_path / "events", Ros2Encoder(rig(), profile="full")) as writer:
         writer.write(sample)
     _, messages = read(tmp_path / "events")
     ((_, message),) = messages["/camera/left/events"]
@@ -139,7 +141,7 @@ def test_events_survive(tmp_path: Path) -> None:
 
 
 def test_failure_leaves_nothing(tmp_path: Path) -> None:
-    writer = Rosbag2Writer(tmp_path / "bag", rig())
+    writer = Rosbag2Writer(tmp_path / "bag", Ros2Encoder(rig()))
     writer.open()
     writer.write(drive()[0])
     writer.abort()
@@ -148,4 +150,4 @@ def test_failure_leaves_nothing(tmp_path: Path) -> None:
 
 def test_unknown_storage_names_the_nearest(tmp_path: Path) -> None:
     with pytest.raises(WriterError, match="did you mean 'sqlite3'"):
-        Rosbag2Writer(tmp_path / "bag", rig(), storage="sqlite")
+        Rosbag2Writer(tmp_path / "bag", Ros2Encoder(rig()), storage="sqlite")

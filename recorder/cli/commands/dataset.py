@@ -19,7 +19,7 @@ from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import OutputFolder, input_path, names, positive_seconds, seed
 from recorder.cli.dataset_bars import DatasetBars
 from recorder.cli.log_file import logged_to
-from recorder.cli.replay_options import add_replay_options, replay_config
+from recorder.cli.replay_options import add_replay_options, replay_options
 
 if TYPE_CHECKING:
     from recorder.factory.make_dataset import Record
@@ -57,8 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Plan, ask, make."""
-    from recorder.factory.make_dataset import make_dataset, write_manifest
+    from recorder.factory.make_dataset import copy_manifest, make_dataset
     from recorder.factory.plan import ROUTE_M, DatasetConfig, plan_dataset, town_names
+    from recorder.replaying.plan import ReplayOptions
 
     config = DatasetConfig(
         out=arguments.out,
@@ -66,7 +67,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         episodes=arguments.episodes,
         sample_s=arguments.sample,
         seed=arguments.seed,
-        replay=replay_config(arguments, Path()),
+        replay=ReplayOptions(**replay_options(arguments)),
     )
     if arguments.hub is not None:
         from recorder.publishing.tables import check_parquet
@@ -80,7 +81,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     with logged_to(arguments.out / LOG, "recorder"), DatasetBars() as bars:
         path = make_dataset(config, bars.update, record=_recorder(config.seed_of))
     if arguments.manifest is not None:
-        write_manifest(arguments.out, arguments.manifest)
+        copy_manifest(arguments.out, arguments.manifest)
     if arguments.hub is not None:
         from recorder.publishing.prepare import prepare_for_hub
 

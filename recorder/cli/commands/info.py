@@ -32,12 +32,15 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Look at an episode or a sequence, or repair an episode."""
     if arguments.out is not None and not arguments.repair:
         raise UsageError("--out says where a repaired episode goes; add --repair")
-    from recorder.dataset.sequence_summary import is_sequence, summarise_sequence
+    from recorder.dataset.layout import is_sequence, sequence_at
 
-    if is_sequence(arguments.episode):
+    if arguments.episode.is_dir() or is_sequence(arguments.episode):
         if arguments.repair:
             raise UsageError("--repair is for recordings of drives; replay a broken sequence anew")
-        return asdict(summarise_sequence(arguments.episode))
+        from recorder.dataset.manifest import SequenceDescription
+
+        sequence = sequence_at(arguments.episode)
+        return {"path": str(sequence.path), **asdict(SequenceDescription.read(sequence))}
     from recorder.episode.episode import open_episode
     from recorder.episode.repair import repair_episode
     from recorder.episode.summary import summarise

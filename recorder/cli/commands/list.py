@@ -55,9 +55,9 @@ def _rigs() -> dict[str, str]:
 
 
 def _formats() -> dict[str, str]:
-    from recorder.replaying.plan import FORMATS
+    from recorder.dataset.layout import FORMATS
 
-    return dict(FORMATS)
+    return {name: one.about for name, one in FORMATS.items()}
 
 
 def _topics() -> dict[str, str]:

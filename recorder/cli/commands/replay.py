@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from recorder.cli.arguments import input_path, positive_int, positive_seconds, seconds, seed
 from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_replay_options, replay_config
+from recorder.cli.replay_options import add_replay_options, replay_options
 
 if TYPE_CHECKING:
     from recorder.replaying.plan import ReplayConfig
@@ -43,11 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Replay."""
-    from recorder.replaying.replay import replay
+    from recorder.replaying.replay import ReplayConfig, replay
 
-    config = replay_config(
-        arguments,
-        arguments.episode,
+    config = ReplayConfig(
+        **replay_options(arguments),
+        episode=arguments.episode,
+        out=arguments.out,
         start_s=arguments.start,
         duration_s=arguments.duration,
         camera_start_s=arguments.camera_start,

@@ -55,17 +55,18 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def _record(arguments: argparse.Namespace, out: Path) -> str:
     """Write the recording and tell what it is of."""
+    from recorder.dataset.layout import SEQUENCE, is_sequence
+
     what: Path = arguments.what
     is_episode = what.suffix == EPISODE_SUFFIX or what.name.endswith(".recording")
-    is_sequence = (what / "sequence.yaml").is_file() or what.name == "sequence.yaml"
-    if arguments.estimate and not is_sequence:
+    if arguments.estimate and not is_sequence(what):
         raise UsageError("--estimate is for sequences; give the folder of one")
     if is_episode:
         return _episode(arguments, out)
-    if is_sequence:
+    if is_sequence(what):
         return _sequence(arguments, out)
     if what.is_dir() and not (what / "town.xodr").is_file():
-        raise ConfigError(f"{what} is no sequence and no town; give a folder that holds sequence.yaml")
+        raise ConfigError(f"{what} is no sequence and no town; give a folder that holds {SEQUENCE}")
     from carlaloc_env.town.build import load_town
     from recorder.view.town_view import record_town
 
@@ -84,6 +85,7 @@ def _episode(arguments: argparse.Namespace, out: Path) -> str:
 
 
 def _sequence(arguments: argparse.Namespace, out: Path) -> str:
+    from recorder.dataset.layout import sequence_at
     from recorder.dataset.sequence import SlamSequence
     from recorder.evaluation.associate import Association
     from recorder.evaluation.evaluate import evaluate
@@ -91,8 +93,7 @@ def _sequence(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.evaluation.trajectory_files import read_trajectory, read_tum
     from recorder.view.sequence_view import record_sequence
 
-    folder = arguments.what.parent if arguments.what.name == "sequence.yaml" else arguments.what
-    sequence = SlamSequence(folder)
+    sequence = SlamSequence(sequence_at(arguments.what).path)
     estimates = []
     if arguments.estimate:
         truth = read_tum(sequence.truth_file(arguments.frame))

@@ -23,7 +23,8 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.transforms import transform
-from recorder.dataset.sequence import SlamSequence, StereoPair
+from recorder.dataset.readings import StereoPair
+from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory_files import read_trajectory
 from recorder.slam.system import FrameClock, StampedPose
 

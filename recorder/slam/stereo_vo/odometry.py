@@ -3,8 +3,8 @@
 Corners (Shi and Tomasi 1994) are tracked from image to image and into the right image (Lucas and Kanade,
 pyramids after Bouguet). A landmark is the mean of all of its stereo sightings, each weighted by its
 information on depth, ~ 1/z⁴; the pose is that of its landmarks' sightings by PnP with RANSAC, then Levenberg
-and Marquardt. The last keyframes are adjusted together (`keyframe_window`). It closes no loops and knows no
-weather: a floor to stand on, not a competitor.
+and Marquardt. The last keyframes are adjusted together (`keyframe_window`). It closes no loops and knows
+no weather: a floor to stand on, not a competitor.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import EvaluationError
-from recorder.dataset.sequence import SlamSequence, StereoPair
+from recorder.dataset.readings import StereoPair
+from recorder.dataset.sequence import SlamSequence
 from recorder.slam.stereo_vo.bundle_adjustment import StereoCamera
 from recorder.slam.stereo_vo.keyframe_window import KeyframeWindow
 from recorder.slam.system import FrameClock, StampedPose

@@ -26,6 +26,9 @@ from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.topics import TopicProfile, profile_by_name
 from recorder.writers.yaml_text import nested
 
+EXTRINSICS = "extrinsics.yaml"
+"""File of the mounts of all sensors."""
+
 
 def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str = "standard") -> list[Path]:
     """Write every file that the rig's sensors allow.
@@ -52,7 +55,7 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
 
 def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, str]:
     """Text of every file by its name."""
-    texts = {"extrinsics.yaml": extrinsics_yaml(rig)}
+    texts = {EXTRINSICS: extrinsics_yaml(rig)}
     stereo = len(rig.cameras) >= 2
     if rig.imu is not None:
         texts["kalibr/imu.yaml"] = imu_yaml(rig.imu, topics)

@@ -17,7 +17,7 @@ import numpy as np
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import EVENT, Events, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer
 
 RECTIFY_MAP = "rectify_map.h5"
 """Name of the file with the map."""
@@ -26,27 +26,37 @@ _CHUNK = 1 << 18
 _COLUMNS = {"t": "<u4", "x": "<u2", "y": "<u2", "p": "|u1"}
 
 
-class DsecWriter(Writer):
-    """One event stream in one ``.h5`` file, with ``rectify_map.h5`` beside it."""
+class DsecEncoder(Encoder):
+    """Events of one stream.
 
-    def __init__(
-        self,
-        target: str | Path,
-        *,
-        stream: str,
-        compression: str = "gzip",
-        epoch_ns: int = DEFAULT_EPOCH_NS,
-    ) -> None:
-        """Prepare a file.
+    Args:
+        stream: Name of the event stream; other samples are passed over.
+        epoch_ns: Unix time of the drive's beginning [ns].
+    """
 
-        Args:
-            target: File name, ending in ``.h5``.
-            stream: Name of the event stream; other samples are passed over.
-            compression: ``gzip``, which every HDF5 program reads, or ``lzf``, five times as fast.
-            epoch_ns: Unix time of the drive's beginning [ns].
-        """
-        super().__init__(target, epoch_ns=epoch_ns)
+    def __init__(self, stream: str, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+        super().__init__(epoch_ns=epoch_ns)
         self._stream = stream
+
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Events of a sample of this stream, after three numbers: width, height, period."""
+        if not isinstance(sample, Events) or sample.sensor != self._stream:
+            return []
+        about = np.array([sample.width_px, sample.height_px, sample.period_ns], "<i8")
+        return [Piece(sample.stamp_ns, "events", "", about.tobytes() + sample.events.tobytes())]
+
+
+class DsecWriter(Writer):
+    """One event stream in one ``.h5`` file, with ``rectify_map.h5`` beside it.
+
+    Args:
+        target: File name, ending in ``.h5``.
+        encoder: Of the event stream.
+        compression: ``gzip``, which every HDF5 program reads, or ``lzf``, five times as fast.
+    """
+
+    def __init__(self, target: str | Path, encoder: DsecEncoder, *, compression: str = "gzip") -> None:
+        super().__init__(target, encoder)
         self._filter: dict[str, Any] = {"compression": compression, "shuffle": True}
         if compression == "gzip":
             self._filter["compression_opts"] = 1
@@ -62,13 +72,6 @@ class DsecWriter(Writer):
             self._file.create_dataset(
                 f"events/{name}", (0,), kind, maxshape=(None,), chunks=(_CHUNK,), **self._filter
             )
-
-    def encode(self, sample: Sample) -> list[Piece]:
-        """Events of a sample of this stream, after three numbers: width, height, period."""
-        if not isinstance(sample, Events) or sample.sensor != self._stream:
-            return []
-        about = np.array([sample.width_px, sample.height_px, sample.period_ns], "<i8")
-        return [Piece(sample.stamp_ns, "events", "", about.tobytes() + sample.events.tobytes())]
 
     def _place(self, piece: Piece) -> None:
         width_px, height_px, period_ns = np.frombuffer(piece.data, "<i8", 3).tolist()
@@ -91,7 +94,7 @@ class DsecWriter(Writer):
         self._disk.raise_failure()
 
     def _finish(self) -> None:
-        begin_ns = self.unix_ns(self._begin_ns or 0)
+        begin_ns = self.encoder.unix_ns(self._begin_ns or 0)
         self._file["t_offset"] = np.int64(begin_ns // 1000)
         self._file["ms_to_idx"] = np.concatenate([np.zeros(0, "<u8"), *self._ms_to_idx])
         self._close()

@@ -14,34 +14,24 @@ import numpy as np
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, close_unfinished
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished
 from recorder.writers.rig_calibration import RigCalibration
 
 
-class DsecDisparityWriter(Writer):
-    """Disparity from the left camera's depth: focal length · baseline / depth."""
+class DsecDisparityEncoder(Encoder):
+    """Disparity from the left camera's depth: focal length · baseline / depth.
 
-    def __init__(
-        self, target: str | Path, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        """Prepare a folder.
+    Args:
+        calibration: The rig; its first two cameras are the pair.
+        epoch_ns: Unix time of the drive's beginning [ns].
+    """
 
-        Args:
-            target: The folder, usually ``…/disparity``.
-            calibration: The rig; its first two cameras are the pair.
-            epoch_ns: Unix time of the drive's beginning [ns].
-        """
-        super().__init__(target, epoch_ns=epoch_ns)
+    def __init__(self, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+        super().__init__(epoch_ns=epoch_ns)
         left, right = calibration.cameras[:2]
         self._stream = f"depth_{left.name}"
         baseline_m = float(calibration.T(left.frame, right.frame)[0, 3])
         self._scale = 256.0 * left.pinhole.fx_px * baseline_m
-        self._count = 0
-        self._stamps: TextIO | None = None
-
-    def _begin(self, part: Path) -> None:
-        (part / "event").mkdir(parents=True)
-        self._stamps = (part / "timestamps.txt").open("x", encoding="utf-8")
 
     def encode(self, sample: Sample) -> list[Piece]:
         """A depth image as PNG."""
@@ -54,10 +44,23 @@ class DsecDisparityWriter(Writer):
             raise WriterError(f"OpenCV cannot write {sample.sensor}; install opencv-python-headless again")
         return [Piece(sample.stamp_ns, "disparity", "png", png.tobytes())]
 
+
+class DsecDisparityWriter(Writer):
+    """Pictures of disparity and their times."""
+
+    def __init__(self, target: str | Path, encoder: DsecDisparityEncoder) -> None:
+        super().__init__(target, encoder)
+        self._count = 0
+        self._stamps: TextIO | None = None
+
+    def _begin(self, part: Path) -> None:
+        (part / "event").mkdir(parents=True)
+        self._stamps = (part / "timestamps.txt").open("x", encoding="utf-8")
+
     def _place(self, piece: Piece) -> None:
         assert self._stamps is not None
         (self._part / "event" / f"{self._count:06d}.png").write_bytes(piece.data)
-        self._stamps.write(f"{self.unix_ns(piece.stamp_ns) // 1000}\n")
+        self._stamps.write(f"{self.encoder.unix_ns(piece.stamp_ns) // 1000}\n")
         self._count += 1
 
     def _finish(self) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, close_unfinished, grey
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, grey
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuCalibration, RigCalibration
 from recorder.writers.yaml_text import real, rows
@@ -30,64 +30,43 @@ _PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PN
 Biases = Callable[[Sequence[int]], NDArray[np.float64]]
 
 
-class EurocWriter(Writer):
-    """Colour images, IMU and truth; other kinds of samples have no place in the format.
+class EurocEncoder(Encoder):
+    """Images and lines of tables of a EuRoC folder.
 
     The body frame is the IMU's. `cam0`, `cam1` … follow the order of the rig's cameras.
+
+    Args:
+        calibration: The rig; it must have an IMU.
+        colour: Whether images are written in colour instead of grey.
+        biases: True biases of the IMU at stamps [ns], accelerometer [m/s²] then gyroscope [rad/s],
+            shape (M, 6); zero when left out.
+        epoch_ns: Unix time of the drive's beginning [ns].
+
+    Raises:
+        WriterError: the rig has no IMU.
     """
 
     def __init__(
         self,
-        target: str | Path,
         calibration: RigCalibration,
         *,
         colour: bool = False,
         biases: Biases | None = None,
         epoch_ns: int = DEFAULT_EPOCH_NS,
     ) -> None:
-        """Prepare a folder.
-
-        Args:
-            target: The folder, usually ``…/mav0``.
-            calibration: The rig; it must have an IMU.
-            colour: Whether images are written in colour instead of grey.
-            biases: True biases of the IMU at stamps [ns], accelerometer [m/s²] then gyroscope [rad/s],
-                shape (M, 6); zero when left out.
-            epoch_ns: Unix time of the drive's beginning [ns].
-
-        Raises:
-            WriterError: the rig has no IMU.
-        """
-        super().__init__(target, epoch_ns=epoch_ns)
+        super().__init__(epoch_ns=epoch_ns)
         if calibration.imu is None:
             raise WriterError("the EuRoC format needs an IMU as body frame; add one to the rig")
-        self._calibration = calibration
-        self._imu = calibration.imu
+        self.calibration = calibration
+        self.imu = calibration.imu
         self._colour = colour
         self._biases = biases
         self._cameras = {camera.stream: f"cam{k}" for k, camera in enumerate(calibration.cameras)}
-        self._tables: dict[str, TextIO] = {}
-
-    def _begin(self, part: Path) -> None:
-        part.mkdir(parents=True)
-        (part / "body.yaml").write_text("# The car; its body frame is that of imu0.\ncomment: CarlaLoc\n")
-        for k, camera in enumerate(self._calibration.cameras):
-            (part / f"cam{k}" / "data").mkdir(parents=True)
-            self._table(part, f"cam{k}", "#timestamp [ns],filename", _camera_yaml(camera, self._calibration))
-        self._tables[TIMES_FILE] = (part / TIMES_FILE).open("x", encoding="utf-8")
-        self._table(part, "imu0", _IMU_HEADER, _imu_yaml(self._imu))
-        self._table(part, "state_groundtruth_estimate0", STATE_HEADER, _state_yaml())
-
-    def _table(self, part: Path, name: str, header: str, sensor_yaml: str) -> None:
-        (part / name).mkdir(exist_ok=True)
-        (part / name / "sensor.yaml").write_text(sensor_yaml, encoding="utf-8")
-        self._tables[name] = (part / name / "data.csv").open("x", encoding="utf-8")
-        self._tables[name].write(header + "\n")
 
     def encode(self, sample: Sample) -> list[Piece]:
         """A line of a table, or an image as PNG."""
         unix_ns = self.unix_ns(sample.stamp_ns)
-        if isinstance(sample, Imu) and sample.sensor == self._imu.name:
+        if isinstance(sample, Imu) and sample.sensor == self.imu.name:
             values = [*sample.angular_rate_radps.tolist(), *sample.specific_force_mps2.tolist()]
             line = f"{unix_ns}," + ",".join(repr(v) for v in values)
             return [Piece(sample.stamp_ns, "imu0", "line", line.encode())]
@@ -97,17 +76,6 @@ class EurocWriter(Writer):
             line = self._state(unix_ns, sample)
             return [Piece(sample.stamp_ns, "state_groundtruth_estimate0", "line", line.encode())]
         return []
-
-    def _place(self, piece: Piece) -> None:
-        if piece.kind == "line":
-            self._tables[piece.place].write(piece.data.decode() + "\n")
-            return
-        unix_ns = self.unix_ns(piece.stamp_ns)
-        name = f"{unix_ns}.png"
-        (self._part / piece.place / "data" / name).write_bytes(piece.data)
-        self._tables[piece.place].write(f"{unix_ns},{name}\n")
-        if piece.place == "cam0":
-            self._tables[TIMES_FILE].write(f"{unix_ns}\n")
 
     def _png(self, sample: Image) -> bytes:
         pixels = cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR) if self._colour else grey(sample)
@@ -120,17 +88,56 @@ class EurocWriter(Writer):
         """State of the IMU frame; truth of `base_link` is moved there, lever arm included."""
         position, quat, velocity = sample.position_m, sample.quat_xyzw, sample.velocity_world_mps
         if sample.frame_id == BASE_FRAME:
-            T_base_imu = self._imu.T_base_imu
+            T_base_imu = self.imu.T_base_imu
             lever = T_base_imu[:3, 3]
             velocity = velocity + transforms.quat_rotate(
                 quat, transforms.cross(sample.angular_rate_radps, lever)
             )
             position = position + transforms.quat_rotate(quat, lever)
             quat = transforms.quat_multiply(quat, transforms.matrix_to_quat(T_base_imu[:3, :3]))
-        elif sample.frame_id != self._imu.name:
-            raise WriterError(f"truth of frame '{sample.frame_id}'; give that of '{self._imu.name}'")
+        elif sample.frame_id != self.imu.name:
+            raise WriterError(f"truth of frame '{sample.frame_id}'; give that of '{self.imu.name}'")
         bias = np.zeros(6) if self._biases is None else self._biases([sample.stamp_ns])[0]
         return state_line(unix_ns, position, quat, velocity, bias[3:], bias[:3])
+
+
+class EurocWriter(Writer):
+    """Writes a folder ``mav0``."""
+
+    encoder: EurocEncoder
+
+    def __init__(self, target: str | Path, encoder: EurocEncoder) -> None:
+        super().__init__(target, encoder)
+        self._tables: dict[str, TextIO] = {}
+
+    def _begin(self, part: Path) -> None:
+        part.mkdir(parents=True)
+        (part / "body.yaml").write_text("# The car; its body frame is that of imu0.\ncomment: CarlaLoc\n")
+        for k, camera in enumerate(self.encoder.calibration.cameras):
+            (part / f"cam{k}" / "data").mkdir(parents=True)
+            self._table(
+                part, f"cam{k}", "#timestamp [ns],filename", _camera_yaml(camera, self.encoder.calibration)
+            )
+        self._tables[TIMES_FILE] = (part / TIMES_FILE).open("x", encoding="utf-8")
+        self._table(part, "imu0", _IMU_HEADER, _imu_yaml(self.encoder.imu))
+        self._table(part, "state_groundtruth_estimate0", STATE_HEADER, _state_yaml())
+
+    def _table(self, part: Path, name: str, header: str, sensor_yaml: str) -> None:
+        (part / name).mkdir(exist_ok=True)
+        (part / name / "sensor.yaml").write_text(sensor_yaml, encoding="utf-8")
+        self._tables[name] = (part / name / "data.csv").open("x", encoding="utf-8")
+        self._tables[name].write(header + "\n")
+
+    def _place(self, piece: Piece) -> None:
+        if piece.kind == "line":
+            self._tables[piece.place].write(piece.data.decode() + "\n")
+            return
+        unix_ns = self.encoder.unix_ns(piece.stamp_ns)
+        name = f"{unix_ns}.png"
+        (self._part / piece.place / "data" / name).write_bytes(piece.data)
+        self._tables[piece.place].write(f"{unix_ns},{name}\n")
+        if piece.place == "cam0":
+            self._tables[TIMES_FILE].write(f"{unix_ns}\n")
 
     def _finish(self) -> None:
         for table in self._tables.values():

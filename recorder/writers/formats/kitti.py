@@ -21,7 +21,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer, close_unfinished
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished
 from recorder.writers.formats.kitti_labels import MOVING_FROM_MPS, semantic_kitti_labels
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 
@@ -54,28 +54,55 @@ class _Sweep:
     """Instance ids of what moves."""
 
 
+class KittiEncoder(Encoder):
+    """Images, clouds, poses and what moves, of a KITTI folder.
+
+    Args:
+        calibration: The rig; it must have a LiDAR.
+        epoch_ns: Unix time of the drive's beginning [ns].
+
+    Raises:
+        WriterError: the rig has no LiDAR.
+    """
+
+    def __init__(self, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS) -> None:
+        super().__init__(epoch_ns=epoch_ns)
+        if calibration.lidar is None:
+            raise WriterError("the KITTI format needs a LiDAR; add one to the rig")
+        self.calibration = calibration
+        self.lidar = calibration.lidar
+        self.images = {camera.stream: f"image_{2 + k}" for k, camera in enumerate(calibration.cameras[:2])}
+
+    def encode(self, sample: Sample) -> list[Piece]:
+        """Images as PNG; clouds, poses and what moves as rows of numbers, to be put together in order."""
+        stamp_ns = sample.stamp_ns
+        if isinstance(sample, ObjectList):
+            speed = np.linalg.norm(sample.velocity_mps, axis=1)
+            moving = sample.id[speed > MOVING_FROM_MPS].astype("<u4")
+            return [Piece(stamp_ns, "moving", "", moving.tobytes())]
+        if isinstance(sample, Odometry) and sample.frame_id == BASE_FRAME:
+            pose = np.concatenate([sample.position_m, sample.quat_xyzw]).astype("<f8")
+            return [Piece(stamp_ns, "pose", "", pose.tobytes())]
+        if isinstance(sample, PointCloud) and sample.frame_id == self.lidar.name and sample.tag is not None:
+            # The plain cloud has the same points, without labels.
+            rows = np.empty(len(sample.tag), _ROW)
+            rows["xyz"], rows["intensity"] = sample.points_xyz_m, sample.intensity
+            rows["offset_ns"], rows["tag"], rows["instance"] = sample.offset_ns, sample.tag, sample.instance
+            return [Piece(stamp_ns, "cloud", str(sample.sweep_ns), rows.tobytes())]
+        if isinstance(sample, Image) and sample.sensor in self.images:
+            return [Piece(stamp_ns, self.images[sample.sensor], "png", _png(sample))]
+        return []
+
+
 class KittiWriter(Writer):
     """Clouds, their labels, the images of the same instants, and truth; a frame is a LiDAR sweep."""
 
-    def __init__(
-        self, target: str | Path, calibration: RigCalibration, *, epoch_ns: int = DEFAULT_EPOCH_NS
-    ) -> None:
-        """Prepare a folder.
+    encoder: KittiEncoder
 
-        Args:
-            target: The folder of the sequence.
-            calibration: The rig; it must have a LiDAR.
-            epoch_ns: Unix time of the drive's beginning [ns].
-
-        Raises:
-            WriterError: the rig has no LiDAR.
-        """
-        super().__init__(target, epoch_ns=epoch_ns)
-        if calibration.lidar is None:
-            raise WriterError("the KITTI format needs a LiDAR; add one to the rig")
-        self._calibration = calibration
-        self._lidar = calibration.lidar
-        self._images = {camera.stream: f"image_{2 + k}" for k, camera in enumerate(calibration.cameras[:2])}
+    def __init__(self, target: str | Path, encoder: KittiEncoder) -> None:
+        super().__init__(target, encoder)
+        self._calibration = encoder.calibration
+        self._lidar = encoder.lidar
         self._poses: deque[_Pose] = deque()
         self._waiting: deque[_Sweep] = deque()
         self._moving = np.zeros(0, np.uint32)
@@ -91,31 +118,11 @@ class KittiWriter(Writer):
         return self._lidar.T_base_lidar @ T_LIDAR_CAMERA_AXES
 
     def _begin(self, part: Path) -> None:
-        for folder in ("velodyne", "labels", *self._images.values()):
+        for folder in ("velodyne", "labels", *self.encoder.images.values()):
             (part / folder).mkdir(parents=True)
         (part / "calib.txt").write_text(self._calib(), encoding="utf-8")
         for name in ("times.txt", "poses.txt"):
             self._tables[name] = (part / name).open("x", encoding="utf-8")
-
-    def encode(self, sample: Sample) -> list[Piece]:
-        """Images as PNG; clouds, poses and what moves as rows of numbers, to be put together in order."""
-        stamp_ns = sample.stamp_ns
-        if isinstance(sample, ObjectList):
-            speed = np.linalg.norm(sample.velocity_mps, axis=1)
-            moving = sample.id[speed > MOVING_FROM_MPS].astype("<u4")
-            return [Piece(stamp_ns, "moving", "", moving.tobytes())]
-        if isinstance(sample, Odometry) and sample.frame_id == BASE_FRAME:
-            pose = np.concatenate([sample.position_m, sample.quat_xyzw]).astype("<f8")
-            return [Piece(stamp_ns, "pose", "", pose.tobytes())]
-        if isinstance(sample, PointCloud) and sample.frame_id == self._lidar.name and sample.tag is not None:
-            # The plain cloud has the same points, without labels.
-            rows = np.empty(len(sample.tag), _ROW)
-            rows["xyz"], rows["intensity"] = sample.points_xyz_m, sample.intensity
-            rows["offset_ns"], rows["tag"], rows["instance"] = sample.offset_ns, sample.tag, sample.instance
-            return [Piece(stamp_ns, "cloud", str(sample.sweep_ns), rows.tobytes())]
-        if isinstance(sample, Image) and sample.sensor in self._images:
-            return [Piece(stamp_ns, self._images[sample.sensor], "png", _png(sample))]
-        return []
 
     def _place(self, piece: Piece) -> None:
         if piece.place == "moving":
@@ -193,7 +200,7 @@ class KittiWriter(Writer):
         # The last sweep may end after the last pose; a frame without truth is none.
         for sweep in self._waiting:
             name = f"{self._frames[sweep.stamp_ns]:06d}.png"
-            for folder in self._images.values():
+            for folder in self.encoder.images.values():
                 (self._part / folder / name).unlink(missing_ok=True)
         self._waiting.clear()
         for table in self._tables.values():

@@ -15,7 +15,7 @@ from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, Sample, SemanticImage
 from recorder.report.mosaic import PANEL_HEIGHT_PX, PANEL_WIDTH_PX, joined, panel_of
-from recorder.writers.base import Piece, Writer
+from recorder.writers.base import Encoder, Piece, Writer
 
 if TYPE_CHECKING:
     from av.container import OutputContainer
@@ -40,6 +40,25 @@ def shown_streams(streams: Collection[str], *, camera: str | None, lidar: str | 
     return {**shown, **dict.fromkeys(clouds[:1], "cloud")}
 
 
+class PreviewEncoder(Encoder):
+    """Panels of a film.
+
+    Args:
+        shown: The panel of each stream shown, from `shown_streams`.
+    """
+
+    def __init__(self, shown: Mapping[str, str]) -> None:
+        super().__init__()
+        self.shown = dict(shown)
+
+    def encode(self, sample: Sample) -> list[Piece]:
+        """The sample's panel of the film."""
+        place = self.shown.get(sample.sensor)
+        if place is None or not isinstance(sample, (Image, DepthImage, SemanticImage, PointCloud)):
+            return []
+        return [Piece(sample.stamp_ns, place, "", panel_of(sample).tobytes())]
+
+
 class PreviewWriter(Writer):
     """An mp4 with one image per instant of the first stream shown; nothing where no stream is.
 
@@ -47,19 +66,18 @@ class PreviewWriter(Writer):
 
     Args:
         target: Path of the film.
-        shown: The panel of each stream shown, from `shown_streams`; each has a place in every image.
+        encoder: Makes the panels; each has a place in every image.
         rate_hz: Samples of the first of them per second [Hz].
         caption: What the film calls itself.
     """
 
     def __init__(
-        self, target: str | Path, *, shown: Mapping[str, str], rate_hz: float, caption: str = ""
+        self, target: str | Path, encoder: PreviewEncoder, *, rate_hz: float, caption: str = ""
     ) -> None:
-        super().__init__(target)
+        super().__init__(target, encoder)
         # The container is chosen by the file's ending.
         self._part = self.target.with_name(f".part-{self.target.name}")
-        self._panel_of_stream = dict(shown)
-        self._places = tuple(shown.values())
+        self._places = tuple(encoder.shown.values())
         self._rate_hz = rate_hz
         self._caption = caption
         self._film: _Film | None = None
@@ -69,13 +87,6 @@ class PreviewWriter(Writer):
 
     def _begin(self, part: Path) -> None:
         self._film = None
-
-    def encode(self, sample: Sample) -> list[Piece]:
-        """The sample's panel of the film."""
-        place = self._panel_of_stream.get(sample.sensor)
-        if place is None or not isinstance(sample, (Image, DepthImage, SemanticImage, PointCloud)):
-            return []
-        return [Piece(sample.stamp_ns, place, "", panel_of(sample).tobytes())]
 
     def _place(self, piece: Piece) -> None:
         if piece.place == self._places[0]:

@@ -30,7 +30,7 @@ from carlaloc_env.samples import (
     Speed,
     WheelTicks,
 )
-from recorder.writers.base import Piece, Writer, close_unfinished
+from recorder.writers.base import Encoder, Piece, Writer, close_unfinished
 
 TABLES = (Imu, GnssFix, Speed, WheelTicks, CanState, Odometry)
 """Samples that are rows of a table."""
@@ -39,12 +39,8 @@ _PLY = {"<f4": "float", "<i4": "int", "<u2": "uint16", "|u1": "uchar"}
 """Names of types, among those that Open3D reads."""
 
 
-class RawWriter(Writer):
-    """All samples of a sequence in one folder."""
-
-    def _begin(self, part: Path) -> None:
-        part.mkdir(parents=True)
-        self._tables: dict[str, tuple[np.dtype[Any], IO[bytes]]] = {}
+class RawEncoder(Encoder):
+    """Files and rows of tables of samples as they are."""
 
     def encode(self, sample: Sample) -> list[Piece]:
         """Files of a sample, or a row of its stream's table."""
@@ -65,11 +61,19 @@ class RawWriter(Writer):
             return [Piece(stamp_ns, name, ".ply", _ply(sample))]
         return [Piece(stamp_ns, name, ".npz", _npz(_arrays(sample)))]
 
+
+class RawWriter(Writer):
+    """All samples of a sequence in one folder."""
+
+    def _begin(self, part: Path) -> None:
+        part.mkdir(parents=True)
+        self._tables: dict[str, tuple[np.dtype[Any], IO[bytes]]] = {}
+
     def _place(self, piece: Piece) -> None:
         if piece.kind.startswith("."):
             folder = self._part / piece.place
             folder.mkdir(exist_ok=True)
-            (folder / f"{self.unix_ns(piece.stamp_ns)}{piece.kind}").write_bytes(piece.data)
+            (folder / f"{self.encoder.unix_ns(piece.stamp_ns)}{piece.kind}").write_bytes(piece.data)
             return
         if piece.place not in self._tables:
             file = (self._part / f".{piece.place}.rows").open("w+b")
@@ -81,7 +85,7 @@ class RawWriter(Writer):
             file.flush()
             file.seek(0)
             rows = np.fromfile(file, dtype)
-            stamps = self.epoch_ns + rows["stamp_ns"]
+            stamps = self.encoder.epoch_ns + rows["stamp_ns"]
             columns = {column: rows[column] for column in dtype.names or () if column != "stamp_ns"}
             (self._part / f"{name}.npz").write_bytes(_npz({"stamp_ns": stamps, **columns}))
             file.close()

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import Events, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, Writer
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 from recorder.writers.ros.compact_messages import I420
 from recorder.writers.ros.message_parts import Message, make_typestore
@@ -23,12 +23,23 @@ _CLOCK_PERIOD_NS = 10_000_000
 _VIDEO = "foxglove_msgs/msg/CompressedVideo"
 
 
-class BagWriter(Writer):
-    """Turns samples into messages; a topic appears when its first sample does."""
+class BagEncoder(Encoder):
+    """Turns samples into serialised messages.
+
+    Args:
+        calibration: Where the sensors sit, and the cameras' intrinsics.
+        store: Version of ROS whose messages are written.
+        profile: Name of a topic profile.
+        streams: All streams that will come, so that a plain cloud is left out where the labelled one
+            goes to the same topic; None: nothing is left out.
+        epoch_ns: Unix time of the drive's beginning [ns].
+
+    Raises:
+        WriterError: the profile is unknown or the epoch is not positive.
+    """
 
     def __init__(
         self,
-        target: str | Path,
         calibration: RigCalibration,
         *,
         store: Stores,
@@ -36,87 +47,85 @@ class BagWriter(Writer):
         streams: Collection[str] | None = None,
         epoch_ns: int = DEFAULT_EPOCH_NS,
     ) -> None:
-        """Prepare a bag.
-
-        Args:
-            target: File or folder of the bag.
-            calibration: Where the sensors sit, and the cameras' intrinsics.
-            store: Version of ROS whose messages are written.
-            profile: Name of a topic profile.
-            streams: All streams that will come, so that a plain cloud is left out where the labelled
-                one goes to the same topic; None: nothing is left out.
-            epoch_ns: Unix time of the drive's beginning [ns].
-
-        Raises:
-            WriterError: the profile is unknown or the epoch is not positive.
-        """
-        super().__init__(target, epoch_ns=epoch_ns)
+        super().__init__(epoch_ns=epoch_ns)
         if epoch_ns <= 0:
             raise WriterError(f"epoch {epoch_ns} ns; ROS needs times after 0")
-        self._calibration = calibration
-        self._profile = profile_by_name(profile)
+        self.calibration = calibration
+        self.profile = profile_by_name(profile)
         self._streams = streams
-        self._typestore = make_typestore(store)
+        self.typestore = make_typestore(store)
         pinholes = {camera.stream: camera.pinhole for camera in calibration.cameras}
         lenses = {camera.stream: camera.lens for camera in calibration.cameras}
-        self._maker = MessageMaker(self._typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses)
-        self._video_hz = max((camera.rate_hz for camera in calibration.cameras), default=20.0)
-        self._videos: dict[str, VideoEncoder] = {}
-        self._clock_due_ns: int | None = None
+        self.maker = MessageMaker(self.typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses)
 
     def encode(self, sample: Sample) -> list[Piece]:
         """Messages of a sample, by their topics."""
         pieces = []
-        for route in self._profile.routes(type(sample), sample.sensor, self._streams):
-            # Without a topic the message is not counted: that is for `_add`, which knows those before it.
-            message = self._maker.make(route.message, sample, "", route.frame_id)
+        for route in self.profile.routes(type(sample), sample.sensor, self._streams):
+            # Without a topic the message is not counted: that is for the writer, which knows those before it.
+            message = self.maker.make(route.message, sample, "", route.frame_id)
             kind = ENCODERS[route.message][0]
-            data = self._serialise(message, kind)
+            data = self.serialise(message, kind)
             if isinstance(sample, Events):
                 data = self._with_events(data, sample)
             pieces.append(Piece(sample.stamp_ns, route.topic, kind, data))
         return pieces
 
+    @abstractmethod
+    def serialise(self, message: Message, kind: str) -> bytes:
+        """A message of a type, e.g. ``sensor_msgs/msg/Imu``, as it stands in the bag."""
+
+    @abstractmethod
+    def deserialise(self, data: bytes, kind: str) -> Message:
+        """The message of what `serialise` has made."""
+
+    @abstractmethod
+    def _with_events(self, empty: bytes, sample: Events) -> bytes:
+        """A serialised message without events, and with those of a sample."""
+
+
+class BagWriter(Writer):
+    """Puts messages into a bag; a topic appears when its first message does."""
+
+    encoder: BagEncoder
+
+    def __init__(self, target: str | Path, encoder: BagEncoder) -> None:
+        super().__init__(target, encoder)
+        cameras = encoder.calibration.cameras
+        self._video_hz = max((camera.rate_hz for camera in cameras), default=20.0)
+        self._videos: dict[str, VideoEncoder] = {}
+        self._clock_due_ns: int | None = None
+
     def _place(self, piece: Piece) -> None:
         if self._clock_due_ns is None:
             self._write_tf_static(piece.stamp_ns)
             self._clock_due_ns = piece.stamp_ns
-        if self._profile.clock and piece.stamp_ns >= self._clock_due_ns:
+        if self.encoder.profile.clock and piece.stamp_ns >= self._clock_due_ns:
             self._clock_due_ns = piece.stamp_ns + _CLOCK_PERIOD_NS
             kind = "rosgraph_msgs/msg/Clock"
-            clock = self._serialise(self._maker.clock(piece.stamp_ns), kind)
+            clock = self.encoder.serialise(self.encoder.maker.clock(piece.stamp_ns), kind)
             self._add(Piece(piece.stamp_ns, "/clock", kind, clock))
         self._add(self._with_video(piece) if piece.kind == _VIDEO else piece)
 
     def _with_video(self, piece: Piece) -> Piece:
         """A picture encoded: that takes those before it, so it is done here, in their order."""
-        message = self._deserialise(piece.data, piece.kind)
+        message = self.encoder.deserialise(piece.data, piece.kind)
         kind, width, height = message.format.split()
         assert kind == I420
         if piece.place not in self._videos:
             self._videos[piece.place] = VideoEncoder(int(width), int(height), self._video_hz)
         data = self._videos[piece.place].encode(bytes(message.data))
         message.data, message.format = np.frombuffer(data, np.uint8), "h264"
-        return Piece(piece.stamp_ns, piece.place, piece.kind, self._serialise(message, piece.kind))
+        return Piece(piece.stamp_ns, piece.place, piece.kind, self.encoder.serialise(message, piece.kind))
 
     def _write_tf_static(self, stamp_ns: int) -> None:
-        frames = self._calibration.frames
-        if self._profile.tf_static and frames:
+        frames = self.encoder.calibration.frames
+        if self.encoder.profile.tf_static and frames:
             kind = "tf2_msgs/msg/TFMessage"
-            data = self._serialise(self._maker.tf_static(BASE_FRAME, frames, stamp_ns), kind)
-            self._add(Piece(stamp_ns, "/tf_static", kind, data), latched=True)
-
-    @abstractmethod
-    def _serialise(self, message: Message, kind: str) -> bytes:
-        """A message of a type, e.g. ``sensor_msgs/msg/Imu``, as it stands in the bag."""
-
-    @abstractmethod
-    def _deserialise(self, data: bytes, kind: str) -> Message:
-        """The message of what `_serialise` has made."""
-
-    @abstractmethod
-    def _with_events(self, empty: bytes, sample: Events) -> bytes:
-        """A serialised message without events, and with those of a sample."""
+            message = self.encoder.maker.tf_static(BASE_FRAME, frames, stamp_ns)
+            self._add(
+                Piece(stamp_ns, "/tf_static", kind, self.encoder.serialise(message, kind)), latched=True
+            )
 
     @abstractmethod
     def _add(self, piece: Piece, *, latched: bool = False) -> None:

@@ -14,7 +14,7 @@ from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
 from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, close_unfinished
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.bag_writer import BagWriter
+from recorder.writers.ros.bag_writer import BagEncoder, BagWriter
 from recorder.writers.ros.event_messages import ros1_with_events
 from recorder.writers.ros.message_parts import Message
 
@@ -39,27 +39,47 @@ def compress_lz4_for_ros(data: bytes) -> bytes:
     return frame
 
 
-class Rosbag1Writer(BagWriter):
-    """One ``.bag`` file."""
+class Ros1Encoder(BagEncoder):
+    """Messages as ROS 1 serialises them; the arguments are those of `BagEncoder`."""
 
     def __init__(
         self,
-        target: str | Path,
         calibration: RigCalibration,
         *,
         profile: str = "standard",
         streams: Collection[str] | None = None,
-        compression: str = "none",
         epoch_ns: int = DEFAULT_EPOCH_NS,
     ) -> None:
-        """Prepare a bag; `compression` is one of `COMPRESSIONS`, the rest as for `BagWriter`.
-
-        Raises:
-            WriterError: a name is unknown or the epoch is not positive.
-        """
         super().__init__(
-            target, calibration, store=Stores.ROS1_NOETIC, profile=profile, streams=streams, epoch_ns=epoch_ns
+            calibration, store=Stores.ROS1_NOETIC, profile=profile, streams=streams, epoch_ns=epoch_ns
         )
+
+    def serialise(self, message: Message, kind: str) -> bytes:
+        """A message as it stands in the bag."""
+        return bytes(self.typestore.serialize_ros1(message, kind))
+
+    def deserialise(self, data: bytes, kind: str) -> Message:
+        """The message of its bytes."""
+        return self.typestore.deserialize_ros1(data, kind)
+
+    def _with_events(self, empty: bytes, sample: Events) -> bytes:
+        return ros1_with_events(empty, sample, self.epoch_ns)
+
+
+class Rosbag1Writer(BagWriter):
+    """One ``.bag`` file.
+
+    Args:
+        target: The file.
+        encoder: Makes the messages.
+        compression: One of `COMPRESSIONS`.
+
+    Raises:
+        WriterError: the compression is unknown.
+    """
+
+    def __init__(self, target: str | Path, encoder: Ros1Encoder, *, compression: str = "none") -> None:
+        super().__init__(target, encoder)
         if compression not in COMPRESSIONS:
             raise WriterError(unknown_name("bag compression", compression, COMPRESSIONS))
         self._compression = compression
@@ -74,19 +94,10 @@ class Rosbag1Writer(BagWriter):
             self._bag.compressor = compress_lz4_for_ros
         self._bag.open()
 
-    def _serialise(self, message: Message, kind: str) -> bytes:
-        return bytes(self._typestore.serialize_ros1(message, kind))
-
-    def _deserialise(self, data: bytes, kind: str) -> Message:
-        return self._typestore.deserialize_ros1(data, kind)
-
-    def _with_events(self, empty: bytes, sample: Events) -> bytes:
-        return ros1_with_events(empty, sample, self.epoch_ns)
-
     def _add(self, piece: Piece, *, latched: bool = False) -> None:
         if piece.place not in self._connections:
             self._connections[piece.place] = self._bag.add_connection(
-                piece.place, piece.kind, typestore=self._typestore, latching=1 if latched else None
+                piece.place, piece.kind, typestore=self.encoder.typestore, latching=1 if latched else None
             )
         data = piece.data
         if self._has_header(piece.kind):
@@ -94,10 +105,10 @@ class Rosbag1Writer(BagWriter):
             seq = self._counts.get(piece.place, 0)
             self._counts[piece.place] = seq + 1
             data = seq.to_bytes(4, "little") + data[4:]
-        self._bag.write(self._connections[piece.place], self.unix_ns(piece.stamp_ns), data)
+        self._bag.write(self._connections[piece.place], self.encoder.unix_ns(piece.stamp_ns), data)
 
     def _has_header(self, kind: str) -> bool:
-        return self._maker.fields_of(kind.replace("/msg/", "/"))[0] == "header"
+        return self.encoder.maker.fields_of(kind.replace("/msg/", "/"))[0] == "header"
 
     def _finish(self) -> None:
         self._bag.close()

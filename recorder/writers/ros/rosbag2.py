@@ -24,7 +24,7 @@ from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
 from recorder.writers.base import DEFAULT_EPOCH_NS, Piece
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.bag_writer import BagWriter
+from recorder.writers.ros.bag_writer import BagEncoder, BagWriter
 from recorder.writers.ros.event_messages import cdr_with_events
 from recorder.writers.ros.mcap_storage import McapBag, McapStorage
 from recorder.writers.ros.message_parts import Message
@@ -53,40 +53,58 @@ def _qos(*, latched: bool) -> Qos:
     )
 
 
+class Ros2Encoder(BagEncoder):
+    """Messages as CDR, for ROS 2; the arguments are those of `BagEncoder`."""
+
+    def __init__(
+        self,
+        calibration: RigCalibration,
+        *,
+        profile: str = "standard",
+        streams: Collection[str] | None = None,
+        epoch_ns: int = DEFAULT_EPOCH_NS,
+    ) -> None:
+        super().__init__(
+            calibration, store=Stores.ROS2_HUMBLE, profile=profile, streams=streams, epoch_ns=epoch_ns
+        )
+
+    def serialise(self, message: Message, kind: str) -> bytes:
+        """A message as it stands in the bag."""
+        return bytes(self.typestore.serialize_cdr(message, kind))
+
+    def deserialise(self, data: bytes, kind: str) -> Message:
+        """The message of its bytes."""
+        return self.typestore.deserialize_cdr(data, kind)
+
+    def _with_events(self, empty: bytes, sample: Events) -> bytes:
+        return cdr_with_events(empty, sample, self.epoch_ns)
+
+
 class Rosbag2Writer(BagWriter):
-    """One folder with ``metadata.yaml`` and the messages, with all definitions inside."""
+    """One folder with ``metadata.yaml`` and the messages, with all definitions inside.
+
+    Args:
+        target: Folder of the bag.
+        encoder: Makes the messages.
+        storage: One of `STORAGES`.
+        about: Texts by name that go into the bag's metadata, e.g. its conditions; in MCAP they are
+            also the metadata record ``carlaloc_sequence``.
+        attachments: Texts by file name that MCAP carries as attachments, e.g. calibration.
+
+    Raises:
+        WriterError: the storage is unknown.
+    """
 
     def __init__(
         self,
         target: str | Path,
-        calibration: RigCalibration,
+        encoder: Ros2Encoder,
         *,
         storage: str = "mcap",
-        profile: str = "standard",
-        streams: Collection[str] | None = None,
         about: Mapping[str, str] | None = None,
         attachments: Mapping[str, str] | None = None,
-        epoch_ns: int = DEFAULT_EPOCH_NS,
     ) -> None:
-        """Prepare a bag.
-
-        Args:
-            target: Folder of the bag.
-            calibration: Where the sensors sit, and the cameras' intrinsics.
-            storage: One of `STORAGES`.
-            profile: Name of a topic profile.
-            streams: All streams that will come, see `BagWriter`.
-            about: Texts by name that go into the bag's metadata, e.g. its conditions; in MCAP they are
-                also the metadata record ``carlaloc_sequence``.
-            attachments: Texts by file name that MCAP carries as attachments, e.g. calibration.
-            epoch_ns: Unix time of the drive's beginning [ns].
-
-        Raises:
-            WriterError: a name is unknown or the epoch is not positive.
-        """
-        super().__init__(
-            target, calibration, store=Stores.ROS2_HUMBLE, profile=profile, streams=streams, epoch_ns=epoch_ns
-        )
+        super().__init__(target, encoder)
         if storage not in STORAGES:
             raise WriterError(unknown_name("storage of a bag", storage, STORAGES))
         self._storage = STORAGES[storage]
@@ -103,24 +121,18 @@ class Rosbag2Writer(BagWriter):
         self._bag.open()
         if isinstance(self._bag.storage, McapStorage):
             about = {METADATA: self._about} if self._about else {}
-            self._bag.storage.describe(about, self._attachments, self.epoch_ns)
-
-    def _serialise(self, message: Message, kind: str) -> bytes:
-        return bytes(self._typestore.serialize_cdr(message, kind))
-
-    def _deserialise(self, data: bytes, kind: str) -> Message:
-        return self._typestore.deserialize_cdr(data, kind)
-
-    def _with_events(self, empty: bytes, sample: Events) -> bytes:
-        return cdr_with_events(empty, sample, self.epoch_ns)
+            self._bag.storage.describe(about, self._attachments, self.encoder.epoch_ns)
 
     def _add(self, piece: Piece, *, latched: bool = False) -> None:
         topic = piece.place
         if topic not in self._connections:
             self._connections[topic] = self._bag.add_connection(
-                topic, piece.kind, typestore=self._typestore, offered_qos_profiles=[_qos(latched=latched)]
+                topic,
+                piece.kind,
+                typestore=self.encoder.typestore,
+                offered_qos_profiles=[_qos(latched=latched)],
             )
-        self._bag.write(self._connections[topic], self.unix_ns(piece.stamp_ns), piece.data)
+        self._bag.write(self._connections[topic], self.encoder.unix_ns(piece.stamp_ns), piece.data)
 
     def _finish(self) -> None:
         self._bag.close()

@@ -15,11 +15,14 @@ from carlaloc_env.samples import PointCloud
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.lidar.config import LidarConfig
+from recorder.dataset.checksums import write_checksums
+from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.manifest import SequenceDescription, write_manifest
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.writers.base import DEFAULT_EPOCH_NS
 from recorder.writers.rig_calibration import RigCalibration
-from recorder.writers.ros.rosbag1 import Rosbag1Writer
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
 
 ROOM_M = np.array([24.0, 16.0, 5.0])
 ELEVATIONS_DEG = tuple(float(e) for e in range(-24, 24, 3))
@@ -98,25 +101,38 @@ def write_dataset(
     truth = Trajectory(stamp_ns=t_ns + DEFAULT_EPOCH_NS, position_m=position, quat_xyzw=quat, name="lidar")
     for name in ("lidar", "base_link"):
         write_tum(folder / "ground_truth" / f"{name}.tum", truth)
-    document = {"town": "Box", "rig": yaml.safe_load(rig().to_yaml()), "versions": {}}
-    (root / "dataset.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
     for condition in conditions:
         path = folder / condition
         path.mkdir()
         calibration = RigCalibration.from_configs(rig().sensors)
         stream = "lidar_semantic" if labelled else "lidar"
-        with Rosbag1Writer(path / f"{condition}.bag", calibration, streams={stream}) as writer:
+        bag = SequenceFolder(path).place("rosbag1")
+        with Rosbag1Writer(bag, Ros1Encoder(calibration, streams={stream})) as writer:
             for k in range(sweeps):
                 cloud = sweep(k * SWEEP_NS)
                 writer.write(cloud if labelled else plain(cloud))
-        weather, traffic = condition.split("_")
-        described = {
-            "name": condition,
-            "weather": {"name": weather},
-            "traffic": {"name": traffic},
-            "samples": {"lidar": sweeps, "lidar_semantic": sweeps},
-            "movers": {"lidar_semantic": CAR_SHARE},
-            "sha256": {},
-        }
-        (path / "sequence.yaml").write_text(yaml.safe_dump(described, sort_keys=False))
+        describe(path, rig(), samples={"lidar": sweeps, "lidar_semantic": sweeps}, movers=CAR_SHARE)
+    list_dataset(root, rig(), topics="standard" if labelled else "slam")
     return root
+
+
+def describe(folder: Path, rig: SensorRig, *, samples: dict[str, int], movers: float = 0.0) -> None:
+    """Describe a sequence's folder, named weather_traffic, as replay does."""
+    weather, traffic = folder.name.split("_")
+    described = SequenceDescription(
+        name=folder.name,
+        weather={"name": weather},
+        traffic={"name": traffic},
+        rig=rig.name,
+        epoch_ns=DEFAULT_EPOCH_NS,
+        samples=samples,
+        movers={"lidar_semantic": movers},
+    )
+    SequenceFolder(folder).description.write_text(described.to_yaml())
+    write_checksums(folder)
+
+
+def list_dataset(root: Path, rig: SensorRig, *, topics: str = "standard") -> None:
+    """Describe a dataset of one drive."""
+    town = next(path.name for path in sorted(root.iterdir()) if path.is_dir())
+    write_manifest(root, {town: {"topics": topics, "rig": yaml.safe_load(rig.to_yaml())}}, None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from recorder.dataset.sequence import StereoPair
+from recorder.dataset.readings import StereoPair
 from recorder.slam.stereo_vo.odometry import StereoOdometry
 
 FOCAL_PX, BASELINE_M, DEPTH_M = 200.0, 0.5, 5.0

@@ -1,0 +1,82 @@
+"""ROS bags of any kind: opening them, their messages, and the topic of a stream under a profile."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_typestore
+
+from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.samples import Sample
+from recorder.writers.topics import TopicProfile
+
+
+def open_bag(bag: Path) -> AnyReader:
+    """A reader of a ROS 1 file or a ROS 2 folder, to be used as a context manager."""
+    return AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC))
+
+
+def topics_in(bag: Path) -> dict[str, int]:
+    """Number of messages by topic.
+
+    Raises:
+        EvaluationError: the bag is missing or damaged.
+    """
+    try:
+        with open_bag(bag) as reader:
+            counts: dict[str, int] = {}
+            for connection in reader.connections:
+                counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+            return counts
+    # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
+    except Exception as error:
+        raise EvaluationError(f"cannot read {bag}: no ROS bag, or a damaged one; give another") from error
+
+
+def messages(bag: Path, topic: str) -> Iterator[Any]:
+    """All messages of a topic.
+
+    Raises:
+        EvaluationError: the bag is missing or damaged.
+    """
+    try:
+        with open_bag(bag) as reader:
+            wanted = [connection for connection in reader.connections if connection.topic == topic]
+            for connection, _, raw in reader.messages(connections=wanted):
+                yield reader.deserialize(raw, connection.msgtype)
+    # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
+    except Exception as error:
+        raise EvaluationError(f"cannot read {bag}: no ROS bag, or a damaged one; give another") from error
+
+
+def stamp_ns(message: Any) -> int:
+    """Time in a message's header [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def topic_of(
+    profile: TopicProfile,
+    kind: type[Sample],
+    wanted: Sequence[str],
+    *,
+    streams: Collection[str],
+    encoders: Collection[str],
+) -> str | None:
+    """Topic of the first of some streams that a profile writes by one of some encoders; None: it has none.
+
+    Args:
+        profile: Topics of the bag.
+        kind: Kind of sample.
+        wanted: Names of streams, the best one first.
+        streams: All streams of the sequence.
+        encoders: Names of those of `messages.ENCODERS` whose messages the reader understands.
+    """
+    for stream in wanted:
+        for route in profile.routes(kind, stream, streams) if stream in streams else ():
+            if route.message in encoders:
+                return route.topic
+    return None

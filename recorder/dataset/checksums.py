@@ -1,0 +1,66 @@
+"""SHA-256 of all files below a folder, in the form that ``sha256sum -c SHA256SUMS`` reads."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
+from carlaloc_env.core.files.text_files import read_text
+from recorder.dataset.layout import CHECKSUMS
+
+
+def checksums(folder: Path) -> dict[str, str]:
+    """SHA-256 of every file below a folder, by its path; hidden ones and its own `CHECKSUMS` are left out."""
+    return {name: file_sha256(folder / name) for name in _names(folder)}
+
+
+def write_checksums(folder: Path) -> None:
+    """Write `CHECKSUMS`; files of sub-folders that have one already are taken from there.
+
+    Raises:
+        WriterError: it cannot be written.
+    """
+    known: dict[str, str] = {}
+    for file in folder.glob(f"*/*/{CHECKSUMS}"):
+        inner = file.parent.relative_to(folder)
+        known |= {str(inner / name): digest for name, digest in read_checksums(file.parent).items()}
+    lines = [f"{known.get(name) or file_sha256(folder / name)}  {name}\n" for name in _names(folder)]
+    part = folder / f".{CHECKSUMS}.part"
+    try:
+        part.write_text("".join(lines), encoding="utf-8")
+        part.replace(folder / CHECKSUMS)
+    except OSError as error:
+        raise WriterError(f"cannot write {folder / CHECKSUMS}: {error.strerror}") from error
+
+
+def read_checksums(folder: Path, error: type[CarlaLocError] = ConfigError) -> dict[str, str]:
+    """What `CHECKSUMS` of a folder says: SHA-256 by path.
+
+    Raises:
+        CarlaLocError: of the kind `error`; it cannot be read.
+    """
+    text = read_text(folder / CHECKSUMS, "list of checksums", error)
+    rows = [line.split("  ", 1) for line in text.splitlines()]
+    if any(len(row) != 2 or len(row[0]) != 64 for row in rows):
+        raise error(f"cannot read {folder / CHECKSUMS}: no lines of SHA-256 and name; make the dataset anew")
+    return {name: digest for digest, name in rows}
+
+
+def _names(folder: Path) -> list[str]:
+    """Paths of all files, in the order of their parts."""
+    found = []
+    for path in sorted(folder.rglob("*")):
+        inner = path.relative_to(folder)
+        if path.is_file() and inner != Path(CHECKSUMS) and not any(p.startswith(".") for p in inner.parts):
+            found.append(inner.as_posix())
+    return found
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, read in pieces."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while piece := file.read(1 << 20):
+            digest.update(piece)
+    return digest.hexdigest()

@@ -1,0 +1,125 @@
+"""README's journey: each command works on what the one before has written; the towns are small ones."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from shared_fixtures.drives.straight_drives import StraightDrive
+
+from recorder.cli.main import main
+from recorder.dataset.manifest import DatasetManifest
+
+README = Path(__file__).parents[2] / "README.md"
+TOWNS = {"Town01": "East", "Town07": "West"}
+"""Towns of README, and the small ones that stand for them."""
+
+
+def command(beginning: str) -> list[str]:
+    """Words of README's line that begins so, with the small towns."""
+    text = README.read_text(encoding="utf-8").split("## A dataset and its scores")[1].split("\n## ")[0]
+    (line,) = [line for line in text.splitlines() if line.startswith(beginning)]
+    for theirs, ours in TOWNS.items():
+        line = line.replace(theirs, ours)
+    return shlex.split(line, comments=True)
+
+
+@pytest.fixture(scope="module")
+def home(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the dataset that README's command makes: two towns are driven through and replayed."""
+    home = tmp_path_factory.mktemp("journey")
+    for town in TOWNS.values():
+        (home / "maps" / town).mkdir(parents=True)
+        shutil.copy(straight_drive.town, home / "maps" / town / "town.xodr")
+    shutil.copy(straight_drive.rig, home / "rig.yaml")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(home)
+        patch.setenv("CARLALOC_MAPS", str(home / "maps"))
+        shorter = ["--rig", "rig.yaml", "--sample", "2", "--quality", "low"]
+        if main([*command("carlaloc dataset")[1:], *shorter]) != 0:
+            pytest.skip("this machine cannot draw pictures; `carlaloc doctor` says why")
+    return home
+
+
+@pytest.fixture(autouse=True)
+def at_home(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+    monkeypatch.setenv("CARLALOC_MAPS", str(home / "maps"))
+
+
+def test_the_dataset_has_two_drives_and_six_conditions_each(home: Path) -> None:
+    manifest = DatasetManifest.read(home / "dataset")
+    assert set(manifest.drives) == set(TOWNS.values())
+    assert len(manifest.sequences) == 12
+    sums = subprocess.run(["sha256sum", "-c", "--quiet", "SHA256SUMS"], cwd=home / "dataset", check=False)
+    assert sums.returncode == 0
+
+
+def test_the_same_command_finds_all_made(capsys: pytest.CaptureFixture[str]) -> None:
+    shorter = ["--rig", "rig.yaml", "--sample", "2", "--quality", "low"]
+    assert main([*command("carlaloc dataset")[1:], *shorter]) == 0
+    assert "2 of 2 towns are whole already" in capsys.readouterr().err
+
+
+def test_verify_finds_nothing_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(command("carlaloc verify")[1:]) == 0
+    assert "12 sequences: nothing is wrong" in capsys.readouterr().out
+
+
+def test_two_makings_are_the_same_dataset(capsys: pytest.CaptureFixture[str]) -> None:
+    """Driven and replayed anew by the same words; only the time of recording differs."""
+    words = command("carlaloc dataset")[1:]
+    again = [*words, "--rig", "rig.yaml", "--sample", "2", "--quality", "low", "--out", "again"]
+    assert main([*again, "--towns", "East"]) == 0
+    assert main(["verify", "again", "--against", "dataset", "--json"]) == 1
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert findings
+    assert all("West" in line or line.startswith("dataset.yaml") for line in findings), findings
+
+
+def test_benchmark_scores_every_drive_and_draws_the_page(home: Path) -> None:
+    pytest.importorskip("small_gicp", reason="needs small_gicp")
+    pytest.importorskip("matplotlib", reason="needs matplotlib")
+    assert main(command("carlaloc benchmark")[1:]) == 0
+    table = (home / "scores" / "tables.md").read_text(encoding="utf-8")
+    page = (home / "scores" / "report.html").read_text(encoding="utf-8")
+    for town in TOWNS.values():
+        assert town in table
+        assert town in page
+
+
+def test_view_shows_a_sequence(home: Path) -> None:
+    pytest.importorskip("rerun", reason="needs rerun-sdk")
+    assert main(command("carlaloc view")[1:]) == 0
+    assert (home / "look.rrd").stat().st_size > 10_000
+
+
+def test_odometry_and_evaluate_go_on_from_a_bag(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("small_gicp", reason="needs small_gicp")
+    assert main(command("carlaloc odometry")[1:]) == 0
+    capsys.readouterr()
+    assert main([*command("carlaloc evaluate")[1:], "--json"]) == 0
+    (result,) = json.loads(capsys.readouterr().out)["results"]
+    assert result["coverage"] > 0.9
+    assert result["metrics"]["ape_translation"]["rmse"] < 0.3
+
+
+def test_evalio_lists_the_sequences(home: Path) -> None:
+    pytest.importorskip("evalio", reason="needs evalio")
+    *settings, _, what, kind = command("CARLALOC_DATA=")
+    environment = os.environ | dict(word.split("=") for word in settings)
+    program = Path(sys.executable).with_name("evalio")
+    done = subprocess.run(
+        [str(program), what, kind], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    shown = re.sub(r"\s", "", done.stdout).lower()
+    assert "carla_loc" in shown or "carlaloc" in shown
