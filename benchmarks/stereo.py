@@ -43,9 +43,9 @@ def ahead(town: Town, stage: SensorStage, T_world_base: np.ndarray) -> tuple[Ins
         T_world_base=T_world_base,
         catalog=catalog.take(shown),
         actors=frame.take(shown),
-        signals=np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8),
+        signals=np.ones(int(town.outline.lenses.signal.max(initial=-1)) + 1, np.uint8),
     )
-    return instances_at(stage.library, town.lenses, snapshot), len(shown)
+    return instances_at(stage.library, town.outline.lenses, snapshot), len(shown)
 
 
 class Instant:

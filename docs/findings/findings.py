@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from carlaloc_env import TOWNS
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.benchmark.cells import CONDITION, cells, ratios
 from recorder.benchmark.score import Score
@@ -39,7 +40,6 @@ from recorder.benchmark.tables import (
 )
 from recorder.slam.systems import SYSTEMS
 
-TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.with_suffix(".md")
 LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"

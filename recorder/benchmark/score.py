@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from recorder.benchmark.plan import Job
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.align import attitude_errors_deg
@@ -143,15 +144,14 @@ def _mean(weighted: list[tuple[float, int]]) -> float:
 
 def write_score(folder: Path, score: Score, record: RunRecord, fingerprint: str) -> None:
     """Keep a run's score, whole or not at all."""
-    part = folder / f".{RESULT}.part"
     document = {
         "format": _FORMAT,
         "fingerprint": fingerprint,
         "score": score.to_mapping(),
         "record": record.to_mapping(),
     }
-    part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    part.replace(folder / RESULT)
+    with atomic_write(folder / RESULT) as part:
+        part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 def read_score(folder: Path, fingerprint: str) -> Score | None:

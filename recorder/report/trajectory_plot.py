@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
@@ -89,11 +90,6 @@ def save_figure(figure: Any, path: Path) -> Path:
     Raises:
         EvaluationError: it cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path, EvaluationError) as part:
         figure.savefig(part, format="png", dpi=110)
-        part.replace(path)
-    except OSError as error:
-        raise EvaluationError(f"cannot write {path}: {error.strerror}") from error
     return path

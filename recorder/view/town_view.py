@@ -33,8 +33,9 @@ def record_town(town: Town, path: Path, *, overwrite: bool = False) -> Path:
 def log_town(recording: Recording, town: Town) -> None:
     """Log everything solid, an entity for each class, then lanes, the route and signal lenses."""
     rerun = recording.rerun
-    for tag in np.unique(town.collision_tags).tolist():
-        corners = town.collision_vertices_m[town.collision_triangles[town.collision_tags == tag]]
+    solid = town.outline
+    for tag in np.unique(solid.collision_tags).tolist():
+        corners = solid.collision_vertices_m[solid.collision_triangles[solid.collision_tags == tag]]
         recording.always(
             f"{WORLD}/town/{Tag(tag).name.lower()}",
             rerun.Mesh3D(
@@ -46,13 +47,12 @@ def log_town(recording: Recording, town: Town) -> None:
     log_lanes(recording, lane_lines(town.network))
     if town.route is not None:
         recording.path(f"{WORLD}/route", town.route.position_m + np.array([0.0, 0.0, 0.3]), ROUTE, 0.3)
-    if len(town.lenses):
+    lenses = solid.lenses
+    if len(lenses):
         colours = np.array([(40, 40, 40), (255, 40, 40), (255, 210, 40), (40, 230, 80)], np.uint8)
         recording.always(
             f"{WORLD}/signal_lenses",
-            rerun.Points3D(
-                town.lenses.T_world_lens[:, :3, 3], colors=colours[town.lenses.state], radii=[0.15]
-            ),
+            rerun.Points3D(lenses.T_world_lens[:, :3, 3], colors=colours[lenses.state], radii=[0.15]),
         )
 
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.traffic_audit import NOBODY
 from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 TILT_RAD = 0.08

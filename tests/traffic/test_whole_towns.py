@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.scene.semantic_tags import Tag
@@ -21,7 +22,6 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 

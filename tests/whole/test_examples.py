@@ -14,6 +14,7 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.errors import RaycastError, RenderError
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
@@ -65,7 +66,7 @@ def test_examples_are_short_and_callable(path: Path) -> None:
 
 def test_the_env_is_driven_along_its_route() -> None:
     """Three seconds of full attention bring the car forward, not off the road."""
-    distance_m = load("01_step_the_env").main(steps=60, rig="state")
+    distance_m = load("01_step_the_env").main(steps=60, rig=rig_by_name("state"))
     assert 2.0 < distance_m < 30.0
 
 

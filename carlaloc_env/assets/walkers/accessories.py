@@ -95,9 +95,8 @@ def _backpack(builder: SkinBuilder, look: Look) -> None:
 def _block(look: Look, centre: Array, size_m: tuple[float, float, float]) -> Mesh:
     """Soft box: an eight-sided prism with smaller ends."""
     angle = 2 * np.pi * (np.arange(8) + 0.5) / 8
-    ring = (
-        np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(8)], axis=-1)
-        / elementary.cos(np.pi / 8) ** 0.5
+    ring = np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(8)], axis=-1) / np.sqrt(
+        elementary.cos(np.pi / 8)
     )
     half = 0.5 * np.asarray(size_m)
     grid = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -123,8 +124,8 @@ class SkinBuilder:
         self.loft(self.look(b.lower), lower, sides=12)
         hem = 0.03 if not b.coat else 0.09
         levels = [
-            (hips - up(hem * s), 0.126 * s * b.belly**0.5, 0.182 * s * b.hips, seat),
-            (waist, 0.112 * s * b.belly, 0.152 * s * b.belly**0.5, middle),
+            (hips - up(hem * s), 0.126 * s * math.sqrt(b.belly), 0.182 * s * b.hips, seat),
+            (waist, 0.112 * s * b.belly, 0.152 * s * math.sqrt(b.belly), middle),
             (chest, 0.118 * s, 0.168 * s, upper),
             (chest + 0.45 * (neck - chest), 0.112 * s, 0.95 * reach, upper),
             (chest + 0.74 * (neck - chest), 0.092 * s, reach, upper),
@@ -171,8 +172,8 @@ class SkinBuilder:
             (at(hip, knee, 1.0), 0.060 * s, 0.057 * s, (thigh, shank, 0.5)),
             (at(hip, knee, 0.86), 0.064 * s, 0.061 * s, (thigh, shank, 0.9)),
             (at(hip, knee, 0.45), 0.078 * s, 0.074 * s, (thigh, thigh, 1.0)),
-            (at(hip, knee, 0.10), 0.092 * s, 0.084 * s * b.hips**0.5, (thigh, "pelvis", 0.8)),
-            (at(hip, knee, -0.12), 0.088 * s, 0.078 * s * b.hips**0.5, (thigh, "pelvis", 0.45)),
+            (at(hip, knee, 0.10), 0.092 * s, 0.084 * s * math.sqrt(b.hips), (thigh, "pelvis", 0.8)),
+            (at(hip, knee, -0.12), 0.088 * s, 0.078 * s * math.sqrt(b.hips), (thigh, "pelvis", 0.45)),
         ]
         loose = 1.0 if bare else 1.12
         lower = [

@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         from recorder.view.recording import import_rerun
 
         import_rerun()  # missing, it is told now and not after hours
-    with Progress("runs") as progress:
+    with Progress("runs", unit="runs") as progress:
         result = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
     files = [*write_tables(frame_of(result.scores), out), write_page(result)]
     if arguments.rerun:
