@@ -22,8 +22,8 @@ from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.standing_traffic import standing_traffic
 from carlaloc_env.weather.parameters import PRESETS
-from recorder.report.standing_traffic import standing_traffic
 
 ACTORS = 60
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")

@@ -26,8 +26,8 @@ from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.standing_traffic import standing_traffic
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_preview import street_poses, town_sheet
 
 GALLERY = Path(__file__).parents[1] / "gallery"

@@ -58,12 +58,6 @@ class Trajectory:
         """Length of the path through all positions [m]."""
         return float(np.sum(np.sqrt(np.sum(np.diff(self.position_m, axis=0) ** 2, axis=1))))
 
-    @property
-    def distance_m(self) -> Array:
-        """Way from the first pose to each [m], shape (N,)."""
-        steps = np.linalg.norm(np.diff(self.position_m, axis=0), axis=1)
-        return np.concatenate([[0.0], np.cumsum(steps)])
-
     def take(self, index: NDArray[np.intp]) -> Trajectory:
         """Some of the poses."""
         return replace(

@@ -1,19 +1,30 @@
-"""Information of point-to-plane constraints against closed forms."""
+"""Information of point-to-plane constraints against closed forms, and of scans along routes."""
 
 from __future__ import annotations
+
+import functools
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
-from carlaloc_env.core.array_types import Array
-from recorder.slam.localizability import (
+import carlaloc_env
+from benchmarks.localizability import (
+    RouteLocalizability,
     localizability,
     longest_below,
-    plane_normals,
+    route_localizability,
     shift_information,
     weakest_stretch,
 )
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.rigs.presets import rig_by_name
+from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.town import Town
 
+LIDAR = next(c for c in rig_by_name("paper").sensors if isinstance(c, LidarConfig))
+LONGEST_M = 100.0
 X, Y, Z = np.eye(3)
 
 
@@ -96,22 +107,6 @@ def test_points_without_a_plane_dilute() -> None:
     assert localizability(np.zeros((0, 3)), np.zeros((0, 3))).least == 0.0
 
 
-def test_planes_are_found_in_noisy_points_and_none_on_lines_and_in_leaves() -> None:
-    draw = np.random.default_rng(2)
-    wall = np.column_stack(
-        [draw.uniform(0, 6, 3000), 0.01 * draw.normal(size=3000), draw.uniform(0, 3, 3000)]
-    )
-    normals = plane_normals(wall)
-    assert (np.abs(normals[:, 1]) > 0.95).mean() > 0.97
-    leaves = draw.uniform(0, 3.0, (3000, 3))
-    assert (plane_normals(leaves, roughness_m=0.05) == 0.0).all(axis=1).mean() > 0.95
-    ring = np.column_stack(
-        [np.arange(0, 30, 0.05), 1e-3 * draw.normal(size=600), 1e-3 * draw.normal(size=600)]
-    )
-    assert not plane_normals(ring).any()
-    assert not plane_normals(wall[:5]).any()
-
-
 def test_stretches() -> None:
     station = np.arange(0.0, 100.0, 5.0)
     values = np.full(20, 1.0)
@@ -122,3 +117,28 @@ def test_stretches() -> None:
     mean, begin = weakest_stretch(station, values, 30.0)
     assert (round(mean, 9), begin) == (0.1, 20.0)
     assert weakest_stretch(station, values, 1e3) == (pytest.approx(values.mean()), 0.0)
+
+
+@functools.cache
+def curve(name: str) -> RouteLocalizability:
+    return route_localizability(load_town(name), LIDAR)
+
+
+@pytest.mark.skipif(find_spec("open3d") is None, reason="Open3D casts the rays of the LiDAR")
+def test_streets_hold_the_car_and_leaves_hold_nothing(town03: Town) -> None:
+    found = route_localizability(town03, LIDAR, step_m=240.0)
+    assert len(found.station_m) == int(np.ceil(town03.route.length_m / 240.0))  # type: ignore[union-attr]
+    assert (found.least < 1.0 / 3.0).all()
+    assert (found.firm > 0.01).all()
+    assert (found.firm <= found.least + 1e-12).all()
+    assert (found.along <= 1.0 + 1e-9).all()
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("name", carlaloc_env.TOWNS)
+def test_no_stretch_of_a_hundred_metres_lets_the_car_slip(name: str) -> None:
+    """A tenth of Town03's median is the least, with returns from leaves for nothing."""
+    limit = 0.1 * float(np.median(curve("Town03").firm))
+    length, begin = longest_below(curve(name).station_m, curve(name).firm, limit)
+    assert length <= LONGEST_M, f"{length:.0f} m from {begin:.0f} m on"

@@ -1,4 +1,4 @@
-"""The process in which a SLAM system runs: ``python -m recorder.slam.child job.json``.
+"""The process in which a SLAM system runs: ``python -m recorder.slam.worker job.json``.
 
 Nothing else imports a system's library, so that its licence, its crashes and its memory stay in here.
 """

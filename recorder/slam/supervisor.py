@@ -16,8 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from recorder.slam.child import ESTIMATE, FACTS, FRAMES
+from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 
+LOG = "log.txt"
+"""File with all that a system prints."""
 _POLL_S = 0.05
 _ERROR_LINE = 300
 """Longest text of an error that is kept [characters]."""
@@ -61,7 +63,7 @@ def run_isolated(
     cores: tuple[int, ...] = (),
     stop: threading.Event | None = None,
 ) -> RunRecord:
-    """Run a system over a sequence; whatever happens to it is told by the record.
+    """Run a system over a sequence; its record says how it ended, whatever happens to it.
 
     Args:
         method: Name or file of a system, see `recorder.slam.systems.system_of`.
@@ -83,9 +85,9 @@ def run_isolated(
     threads = str(len(cores) or os.cpu_count() or 1)
     environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
     began = time.monotonic()
-    with (out / "log.txt").open("wb") as log:
+    with (out / LOG).open("wb") as log:
         child = subprocess.Popen(
-            [sys.executable, "-m", "recorder.slam.child", str(out / "job.json")],
+            [sys.executable, "-m", "recorder.slam.worker", str(out / "job.json")],
             stdout=log,
             stderr=subprocess.STDOUT,
             env=environment,
@@ -174,13 +176,13 @@ def _ended(child: subprocess.Popen[bytes]) -> Any:
 
 def _record(out: Path, ended: _Ended, limit_s: float, cores: int) -> RunRecord:
     error: str | None = None
-    status = ended.status
+    status, log = ended.status, out / LOG
     if status is None:
         error = f"ended after its time limit of {limit_s:.0f} s"
     elif status < 0:
-        error = f"crashed by {signal.Signals(-status).name}: {_last_line(out / 'log.txt')}"
+        error = f"crashed by {signal.Signals(-status).name}: {last_line(log) or 'it printed nothing'}"
     elif status > 0:
-        error = _last_line(out / "log.txt")
+        error = last_line(log) or f"ended with {status} and printed nothing"
     facts: dict[str, Any] = {}
     times = np.zeros(0)
     if error is None:
@@ -200,7 +202,11 @@ def _record(out: Path, ended: _Ended, limit_s: float, cores: int) -> RunRecord:
     )
 
 
-def _last_line(log: Path) -> str:
-    lines = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines()]
-    said = [line for line in lines if line]
-    return said[-1][:_ERROR_LINE] if said else "it said nothing"
+def last_line(log: Path, *, but: str = "") -> str:
+    """Last line that a system printed and that an error, `but`, does not hold already; empty: none."""
+    try:
+        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    printed = [line.strip()[:_ERROR_LINE] for line in lines if line.strip()]
+    return next((line for line in reversed(printed) if line not in but), "")
