@@ -36,7 +36,7 @@ def physics(bench: Bench) -> Row:
     advance(world, 10 if bench.quick else 60)
     first = world.tick_count // STEP_TICKS * STEP_TICKS - 5 * STEP_TICKS
     timeline, state = world.timeline, world.state
-    alone = PhysicsWorld(bench.town.collision_vertices_m, bench.town.collision_triangles)
+    alone = PhysicsWorld(bench.town.outline.collision_vertices_m, bench.town.outline.collision_triangles)
     ego = EgoCar(alone)
     ego.reset(state.position_m, state.heading_rad)
     ticks = 4 * STEP_TICKS

@@ -1,4 +1,4 @@
-"""Write docs/reliability.md out of the long tests: `python docs/scripts/make_reliability.py`.
+"""Write docs/robustness/reliability.md out of the long tests: `python docs/scripts/make_reliability.py`.
 
 It takes some hours on two cores. Reports of tests that passed stay in `out/reliability`; a run that was
 ended goes on behind them, and a run after changes begins with that folder removed.
@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[2]
 REPORTS = ROOT / "out" / "reliability"
-PAGE = Path(__file__).parents[1] / "reliability.md"
+PAGE = Path(__file__).parents[1] / "robustness" / "reliability.md"
 PYTEST = (sys.executable, "-m", "pytest")
 HEAD = """\
 # Reliability

@@ -6,7 +6,6 @@ The format is that of Minari's HDF5 storage, pictures lossless (`jpeg_encoding=F
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from copy import deepcopy
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 import carlaloc_env
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.envs.task.actions import action_kind
 from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
 from carlaloc_env.envs.task.config import TaskConfig
@@ -99,11 +99,9 @@ def write_minari(
     if config.out.exists():
         raise OutputError(f"{config.out} exists; give another name or a new version")
     drives = [Episode.load(path) for path in config.episodes]
-    part = config.out.with_name(f".{config.out.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
     total_s, done_s, steps = sum(drive.duration_s for drive in drives), 0.0, 0
     storage = None
-    try:
+    with atomic_write(config.out) as part:
         (part / "data").mkdir(parents=True)
         for number, drive in enumerate(drives):
             with closing(_Drive(drive, config)) as told:
@@ -121,9 +119,6 @@ def write_minari(
             steps, done_s = steps + count, done_s + drive.duration_s
         assert storage is not None
         storage.update_metadata(_metadata(config, drives))
-        part.rename(config.out)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return MinariResult(path=config.out, episodes=len(drives), steps=steps)
 
 

@@ -87,7 +87,6 @@ def test_the_same_seed_is_the_same_drive(straight_map: Path, rig: str) -> None:
         env.close()
 
 
-@pytest.mark.timeout(600)
 def test_vectors_of_environments_agree_byte_for_byte(straight_map: Path) -> None:
     """Synchronous, in processes of their own, and alone, over the ends of episodes."""
     settings: dict[str, Any] = {"map": str(straight_map), "rig": "state", "traffic": FEW}

@@ -49,7 +49,6 @@ def test_every_rig_on_a_small_map(rig: str, straight_map: Path) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("rig", ALL_RIGS)
 @pytest.mark.parametrize("name", IDS)
 def test_every_id_with_every_rig(name: str, rig: str) -> None:

@@ -47,7 +47,7 @@ def _record(map_path: Path, out: Path, controls: Sequence[Controls]) -> Path:
             out,
             EpisodeHeader(
                 map_name=town.name,
-                map_hash=town.content_hash,
+                town_hash=town.town_hash,
                 seed=drive_seed,
                 catalog=catalog,
                 traffic=asdict(traffic),

@@ -7,8 +7,8 @@ import pytest
 from shared_fixtures.worlds.single_roads import road
 
 from carlaloc_env import TOWNS
-from carlaloc_env.core.road.road_profile import LevelGrid, Relief
-from carlaloc_env.core.road.rough_surface import class_level
+from carlaloc_env.road.road_profile import LevelGrid, Relief
+from carlaloc_env.road.rough_surface import class_level
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.crossfall import FADE_M, FALL, GUTTER_FALL
