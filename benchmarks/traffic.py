@@ -1,6 +1,6 @@
 """How traffic behaves and what it costs: one row per town.
 
-``python -m benchmarks.traffic Town03 237 34 120`` runs Town03 with 237 vehicles and 34 walkers for 120 s.
+``python benchmarks/traffic.py Town03 237 34 120`` runs Town03 with 237 vehicles and 34 walkers for 120 s.
 """
 
 from __future__ import annotations
