@@ -13,10 +13,14 @@ $(READY): pyproject.toml .ci/system-libraries
 	$(BIN)/python -m pip install --quiet --editable ".[slam,report,compact,dev]"
 	@touch $(READY)
 
+.venv/warm: $(READY)
+	$(BIN)/python tests/warm_up.py
+	@touch $@
+
 demo: $(READY)
 	$(BIN)/python examples/demo.py
 
-test: $(READY)
+test: .venv/warm
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "not soak"
 
 check: $(READY)
@@ -30,7 +34,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/run.py
 
 findings: $(READY)
-	$(BIN)/python benchmarks/findings.py --work out/findings
+	$(BIN)/python docs/findings/findings.py --work out/findings
 
 soak: $(READY)
 	$(BIN)/python -m pytest -m soak

@@ -8,25 +8,7 @@ from __future__ import annotations
 
 import pybullet_check
 from setuptools import build_meta
-from setuptools.build_meta import (
-    build_editable,
-    build_sdist,
-    build_wheel,
-    get_requires_for_build_sdist,
-    prepare_metadata_for_build_editable,
-    prepare_metadata_for_build_wheel,
-)
-
-__all__ = [
-    "build_editable",
-    "build_sdist",
-    "build_wheel",
-    "get_requires_for_build_editable",
-    "get_requires_for_build_sdist",
-    "get_requires_for_build_wheel",
-    "prepare_metadata_for_build_editable",
-    "prepare_metadata_for_build_wheel",
-]
+from setuptools.build_meta import *  # noqa: F403
 
 Settings = dict[str, str | list[str] | None] | None
 
@@ -44,8 +26,6 @@ def get_requires_for_build_editable(config_settings: Settings = None) -> list[st
 
 
 def _check(config_settings: Settings) -> None:
-    if (config_settings or {}).get("pybullet") == "unchecked":
-        return
-    line = pybullet_check.refusal()
+    line = "" if (config_settings or {}).get("pybullet") == "unchecked" else pybullet_check.refusal()
     if line:
         raise SystemExit(line)

@@ -8,9 +8,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from traffic_audit import TrafficReport, audit_traffic
+
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import TrafficReport, audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
 
 PAPER_COUNTS = {

@@ -1,13 +1,12 @@
-"""Measure a recorded drive with a kind of sensor that the package does not have: `barometer.py`."""
+"""Measure a recorded drive with a sensor that the package does not have: `own_sensors/barometer.py`."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from barometer import BarometerConfig, Pressure
-
 from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, weather_by_name
+from own_sensors.barometer import BarometerConfig, Pressure
 from recorder import Episode, town_of
 
 RIG = """

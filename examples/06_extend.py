@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from laser import LaserConfig, Ranges
 
 from carlaloc_env import SENSOR_KINDS, SensorRig, SensorStage, weather_by_name
+from own_sensors.laser import LaserConfig, Ranges
 from recorder import (
     ENCODERS,
     PROFILES,

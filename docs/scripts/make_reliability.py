@@ -1,4 +1,4 @@
-"""Write docs/reliability.md out of the long tests: `python docs/scripts/make_reliability.py`.
+"""Write docs/robustness/reliability.md out of the long tests: `python docs/scripts/make_reliability.py`.
 
 It takes some hours on two cores. Reports of tests that passed stay in `out/reliability`; a run that was
 ended goes on behind them, and a run after changes begins with that folder removed.
@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[2]
 REPORTS = ROOT / "out" / "reliability"
-PAGE = Path(__file__).parents[1] / "reliability.md"
+PAGE = Path(__file__).parents[1] / "robustness" / "reliability.md"
 PYTEST = (sys.executable, "-m", "pytest")
 HEAD = """\
 # Reliability
@@ -30,7 +30,7 @@ outside the output; nothing half-written under a final name; at most the last se
 TOLD = (
     ("tests/robustness", "test_a_hundred_thousand_inputs or at_random"),
     ("tests/drive", "test_killed_at_fifty_random_moments"),
-    ("tests/env", "a_row or resets"),
+    ("tests/envs", "a_row or resets"),
 )
 """Folders and names of the long tests that are told."""
 

@@ -19,8 +19,8 @@ from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.town import Town
+from carlaloc_env.town.without_movables import without_movables
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.devices.base import Device
@@ -167,7 +167,7 @@ class _Drive:
         town = load_town(config.map)
         traffic = traffic_of_town(town, config.traffic, config.seed)
         if not traffic.parked_cars:
-            town = without_parked_cars(town)
+            town = without_movables(town)
         with ThreadPoolExecutor(1) as pool:
             shown = None if show is None else pool.submit(show, town, weather)
             self.world = DrivingWorld(town, traffic)
@@ -259,7 +259,7 @@ def episode_header(
     versions = {name: version(name) for name in VERSIONED}
     return EpisodeHeader(
         map_name=town.name,
-        map_hash=town.content_hash,
+        town_hash=town.town_hash,
         seed=config.seed,
         catalog=catalog,
         route={

@@ -28,8 +28,8 @@ class EpisodeSummary:
     """File."""
     map: str
     """Town."""
-    map_hash: str
-    """Content hash of the town."""
+    town_hash: str
+    """Hash of the town as it was built."""
     device: str
     """Who drove."""
     seed: int
@@ -97,7 +97,7 @@ def summarise(episode: Episode) -> EpisodeSummary:
     return EpisodeSummary(
         path=str(episode.path),
         map=episode.header.map_name,
-        map_hash=episode.header.map_hash,
+        town_hash=episode.header.town_hash,
         device=episode.header.device,
         seed=episode.header.seed,
         duration_s=episode.duration_s,

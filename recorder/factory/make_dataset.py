@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import OutputError, WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.file_lock import take_lock
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
@@ -149,9 +150,8 @@ def _get_drive(config: DatasetConfig, town: str, tell: _Told) -> None:
         return
     target.parent.mkdir(parents=True, exist_ok=True)
     if config.episodes is not None:
-        part = target.with_suffix(".part")
-        shutil.copy(config.episodes / f"{town}.mcap", part)
-        part.replace(target)
+        with atomic_write(target, WriterError) as part:
+            shutil.copy(config.episodes / f"{town}.mcap", part)
         return
     # Imported where it is asked for: it brings all that drives.
     from recorder.drive.record import RecordConfig, record

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY
 from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 TILT_RAD = 0.08
@@ -85,7 +85,7 @@ def wheel_points(catalog: Any, frame: Any) -> np.ndarray:
 
 def test_wheels_touch_the_roads_of_town07() -> None:
     """Outside junctions, wheels lie within 2 cm of the lanes' own surface; level cars were 3.7 cm off."""
-    network = build_network(find_town("Town07"))
+    network = town_network("Town07")
     world = TrafficWorld(network, TrafficConfig(vehicles=60, walkers=0, seed=2))
     world.reset()
     worst, leaning = [], 0

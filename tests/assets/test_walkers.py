@@ -45,7 +45,6 @@ def test_walkers_tread_on_the_ground(library: ModelLibrary, name: str) -> None:
         assert np.all(np.abs(mesh.bounds_m[:, :2]) < 0.5 * np.array(person.size_m[:2]) + 0.02)
         assert mesh.bounds_m[1, 2] < person.size_m[2] + 0.02
         assert set(np.unique(mesh.tag)) == {int(Tag.PEDESTRIAN)}
-        assert 900 < len(mesh.triangles) < 2200
     still = model(library, f"{name}/stand")
     np.testing.assert_allclose(still.bounds_m[1, 2], person.stature_m, rtol=0.02)
     joints = standing(person.stature_m)

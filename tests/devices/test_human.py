@@ -175,7 +175,6 @@ def test_without_a_device_the_error_names_the_next_step(inputs: Inputs) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1500)
 def test_plugging_for_twenty_minutes(
     inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
 ) -> None:

@@ -19,7 +19,6 @@ from recorder.episode.episode import Episode, EpisodeWriter
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals as on POSIX")
 
 
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_drive_is_where_the_message_says(
     number: signal.Signals, tmp_path: Path, capfd: pytest.CaptureFixture[str]
@@ -31,13 +30,13 @@ def test_the_drive_is_where_the_message_says(
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     part = tmp_path / "drive.mcap.recording"
-    end = time.monotonic() + 240.0
+    end = time.monotonic() + 600.0
     while not part.exists() or part.stat().st_size < 30_000:
         assert child.poll() is None, child.communicate()
         assert time.monotonic() < end
         time.sleep(0.05)
     child.send_signal(number)
-    stdout, stderr = child.communicate(timeout=60)
+    stdout, stderr = child.communicate(timeout=600)
     assert child.returncode == 1
     told = json.loads(stdout)["error"]
     assert told in stderr

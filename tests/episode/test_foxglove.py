@@ -38,7 +38,7 @@ def test_foxglove_reads_an_episode(modules: Path, tmp_path: Path) -> None:
     record(RecordConfig(map="Town03", out=out, duration_s=4.0, traffic="0.2"))
     script = Path(__file__).with_name("read_mcap.mjs")
     command = ["node", str(script), str(out), str(modules)]
-    answer = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    answer = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
     assert answer.returncode == 0, answer.stderr
     found, episode = json.loads(answer.stdout), Episode.load(out)
     ego = found["/ego/state"]

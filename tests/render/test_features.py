@@ -43,7 +43,6 @@ def judge(features: Features) -> None:
     assert fog.depth_m <= np.log(2.0) / PRESETS["FoggyNoon"].extinction_per_m
 
 
-@pytest.mark.timeout(900)
 def test_orb_in_town03() -> None:
     features = found("Town03", 12)
     read("Town03", features)

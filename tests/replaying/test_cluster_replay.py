@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="open files are 
 
 def kill_who_makes_a_unit(out: Path, killed: list[int]) -> None:
     """Kill the first process that holds a spool of a unit open."""
-    end = time.monotonic() + 250.0
+    end = time.monotonic() + 600.0
     while time.monotonic() < end and not killed:
         for entry in Path("/proc").glob("[0-9]*/fd/*"):
             try:
@@ -36,7 +36,6 @@ def kill_who_makes_a_unit(out: Path, killed: list[int]) -> None:
         time.sleep(0.002)
 
 
-@pytest.mark.timeout(600)
 def test_a_killed_worker_changes_no_byte(
     straight_drive: StraightDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,7 +34,6 @@ def test_units_cover_a_stretch_once(first_s: float, end_s: float, unit_s: float)
         assert all((begin - STEP_NS) % round(unit_s * S) == 0 for begin, _ in spans[1:])
 
 
-@pytest.mark.timeout(900)
 def test_workers_and_cuts_change_no_byte(straight_drive: StraightDrive, tmp_path: Path) -> None:
     """All formats, two weathers, two levels; event cameras remember across the cuts."""
 

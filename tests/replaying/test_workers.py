@@ -42,7 +42,7 @@ def die(job: tuple[Path, int], report: Callable[[float], None]) -> None:
 def fail(job: tuple[Path, int], report: Callable[[float], None]) -> None:
     if job[1] == 1:
         raise ConfigError("number 1 cannot be done")
-    time.sleep(60.0)
+    time.sleep(1000.0)
 
 
 def tasks(
@@ -92,7 +92,7 @@ def test_a_task_that_fails_ends_them_all(tmp_path: Path) -> None:
     begin = time.monotonic()
     with pytest.raises(ConfigError, match="number 1"):
         run(tasks(fail, tmp_path), LocalProcesses(2))
-    assert time.monotonic() - begin < 50.0
+    assert time.monotonic() - begin < 900.0
     assert not multiprocessing.active_children()
 
 

@@ -154,7 +154,7 @@ def _town_toml() -> Target:
 
 
 def _map() -> Target:
-    seed = (ROOT / "tests/town/data/crossing.xodr").read_bytes()
+    seed = (ROOT / "tests/data/crossing.xodr").read_bytes()
 
     def read(splices: Splices) -> None:
         xodr = read_opendrive(spliced(seed, splices))

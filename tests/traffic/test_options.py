@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.config import traffic_of_town
 from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
 from carlaloc_env.traffic.traffic_tables import TrafficTables
@@ -23,13 +23,13 @@ from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 @pytest.fixture(scope="module")
 def tables() -> TrafficTables:
     """What traffic knows of Town03."""
-    return TrafficTables(build_network(find_town("Town03")))
+    return TrafficTables(town_network("Town03"))
 
 
 @pytest.fixture(scope="module")
 def motorway() -> TrafficTables:
     """What traffic knows of Town04, where lanes are changed for speed."""
-    return TrafficTables(build_network(find_town("Town04")))
+    return TrafficTables(town_network("Town04"))
 
 
 def watch(tables: TrafficTables, seconds: float = 60.0, vehicles: int = 60, **options: Any) -> TrafficReport:

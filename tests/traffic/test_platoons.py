@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.towns import town_network
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.sources import find_town
 from carlaloc_env.traffic.traffic_tables import SPACING_M, TrafficTables
 
 VEHICLES = 296
@@ -17,7 +16,7 @@ VEHICLES = 296
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town04's lanes: a motorway round a small town."""
-    return build_network(find_town("Town04"))
+    return town_network("Town04")
 
 
 def company(network: LaneNetwork, limit_mps: tuple[float, float]) -> tuple[float, float]:

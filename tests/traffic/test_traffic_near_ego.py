@@ -15,7 +15,6 @@ def check(found: NearTraffic) -> None:
     assert found.violations == ()
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize(("town", "moving"), [("Town05", 4.5), ("Town03", 4.5)])
 def test_a_stretch_among_others(town: str, moving: float) -> None:
     """The first 40 s."""
@@ -39,7 +38,6 @@ def test_whole_routes_among_others() -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1800)
 def test_a_junction_comes_loose_again() -> None:
     """Three who wait for each other: one merges before the ego, which stands and has the right of way."""
     found = drive("Town07", seed=4, duration_s=250.0)

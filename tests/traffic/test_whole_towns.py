@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.scene.semantic_tags import Tag
@@ -21,7 +23,6 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
@@ -52,7 +53,7 @@ def town_route(town: str, network: LaneNetwork) -> Route:
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town03's lanes."""
-    return build_network(find_town("Town03"))
+    return town_network("Town03")
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +187,6 @@ def test_lane_changes_are_smooth_and_indicated(network: LaneNetwork, tables: Tra
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("town", sorted(PAPER_COUNTS))
 def test_ten_minutes_of_every_town(town: str) -> None:
     """Every town at the paper's counts for ten minutes."""
@@ -204,7 +204,6 @@ def test_ten_minutes_of_every_town(town: str) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize(("name", "vehicles", "walkers"), [("Town01", 102, 30), ("Town07", 91, 0)])
 def test_ten_minutes_of_real_maps(
     name: str, vehicles: int, walkers: int, record_property: Callable[[str, object], None]
@@ -226,7 +225,6 @@ def test_ten_minutes_of_real_maps(
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize(
     "timing",

@@ -40,7 +40,7 @@ from recorder.replaying.replay import ReplayConfig
 from recorder.writers.base import DEFAULT_EPOCH_NS
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 SECTIONS = {
     "[geo]": GeoReference,
     "[route]": RouteConfig,

@@ -14,11 +14,13 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.errors import RaycastError, RenderError
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import ReplayConfig, replay
 from recorder.writers.ros.messages import ENCODERS
@@ -34,7 +36,11 @@ sensors:
    pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
 """
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PARTS = {"barometer.py", "laser.py"} | {path.name for path in EXAMPLES.glob("learning/*.py")}
+PARTS = {
+    EXAMPLES / "condition_plot.py",
+    *EXAMPLES.glob("learning/*.py"),
+    *EXAMPLES.glob("own_sensors/*.py"),
+}
 """Parts of examples, without a `main` of their own."""
 
 
@@ -48,21 +54,19 @@ def load(name: str) -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize(
-    "path", sorted([*EXAMPLES.glob("*.py"), *EXAMPLES.glob("learning/*.py")]), ids=lambda path: path.name
-)
+@pytest.mark.parametrize("path", sorted(PARTS.union(EXAMPLES.glob("*.py"))), ids=lambda path: path.name)
 def test_examples_are_short_and_callable(path: Path) -> None:
     """Sixty lines at most (the demo is a program), with a `main` to call."""
     text = path.read_text(encoding="utf-8")
     if path.name != "demo.py":
         assert len(text.splitlines()) <= 60
-    if path.name not in PARTS:
+    if path not in PARTS:
         assert "\ndef main(" in text
 
 
 def test_the_env_is_driven_along_its_route() -> None:
     """Three seconds of full attention bring the car forward, not off the road."""
-    distance_m = load("01_step_the_env").main(steps=60, rig="state")
+    distance_m = load("01_step_the_env").main(steps=60, rig=rig_by_name("state"))
     assert 2.0 < distance_m < 30.0
 
 
@@ -152,7 +156,7 @@ def test_a_sensor_of_ones_own_reaches_a_bag(
 
 def test_fog_of_a_schedule_takes_the_contrast(short_drive: Path, tmp_path: Path) -> None:
     try:
-        noon, fog = load("08_weather_schedule").main(short_drive, tmp_path / "fog", seconds=1.0)
+        noon, fog = load("08_weather_schedule").main(short_drive, tmp_path / "fog", seconds=0.2)
     except RenderError as error:
         pytest.skip(str(error))
     assert fog < 0.6 * noon
@@ -251,10 +255,26 @@ def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     env.close()
 
 
-@pytest.mark.timeout(600)
 def test_env_runners_of_rllib_drive_in_processes_of_their_own() -> None:
     pytest.importorskip("ray", reason="RLlib needs the extra `ray`")
     drove, returns = load("14_rllib").main(runners=2, iterations=1, actions=64)
     assert len(drove) == 2
     assert os.getpid() not in drove
     assert len(returns) == 1
+
+
+def test_the_picture_of_conditions_has_a_row_for_each_system(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="draws with matplotlib")
+    t = np.linspace(0.0, 6.0, 200)
+    truth = np.column_stack([40 * np.cos(t / 4), 40 * np.sin(t / 4), 0 * t])
+    stamp_ns = np.rint(t * 1e9).astype(np.int64)
+    swing = 0.1 * np.sin(9 * t)
+    errors = PathErrors(
+        name="e", stamp_ns=stamp_ns, truth_m=truth, estimate_m=truth + swing[:, None], error_m=np.abs(swing)
+    )
+    levels = {"static": errors, "dynamic": errors}
+    heights = []
+    for systems in ({"A": levels}, {"A": levels, "B": levels}):
+        path = load("condition_plot").plot_conditions(systems, tmp_path / "plot.png", [truth], "two ways")
+        heights.append(np.asarray(cv2.imread(str(path))).shape[0])
+    assert heights[1] - heights[0] == pytest.approx(3.9 * 110, abs=2)

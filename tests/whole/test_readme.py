@@ -15,7 +15,7 @@ from recorder.cli.main import COMMANDS, main, make_parser
 from recorder.evaluation.trajectory_files import read_tum
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 SHORTER = {
     "record": ["--duration", "4"],
     "replay": [

@@ -23,7 +23,6 @@ TABLE = {
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("town", sorted(TABLE))
 def test_drives_are_those_of_the_paper(town: str, tmp_path: Path) -> None:
     """Lengths within 1 %, loops closed within 5 m and 10°, nothing hit and no rule broken."""

@@ -31,7 +31,7 @@ def run_pip(
         env=os.environ | (environment or {}),
         capture_output=True,
         text=True,
-        timeout=250,
+        timeout=600,
         check=False,
     )
     unreachable = ("onnection", "resolv", "No matching distribution found for setuptools")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from pathlib import Path
 
 import pytest
 
@@ -15,9 +16,14 @@ from carlaloc_env.town.town import Town
 
 
 @functools.cache
+def network_at(path: Path) -> LaneNetwork:
+    """Lanes of a map, read once in a process; tests only look at them."""
+    return build_network(path)
+
+
 def town_network(name: str) -> LaneNetwork:
-    """Lanes of a packaged town; tests only read them."""
-    return build_network(find_town(name))
+    """Lanes of a packaged town."""
+    return network_at(find_town(name))
 
 
 @pytest.fixture(scope="session")

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 
@@ -33,7 +33,7 @@ each_map = pytest.mark.parametrize("path", MAPS, ids=[path.parent.name for path 
 
 
 def drive(path: pathlib.Path) -> tuple[LaneNetwork, TownConfig, Route]:
-    network = build_network(path)
+    network = network_at(path)
     config = TownConfig.from_toml(path.parent / "town.toml")
     route = config.route
     return network, config, plan_route(network, route.points, loop=route.loop, length_m=route.length_m)

@@ -3,17 +3,18 @@
 import csv
 import math
 import pathlib
+import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from shared_fixtures.worlds.maps import CROSSING, VILLAGE, carla_map
+from shared_fixtures.worlds.plain_maps import PlainMap, PlainRoad
 
 from carlaloc_env.town.checks.report import MapReport, check_map, write_waypoints_csv
 from carlaloc_env.town.lanes.build_network import build_network
 
-CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
 TEXT = CROSSING.read_text(encoding="utf-8")
-SHARED = pathlib.Path(__file__).parents[3].parent / "shared/data/carla_xodr"
 
 
 def check(tmp_path: pathlib.Path, text: str) -> MapReport:
@@ -98,19 +99,36 @@ def test_curve_of_another_length_is_named(tmp_path: pathlib.Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "lane_km", "junction_lane_km", "junctions"),
-    [("Town01", 4.96 + 1.44, 1.44, 12), ("Town07", 4.47 + 2.68, 2.68, 31)],
+    ("path", "lane_km", "junction_lane_km", "junctions", "errors"),
+    [
+        carla_map("Town01", 4.96 + 1.44, 1.44, 12, 0),
+        carla_map("Town07", 4.47 + 2.68, 2.68, 31, 1),
+    ],
 )
-def test_carla_maps(name: str, lane_km: float, junction_lane_km: float, junctions: int) -> None:
+def test_carla_maps(
+    path: pathlib.Path, lane_km: float, junction_lane_km: float, junctions: int, errors: int
+) -> None:
     """Lane kilometres and junctions as measured by others; the one broken link of Town07 is known."""
-    path = SHARED / f"{name}.xodr"
-    if not path.exists():
-        pytest.skip(f"needs {path}")
     found = check_map(path)
     assert found.lane_km == pytest.approx(lane_km, abs=0.02)
     assert found.junction_lane_km == pytest.approx(junction_lane_km, abs=0.02)
     assert found.junctions == junctions
-    assert len(found.errors) == (1 if name == "Town07" else 0)
+    assert len(found.errors) == errors
+
+
+def test_lengths_of_a_village() -> None:
+    """Lane kilometres are the sums of chords between points that plain formulas give."""
+    found = check_map(VILLAGE)
+    root = ElementTree.parse(VILLAGE).getroot()
+    plain = PlainMap(root, {road.get("id", ""): PlainRoad(road) for road in root.findall("road")})
+    length_m: dict[bool, float] = {True: 0.0, False: 0.0}
+    for name, section, lane in plain.driving():
+        road = plain.roads[name]
+        line = np.array([road.lane(section, lane, s).position for s in np.linspace(0.0, road.length, 400)])
+        length_m[road.junction != "-1"] += np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+    assert found.junction_lane_km == pytest.approx(length_m[True] / 1e3, rel=1e-4)
+    assert found.lane_km == pytest.approx(sum(length_m.values()) / 1e3, rel=1e-4)
+    assert (found.junctions, found.errors) == (2, ())
 
 
 def test_waypoints_csv(tmp_path: pathlib.Path) -> None:

@@ -6,26 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.worlds.maps import MAPS
+from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.core.geometry.transforms import wrap_angle
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 
 carla = pytest.importorskip("carla", reason="needs the package carla (pip install carla)")
 
-ROOT = pathlib.Path(__file__).parents[3]
-MAPS = sorted(
-    [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
-)
-if not MAPS:
-    pytest.skip("no maps at hand", allow_module_level=True)
 STEP_M = 2.0
 
 
-@pytest.fixture(scope="module", params=MAPS, ids=lambda p: p.parent.name if p.stem == "town" else p.stem)
+@pytest.fixture(scope="module", params=MAPS)
 def pair(request: pytest.FixtureRequest) -> tuple[LaneNetwork, Any]:
     path: pathlib.Path = request.param
-    return build_network(path), carla.Map("map", path.read_text(encoding="utf-8"))
+    return network_at(path), carla.Map("map", path.read_text(encoding="utf-8"))
 
 
 def carla_heading(network: LaneNetwork, rows: NDArray[np.void]) -> NDArray[np.float64]:

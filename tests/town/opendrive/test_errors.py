@@ -5,13 +5,13 @@ import re
 import time
 
 import pytest
+from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive import xml_document
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
-CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
 TEXT = CROSSING.read_text(encoding="utf-8")
 
 
@@ -101,7 +101,7 @@ def test_missing_file_is_named(tmp_path: pathlib.Path) -> None:
 def test_entity_bombs_are_refused_at_once() -> None:
     """A billion laughs in text and in an attribute, and a file read through an entity."""
     laughs = "".join(f'<!ENTITY l{n} "{f"&l{n - 1};" * 10}">' for n in range(1, 12))
-    start = time.perf_counter()
+    start = time.process_time()
     for body in ("<header>&l11;</header>", '<header name="&l11;"/>'):
         bomb = f'<!DOCTYPE OpenDRIVE [<!ENTITY l0 "ha">{laughs}]><OpenDRIVE>{body}</OpenDRIVE>'
         with pytest.raises(MapError, match="entity is not allowed"):
@@ -115,7 +115,7 @@ def test_entity_bombs_are_refused_at_once() -> None:
     # The same, hidden from a search for bytes by an encoding that writes < and ! as other letters.
     with pytest.raises(MapError):
         read_opendrive(b'<?xml version="1.0" encoding="UTF-7"?>' + theft.decode().encode("utf-7"))
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 def test_file_above_the_limit_is_refused(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -138,13 +138,13 @@ def test_sizes_that_would_fill_the_memory_are_refused() -> None:
         '<laneSection s="0">'
         f'<center><lane id="0"/></center><right>{lanes}</right></laneSection></lanes></road></OpenDRIVE>'
     )
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(MapError, match="split it"):
         build_network(text.encode())
     many = text.replace(lanes, lanes * 2)
     with pytest.raises(MapError, match="lanes"):
         read_opendrive(many.encode())
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
 
 
 def test_polynomial_that_leaves_the_world_is_named() -> None:

@@ -1,6 +1,5 @@
 """Mutated maps: the reader answers with a map or with a MapError, in time, and with nothing else."""
 
-import pathlib
 import re
 import signal
 from collections.abc import Iterator
@@ -8,13 +7,14 @@ from contextlib import contextmanager
 
 import hypothesis.strategies as st
 from hypothesis import HealthCheck, given, settings
+from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.town.checks.report import report
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
 
-SEED = (pathlib.Path(__file__).parents[1] / "data/crossing.xodr").read_bytes()
+SEED = CROSSING.read_bytes()
 NUMBER = re.compile(rb'"(-?\d[\d.e+-]*)"')
 ATTRIBUTE = re.compile(rb' [A-Za-z]+="[^"]*"')
 ELEMENT = re.compile(rb"<(\w+)\b[^<>]*(?:/>|>)")

@@ -7,15 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.maps import CROSSING, MAPS
+from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route, lanes_that_go_on
 
-ROOT = Path(__file__).parents[3]
-MAPS = sorted(
-    [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
-)
 ROAD = (
     '<road id="{}" length="{}" junction="-1"><link>{}</link><planView>'
     '<geometry s="0" x="{}" y="{}" hdg="{}" length="{}">{}</geometry></planView>'
@@ -23,13 +21,12 @@ ROAD = (
     '<lane id="0" type="none"/></center><right><lane id="-1" type="driving"><link>{}</link>'
     '<width sOffset="0" a="3.2" b="0" c="0" d="0"/></lane></right></laneSection></lanes></road>'
 )
-CROSSING = Path(__file__).parents[1] / "data" / "crossing.xodr"
 
 
-@pytest.mark.parametrize("path", MAPS, ids=lambda path: f"{path.parent.name}-{path.stem}")
+@pytest.mark.parametrize("path", MAPS)
 def test_chosen_routes_follow_lanes(path: Path) -> None:
     """A chosen route has the length asked for and runs on driving lanes without a jump."""
-    network = build_network(path)
+    network = network_at(path)
     route = choose_route(network, 800.0)
     assert route is not None
     assert route.length_m == pytest.approx(800.0, rel=0.03)

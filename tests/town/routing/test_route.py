@@ -8,20 +8,14 @@ import numpy as np
 import pytest
 from scipy.sparse import lil_array
 from scipy.sparse.csgraph import dijkstra
+from shared_fixtures.worlds.maps import CROSSING, MAPS, VILLAGE, carla_map
+from shared_fixtures.worlds.towns import network_at
 
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
-
-CROSSING = pathlib.Path(__file__).parents[1] / "data/crossing.xodr"
-ROOT = pathlib.Path(__file__).parents[3]
-MAPS = sorted(
-    [*(ROOT.parent / "shared/data/carla_xodr").glob("*.xodr"), *(ROOT / "maps").glob("*/town.xodr")]
-)
-SINGLE_LANE_MAPS = [path for path in MAPS if "carla_xodr" in str(path)]
-
 
 STRAIGHT = (
     '<OpenDRIVE><header revMajor="1" revMinor="7"/><road id="1" length="200" junction="-1"><planView>'
@@ -168,10 +162,10 @@ def test_open_route_is_cut_at_its_start(crossing: LaneNetwork) -> None:
         plan_route(crossing, [(60.0, 8.0), (-50.0, 2.0)], length_m=900.0)
 
 
-@pytest.mark.parametrize("path", MAPS, ids=lambda p: p.parent.name if p.stem == "town" else p.stem)
+@pytest.mark.parametrize("path", MAPS)
 def test_loops_on_real_maps(path: pathlib.Path) -> None:
     """Loops through drawn points: closed, smooth, projected back to where they were asked."""
-    network = build_network(path)
+    network = network_at(path)
     rng = np.random.default_rng(11)
     free = [
         n.index for n in network.lanes if n.type == "driving" and n.junction_id is None and n.length_m > 20.0
@@ -194,10 +188,10 @@ def test_loops_on_real_maps(path: pathlib.Path) -> None:
         assert np.hypot(*(turned.position_m[0, :2] - points[1])) < 0.6
 
 
-@pytest.mark.skipif(not SINGLE_LANE_MAPS, reason="no map without lane changes at hand")
-def test_path_is_the_shortest() -> None:
+@pytest.mark.parametrize("path", [VILLAGE, carla_map("Town07")])
+def test_path_is_the_shortest(path: pathlib.Path) -> None:
     """Lengths of routes against scipy's Dijkstra on the same lanes, where no lane changes exist."""
-    network = build_network(SINGLE_LANE_MAPS[-1])
+    network = network_at(path)
     graph = lil_array((len(network.lanes), len(network.lanes)))
     for lane in network.lanes:
         for n in lane.successors:

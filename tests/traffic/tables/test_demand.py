@@ -6,14 +6,14 @@ import itertools
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY
 from carlaloc_env.core import rng
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.tables.demand import (
     MAIN_STREET_DEMAND,
     ROUTE_DEMAND,
@@ -28,7 +28,7 @@ from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 @pytest.fixture(scope="module")
 def network() -> LaneNetwork:
     """Town05's lanes: a grid, with a ring on stilts."""
-    return build_network(find_town("Town05"))
+    return town_network("Town05")
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,1 @@
+"""Kinds of sensors that the package does not have, in one file each."""

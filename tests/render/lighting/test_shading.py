@@ -1,0 +1,96 @@
+"""Short cuts of shading against the formulas they stand for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared_fixtures.worlds.plain_albedo import plain_albedo
+
+from carlaloc_env.core.errors import RenderError
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.core.geometry.camera_model import Pinhole
+from carlaloc_env.render.gl.context import create_context
+from carlaloc_env.render.lighting.sky_model import sky_light
+from carlaloc_env.render.lighting.sky_textures import Skies
+from carlaloc_env.render.precipitation.software.rain_layer import developed
+from carlaloc_env.render.renderer import SceneRenderer
+from carlaloc_env.scene.materials import Material
+from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.weather.parameters import PRESETS
+
+try:
+    create_context().release()
+except RenderError as no_opengl:
+    pytest.skip(str(no_opengl), allow_module_level=True)
+
+CAMERA = Pinhole(width_px=650, height_px=330, fx_px=330.0, fy_px=330.0, cx_px=325.0, cy_px=120.0)
+"""Its last column and row of tiles have their middles outside."""
+FORWARD = transforms.from_rotation(transforms.R_FLU_OPTICAL, (0.0, 0.0, 1.6))
+
+
+def quad(corners_m: list[list[float]], material: Material, tag: Tag) -> Mesh:
+    return make_mesh(corners_m, [[0, 1, 2], [0, 2, 3]], material=material, tag=tag)
+
+
+def street() -> list[Mesh]:
+    """Asphalt, and a house on the right that does not reach over the sky."""
+    return [
+        quad([[-300, -300, 0], [300, -300, 0], [300, 300, 0], [-300, 300, 0]], Material.ASPHALT, Tag.ROAD),
+        quad([[60, -6, 0], [10, -6, 0], [10, -6, 5], [60, -6, 5]], Material.PLASTER, Tag.BUILDING),
+    ]
+
+
+def boards() -> tuple[ModelLibrary, Instances]:
+    """Boards that float over the road."""
+    board = quad([[-1, -1, 0.4], [1, -1, 0.4], [1, 1, 0.4], [-1, 1, 0.4]], Material.PLASTIC, Tag.CAR)
+    places = [[8.0, 2.0, 0.0], [15.0, -3.0, 0.0], [30.0, 6.0, 0.5]]
+    return ModelLibrary({"board": board}), Instances(
+        model=np.zeros(3, np.int32),
+        T_world_model=np.stack([transforms.transform(place, [0, 0, 0, 1]) for place in places]),
+        instance=np.arange(1, 4, dtype=np.uint32),
+        tint=np.full((3, 3), 99, np.uint8),
+    )
+
+
+@pytest.mark.parametrize("weather", ["ClearNoon", "ClearSunset", "FoggyNoon"])
+def test_pictures_are_light_by_the_tone_curve(weather: str) -> None:
+    """Codes of a picture against the curve's formula, within a step of dither."""
+    with SceneRenderer(street(), ModelLibrary({}), quality="low", albedo=plain_albedo()) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, Instances())
+        light = renderer.radiance_cd_m2(gbuffer, PRESETS[weather])
+        codes = renderer.shade(gbuffer, PRESETS[weather], stamp_ns=3)
+    expected = 255.0 * developed(light.astype(np.float64) * sky_light(PRESETS[weather]).exposure)
+    assert np.ptp(expected) > 60.0
+    off = codes - np.minimum(expected, 255.0)
+    assert np.abs(off).max() < 1.02
+    assert abs(off[expected < 254.0].mean()) < 0.02
+
+
+def test_mirrored_skies_are_the_skies() -> None:
+    """Levels of the texture against means of the sky that they stand for: within half a step of the root."""
+    context = create_context()
+    with context:
+        skies = Skies(context)
+        for name in ("ClearNoon", "ClearNight"):
+            sky = skies.of(PRESETS[name])
+            light = sky.light.sky_cd_m2 * sky.light.exposure
+            for level in range(4):
+                size = len(light)
+                data = np.frombuffer(sky.mirrored.read(level=level), np.uint8).reshape(size, size, 4)
+                root = np.sqrt(light / sky.brightest)
+                assert np.abs(data[..., :3] / 255.0 - root).max() < 0.51 / 255.0
+                light = light.reshape(size // 2, 2, size // 2, 2, 3).mean(axis=(1, 3))
+        skies.release()
+    context.release()
+
+
+def test_weathers_shaded_together_are_what_each_is_alone() -> None:
+    """Byte by byte, though the lamps of one are found while another is shaded."""
+    library, three = boards()
+    weathers = [PRESETS[name] for name in ("ClearNoon", "FoggyNoon", "RainyNight", "WetNoon")]
+    with SceneRenderer(street(), library, quality="medium", albedo=plain_albedo()) as renderer:
+        gbuffer = renderer.draw(CAMERA, FORWARD, three)
+        together = renderer.shade_all(gbuffer, weathers, stamp_ns=9, seed=2)
+        for weather, picture in zip(weathers, together, strict=True):
+            np.testing.assert_array_equal(picture, renderer.shade(gbuffer, weather, stamp_ns=9, seed=2))

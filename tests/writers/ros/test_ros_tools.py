@@ -1,0 +1,120 @@
+"""ROS 1's own command line tools on our bags: info, check and play, from Debian's packages."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import socket
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from shared_fixtures.readings.bag_samples import drive, read, rig
+
+from recorder.writers.ros.rosbag1 import Ros1Encoder, Rosbag1Writer
+
+_COUNT = """
+import collections, sys, rospy
+counts = collections.Counter()
+rospy.init_node("listener", anonymous=True, disable_signals=True)
+rospy.Subscriber("/lidar/points", rospy.AnyMsg, lambda message: counts.update(["points"]))
+rospy.Subscriber("/imu/data", rospy.AnyMsg, lambda message: counts.update(["imu"]))
+print("listening", flush=True)
+sys.stdin.readline()
+print(counts["points"], counts["imu"])
+"""
+"""A node of ROS that counts what it is sent until a line comes."""
+
+
+@pytest.fixture(scope="module", params=["none", "lz4", "bz2"])
+def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("bags") / "a.bag"
+    samples = drive()
+    streams = {sample.sensor for sample in samples}
+    with Rosbag1Writer(path, Ros1Encoder(rig(), streams=streams), compression=request.param) as writer:
+        for sample in samples:
+            writer.write(sample)
+    return path
+
+
+@pytest.fixture(scope="module")
+def ros_master() -> Iterator[dict[str, str]]:
+    """Environment of a running `roscore` on a free port."""
+    if shutil.which("roscore") is None:
+        pytest.skip("needs Debian's ros-core")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    env = {**os.environ, "ROS_MASTER_URI": f"http://127.0.0.1:{port}", "ROS_IP": "127.0.0.1"}
+    core = subprocess.Popen(
+        ["roscore", "-p", str(port)], env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    for _ in range(300):
+        if subprocess.run(["rosnode", "list"], env=env, capture_output=True, check=False).returncode == 0:
+            break
+        time.sleep(0.1)
+    else:
+        core.kill()
+        pytest.fail("roscore does not answer after 30 s")
+    yield env
+    core.terminate()
+    core.wait(20)
+
+
+def ask_rosbag(*arguments: str, env: dict[str, str] | None = None) -> str:
+    """What `rosbag` prints."""
+    if shutil.which("rosbag") is None:
+        pytest.skip("needs Debian's python3-rosbag")
+    done = subprocess.run(
+        ["rosbag", *arguments], capture_output=True, text=True, timeout=600, env=env, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_info_tells_what_is_in_it(bag: Path) -> None:
+    told: dict[str, Any] = yaml.safe_load(ask_rosbag("info", "--yaml", str(bag)))
+    _, messages = read(bag)
+    assert {topic["topic"]: topic["messages"] for topic in told["topics"]} == {
+        topic: len(entries) for topic, entries in messages.items()
+    }
+    assert told["indexed"]
+    first, last = (pick(t for entries in messages.values() for t, _ in entries) for pick in (min, max))
+    assert told["start"] == pytest.approx(first / 1e9, abs=1e-5)
+    assert told["end"] == pytest.approx(last / 1e9, abs=1e-5)
+
+
+def test_check_finds_no_message_that_changes(bag: Path) -> None:
+    """Ours lack the comments of official definitions: a rule is named for each type, with the same sum."""
+    needed = "import sensor_msgs.msg, nav_msgs.msg, tf2_msgs.msg, rosgraph_msgs.msg"
+    if subprocess.run(["/usr/bin/python3", "-c", needed], capture_output=True, check=False).returncode:
+        pytest.skip("needs Debian's packages of ROS 1 messages")
+    told = ask_rosbag("check", str(bag))
+    assert "All rules defined" in told
+    rules = re.findall(r"From: (\S+ \[\w+\])\s+To: +(\S+ \[\w+\])", told)
+    assert len(rules) >= 8
+    assert all(before == after for before, after in rules)
+
+
+def test_play_sends_every_message(bag: Path, ros_master: dict[str, str]) -> None:
+    """A node that listens gets as many clouds and IMU readings as the bag holds."""
+    listener = subprocess.Popen(
+        ["/usr/bin/python3", "-c", _COUNT],
+        env=ros_master,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert listener.stdout is not None
+    assert listener.stdout.readline() == "listening\n"
+    ask_rosbag("play", "--quiet", "--wait-for-subscribers", "--topics", "/lidar/points", "/imu/data",
+               "--bags", str(bag), env=ros_master)  # fmt: skip
+    time.sleep(0.5)
+    counts = listener.communicate("\n", timeout=600)[0].split()
+    _, messages = read(bag)
+    assert counts == [str(len(messages[topic])) for topic in ("/lidar/points", "/imu/data")]
