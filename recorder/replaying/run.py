@@ -180,7 +180,7 @@ class ReplayRun:
             recipe,
             unit,
             self._work.units_dir,
-            spools_s=max(here_s, *others, *self._later_s),
+            spools_s=max([here_s, *others, *self._later_s]),
             sequences_s=len(left) * self._length_s + len(recipe.conditions) * sum(self._later_s),
             out=plan.config.out,
         )
