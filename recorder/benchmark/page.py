@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections import defaultdict
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 from jinja2 import Environment
 
-from carlaloc_env.core.array_types import U8, Array
+from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
@@ -101,11 +102,11 @@ def _section(
     way_s, way_m = (longest.stamp_ns - start_ns) * 1e-9, longest.way_m
     above, over_time, over_way = [], [], []
     for job, found in runs:
-        looks = {"label": found.name, "colour": colour[job.system.name], "dashed": job.cloud != RAW}
-        seconds: Array = (found.stamp_ns - start_ns) * 1e-9
-        above.append(Line(**looks, x=found.estimate_m[:, 0], y=found.estimate_m[:, 1]))
-        over_time.append(Line(**looks, x=seconds, y=found.error_m))
-        over_way.append(Line(**looks, x=np.interp(seconds, way_s, way_m), y=found.error_m))
+        line = partial(Line, label=found.name, colour=colour[job.system.name], dashed=job.cloud != RAW)
+        seconds = (found.stamp_ns - start_ns) * 1e-9
+        above.append(line(x=found.estimate_m[:, 0], y=found.estimate_m[:, 1]))
+        over_time.append(line(x=seconds, y=found.error_m))
+        over_way.append(line(x=np.asarray(np.interp(seconds, way_s, way_m), float), y=found.error_m))
     peaks_s = [float(line.x[np.argmax(line.y)]) for line in over_time]
     stills = _stills(sequence, start_ns, peaks_s)
     lanes_m = [line[::4, :2] for line in lane_lines_of(sequence.town)]
