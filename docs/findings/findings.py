@@ -21,7 +21,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from carlaloc_env import TOWNS
@@ -83,7 +82,9 @@ def paper_runs() -> pd.DataFrame:
     runs = runs.merge(pd.read_csv(HERE / "paper" / "systems.csv"), on="method")
     ape_m = pd.to_numeric(runs["word"], errors="coerce")
     return runs.assign(
-        ape_m=ape_m, failed=np.where(ape_m.isna(), "fail", None), visual=runs["kind"].str.startswith("stereo")
+        ape_m=ape_m,
+        failed=ape_m.isna().map({True: "fail", False: None}),
+        visual=runs["kind"].str.startswith("stereo"),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -62,7 +62,7 @@ def cells(runs: pd.DataFrame, column: str = "ape_m") -> pd.DataFrame:
     return cell.assign(place=place).sort_values(order, kind="stable", ignore_index=True)
 
 
-def _text(cell: NamedTuple) -> str:
+def _text(cell: Any) -> str:
     """Median, range of several runs, and how many failed."""
     if cell.failed * 2 >= cell.runs:
         return "fail"

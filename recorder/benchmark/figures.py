@@ -17,7 +17,7 @@ from recorder.report.trajectory_plot import new_figure
 
 _INK = "#010203"
 """Stands for the page's own colour of text, so that letters are light on a dark page."""
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "carlaloc",
     "font.size": 9.5,

@@ -103,10 +103,10 @@ def _section(
     above, over_time, over_way = [], [], []
     for job, found in runs:
         line = partial(Line, label=found.name, colour=colour[job.system.name], dashed=job.cloud != RAW)
-        seconds = (found.stamp_ns - start_ns) * 1e-9
+        seconds = np.asarray((found.stamp_ns - start_ns) * 1e-9, np.float64)
         above.append(line(x=found.estimate_m[:, 0], y=found.estimate_m[:, 1]))
         over_time.append(line(x=seconds, y=found.error_m))
-        over_way.append(line(x=np.asarray(np.interp(seconds, way_s, way_m), float), y=found.error_m))
+        over_way.append(line(x=np.asarray(np.interp(seconds, way_s, way_m), np.float64), y=found.error_m))
     peaks_s = [float(line.x[np.argmax(line.y)]) for line in over_time]
     stills = _stills(sequence, start_ns, peaks_s)
     lanes_m = [line[::4, :2] for line in lane_lines_of(sequence.town)]
