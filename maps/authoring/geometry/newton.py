@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import root
 
 
@@ -17,7 +19,11 @@ def solve(miss: Callable[[Sequence[float]], list[float]], guess: Sequence[float]
     Raises:
         PlanError: no solution was reached.
     """
-    found = root(miss, guess, tol=1e-13)
-    if max(abs(value) for value in miss(found.x)) > 1e-9:
+
+    def missed(unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.array(miss(unknowns.tolist()))
+
+    found: list[float] = root(missed, guess, tol=1e-13).x.tolist()
+    if max(abs(value) for value in miss(found)) > 1e-9:
         raise PlanError(f"the curve has no solution near {list(guess)}")
-    return [float(value) for value in found.x]
+    return found
