@@ -34,7 +34,7 @@ bench: $(READY)
 	$(BIN)/python benchmarks/run.py
 
 findings: $(READY)
-	$(BIN)/python benchmarks/findings.py --work out/findings
+	$(BIN)/python docs/findings/findings.py --work out/findings
 
 soak: $(READY)
 	$(BIN)/python -m pytest -m soak

@@ -22,8 +22,8 @@ from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.standing_traffic import standing_traffic
 from carlaloc_env.weather.parameters import PRESETS
-from recorder.report.standing_traffic import standing_traffic
 
 ACTORS = 60
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
@@ -43,9 +43,9 @@ def ahead(town: Town, stage: SensorStage, T_world_base: np.ndarray) -> tuple[Ins
         T_world_base=T_world_base,
         catalog=catalog.take(shown),
         actors=frame.take(shown),
-        signals=np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8),
+        signals=np.ones(int(town.outline.lenses.signal.max(initial=-1)) + 1, np.uint8),
     )
-    return instances_at(stage.library, town.lenses, snapshot), len(shown)
+    return instances_at(stage.library, town.outline.lenses, snapshot), len(shown)
 
 
 class Instant:

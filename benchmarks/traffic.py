@@ -1,6 +1,6 @@
 """How traffic behaves and what it costs: one row per town.
 
-``python -m benchmarks.traffic Town03 237 34 120`` runs Town03 with 237 vehicles and 34 walkers for 120 s.
+``python benchmarks/traffic.py Town03 237 34 120`` runs Town03 with 237 vehicles and 34 walkers for 120 s.
 """
 
 from __future__ import annotations
@@ -8,9 +8,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from traffic_audit import TrafficReport, audit_traffic
+
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import TrafficReport, audit_traffic
 from carlaloc_env.traffic.world import TrafficConfig
 
 PAPER_COUNTS = {

@@ -10,26 +10,14 @@ from carlaloc_env.core.lazy_names import lazy_names
 
 __version__ = "0.1.0"
 
-TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10", "Town10HD")
-"""Towns that come with the package, each as `CarlaLoc-<town>-v0` and `-v1`; Town10HD is Town10, too."""
+TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
+"""Towns that come with the package, each as `CarlaLoc-<town>-v0`."""
 
-_ENTRY_POINT = "carlaloc_env.env:CarlaLocEnv"
-_STEPS = 12_000
-
-register(id="CarlaLoc-v0", entry_point=_ENTRY_POINT, max_episode_steps=_STEPS)
-for _town in TOWNS:
-    register(
-        id=f"CarlaLoc-{_town}-v0",
-        entry_point=_ENTRY_POINT,
-        max_episode_steps=_STEPS,
-        kwargs={"map": _town},
-    )
-
-_DRIVING = "carlaloc_env.driving_env:DrivingEnv"
-register(id="CarlaLoc-v1", entry_point=_DRIVING)
-for _town in TOWNS:
-    register(id=f"CarlaLoc-{_town}-v1", entry_point=_DRIVING, kwargs={"map": _town})
-register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.any_town_env:AnyTownEnv")
+_ENTRY_POINT = "carlaloc_env.envs.carlaloc_env:CarlaLocEnv"
+register(id="CarlaLoc-v0", entry_point=_ENTRY_POINT)
+for _town in (*TOWNS, "Town10HD"):
+    register(id=f"CarlaLoc-{_town}-v0", entry_point=_ENTRY_POINT, kwargs={"map": _town})
+register(id="CarlaLoc-AnyTown-v0", entry_point="carlaloc_env.envs.any_town_env:AnyTownEnv")
 
 __getattr__, _names = lazy_names(__name__, __file__)
 __all__ = [*_names, "TOWNS", "__version__"]

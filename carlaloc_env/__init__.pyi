@@ -1,6 +1,5 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
-from carlaloc_env.any_town_env import AnyTownEnv as AnyTownEnv
 from carlaloc_env.core.controls import Controls as Controls
 from carlaloc_env.core.errors import ActionError as ActionError
 from carlaloc_env.core.errors import CarlaLocError as CarlaLocError
@@ -18,8 +17,9 @@ from carlaloc_env.core.geometry.camera_model import Pinhole as Pinhole
 from carlaloc_env.core.geometry.lens_distortion import Lens as Lens
 from carlaloc_env.driving.driver_view import DriverView as DriverView
 from carlaloc_env.driving.driving_world import DrivingWorld as DrivingWorld
-from carlaloc_env.driving_env import DrivingEnv as DrivingEnv
-from carlaloc_env.env import CarlaLocEnv as CarlaLocEnv
+from carlaloc_env.envs.any_town_env import AnyTownEnv as AnyTownEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv as CarlaLocEnv
+from carlaloc_env.envs.task.config import TaskConfig as TaskConfig
 from carlaloc_env.rigs.presets import rig_by_name as rig_by_name
 from carlaloc_env.rigs.rig import SensorRig as SensorRig
 from carlaloc_env.samples import CanState as CanState
@@ -51,7 +51,6 @@ from carlaloc_env.sensors.registry import SENSOR_KINDS as SENSOR_KINDS
 from carlaloc_env.sensors.vehicle.can import CanConfig as CanConfig
 from carlaloc_env.sensors.vehicle.speedometer import SpeedConfig as SpeedConfig
 from carlaloc_env.sensors.vehicle.wheel_odometry import WheelsConfig as WheelsConfig
-from carlaloc_env.task.config import TaskConfig as TaskConfig
 from carlaloc_env.timeline.motion import Motion as Motion
 from carlaloc_env.timeline.snapshot import Snapshot as Snapshot
 from carlaloc_env.timeline.timeline import ActorCatalog as ActorCatalog

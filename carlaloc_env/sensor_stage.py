@@ -11,7 +11,8 @@ from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.scene.mesh import Mesh, ModelLibrary
-from carlaloc_env.town.town import SignalLenses, Town
+from carlaloc_env.scene.signal_lenses import SignalLenses
+from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ class SensorStage:
     """
 
     def __init__(self, town: Town, *, seed: int, weather: Weather, quality: str = "medium") -> None:
-        self._geo, self._lenses, self._lamps_m = town.geo, town.lenses, town.lamps_m
+        self._geo, self._lenses, self._lamps_m = town.roads.geo, town.outline.lenses, town.outline.lamps_m
         self._look: Callable[[], tuple[Mesh, ...]] | None = town.scenery
         self._seed = seed
         self.weather = weather

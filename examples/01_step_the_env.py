@@ -6,12 +6,13 @@ import gymnasium
 import numpy as np
 
 import carlaloc_env  # noqa: F401  registers the environments
+from carlaloc_env import SensorRig
 from carlaloc_env.core.geometry.transforms import quat_to_rpy, wrap_angle
 
 TARGET_SPEED_MPS = 8.0
 
 
-def main(steps: int = 200, rig: str = "minimal") -> float:
+def main(steps: int = 200, rig: str | SensorRig = "minimal") -> float:
     """Drive for some steps of 50 ms and return the distance along the route [m]."""
     env = gymnasium.make("CarlaLoc-Town03-v0", rig=rig, weather="ClearSunset", traffic="static")
     observation, info = env.reset(seed=1)
@@ -25,7 +26,7 @@ def main(steps: int = 200, rig: str = "minimal") -> float:
         towards = np.arctan2(*(ahead - truth.position_m)[1::-1])
         turn = wrap_angle(towards - quat_to_rpy(truth.quat_xyzw)[2])
         slower = float(observation["speed"][0]) > TARGET_SPEED_MPS
-        action = np.array([np.clip(turn, -1, 1), 0.0 if slower else 0.4, 0, 0, 0], np.float32)
+        action = np.array([np.clip(turn, -1, 1), 0.0 if slower else 0.4], np.float32)
         observation, reward, terminated, truncated, info = env.step(action)
         if step % 50 == 49:
             print(f"{info['stamp_ns'] / 1e9:5.1f} s  {info['route_s_m']:6.1f} m  reward {reward:.2f}")

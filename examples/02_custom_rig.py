@@ -24,7 +24,7 @@ def main(rig_file: Path = RIG_FILE, out: Path = REAR_PICTURE) -> SensorRig:
     env = gymnasium.make("CarlaLoc-Town03-v0", rig=rig, weather="FoggyNoon")
     observation, _ = env.reset(seed=1)
     for _ in range(3):
-        observation, *_ = env.step(np.zeros(5, np.float32))
+        observation, *_ = env.step(np.zeros(2, np.float32))
     env.close()
     cv2.imwrite(str(out), cv2.cvtColor(observation["rgb_rear"], cv2.COLOR_RGB2BGR))
     points = observation["roof"][: int(observation["roof_count"][0])]

@@ -35,7 +35,7 @@ def main(out: Path = Path("out/cruise"), duration_s: float = 20.0, rig: str = "l
     drive = record(
         RecordConfig(map="Town03", out=out / "drive.mcap", duration_s=duration_s), device=CruiseControl()
     )
-    print(f"{drive.path}: {drive.length_m:.1f} m in {drive.duration_s:.0f} s, {drive.collisions} collisions")
+    print(f"{drive.path}: {drive.driven_m:.1f} m in {drive.duration_s:.0f} s, {drive.collisions} collisions")
     config = ReplayConfig(
         episode=drive.path, out=out / "data", traffic=("static", "dynamic"), rig=rig, formats=("rosbag1",)
     )

@@ -24,7 +24,7 @@ def main(drive: Path, seed: int = 0) -> EvaluationResult:
     geodetic = np.array([(fix.latitude_deg, fix.longitude_deg, fix.altitude_m) for fix in fixes])
     level = np.tile([0.0, 0.0, 0.0, 1.0], (len(fixes), 1))
     estimate = Trajectory(
-        stamp_ns=stamps, position_m=town.geo.geodetic_to_enu(geodetic), quat_xyzw=level, name="raw GNSS"
+        stamp_ns=stamps, position_m=town.roads.geo.geodetic_to_enu(geodetic), quat_xyzw=level, name="raw GNSS"
     )
     motion = timeline.ego_motion(stamps).at_mount(state_rig().frames["gnss"])
     truth = Trajectory(

@@ -12,13 +12,13 @@ import ray
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.tune.registry import register_env
 
-from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 
 
 def main(runners: int = 2, iterations: int = 50, actions: int = 2000) -> tuple[set[int], list[float]]:
     """Learn, and return the processes that drove and the mean return after each iteration."""
     ray.init(num_cpus=runners + 1, include_dashboard=False, ignore_reinit_error=True)
-    register_env("town01", lambda config: DrivingEnv(map="Town01", frame_skip=4, **config))
+    register_env("town01", lambda config: CarlaLocEnv(map="Town01", rig="state", frame_skip=4, **config))
     config = (
         PPOConfig()
         .environment("town01", env_config={"task": {"red_light": 100.0}})

@@ -15,11 +15,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from condition_plot import plot_conditions
 
 from carlaloc_env import CarlaLocError
 from carlaloc_env.scene.semantic_tags import Tag
 from recorder import (
-    EvaluationResult,
     Metric,
     RecordConfig,
     ReplayConfig,
@@ -28,19 +28,22 @@ from recorder import (
     record,
     replay,
 )
-from recorder.benchmark.page import lanes_of, write_page
+from recorder.benchmark.page import write_page
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-from recorder.benchmark.score import evaluate_run, frames_of
+from recorder.benchmark.score import Score
 from recorder.cli.progress import Progress
 from recorder.dataset.sequence import RAW
 from recorder.episode.episode import open_episode
-from recorder.report.condition_plot import plot_conditions
+from recorder.evaluation.path_errors import PathErrors
+from recorder.report.lane_lines import lane_lines_of
 from recorder.slam.systems import SYSTEMS
 
 WEATHERS = ("ClearNoon", "FoggyNoon")
 TRAFFIC = ("static", "dynamic")
 METHODS = ("small_gicp", "rko_lio", "stereo_vo")
 """Of these, what is installed: RKO-LIO has no wheels for Python 3.14 yet."""
+Scores = dict[str, dict[str, tuple[Score, PathErrors]]]
+"""Score and errors by title of a system and level of traffic."""
 
 
 def main(out: Path, duration_s: float = 40.0, camera_start_s: float = 12.0, camera_s: float = 6.0) -> Path:
@@ -50,7 +53,8 @@ def main(out: Path, duration_s: float = 40.0, camera_start_s: float = 12.0, came
     drive = _record(out / "drive.mcap", duration_s)
     result = _replay(drive, out / "data", camera_start_s, camera_s)
     scores, page = _scores(out / "data", out / "benchmark")
-    plot = plot_conditions(scores, out / "story.png", lanes_m=lanes_of("Town03"), title=_title(drive, result))
+    errors = {title: {level: of[level][1] for level in TRAFFIC} for title, of in scores.items()}
+    plot = plot_conditions(errors, out / "story.png", lane_lines_of("Town03"), _title(drive, result))
     mosaic = _mosaic(result, out / "mosaic.png")
     _report(out, drive, result, scores, [plot, mosaic], page, time.monotonic() - began)
     return out
@@ -91,22 +95,20 @@ def _replay(drive: Path, out: Path, camera_start_s: float, camera_s: float) -> R
         return replay(config, progress.update)
 
 
-def _scores(data: Path, out: Path) -> tuple[dict[str, dict[str, EvaluationResult]], Path]:
-    """Errors in ClearNoon by system and level of traffic, and the page that tells of all runs."""
+def _scores(data: Path, out: Path) -> tuple[Scores, Path]:
+    """Scores in ClearNoon, and the page that shows all runs."""
     methods = tuple(name for name in METHODS if SYSTEMS[name].is_installed)
     workers = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
     config = BenchmarkConfig(data=data, out=out, methods=methods, workers=workers, clouds=(RAW,))
-    with Progress("3/3 runs of SLAM systems") as progress:
+    with Progress("3/3 SLAM systems", unit="runs") as progress:
         found = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
-    scores: dict[str, dict[str, EvaluationResult]] = {name: {} for name in methods}
-    for job, score in zip(found.jobs, found.scores, strict=True):
-        if score.coverage == 0.0:
-            raise CarlaLocError(f"{job.folder}: {score.failed}")
+    if any(score.coverage == 0.0 for score in found.scores):
+        raise CarlaLocError(found.failures[0])
+    scores: Scores = {SYSTEMS[name].title: {} for name in methods}
+    for score, (job, errors) in zip(found.scores, found.errors(), strict=True):
         if job.sequence.weather == WEATHERS[0]:
-            folder = out / job.folder
-            scores[job.method][job.sequence.traffic] = evaluate_run(job, folder, frames_of(folder))
-    by_title = {SYSTEMS[name].title: {level: of[level] for level in TRAFFIC} for name, of in scores.items()}
-    return by_title, write_page(found, out)
+            scores[score.title][score.traffic] = score, errors
+    return scores, write_page(found)
 
 
 def _title(drive: Path, result: ReplayResult) -> str:
@@ -132,18 +134,21 @@ def _report(
     out: Path,
     drive: Path,
     result: ReplayResult,
-    scores: dict[str, dict[str, EvaluationResult]],
+    scores: Scores,
     pictures: list[Path],
     page: Path,
     took_s: float,
 ) -> None:
     print("\nOdometry against the true motion of its own sensor:")
     for system, by_level in scores.items():
-        for level, score in by_level.items():
-            print(f"  {system}, {level}: {score.matched} poses")
-            for metric in (Metric.APE_TRANSLATION, Metric.RPE_PAPER, Metric.RPE_TRANSLATION):
-                statistics = score.statistics[metric]
-                print(f"    {metric.value:<60} rmse {statistics.rmse:.3f} {metric.unit}")
+        for level, (score, errors) in by_level.items():
+            print(f"  {system}, {level}: {len(errors.error_m)} poses")
+            for metric, rmse_m in (
+                (Metric.APE_TRANSLATION, score.ape_m),
+                (Metric.RPE_PAPER, score.rpe_paper_m),
+                (Metric.RPE_TRANSLATION, score.rpe_m),
+            ):
+                print(f"    {metric.value:<60} rmse {rmse_m:.3f} m")
     print(f"\nThe drive      {drive}")
     for folder in result.sequences:
         print(f"A sequence     {folder}   (bag, EuRoC mav0/, preview.mp4)")

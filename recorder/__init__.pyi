@@ -35,8 +35,7 @@ from recorder.replaying.replay import ReplayResult as ReplayResult
 from recorder.replaying.replay import replay as replay
 from recorder.report.town_preview import draw_town as draw_town
 from recorder.report.trajectory_plot import plot_trajectories as plot_trajectories
-from recorder.slam.bag_odometry import gicp_odometry as gicp_odometry
-from recorder.slam.bag_odometry import kiss_icp_odometry as kiss_icp_odometry
+from recorder.slam.bag_odometry import run_odometry as run_odometry
 from recorder.writers.base import Encoder as Encoder
 from recorder.writers.base import Writer as Writer
 from recorder.writers.formats.dsec import DsecEncoder as DsecEncoder

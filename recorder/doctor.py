@@ -60,9 +60,18 @@ def examine(out: Path | None = None) -> DoctorReport:
     Args:
         out: Folder whose disk is looked at; the present one when left out.
     """
-    graphics, quality = _guarded_graphics()
+    graphics = _guarded(
+        "OpenGL", _graphics, needed=True, remedy="apt-get install libegl1 libgl1 libgl1-mesa-dri"
+    )
+    draws_on_cores = any(word in graphics.detail.lower() for word in ("llvmpipe", "softpipe", "swrast"))
     findings = (
-        _python(),
+        Finding(
+            name="Python",
+            works=True,
+            needed=True,
+            detail=f"{platform.python_version()} on {platform.system()} {platform.machine()}, "
+            f"{os.cpu_count()} cores",
+        ),
         graphics,
         _guarded("ray casting", _rays, needed=True, remedy="apt-get install libgomp1 libusb-1.0-0 libidn2-0"),
         _guarded("physics", _physics, needed=True, remedy="pip install --force-reinstall pybullet"),
@@ -73,6 +82,7 @@ def examine(out: Path | None = None) -> DoctorReport:
         _optional("rko_lio", "LiDAR-inertial odometry in `make demo`", "slam", below=(3, 14)),
         _optional("matplotlib", "trajectory plots", "report"),
     )
+    quality = "high" if graphics.works and not draws_on_cores else "medium"
     return DoctorReport(findings=findings, quality=quality)
 
 
@@ -84,43 +94,22 @@ def _guarded(name: str, check: Callable[[], tuple[bool, str]], *, needed: bool, 
     return Finding(name=name, works=works, needed=needed, detail=detail, remedy="" if works else remedy)
 
 
-def _python() -> Finding:
-    good = sys.version_info >= (3, 10)
-    system = f"{platform.system()} {platform.machine()}"
-    return Finding(
-        name="Python",
-        works=good,
-        needed=True,
-        detail=f"{platform.python_version()} on {system}, {os.cpu_count()} cores",
-        remedy="" if good else "install Python 3.11",
-    )
+def _graphics() -> tuple[bool, str]:
+    from carlaloc_env.render.renderer import SceneRenderer
 
-
-def _guarded_graphics() -> tuple[Finding, str]:
-    quality = "medium"
-
-    def check() -> tuple[bool, str]:
-        nonlocal quality
-        from carlaloc_env.render.renderer import SceneRenderer
-
-        with SceneRenderer([_ground()], ModelLibrary({})) as renderer:
-            camera, pose = Pinhole(), np.eye(4)
-            pose[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
-            pose[:3, 3] = (0.0, 0.0, 1.6)
-            weather = weather_by_name("ClearNoon")
-            best_s = np.inf
-            for _ in range(3):
-                begin = time.perf_counter()
-                picture = renderer.draw(camera, pose, Instances())
-                renderer.shade(picture, weather, stamp_ns=0, seed=0)
-                picture.depth_m()
-                best_s = min(best_s, time.perf_counter() - begin)
-            software = any(word in renderer.driver.lower() for word in ("llvmpipe", "softpipe", "swrast"))
-            quality = "medium" if software else "high"
-            return True, f"{renderer.driver}; {best_s * 1e3:.0f} ms per 1280×720 picture of an empty scene"
-
-    finding = _guarded("OpenGL", check, needed=True, remedy="apt-get install libegl1 libgl1 libgl1-mesa-dri")
-    return finding, quality
+    with SceneRenderer([_ground()], ModelLibrary({})) as renderer:
+        camera, pose = Pinhole(), np.eye(4)
+        pose[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+        pose[:3, 3] = (0.0, 0.0, 1.6)
+        weather = weather_by_name("ClearNoon")
+        best_s = np.inf
+        for _ in range(3):
+            begin = time.perf_counter()
+            picture = renderer.draw(camera, pose, Instances())
+            renderer.shade(picture, weather, stamp_ns=0, seed=0)
+            picture.depth_m()
+            best_s = min(best_s, time.perf_counter() - begin)
+        return True, f"{renderer.driver}; {best_s * 1e3:.0f} ms per 1280×720 picture of an empty scene"
 
 
 def _rays() -> tuple[bool, str]:

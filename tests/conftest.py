@@ -17,7 +17,7 @@ pytest_plugins = [
     "shared_fixtures.worlds.towns",
 ]
 
-LONG = ("tests/whole/", "tests/env/", "tests/window/", "tests/drive/")
+LONG = ("tests/whole/", "tests/envs/", "tests/window/", "tests/drive/")
 """Folders whose modules take a minute or more."""
 
 

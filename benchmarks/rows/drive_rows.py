@@ -88,7 +88,7 @@ def _log(bench: Bench, path: Path) -> TimedLog:
     """A log that records a drive of the bench's town to a file."""
 
     def begin(catalog: ActorCatalog) -> EpisodeWriter:
-        header = EpisodeHeader(map_name=TOWN, map_hash=bench.town.content_hash, seed=SEED, catalog=catalog)
+        header = EpisodeHeader(map_name=TOWN, town_hash=bench.town.town_hash, seed=SEED, catalog=catalog)
         return EpisodeWriter(path, header)
 
     return TimedLog(begin)

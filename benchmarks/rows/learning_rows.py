@@ -24,7 +24,7 @@ from timing import time_calls
 import carlaloc_env  # noqa: F401  registers the environments
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.base import Mount
@@ -62,7 +62,7 @@ def learn(rig: str, least: float, traffic: str = HUNDRED, name: str | None = Non
     def row(bench: Bench) -> Row:
         others = "100 others" if traffic == HUNDRED else "237 + 34 others"
         what = f"steps an agent makes, {_WORDS[rig]}, {others}"
-        env = DrivingEnv(map=TOWN, rig=_rigs()[rig], traffic=traffic, quality="low")
+        env = CarlaLocEnv(map=TOWN, rig=_rigs()[rig], traffic=traffic, quality="low", info=())
         count = 20 if bench.quick else {"state": 1000, "bev": 400, "lidar": 60, "camera": 100}[rig]
         steps = partial(_steps, env, count)
         times = time_calls({"ours": steps}, bench.repeat)["ours"].per(count)
@@ -127,7 +127,7 @@ def learn_memory(bench: Bench) -> Row:
 def _workers(number: int) -> Iterator[Any]:
     """Environments in processes of their own, warmed up."""
     envs = gymnasium.make_vec(
-        f"CarlaLoc-{TOWN}-v1", num_envs=number, vectorization_mode="async", traffic=HUNDRED
+        f"CarlaLoc-{TOWN}-v0", num_envs=number, vectorization_mode="async", rig="state", traffic=HUNDRED
     )
     try:
         envs.reset(seed=1)
@@ -143,7 +143,7 @@ def learn_make(bench: Bench) -> Row:
     assert bench.town.name == TOWN  # now it is in the cache
     code = (
         "import time, gymnasium, carlaloc_env; began = time.perf_counter(); "
-        f"gymnasium.make('CarlaLoc-{TOWN}-v1'); print(time.perf_counter() - began)"
+        f"gymnasium.make('CarlaLoc-{TOWN}-v0', rig='state'); print(time.perf_counter() - began)"
     )
     command = [sys.executable, "-c", code]
     found = [
@@ -164,7 +164,7 @@ def learn_make(bench: Bench) -> Row:
 
 def learn_reset(bench: Bench) -> Row:
     """Resets in the same town, traffic run in for its ten seconds."""
-    env = DrivingEnv(map=TOWN, traffic=HUNDRED)
+    env = CarlaLocEnv(map=TOWN, rig="state", traffic=HUNDRED)
     times = time_calls({"ours": lambda: env.reset(seed=3)}, 2 * bench.repeat)["ours"]
     env.close()
     return Row(
@@ -190,7 +190,7 @@ def learn_beside_highway_env(bench: Bench) -> Row:
     theirs = gymnasium.make(
         "highway-v0", config={"vehicles_count": 100, "duration": 40, "policy_frequency": 5}
     ).unwrapped
-    ours = DrivingEnv(map=TOWN, traffic=HUNDRED, frame_skip=4)
+    ours = CarlaLocEnv(map=TOWN, rig="state", traffic=HUNDRED, frame_skip=4)
     action: Any = theirs.action_space.sample()
 
     def drive_theirs() -> None:

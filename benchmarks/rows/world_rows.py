@@ -18,9 +18,10 @@ from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.env import CarlaLocEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.world import PhysicsWorld
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.traffic.world import TrafficConfig
 from recorder.devices.registry import open_device
 
@@ -35,7 +36,7 @@ def physics(bench: Bench) -> Row:
     advance(world, 10 if bench.quick else 60)
     first = world.tick_count // STEP_TICKS * STEP_TICKS - 5 * STEP_TICKS
     timeline, state = world.timeline, world.state
-    alone = PhysicsWorld(bench.town.collision_vertices_m, bench.town.collision_triangles)
+    alone = PhysicsWorld(bench.town.outline.collision_vertices_m, bench.town.outline.collision_triangles)
     ego = EgoCar(alone)
     ego.reset(state.position_m, state.heading_rad)
     ticks = 4 * STEP_TICKS
@@ -132,8 +133,8 @@ def steps(rig: str, least: float | None) -> Callable[[Bench], Row]:
     def row(bench: Bench) -> Row:
         name, what = f"steps_{rig}", f"environment steps of 50 ms, rig '{rig}'"
         count = {"state": 40, "lidar": 8, "paper": 2}[rig]
-        env = CarlaLocEnv(TOWN, rig=rig)
-        action = np.array([0.0, 0.3, 0.0, 0.0, 0.0], np.float32)
+        env = CarlaLocEnv(TOWN, rig=rig_by_name(rig))
+        action = np.array([0.0, 0.3], np.float32)
 
         def some() -> None:
             for _ in range(count):

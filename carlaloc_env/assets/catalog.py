@@ -48,28 +48,22 @@ CLOTH_TINTS: Tints = (
 """Linear colours of a walker's upper clothes with their shares."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class VehicleModel:
     """A vehicle that can take part in traffic; its mesh stands centred on its box, nose along +x."""
 
     name: str
     tag: Tag
-    length_m: float
-    width_m: float
-    height_m: float
+    size_m: tuple[float, float, float]
+    """Length, width, height [m]."""
     wheelbase_m: float
     weight: float
     """Share of the fleet; all weights add up to 1."""
     tints: Tints = FLEET_TINTS
     """Linear colours 0–255 with their shares."""
 
-    @property
-    def size_m(self) -> tuple[float, float, float]:
-        """Length, width, height [m]."""
-        return self.length_m, self.width_m, self.height_m
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class WalkerModel:
     """A person on foot."""
 
@@ -79,8 +73,8 @@ class WalkerModel:
     """Distance of one whole gait cycle (two steps) [m]; drives the phase, so that feet do not slide."""
     speed_mps: float
     """Usual walking speed [m/s]."""
-    width_m: float
     depth_m: float
+    width_m: float
     weight: float
     """Share of the walkers; all weights add up to 1."""
     tints: Tints = CLOTH_TINTS
@@ -92,71 +86,38 @@ class WalkerModel:
         return self.depth_m, self.width_m, self.stature_m + 0.03
 
 
-def _vehicle(
-    name: str, tag: Tag, size_m: tuple[float, float, float], wheelbase_m: float, weight: float, tints: Tints
-) -> tuple[str, VehicleModel]:
-    return name, VehicleModel(
-        name=name,
-        tag=tag,
-        length_m=size_m[0],
-        width_m=size_m[1],
-        height_m=size_m[2],
-        wheelbase_m=wheelbase_m,
-        weight=weight,
-        tints=tints,
-    )
-
-
-VEHICLES: dict[str, VehicleModel] = dict(
-    (
-        _vehicle("city_car", Tag.CAR, (3.60, 1.65, 1.50), 2.40, 0.07, FLEET_TINTS),
-        _vehicle("hatchback", Tag.CAR, (4.28, 1.79, 1.46), 2.63, 0.20, FLEET_TINTS),
-        _vehicle("saloon", Tag.CAR, (4.70, 1.85, 1.45), 2.82, 0.19, FLEET_TINTS),
-        _vehicle("estate", Tag.CAR, (4.75, 1.85, 1.48), 2.82, 0.08, FLEET_TINTS),
-        _vehicle("coupe", Tag.CAR, (4.50, 1.88, 1.32), 2.50, 0.03, FLEET_TINTS),
-        _vehicle("suv", Tag.CAR, (4.45, 1.85, 1.65), 2.66, 0.15, FLEET_TINTS),
-        _vehicle("large_suv", Tag.CAR, (4.95, 1.98, 1.78), 2.95, 0.06, FLEET_TINTS),
-        _vehicle("minibus", Tag.CAR, (5.00, 1.95, 1.95), 3.10, 0.03, FLEET_TINTS),
-        _vehicle("pickup", Tag.TRUCK, (5.60, 2.00, 1.90), 3.45, 0.05, FLEET_TINTS),
-        _vehicle("van", Tag.TRUCK, (5.95, 2.05, 2.55), 3.60, 0.05, CARGO_TINTS),
-        _vehicle("lorry", Tag.TRUCK, (8.00, 2.50, 3.40), 4.50, 0.03, CARGO_TINTS),
-        _vehicle("bus", Tag.BUS, (12.00, 2.55, 3.10), 5.90, 0.02, BUS_TINTS),
-        _vehicle("motorcycle", Tag.MOTORCYCLE, (2.15, 0.80, 1.65), 1.45, 0.02, CYCLE_TINTS),
-        _vehicle("bicycle", Tag.BICYCLE, (1.75, 0.60, 1.75), 1.05, 0.02, CYCLE_TINTS),
-    )
+_VEHICLES = (
+    VehicleModel("city_car", Tag.CAR, (3.60, 1.65, 1.50), 2.40, 0.07),
+    VehicleModel("hatchback", Tag.CAR, (4.28, 1.79, 1.46), 2.63, 0.20),
+    VehicleModel("saloon", Tag.CAR, (4.70, 1.85, 1.45), 2.82, 0.19),
+    VehicleModel("estate", Tag.CAR, (4.75, 1.85, 1.48), 2.82, 0.08),
+    VehicleModel("coupe", Tag.CAR, (4.50, 1.88, 1.32), 2.50, 0.03),
+    VehicleModel("suv", Tag.CAR, (4.45, 1.85, 1.65), 2.66, 0.15),
+    VehicleModel("large_suv", Tag.CAR, (4.95, 1.98, 1.78), 2.95, 0.06),
+    VehicleModel("minibus", Tag.CAR, (5.00, 1.95, 1.95), 3.10, 0.03),
+    VehicleModel("pickup", Tag.TRUCK, (5.60, 2.00, 1.90), 3.45, 0.05),
+    VehicleModel("van", Tag.TRUCK, (5.95, 2.05, 2.55), 3.60, 0.05, CARGO_TINTS),
+    VehicleModel("lorry", Tag.TRUCK, (8.00, 2.50, 3.40), 4.50, 0.03, CARGO_TINTS),
+    VehicleModel("bus", Tag.BUS, (12.00, 2.55, 3.10), 5.90, 0.02, BUS_TINTS),
+    VehicleModel("motorcycle", Tag.MOTORCYCLE, (2.15, 0.80, 1.65), 1.45, 0.02, CYCLE_TINTS),
+    VehicleModel("bicycle", Tag.BICYCLE, (1.75, 0.60, 1.75), 1.05, 0.02, CYCLE_TINTS),
 )
+VEHICLES = {model.name: model for model in _VEHICLES}
 """All vehicles by name."""
-
-
-def _walker(
-    name: str, stature_m: float, stride_m: float, speed_mps: float, box_m: tuple[float, float], weight: float
-) -> tuple[str, WalkerModel]:
-    return name, WalkerModel(
-        name=name,
-        stature_m=stature_m,
-        stride_m=stride_m,
-        speed_mps=speed_mps,
-        width_m=box_m[1],
-        depth_m=box_m[0],
-        weight=weight,
-    )
-
-
-WALKERS: dict[str, WalkerModel] = dict(
-    (
-        _walker("walker_man", 1.76, 1.46, 1.38, (1.14, 0.60), 0.15),
-        _walker("walker_man_suit", 1.80, 1.50, 1.42, (1.16, 0.71), 0.10),
-        _walker("walker_man_stout", 1.74, 1.38, 1.28, (1.10, 0.60), 0.08),
-        _walker("walker_youth", 1.70, 1.44, 1.42, (1.10, 0.58), 0.11),
-        _walker("walker_woman", 1.63, 1.34, 1.33, (1.04, 0.56), 0.15),
-        _walker("walker_woman_skirt", 1.66, 1.34, 1.33, (1.06, 0.56), 0.11),
-        _walker("walker_woman_coat", 1.65, 1.32, 1.30, (1.04, 0.64), 0.10),
-        _walker("walker_elderly", 1.68, 1.08, 1.00, (1.10, 0.60), 0.07),
-        _walker("walker_elderly_woman", 1.58, 1.00, 0.95, (0.88, 0.56), 0.05),
-        _walker("walker_child", 1.28, 1.06, 1.20, (0.82, 0.46), 0.05),
-        _walker("walker_girl", 1.18, 0.98, 1.15, (0.78, 0.42), 0.03),
-    )
+_WALKERS = (
+    WalkerModel("walker_man", 1.76, 1.46, 1.38, 1.14, 0.60, 0.15),
+    WalkerModel("walker_man_suit", 1.80, 1.50, 1.42, 1.16, 0.71, 0.10),
+    WalkerModel("walker_man_stout", 1.74, 1.38, 1.28, 1.10, 0.60, 0.08),
+    WalkerModel("walker_youth", 1.70, 1.44, 1.42, 1.10, 0.58, 0.11),
+    WalkerModel("walker_woman", 1.63, 1.34, 1.33, 1.04, 0.56, 0.15),
+    WalkerModel("walker_woman_skirt", 1.66, 1.34, 1.33, 1.06, 0.56, 0.11),
+    WalkerModel("walker_woman_coat", 1.65, 1.32, 1.30, 1.04, 0.64, 0.10),
+    WalkerModel("walker_elderly", 1.68, 1.08, 1.00, 1.10, 0.60, 0.07),
+    WalkerModel("walker_elderly_woman", 1.58, 1.00, 0.95, 0.88, 0.56, 0.05),
+    WalkerModel("walker_child", 1.28, 1.06, 1.20, 0.82, 0.46, 0.05),
+    WalkerModel("walker_girl", 1.18, 0.98, 1.15, 0.78, 0.42, 0.03),
 )
+WALKERS = {model.name: model for model in _WALKERS}
 """All walkers by name."""
 
 GAIT_PHASES = 48

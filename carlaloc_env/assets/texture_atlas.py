@@ -34,107 +34,49 @@ MARGIN = 1.0 / 64.0
 """Share of a cell left out at each edge, so that coarse mip levels do not bleed."""
 
 
-class SignCell(IntEnum):
-    """Cells of `Material.SIGN`."""
-
-    STOP = 0
-    YIELD = 1
-    SPEED_30 = 2
-    SPEED_40 = 3
-    SPEED_50 = 4
-    SPEED_60 = 5
-    SPEED_90 = 6
-    NO_ENTRY = 7
-    ONE_WAY = 8
-    CROSSING = 9
-    PARKING = 10
-    BUS_STOP = 11
-    STREET_A = 12
-    STREET_B = 13
-    PLATE = 14
-    BACK = 15
+SignCell = IntEnum(
+    "SignCell",
+    "STOP YIELD SPEED_30 SPEED_40 SPEED_50 SPEED_60 SPEED_90 NO_ENTRY ONE_WAY CROSSING PARKING "
+    "BUS_STOP STREET_A STREET_B PLATE BACK",
+    start=0,
+)
+"""Cells of `Material.SIGN`."""
 
 
-class WindowCell(IntEnum):
-    """Cells of `Material.WINDOW`: sashes with different blinds, curtains and rooms."""
-
-    PLAIN = 0
-    BLIND_LOW = 1
-    BLIND_HALF = 2
-    BLIND_FULL = 3
-    CURTAIN_WHITE = 4
-    CURTAIN_RED = 5
-    CURTAIN_GREEN = 6
-    NET = 7
-    SLATS = 8
-    SLATS_HALF = 9
-    PLANT = 10
-    LAMP = 11
-    SHELF = 12
-    OPEN_SASH = 13
-    DARK = 14
-    BRIGHT = 15
+WindowCell = IntEnum(
+    "WindowCell",
+    "PLAIN BLIND_LOW BLIND_HALF BLIND_FULL CURTAIN_WHITE CURTAIN_RED CURTAIN_GREEN NET SLATS "
+    "SLATS_HALF PLANT LAMP SHELF OPEN_SASH DARK BRIGHT",
+    start=0,
+)
+"""Cells of `Material.WINDOW`: sashes with different blinds, curtains and rooms."""
 
 
-class ShopCell(IntEnum):
-    """Cells of `Material.SHOP_FRONT`."""
-
-    CAFE = 0
-    BOOKS = 1
-    GROCER = 2
-    FASHION = 3
+ShopCell = IntEnum("ShopCell", "CAFE BOOKS GROCER FASHION", start=0)
+"""Cells of `Material.SHOP_FRONT`."""
 
 
-class ShopBCell(IntEnum):
-    """Cells of `Material.SHOP_FRONT_B`."""
-
-    BAKERY = 0
-    PHARMACY = 1
-    BARBER = 2
-    ELECTRO = 3
+ShopBCell = IntEnum("ShopBCell", "BAKERY PHARMACY BARBER ELECTRO", start=0)
+"""Cells of `Material.SHOP_FRONT_B`."""
 
 
-class WideWindowCell(IntEnum):
-    """Cells of `Material.WINDOW_WIDE`: windows about twice as wide as high."""
-
-    OFFICE = 0
-    BLINDS = 1
-    HALF_BLINDS = 2
-    CURTAINS = 3
-    DARK = 4
-    LIT = 5
-    THREE_SASH = 6
-    PLANTS = 7
+WideWindowCell = IntEnum(
+    "WideWindowCell", "OFFICE BLINDS HALF_BLINDS CURTAINS DARK LIT THREE_SASH PLANTS", start=0
+)
+"""Cells of `Material.WINDOW_WIDE`: windows about twice as wide as high."""
 
 
-class DoorCell(IntEnum):
-    """Cells of `Material.DOOR`."""
-
-    PANELLED = 0
-    GLAZED = 1
-    STEEL = 2
-    GARAGE = 3
+DoorCell = IntEnum("DoorCell", "PANELLED GLAZED STEEL GARAGE", start=0)
+"""Cells of `Material.DOOR`."""
 
 
-class PosterCell(IntEnum):
-    """Cells of `Material.POSTER`: bills with lettering and simple pictures."""
-
-    OPERA = 0
-    CIRCUS = 1
-    COFFEE = 2
-    MUSEUM = 3
-    JAZZ = 4
-    MARATHON = 5
-    CINEMA = 6
-    TRAVEL = 7
-    BANK = 8
-    GALLERY = 9
-    FESTIVAL = 10
-    MARKET = 11
-    RADIO = 12
-    ZOO = 13
-    THEATRE = 14
-    SALE = 15
+PosterCell = IntEnum(
+    "PosterCell",
+    "OPERA CIRCUS COFFEE MUSEUM JAZZ MARATHON CINEMA TRAVEL BANK GALLERY FESTIVAL MARKET RADIO "
+    "ZOO THEATRE SALE",
+    start=0,
+)
+"""Cells of `Material.POSTER`: bills with lettering and simple pictures."""
 
 
 STREET_NAMES = (

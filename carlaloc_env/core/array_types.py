@@ -15,8 +15,6 @@ U8 = NDArray[np.uint8]
 """Bytes: colours, tags, materials."""
 U32 = NDArray[np.uint32]
 """Whole numbers, 32 bits: instances, times in a scan [ns]."""
-U64 = NDArray[np.uint64]
-"""Whole numbers, 64 bits: hashes."""
 Index = NDArray[np.intp]
 """Rows of other arrays."""
 Mask = NDArray[np.bool_]

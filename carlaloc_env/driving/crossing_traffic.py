@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.core.geometry.transforms import wrap_angle
@@ -49,7 +50,7 @@ def crossing_traffic(
     position_m = actors.position_m.astype(np.float64)
     near = np.hypot(position_m[:, 0] - own[0], position_m[:, 1] - own[1]) < _RANGE_M + 10.0
     # A vehicle behind yields to the ego, not the ego to it.
-    east, north = np.cos(path.heading_rad[0]), np.sin(path.heading_rad[0])
+    east, north = elementary.cos(path.heading_rad[0]), elementary.sin(path.heading_rad[0])
     near &= (position_m[:, 0] - own[0]) * east + (position_m[:, 1] - own[1]) * north > 0.5 * EGO_FRONT_M
     near &= (actors.speed_mps > _SLOWEST_MPS) & (np.abs(position_m[:, 2] - own[2]) < 3.0)
     index = np.flatnonzero(near)
@@ -63,8 +64,9 @@ def crossing_traffic(
     side = np.sqrt(np.take_along_axis(distance, closest[..., None], axis=-1)[..., 0])
     angle = wrap_angle(heading - path.heading_rad[closest])
     half = 0.5 * catalog.size_m[index].astype(np.float64)
-    across = half[:, :1] * np.abs(np.sin(angle)) + half[:, 1:2] * np.abs(np.cos(angle))
-    along = half[:, :1] * np.abs(np.cos(angle)) + half[:, 1:2] * np.abs(np.sin(angle))
+    cos, sin = elementary.cos(angle), elementary.sin(angle)
+    across = half[:, :1] * np.abs(sin) + half[:, 1:2] * np.abs(cos)
+    along = half[:, :1] * np.abs(cos) + half[:, 1:2] * np.abs(sin)
     gap = closest - along - EGO_FRONT_M
     arrives_s = np.maximum(gap, 0.0) / max(speed_mps, 3.0)
     meets = side < across + 0.5 * EGO_SIZE_M[1] + _SIDE_M
@@ -73,7 +75,7 @@ def crossing_traffic(
     if not meets.any():
         return None
     first = np.unravel_index(int(np.argmin(np.where(meets, gap, np.inf))), gap.shape)
-    speed = float(actors.speed_mps[index[first[0]]]) * float(np.cos(angle[first]))
+    speed = float(actors.speed_mps[index[first[0]]]) * float(cos[first])
     return float(gap[first]), max(speed, 0.0)
 
 
@@ -81,11 +83,11 @@ def _future(actors: ActorFrame, index: NDArray[np.intp]) -> tuple[Array, Array, 
     """Positions x, y [m] and headings [rad] of actors at the times `_AHEAD_S`, each of shape (N, T)."""
     speed = actors.speed_mps[index].astype(np.float64)[:, None]
     heading = actors.heading_rad[index].astype(np.float64)[:, None]
-    bend = np.tan(actors.steer_rad[index].astype(np.float64))[:, None] / _OTHERS_WHEELBASE_M
+    bend = elementary.tan(actors.steer_rad[index].astype(np.float64))[:, None] / _OTHERS_WHEELBASE_M
     distance = speed * _AHEAD_S
     half_turn = np.clip(0.5 * distance * bend, -0.8, 0.8)
-    chord = distance * np.sinc(half_turn / np.pi)
+    chord = distance * elementary.sinc(half_turn / np.pi)
     direction = heading + half_turn
-    x = actors.position_m[index, 0].astype(np.float64)[:, None] + chord * np.cos(direction)
-    y = actors.position_m[index, 1].astype(np.float64)[:, None] + chord * np.sin(direction)
+    x = actors.position_m[index, 0].astype(np.float64)[:, None] + chord * elementary.cos(direction)
+    y = actors.position_m[index, 1].astype(np.float64)[:, None] + chord * elementary.sin(direction)
     return x, y, heading + 2.0 * half_turn

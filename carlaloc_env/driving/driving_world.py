@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS, TICK_S, stamp_ns
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.driving.road_ahead import RoadAhead
@@ -24,11 +25,11 @@ from carlaloc_env.physics.ego import EgoCar, EgoState
 from carlaloc_env.physics.world import PhysicsWorld
 from carlaloc_env.timeline.actor_quantisation import on_grid
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, Timeline
-from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
-from carlaloc_env.traffic.kept_tables import kept_tables
+from carlaloc_env.town.without_movables import without_movables
 from carlaloc_env.traffic.stop_lines import StopLines
+from carlaloc_env.traffic.traffic_tables import kept_tables
 from carlaloc_env.traffic.vehicles.ego_agent import EgoView
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
@@ -58,13 +59,13 @@ class DrivingWorld:
     def __init__(self, town: Town, traffic: TrafficConfig, *, friction: float = 1.0) -> None:
         if town.route is None:
             raise ConfigError(f"town '{town.name}' has no route; add [route] points to its town.toml")
-        self.town = town if traffic.parked_cars else without_parked_cars(town)
+        self.town = town if traffic.parked_cars else without_movables(town)
         self.route: Route = town.route
         self.traffic_config = traffic
         self._tables = kept_tables(town)
         self._physics = PhysicsWorld(
-            self.town.collision_vertices_m,
-            self.town.collision_triangles,
+            self.town.outline.collision_vertices_m,
+            self.town.outline.collision_triangles,
             friction=friction,
             roughness=town.roughness,
         )
@@ -230,8 +231,9 @@ def ego_view(position_m: NDArray[np.float64], heading_rad: float, speed_mps: flo
     """
     x, y, z = (float(value) for value in position_m)
     ahead = EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
+    north, east = sin_cos(heading_rad)
     return EgoView(
-        position_m=(x + ahead * float(np.cos(heading_rad)), y + ahead * float(np.sin(heading_rad)), z),
+        position_m=(x + ahead * east, y + ahead * north, z),
         heading_rad=heading_rad,
         speed_mps=speed_mps,
         length_m=EGO_SIZE_M[0],

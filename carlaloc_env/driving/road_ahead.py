@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_SIZE_M
 from carlaloc_env.driving.crossing_traffic import crossing_traffic
@@ -144,14 +145,15 @@ class RoadAhead:
         closest = np.argmin(distance, axis=1)
         rows = np.arange(len(index))
         angle = actors.heading_rad[index].astype(np.float64) - path.heading_rad[closest]
-        half_width = half[index, 0] * np.abs(np.sin(angle)) + half[index, 1] * np.abs(np.cos(angle))
+        cos, sin = elementary.cos(angle), elementary.sin(angle)
+        half_width = half[index, 0] * np.abs(sin) + half[index, 1] * np.abs(cos)
         side = np.sqrt(distance[rows, closest])
         in_path = (side < half_width + 0.5 * EGO_SIZE_M[1] + 0.25) & (np.abs(delta[rows, closest, 2]) < 3.0)
         in_path &= (closest > 0) & (closest < len(ahead) - 1)
         if not in_path.any():
             return None, 0.0
-        along = half[index, 0] * np.abs(np.cos(angle)) + half[index, 1] * np.abs(np.sin(angle))
+        along = half[index, 0] * np.abs(cos) + half[index, 1] * np.abs(sin)
         gap = np.where(in_path, ahead[closest] - along - EGO_FRONT_M, np.inf)
         first = int(np.argmin(gap))
-        speed = float(actors.speed_mps[index[first]]) * float(np.cos(angle[first]))
+        speed = float(actors.speed_mps[index[first]]) * float(cos[first])
         return float(gap[first]), max(speed, 0.0)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from math import cos, sin
-
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, TICK_S
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.timeline.timeline import JUMP_M, ActorCatalog, ActorFrame
 
@@ -142,15 +141,14 @@ def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], 
     x, y, z = frame.position_m[i].tolist()
     heading, pitch, roll = (float(a[i]) for a in (frame.heading_rad, frame.pitch_rad, frame.roll_rad))
     lift = 0.5 * height_m
-    back, right = lift * sin(pitch) * cos(roll), lift * sin(roll)
+    (sin_h, cos_h), (sin_p, cos_p), (sin_r, cos_r) = sin_cos(heading), sin_cos(pitch), sin_cos(roll)
+    back, right = lift * sin_p * cos_r, lift * sin_r
     centre = [
-        x + right * sin(heading) - back * cos(heading),
-        y - right * cos(heading) - back * sin(heading),
-        z + lift * cos(pitch) * cos(roll),
+        x + right * sin_h - back * cos_h,
+        y - right * cos_h - back * sin_h,
+        z + lift * cos_p * cos_r,
     ]
-    ch, sh = cos(0.5 * heading), sin(0.5 * heading)
-    cp, sp = cos(-0.5 * pitch), sin(-0.5 * pitch)
-    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    (sh, ch), (sp, cp), (sr, cr) = sin_cos(0.5 * heading), sin_cos(-0.5 * pitch), sin_cos(0.5 * roll)
     quat_xyzw = [
         ch * cp * sr - sh * sp * cr,
         ch * sp * cr + sh * cp * sr,
@@ -167,4 +165,5 @@ def _velocity(frame: ActorFrame, i: int, following: ActorFrame | None) -> list[f
         if max(map(abs, change)) <= JUMP_M:
             return [d / (STEP_NS * 1e-9) for d in change]
     speed, heading, pitch = (float(a[i]) for a in (frame.speed_mps, frame.heading_rad, frame.pitch_rad))
-    return [speed * cos(pitch) * cos(heading), speed * cos(pitch) * sin(heading), speed * sin(pitch)]
+    (sin_h, cos_h), (sin_p, cos_p) = sin_cos(heading), sin_cos(pitch)
+    return [speed * cos_p * cos_h, speed * cos_p * sin_h, speed * sin_p]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, sin, sqrt
+from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +12,9 @@ from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.core.road.road_profile import no_roughness
 from carlaloc_env.physics.ground_heights import highest_below
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.powertrain import Powertrain
@@ -22,11 +22,10 @@ from carlaloc_env.physics.quiet_import import pybullet
 from carlaloc_env.physics.wheel import PLACES, BodyMotion, Drive, advance_wheels, wet_at_speed
 from carlaloc_env.physics.wheel_table import car_record, settle, wheel_table
 from carlaloc_env.physics.world import PhysicsWorld
+from carlaloc_env.road.road_profile import no_roughness
 
 _SETTLE_TICKS = 400
 """Ticks after which the car rests on its springs."""
-_BRAKE_LIGHT_MPS2 = 1.3
-"""Deceleration from which the brake lights are lit [m/s²]."""
 _PARKED = Controls(handbrake=True, brake=1.0)
 """Controls of a standing car."""
 
@@ -57,8 +56,6 @@ class EgoState:
     """Compression of the suspension from rest [m], same order."""
     wheel_load_n: tuple[float, float, float, float]
     """Normal forces of the tyres [N], same order."""
-    is_braking: bool
-    """Whether the brake lights are lit."""
 
 
 class EgoCar:
@@ -82,7 +79,6 @@ class EgoCar:
         self._pushed = np.zeros(6)
         self._body = -1
         self._steer_rad = 0.0
-        self._is_braking = False
         self._motion: BodyMotion = (0.0,) * 3 + (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0) + (0.0,) * 6
         self._quat: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0)
         self._speed_before_mps = 0.0
@@ -127,8 +123,6 @@ class EgoCar:
         self._turn_wheels(controls.steer)
         power = self._powertrain
         power.update(controls, m[12])
-        slowing_n = -power.motor_n if m[12] > 0.0 else power.motor_n
-        self._is_braking = controls.brake > 0.0 or slowing_n > _BRAKE_LIGHT_MPS2 * p.mass_kg
         mu = wet_at_speed(self._world.friction, m[12])
         how = Drive(self._steer_rad, power.motor_n, power.brake_n, power.handbrake_nm, mu)
         drag = 0.5 * p.air_kgpm3 * p.drag_area_m2 * sqrt(m[12] * m[12] + m[13] * m[13] + m[14] * m[14])
@@ -170,7 +164,6 @@ class EgoCar:
             wheel_spin_radps=tuple(wheels["spin_radps"].tolist()),
             wheel_travel_m=tuple(wheels["travel_m"].tolist()),
             wheel_load_n=tuple(wheels["load_n"].tolist()),
-            is_braking=self._is_braking,
         )
 
     def _turn_wheels(self, steer: float) -> None:
@@ -231,7 +224,7 @@ class EgoCar:
     def _place_on_road(self, wanted_m: Array, heading_rad: float) -> tuple[Array, Array]:
         """Pose of `base_link` whose four wheels touch the road."""
         p = self._params
-        c, s = cos(heading_rad), sin(heading_rad)
+        s, c = sin_cos(heading_rad)
         feet = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
         ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in feet]
         high_m, low_m = float(wanted_m[2]) + 2.0, float(wanted_m[2]) - 4.0

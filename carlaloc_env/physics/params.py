@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.ego_car import (
     EGO_FRONT_M,
     EGO_REAR_M,
@@ -170,7 +171,7 @@ class VehicleParams:
     def axle_cornering_nprad(self) -> tuple[float, float]:
         """Cornering stiffness of front and rear axle at static load [N/rad]."""
         front, rear = (
-            2 * self.cornering_n * math.sin(2 * math.atan(load / self.cornering_load_n))
+            2 * self.cornering_n * float(elementary.sin(2 * elementary.arctan(load / self.cornering_load_n)))
             for load in self.static_load_n
         )
         return front * self.front_compliance, rear

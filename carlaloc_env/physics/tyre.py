@@ -7,10 +7,11 @@ is a spring that holds the car on a slope (Pacejka, "Tyre and Vehicle Dynamics",
 
 from __future__ import annotations
 
-from math import atan, exp, sin, sqrt
+from math import sqrt
 from typing import Any
 
 from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.elementary_kernels import arctan, exp, sin
 from carlaloc_env.core.jit import compiled
 
 _C = 1.4
@@ -63,7 +64,7 @@ def advance_tyre(
     shape = 1.0
     if r > 1e-9:
         x = _B * r
-        shape = sin(_C * atan(x - _E * (x - atan(x)))) / r
+        shape = sin(_C * arctan(x - _E * (x - arctan(x)))) / r
     force_long, force_lat = d_long * e_long * shape, d_lat * e_lat * shape
     if speed < 6.0:
         # Without rolling, nothing else takes the swing out of the shear springs.
@@ -76,7 +77,7 @@ def advance_tyre(
 @compiled
 def cornering_stiffness(car: Any, load_n: float) -> float:
     """Slope of lateral force over slip angle [N/rad], rising with load less than in proportion."""
-    return float(car.cornering_n * sin(2.0 * atan(load_n / car.cornering_load_n)))
+    return float(car.cornering_n * sin(2.0 * arctan(load_n / car.cornering_load_n)))
 
 
 @compiled

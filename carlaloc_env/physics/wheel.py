@@ -6,17 +6,18 @@ advance semi-implicitly at 200 Hz: positions with the newest speeds, forces from
 
 from __future__ import annotations
 
-from math import atan, cos, sin, sqrt, tan
+from math import sqrt
 from typing import Any, NamedTuple
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
+from carlaloc_env.core.elementary_kernels import arctan, sin_cos, tan
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.core.physical_constants import GRAVITY_MPS2
-from carlaloc_env.core.road.road_profile import RoughTable, rough_height
 from carlaloc_env.physics.ground_heights import GroundTable, highest_below
 from carlaloc_env.physics.tyre import advance_tyre, lateral_mu
 from carlaloc_env.physics.wheel_table import Car, Wheels
+from carlaloc_env.road.road_profile import RoughTable, rough_height
 
 _LOOK_ABOVE_M = 0.5
 """The road is looked for from so far above the hub [m]."""
@@ -107,7 +108,7 @@ def advance_wheels(
     # Ackermann: all wheels turn about one point on the rear axle's line.
     slope = tan(drive.steer_rad)
     half = 0.5 * car.track_m * slope / car.wheelbase_m
-    left, right = atan(slope / (1.0 - half)), atan(slope / (1.0 + half))
+    left, right = arctan(slope / (1.0 - half)), arctan(slope / (1.0 + half))
     front = 0.5 * car.brake_front * drive.brake_n * radius
     rear = 0.5 * (1.0 - car.brake_front) * drive.brake_n * radius
     motor = 0.5 * drive.motor_n * radius
@@ -155,7 +156,7 @@ def _axes(
     nx = r11 * gx + r21 * gy + r31 * gz
     ny = r12 * gx + r22 * gy + r32 * gz
     nz = r13 * gx + r23 * gy + r33 * gz
-    tx, ty = cos(steer_rad), sin(steer_rad)
+    ty, tx = sin_cos(steer_rad)
     along = tx * nx + ty * ny
     tx, ty, tz = tx - along * nx, ty - along * ny, -along * nz
     scale = 1.0 / sqrt(tx * tx + ty * ty + tz * tz)

@@ -47,8 +47,8 @@ def candidates(
         Ray indices (M,) and actor indices (M,), in the order of rays, then of actors.
     """
     starts, along = (np.asarray(part, dtype=np.float32) for part in (origins_m, directions))
-    west, east, south, north, below, above = _bounds(starts)
-    lowest, highest = np.array([west, south, below]), np.array([east, north, above])
+    # Axis by axis: numpy takes ten times as long over rows of three.
+    lowest, highest = (np.array([end(axis) for axis in starts.T], np.float64) for end in (np.min, np.max))
     eye, spread = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
     away = cylinders.centre_m - eye
     radius_m = cylinders.radius_m + math.hypot(spread[0], spread[1]) + 0.01
@@ -129,16 +129,3 @@ def _pairs(
                     rays[count], actors[count] = i, actor
                 count += 1
     return count
-
-
-@compiled
-def _bounds(points_m: F32) -> tuple[float, float, float, float, float, float]:
-    """Least and greatest x, y and z of points [m], shape (N, 3)."""
-    west, south, below = points_m[0, 0], points_m[0, 1], points_m[0, 2]
-    east, north, above = west, south, below
-    for i in range(1, len(points_m)):
-        x, y, z = points_m[i, 0], points_m[i, 1], points_m[i, 2]
-        west, east = min(west, x), max(east, x)
-        south, north = min(south, y), max(north, y)
-        below, above = min(below, z), max(above, z)
-    return west, east, south, north, below, above

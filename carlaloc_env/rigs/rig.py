@@ -60,15 +60,15 @@ class SensorRig:
         """
         return Rig(self, world)
 
+    def to_mapping(self) -> dict[str, Any]:
+        """The rig in plain data."""
+        entries = [{"kind": sensor.kind, **to_mapping(sensor)} for sensor in self.sensors]
+        return {"name": self.name, "sensors": entries}
+
     def to_yaml(self) -> str:
         """The rig as a YAML document."""
-        entries = [{"kind": sensor.kind, **to_mapping(sensor)} for sensor in self.sensors]
         text: str = yaml.safe_dump(
-            {"name": self.name, "sensors": entries},
-            sort_keys=False,
-            default_flow_style=None,
-            width=110,
-            allow_unicode=True,
+            self.to_mapping(), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
         )
         return text
 
@@ -87,6 +87,15 @@ class SensorRig:
             document = yaml.safe_load(text)
         except yaml.YAMLError as error:
             raise ConfigError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
+        return cls.from_mapping(document, where)
+
+    @classmethod
+    def from_mapping(cls, document: object, where: str = "rig") -> SensorRig:
+        """Rig of plain data, as `to_mapping` gives it.
+
+        Raises:
+            ConfigError: a key, kind or value is not valid.
+        """
         if not isinstance(document, Mapping):
             raise ConfigError(f"{where}: expected the keys 'name' and 'sensors'")
         for key in document:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,31 +54,13 @@ class Mesh:
     def transformed(self, T: ArrayLike) -> Mesh:
         """The same mesh moved by a rigid transform (4, 4)."""
         m = np.asarray(T, dtype=np.float64)
-        return Mesh(
-            vertices_m=(elementary.matrix_product(self.vertices_m, m[:3, :3].T) + m[:3, 3]).astype(
-                np.float32
-            ),
-            triangles=self.triangles,
-            normals=elementary.matrix_product(self.normals, m[:3, :3].T).astype(np.float32),
-            uv_m=self.uv_m,
-            colour=self.colour,
-            material=self.material,
-            tag=self.tag,
-            instance=self.instance,
-        )
+        vertices_m = elementary.matrix_product(self.vertices_m, m[:3, :3].T) + m[:3, 3]
+        normals = elementary.matrix_product(self.normals, m[:3, :3].T)
+        return replace(self, vertices_m=vertices_m.astype(np.float32), normals=normals.astype(np.float32))
 
     def with_instance(self, instance: int) -> Mesh:
         """The same mesh with one instance id."""
-        return Mesh(
-            vertices_m=self.vertices_m,
-            triangles=self.triangles,
-            normals=self.normals,
-            uv_m=self.uv_m,
-            colour=self.colour,
-            material=self.material,
-            tag=self.tag,
-            instance=np.full(len(self.vertices_m), instance, dtype=np.uint32),
-        )
+        return replace(self, instance=np.full(len(self.vertices_m), instance, dtype=np.uint32))
 
     def taking(self, vertices: NDArray[np.integer], triangles: NDArray[np.uint32]) -> Mesh:
         """Some of the vertices by number, shape (V,), and triangles (T, 3) between these."""
@@ -153,18 +135,9 @@ def merge(meshes: Iterable[Mesh]) -> Mesh:
     if not parts:
         return make_mesh(np.zeros((0, 3)), np.zeros((0, 3)), material=Material.PLAIN, tag=Tag.UNLABELED)
     offsets = np.cumsum([0] + [len(mesh.vertices_m) for mesh in parts[:-1]])
-    return Mesh(
-        vertices_m=np.concatenate([mesh.vertices_m for mesh in parts]),
-        triangles=np.concatenate(
-            [mesh.triangles + np.uint32(offset) for mesh, offset in zip(parts, offsets, strict=True)]
-        ),
-        normals=np.concatenate([mesh.normals for mesh in parts]),
-        uv_m=np.concatenate([mesh.uv_m for mesh in parts]),
-        colour=np.concatenate([mesh.colour for mesh in parts]),
-        material=np.concatenate([mesh.material for mesh in parts]),
-        tag=np.concatenate([mesh.tag for mesh in parts]),
-        instance=np.concatenate([mesh.instance for mesh in parts]),
-    )
+    triangles = [mesh.triangles + np.uint32(offset) for mesh, offset in zip(parts, offsets, strict=True)]
+    joined = {name: np.concatenate([getattr(mesh, name) for mesh in parts]) for name in VERTEX_FIELDS}
+    return Mesh(triangles=np.concatenate(triangles), **joined)
 
 
 class ModelLibrary:
@@ -204,12 +177,7 @@ class Instances:
 
     def take(self, which: NDArray[np.intp]) -> Instances:
         """Some of them."""
-        return Instances(
-            model=self.model[which],
-            T_world_model=self.T_world_model[which],
-            instance=self.instance[which],
-            tint=self.tint[which],
-        )
+        return Instances(**{name: getattr(self, name)[which] for name in self.__slots__})
 
 
 def concatenate_instances(parts: Sequence[Instances]) -> Instances:
@@ -217,8 +185,5 @@ def concatenate_instances(parts: Sequence[Instances]) -> Instances:
     if not parts:
         return Instances()
     return Instances(
-        model=np.concatenate([part.model for part in parts]),
-        T_world_model=np.concatenate([part.T_world_model for part in parts]),
-        instance=np.concatenate([part.instance for part in parts]),
-        tint=np.concatenate([part.tint for part in parts]),
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in Instances.__slots__}
     )

@@ -44,11 +44,6 @@ class EgoTrack:
         return track
 
     @property
-    def first_tick(self) -> int:
-        """Oldest tick still known."""
-        return self._first_tick
-
-    @property
     def last_tick(self) -> int:
         """Newest known tick."""
         return self._first_tick + self._count - 1

@@ -14,7 +14,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files import config_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.road.rough_surface import ROAD_CLASSES
+from carlaloc_env.road.rough_surface import ROAD_CLASSES
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -204,7 +204,7 @@ class TownConfig:
     """Factor on the heights of all roads' profiles, 1 as their classes say; 0: roads exactly as the map has
     them."""
     scenery_seed: int | None = None
-    """Number from which houses, trees and all else are drawn; None: the hash of the map and its town.toml."""
+    """Number from which houses, trees and all else are drawn; None: the source hash."""
     geo: GeoReference | None = None
     """Geodetic position of the world origin; None: the map's own."""
     route: RouteConfig = field(default_factory=RouteConfig)

@@ -11,8 +11,6 @@ from carlaloc_env.core.errors import MapError, unknown_name
 from carlaloc_env.core.files.array_cache import content_hash
 from carlaloc_env.core.names import check_name
 
-BUILDER_VERSION = 1
-"""Raised whenever the same map gives another town, so that cached towns are built again."""
 ALIASES = {"Town10HD": "Town10"}
 """Other names of towns."""
 
@@ -23,8 +21,8 @@ class TownId:
 
     name: str
     """Name of the town."""
-    content_hash: str
-    """Hash of its map, its configuration and the version of the builder."""
+    source_hash: str
+    """Hash of its map and its `town.toml`, which names its files in the cache; no name of what is built."""
     source: Path
     """Its OpenDRIVE file."""
     toml: Path | None
@@ -75,7 +73,7 @@ def identify_town(name_or_path: str | Path) -> TownId:
         raise MapError(f"cannot read {error.filename}: {error.strerror}; give another map") from error
     return TownId(
         name=check_name("town", name),
-        content_hash=content_hash(str(BUILDER_VERSION).encode(), *parts),
+        source_hash=content_hash(*parts),
         source=source,
         toml=toml,
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from carlaloc_env.core.files.array_cache import Arrays
 from carlaloc_env.core.geometry.geodesy import GeoReference
-from carlaloc_env.core.road.road_profile import LevelGrid, Relief
+from carlaloc_env.road.road_profile import LevelGrid, Relief
 from carlaloc_env.town.lanes import network_arrays
 from carlaloc_env.town.lanes.build_lanes import road_map
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -24,12 +24,12 @@ class TownRoads:
 
     network: LaneNetwork
     """Lanes, signals and crosswalks."""
-    levels: LevelGrid | None
-    """How rough the roads are; None: smooth."""
-    route: Route | None
-    """The ego's route, None where the town has none."""
     geo: GeoReference
     """Geodetic position of the world origin."""
+    route: Route | None = None
+    """The ego's route, None where the town has none."""
+    levels: LevelGrid | None = None
+    """How rough the roads are; None: smooth."""
 
 
 def to_arrays(roads: TownRoads) -> Arrays:

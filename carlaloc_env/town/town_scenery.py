@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.files.array_cache import Arrays
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.signal_lenses import SignalLenses
 
@@ -25,9 +26,13 @@ class TownOutline:
     lenses: SignalLenses
     """Lenses of the traffic lights."""
     road_events: Array
-    """What wheels feel beside the meshes, columns of `core.road_events`, shape (N, 7)."""
+    """What wheels feel beside the meshes, columns of `road.road_events`, shape (N, 7)."""
     lamps_m: Array
     """Light sources of the street lamps [m], shape (K, 3)."""
+
+
+_ARRAYS = tuple(field.name for field in fields(TownOutline) if field.name != "lenses")
+"""What of an outline is an array."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,3 +41,20 @@ class TownScenery(TownOutline):
 
     chunks: tuple[Mesh, ...]
     """All that is seen, in squares."""
+
+
+def to_arrays(outline: TownOutline) -> Arrays:
+    """The outline as named arrays."""
+    arrays = {name: getattr(outline, name) for name in _ARRAYS}
+    lenses = {f"lenses/{f.name}": getattr(outline.lenses, f.name) for f in fields(SignalLenses)}
+    return arrays | {name: value for name, value in lenses.items() if value is not None}
+
+
+def from_arrays(arrays: Arrays) -> TownOutline:
+    """The outline again.
+
+    Raises:
+        KeyError: An array is missing.
+    """
+    lenses = {name[len("lenses/") :]: value for name, value in arrays.items() if name.startswith("lenses/")}
+    return TownOutline(lenses=SignalLenses(**lenses), **{name: arrays[name] for name in _ARRAYS})

@@ -71,25 +71,23 @@ def wave_begins_s(passings: Passings, begins_s: Array) -> Array:
     return begins_s
 
 
-def waits_s(passings: Passings, begins_s: Array) -> Array:
-    """How long a car of each of `PACES` waits at each of L lights [s], (L, P).
-
-    Args:
-        passings: Passings of stop lines.
-        begins_s: Beginnings of the cycles [s], (J,).
-    """
-    return _simulate(passings, begins_s[:, None])[0][..., 0]
-
-
 def _cost_s(passings: Passings, begins_s: Array) -> Array:
     """What cars lose at all lights for C trials of beginnings [s], (J, C) → (C,)."""
-    waits, off_middle = _simulate(passings, begins_s)
+    waits, off_middle = drive_along(passings, begins_s)
     total: Array = (waits + _OFF_MIDDLE * off_middle).sum(axis=(0, 1))
     return total
 
 
-def _simulate(passings: Passings, begins_s: Array) -> tuple[Array, Array]:
-    """Waits, and seconds from the middle of the green of those who need not [s], both (L, P, C)."""
+def drive_along(passings: Passings, begins_s: Array) -> tuple[Array, Array]:
+    """Waits of cars of each of `PACES` at L lights; how far from the middle of the green the others pass.
+
+    Args:
+        passings: Passings of stop lines.
+        begins_s: C trials of the beginnings of the cycles [s], (J, C).
+
+    Returns:
+        Both in seconds, (L, P, C).
+    """
     pace = np.array(PACES)[:, None]
     time_s = np.full((len(pace), begins_s.shape[1]), DEPARTURE_S)
     waits, off_middle = [], []

@@ -30,8 +30,8 @@ _CYCLE_EDGE_M = 0.75
 def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
     """Model names of all vehicles and their colours (N, 3)."""
     draw = rng.stream(config.seed, "traffic/fleet")
-    names = _draw_names(draw, {name: model.weight for name, model in VEHICLES.items()}, config.vehicles)
-    return names, np.array([_draw_tint(draw, VEHICLES[name].tints) for name in names], np.uint8)
+    names = draw_names(draw, {name: model.weight for name, model in VEHICLES.items()}, config.vehicles)
+    return names, np.array([draw_tint(draw, VEHICLES[name].tints) for name in names], np.uint8)
 
 
 def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
@@ -44,7 +44,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     count = len(names)
     models = [VEHICLES[name] for name in names]
     tag = np.array([int(model.tag) for model in models], dtype=np.int64)
-    heavy = np.isin(tag, (int(Tag.TRUCK), int(Tag.BUS))) & np.array([m.length_m > 6.5 for m in models], bool)
+    heavy = np.isin(tag, (int(Tag.TRUCK), int(Tag.BUS))) & np.array([m.size_m[0] > 6.5 for m in models], bool)
     motorcycle, bicycle = tag == int(Tag.MOTORCYCLE), tag == int(Tag.BICYCLE)
     two_wheels = motorcycle | bicycle
     factor = np.clip(draw.normal(1.0, 0.1, count), 0.8, 1.2)
@@ -64,8 +64,8 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     return fill(
         Drivers,
         count + 1,
-        length_m=with_ego(np.array([model.length_m for model in models]), ego.length_m),
-        width_m=with_ego(np.array([model.width_m for model in models]), ego.width_m),
+        length_m=with_ego(np.array([model.size_m[0] for model in models]), ego.length_m),
+        width_m=with_ego(np.array([model.size_m[1] for model in models]), ego.width_m),
         wheelbase_m=with_ego(np.array([model.wheelbase_m for model in models]), EGO_WHEELBASE_M),
         speed_factor=with_ego(factor * slower * np.where(heavy, 0.9, 1.0), 1.0),
         top_mps=with_ego(np.where(bicycle, cyclist * slower, np.where(heavy, _HEAVY_TOP_MPS, 70.0)), 70.0),
@@ -89,25 +89,32 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
 def draw_catalog(names: list[str], tints: NDArray[np.uint8], config: TrafficConfig) -> ActorCatalog:
     """All vehicles, then all walkers."""
     draw = rng.stream(config.seed, "traffic/people")
-    walker_models = _draw_names(draw, {name: model.weight for name, model in WALKERS.items()}, config.walkers)
-    clothes = np.array([_draw_tint(draw, WALKERS[name].tints) for name in walker_models], np.uint8)
-    size = [VEHICLES[name].size_m for name in names] + [WALKERS[name].size_m for name in walker_models]
-    tags = [int(VEHICLES[name].tag) for name in names] + [int(Tag.PEDESTRIAN)] * len(walker_models)
+    walker_models = draw_names(draw, {name: model.weight for name, model in WALKERS.items()}, config.walkers)
+    clothes = np.array([draw_tint(draw, WALKERS[name].tints) for name in walker_models], np.uint8)
+    return catalog_of(names, walker_models, np.concatenate([tints.reshape(-1, 3), clothes.reshape(-1, 3)]))
+
+
+def catalog_of(vehicles: list[str], walkers: list[str], tints: NDArray[np.uint8]) -> ActorCatalog:
+    """All vehicles, then all walkers, by the names of their models and their colours (N, 3)."""
+    size = [VEHICLES[name].size_m for name in vehicles] + [WALKERS[name].size_m for name in walkers]
+    tags = [int(VEHICLES[name].tag) for name in vehicles] + [int(Tag.PEDESTRIAN)] * len(walkers)
     return ActorCatalog(
         id=np.arange(EGO_INSTANCE + 1, EGO_INSTANCE + 1 + len(tags), dtype=np.uint32),
-        model=tuple(names + walker_models),
+        model=(*vehicles, *walkers),
         tag=np.array(tags, np.uint8),
         size_m=np.array(size, np.float32).reshape(-1, 3),
-        tint=np.concatenate([tints.reshape(-1, 3), clothes.reshape(-1, 3)]).astype(np.uint8),
+        tint=tints,
     )
 
 
-def _draw_names(draw: np.random.Generator, weights: Mapping[str, float], count: int) -> list[str]:
+def draw_names(draw: np.random.Generator, weights: Mapping[str, float], count: int) -> list[str]:
+    """Names of `count` models, each as often as its weight has it."""
     probability = np.array(list(weights.values()))
     names = list(weights)
     return [names[k] for k in draw.choice(len(names), size=count, p=probability / probability.sum())]
 
 
-def _draw_tint(draw: np.random.Generator, tints: Tints) -> tuple[int, int, int]:
+def draw_tint(draw: np.random.Generator, tints: Tints) -> tuple[int, int, int]:
+    """Colour of one actor, sRGB."""
     probability = np.array([weight for _, weight in tints])
     return tints[int(draw.choice(len(tints), p=probability / probability.sum()))][0]

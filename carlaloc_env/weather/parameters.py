@@ -13,6 +13,7 @@ in physical terms is ours, since Unreal's fog density is not an extinction:
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -85,7 +86,7 @@ class WeatherParameters:
                 raise ConfigError(f"weather: {name} = {value:g} lies outside {low:g}…{high:g}")
 
     @classmethod
-    def from_mapping(cls, values: dict[str, float]) -> WeatherParameters:
+    def from_mapping(cls, values: Mapping[str, float]) -> WeatherParameters:
         """Weather out of a mapping such as a YAML section; missing fields keep their defaults.
 
         Raises:
@@ -94,7 +95,10 @@ class WeatherParameters:
         for key in values:
             if key not in _RANGES:
                 raise ConfigError(unknown_name("weather field", key, _RANGES))
-        return cls(**{key: float(value) for key, value in values.items()})
+        try:
+            return cls(**{key: float(value) for key, value in values.items()})
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"weather: {error}; give numbers") from error
 
     def to_mapping(self) -> dict[str, float]:
         """All fourteen fields by name."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -85,6 +86,15 @@ class WeatherSchedule:
             rows = yaml.safe_load(text)
         except yaml.YAMLError as error:
             raise ConfigError(f"{where}: not YAML ({' '.join(str(error).split())})") from error
+        return cls.from_rows(rows, where)
+
+    @classmethod
+    def from_rows(cls, rows: object, where: str = "weather schedule") -> WeatherSchedule:
+        """Schedule of a list of ``at_s`` and ``weather``.
+
+        Raises:
+            ConfigError: an unknown key, weather or field, or times that do not rise.
+        """
         if not isinstance(rows, list) or not all(
             isinstance(row, dict) and set(row) == {"at_s", "weather"} for row in rows
         ):
@@ -102,14 +112,18 @@ Weather = WeatherParameters | WeatherSchedule
 """Either kind; both have ``at(stamp_ns)`` and ``to_mapping()``."""
 
 
-def weather_of(what: str | Path | Weather) -> Weather:
-    """Weather by a preset's name, or by the path of a schedule (``.yaml``); others pass.
+def weather_of(what: str | Path | Weather | Mapping[str, Any]) -> Weather:
+    """Weather by a preset's name, by the path of a schedule (``.yaml``), or as ``to_mapping`` gives it.
 
     Raises:
-        ConfigError: there is no such preset, or the file is missing or wrong.
+        ConfigError: there is no such preset or field, or the file is missing or wrong.
     """
     if isinstance(what, (WeatherParameters, WeatherSchedule)):
         return what
+    if isinstance(what, Mapping):
+        if "schedule" in what:
+            return WeatherSchedule.from_rows(what["schedule"])
+        return WeatherParameters.from_mapping(what)
     path = Path(what)
     if path.suffix.lower() not in (".yaml", ".yml"):
         return weather_by_name(str(what))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import fields
+from inspect import getsource
 from pathlib import Path
 
-from carlaloc_env.task.birds_eye_view import AHEAD_M, CHANNELS, LIGHTS, PX_M, SIZE_PX, VEHICLE, WALKER
-from carlaloc_env.task.config import TaskConfig
-from carlaloc_env.task.state_vector import AHEAD, EGO, NEIGHBOUR, NEIGHBOURS, ROUTE, ROUTE_AHEAD_M, Entry
+from carlaloc_env.envs.task.birds_eye_view import AHEAD_M, CHANNELS, LIGHTS, PX_M, SIZE_PX, VEHICLE, WALKER
+from carlaloc_env.envs.task.config import TaskConfig
+from carlaloc_env.envs.task.state_vector import AHEAD, EGO, NEIGHBOUR, NEIGHBOURS, ROUTE, ROUTE_AHEAD_M, Entry
 
 PAGE = Path(__file__).parents[1] / "environments.md"
 PARTS = ("state", "bev", "task")
@@ -64,9 +65,7 @@ def bird_lines() -> list[str]:
 
 def task_lines() -> list[str]:
     """Table of the settings of the task."""
-    source = Path(__file__).parents[2] / "carlaloc_env" / "task" / "config.py"
-    text = source.read_text(encoding="utf-8")
-    return ["| setting | default | meaning |", "|---|---|---|", *_settings(text)]
+    return ["| setting | default | meaning |", "|---|---|---|", *_settings(getsource(TaskConfig))]
 
 
 def _settings(text: str) -> Iterable[str]:

@@ -26,8 +26,8 @@ from carlaloc_env.timeline.snapshot import Snapshot
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.standing_traffic import standing_traffic
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_preview import street_poses, town_sheet
 
 GALLERY = Path(__file__).parents[1] / "gallery"
@@ -86,7 +86,7 @@ def _busy_street(stage: SensorStage, town: Town, T_world_camera: NDArray[np.floa
     """What the camera of a car sees among standing traffic."""
     catalog, frame = standing_traffic(town.network, VEHICLES)
     far = np.flatnonzero(np.hypot(*(frame.position_m[:, :2] - T_world_camera[:2, 3]).T) > CLEAR_M)
-    green = np.full(int(town.lenses.signal.max(initial=-1)) + 1, 3, np.uint8)
+    green = np.full(int(town.outline.lenses.signal.max(initial=-1)) + 1, 3, np.uint8)
     mount = next(c for c in rig_by_name("paper").sensors if isinstance(c, CameraConfig)).mount
     snapshot = Snapshot(
         stamp_ns=0,
@@ -95,7 +95,7 @@ def _busy_street(stage: SensorStage, town: Town, T_world_camera: NDArray[np.floa
         actors=frame.take(far),
         signals=green,
     )
-    seen = instances_at(stage.library, town.lenses, snapshot)
+    seen = instances_at(stage.library, town.outline.lenses, snapshot)
     return stage.renderer().draw(Pinhole(), T_world_camera, seen)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from make_observation_picture import from_above
 from numpy.typing import NDArray
 
-from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 
 ROOT = Path(__file__).parents[2]
 FILM = ROOT / "docs" / "pictures" / "pupil.mp4"
@@ -29,7 +29,7 @@ def main() -> None:
     from learning.pupil import Pupil
 
     pupil = Pupil.load(ROOT / "examples" / "learning" / "town01_pupil.pt")
-    env = DrivingEnv(map="Town01", rig="bev", frame_skip=4, render_mode="rgb_array")
+    env = CarlaLocEnv(map="Town01", rig="bev", frame_skip=4, render_mode="rgb_array")
     observation, info = env.reset(seed=SEED)
     with av.open(str(FILM), "w") as film:
         stream = film.add_stream("libx264", rate=FRAME_RATE_HZ, options={"crf": "32", "preset": "slow"})

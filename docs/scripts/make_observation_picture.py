@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.driving_env import DrivingEnv
-from carlaloc_env.task.birds_eye_view import CHANNELS, LIGHTS, WALKER
-from carlaloc_env.task.state_vector import state_names
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.envs.task.birds_eye_view import CHANNELS, LIGHTS, WALKER
+from carlaloc_env.envs.task.state_vector import state_names
 from carlaloc_env.traffic.signals import SignalState
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "observations.jpg"
@@ -34,7 +34,7 @@ SHOWN = (
 
 def main() -> None:
     """Drive for some seconds and draw."""
-    env = DrivingEnv(map="Town03", rig="bev", render_mode="rgb_array")
+    env = CarlaLocEnv(map="Town03", rig="bev", render_mode="rgb_array")
     observation, _ = env.reset(seed=SEED)
     for _ in range(STEPS):
         observation = env.step(_follow(observation["state"]))[0]

@@ -30,7 +30,7 @@ outside the output; nothing half-written under a final name; at most the last se
 TOLD = (
     ("tests/robustness", "test_a_hundred_thousand_inputs or at_random"),
     ("tests/drive", "test_killed_at_fifty_random_moments"),
-    ("tests/env", "a_row or resets"),
+    ("tests/envs", "a_row or resets"),
 )
 """Folders and names of the long tests that are told."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from carlaloc_env.task.state_vector import AHEAD, EGO, state_names
+from carlaloc_env.envs.task.state_vector import AHEAD, EGO, state_names
 
 OWN_DOING = ("yaw_rate", "road_wheel", "acceleration", "lateral_acceleration", "standing")
 """What the driver did a moment ago: a copy learns from it to go on, and not why."""

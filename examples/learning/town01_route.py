@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_TICKS
-from carlaloc_env.driving_env import DrivingEnv
-from carlaloc_env.task.actions import steer_and_pedal
-from carlaloc_env.task.referee import Referee
-from carlaloc_env.task.state_vector import StateVector
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.envs.task.actions import steer_and_pedal
+from carlaloc_env.envs.task.referee import Referee
+from carlaloc_env.envs.task.state_vector import StateVector
 from recorder.devices.scripted.driver import ScriptedDriver
 
 SKIP = 4
@@ -30,12 +30,12 @@ class Ride(NamedTuple):
     ended_by: str
 
 
-def make_env(time_limit_s: float = 600.0, **task: float) -> DrivingEnv:
+def make_env(time_limit_s: float = 600.0, **task: float) -> CarlaLocEnv:
     """The environment; episodes are truncated after a time [s]."""
-    return DrivingEnv(map="Town01", frame_skip=SKIP, task={"time_limit_s": time_limit_s, **task})
+    return CarlaLocEnv("Town01", "state", frame_skip=SKIP, task={"time_limit_s": time_limit_s, **task})
 
 
-def ride(env: DrivingEnv, seed: int, pupil: Policy | None, **options: Any) -> Ride:
+def ride(env: CarlaLocEnv, seed: int, pupil: Policy | None, **options: Any) -> Ride:
     """An episode; without a pupil the scripted driver has the wheel, else it only says what it would do."""
     env.reset(seed=seed, options=options)
     world, teacher, rows, ended = env.world, ScriptedDriver(seed), [], None

@@ -6,14 +6,14 @@ from collections import Counter
 
 import numpy as np
 
-from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from learning.town01_route import Policy, ride
 
 UNSEEN = range(10_000, 10_050)
 """The seeds."""
 
 
-def score(env: DrivingEnv, name: str, policy: Policy | None, count: int) -> float:
+def score(env: CarlaLocEnv, name: str, policy: Policy | None, count: int) -> float:
     """Mean route completion of a policy, or of the scripted driver, over so many unseen seeds."""
     rides = [ride(env, seed, policy) for seed in UNSEEN[:count]]
     mean = float(np.mean([one.completion for one in rides]))

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from lxml import etree
 
-from maps.authoring.elements.cross_sections import Cubic, LanePlan, Mark, SectionPlan
+from maps.authoring.elements.cross_sections import LanePlan, Mark, SectionPlan
 from maps.authoring.elements.map_parts import (
     ControllerPart,
     JunctionPart,
@@ -16,6 +16,7 @@ from maps.authoring.elements.map_parts import (
     RoadPart,
     SignalPart,
 )
+from maps.authoring.geometry.elevation import Cubic, moved_cubic
 from maps.authoring.geometry.plan_view_curves import Piece, Pose
 
 DATE = "2025-01-01T00:00:00"
@@ -168,8 +169,7 @@ def _lanes(road: etree._Element, sections: list[SectionPlan]) -> None:
 
 def _goes_on(written: tuple[float, Cubic], s: float, record: Cubic) -> bool:
     """Whether a record says no more than the one before it does at its place."""
-    u, (a, b, c, d) = s - written[0], written[1]
-    same = (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * d * u), c + 3 * d * u, d)
+    same = moved_cubic(written[1], s - written[0])
     return all(abs(x - y) < 1e-12 for x, y in zip(same, record, strict=True))
 
 
@@ -205,12 +205,13 @@ def _objects(road: etree._Element, part: RoadPart) -> None:
     objects = _add(road, "objects")
     for item in part.objects:
         _object(objects, item)
-    for tunnel in part.tunnels:
-        words = {"id": tunnel.id, "name": tunnel.name, "type": "underpass"}
-        _add(objects, "tunnel", s=tunnel.s, length=tunnel.length_m, **words, lighting=0.5, daylight=0.5)
-    for bridge in part.bridges:
-        words = {"id": bridge.id, "name": bridge.name, "type": "concrete"}
-        _add(objects, "bridge", s=bridge.s, length=bridge.length_m, **words)
+    for tag, stretches, kind, light in (
+        ("tunnel", part.tunnels, "underpass", {"lighting": 0.5, "daylight": 0.5}),
+        ("bridge", part.bridges, "concrete", {}),
+    ):
+        for item in stretches:
+            words = {"id": item.id, "name": item.name, "type": kind}
+            _add(objects, tag, s=item.s, length=item.length_m, **words, **light)
 
 
 def _object(objects: etree._Element, part: ObjectPart) -> None:

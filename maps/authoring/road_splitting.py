@@ -5,7 +5,7 @@ from __future__ import annotations
 from maps.authoring.elements.auxiliary_lanes import add_extra_lanes
 from maps.authoring.elements.cross_sections import road_sections
 from maps.authoring.elements.ids import OBJECT, ROAD, Numbers
-from maps.authoring.elements.map_parts import BridgePart, RoadPart, TunnelPart
+from maps.authoring.elements.map_parts import RoadPart, StretchPart
 from maps.authoring.elements.ramps import Gore, auxiliary_lanes
 from maps.authoring.geometry.elevation import Record, cut_profile
 from maps.authoring.geometry.newton import PlanError
@@ -54,11 +54,11 @@ def _whole(laid: Laid, numbers: Numbers) -> RoadPart:
     part.street, part.kind, part.tilt = road.name, road.kind, laid.tilt
     if road.tunnel is not None:
         name, length = road.tunnel
-        part.tunnels.append(TunnelPart(numbers.next(OBJECT), name, laid.bottom_m - length / 2, length))
+        part.tunnels.append(StretchPart(numbers.next(OBJECT), name, laid.bottom_m - length / 2, length))
     for name, x, y, length in road.bridges:
         straight = path.pieces[0].kind == "line"
         middle = along(path, x, y) if straight else nearest(path, [(x, y)])[0]
-        part.bridges.append(BridgePart(numbers.next(OBJECT), name, middle - length / 2, length))
+        part.bridges.append(StretchPart(numbers.next(OBJECT), name, middle - length / 2, length))
     return part
 
 
@@ -100,4 +100,4 @@ def _place_bridges(laid: Laid, parts: list[RoadPart], numbers: Numbers) -> None:
         part = min(parts, key=distance)
         first = max(nearest(part.path, [(x, y)])[0] - length / 2, 0.0)
         length = min(length, part.length - first)
-        part.bridges.append(BridgePart(numbers.next(OBJECT), name, first, length))
+        part.bridges.append(StretchPart(numbers.next(OBJECT), name, first, length))

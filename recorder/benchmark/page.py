@@ -5,190 +5,128 @@ from __future__ import annotations
 import base64
 from collections import defaultdict
 from collections.abc import Sequence
-from html import escape
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+import pandas as pd
+from jinja2 import Environment
 
-from carlaloc_env.core.array_types import U8, Array
-from carlaloc_env.core.errors import CarlaLocError, EvaluationError
-from recorder.benchmark.cells import Condition
-from recorder.benchmark.figures import (
-    COLOURS,
-    Box,
-    Line,
-    box_figure,
-    curve_figure,
-    map_figure,
-    real_time_figure,
-)
+from carlaloc_env.core.array_types import U8
+from carlaloc_env.core.errors import EvaluationError
+from recorder.benchmark.cells import traffic_label
+from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.plan import Job, SequenceFolder
 from recorder.benchmark.run import BenchmarkResult
-from recorder.benchmark.score import Score, evaluate_run, frames_of
-from recorder.benchmark.tables import RULE, Rows, all_tables
-from recorder.evaluation.evaluate import EvaluationResult
-from recorder.evaluation.metrics import Metric
+from recorder.benchmark.tables import RULE, all_tables, frame_of, titles_of
+from recorder.dataset.layout import SequenceFolder as SequenceFiles
+from recorder.dataset.sequence import RAW
+from recorder.evaluation.path_errors import PathErrors
+from recorder.report.lane_lines import lane_lines_of
 from recorder.report.mosaic import panels_in
+from recorder.report.trajectory_plot import COLOURS
 
 PAGE = "report.html"
 STILLS, STILL_WIDTH_PX = 24, 480
 """Pictures of each sequence, and their width [px]."""
-_STYLE = """
-:root{color-scheme:light dark}
-body{font:16px/1.5 system-ui,sans-serif;margin:0 auto;padding:1rem;max-width:1280px}
-h1{margin:.2rem 0}h2{margin-top:2.2rem}section{border-top:1px solid #8886;margin-top:1.5rem}
-.scroll{overflow-x:auto}table{border-collapse:collapse;font-size:.88rem;white-space:nowrap}
-th,td{padding:.25rem .7rem;text-align:left;border-bottom:1px solid #8884}th{border-bottom:2px solid #888a}
-.fail{color:#c33}svg text.failed{fill:#c33}
-svg+svg{margin-top:.6rem}.row{display:grid;gap:1rem;grid-template-columns:repeat(auto-fit,minmax(min(100%,360px),1fr))}
-figure{margin:0}
-.boxes svg{max-width:820px}figcaption{font-size:.85rem;opacity:.8}
-svg{width:100%;height:auto;background:#8881;border-radius:6px}
-svg text{font:12px system-ui,sans-serif;fill:currentColor}
-.lane{fill:none;stroke:#8887;stroke-width:1}.truth{fill:none;stroke:currentColor;stroke-width:3.5;opacity:.45}
-.line{fill:none;stroke-width:1.8}.grid{stroke:#8884}.axis{stroke:currentColor}
-.median{stroke:currentColor;stroke-width:2}
-.cursor{stroke:currentColor;stroke-dasharray:3 3}.peak{cursor:pointer}.curve{cursor:crosshair}
-.legend span{display:inline-block;margin-right:1rem}.legend i{display:inline-block;width:1.1em;height:.3em;
-margin-right:.4em;vertical-align:middle}img{width:100%;border-radius:6px}
-"""
-_SCRIPT = """
-document.querySelectorAll('svg.curve').forEach(svg=>{
- const stills=JSON.parse(document.getElementById('stills-'+svg.dataset.gallery).textContent);
- const img=document.getElementById('img-'+svg.dataset.gallery);
- const cap=document.getElementById('cap-'+svg.dataset.gallery);
- if(!stills.length)return;
- const axis=+svg.dataset.axis;
- const show=t=>{let b=stills[0];for(const s of stills)if(Math.abs(s[axis]-t)<Math.abs(b[axis]-t))b=s;
-  img.src=b[2];cap.textContent='t = '+b[0].toFixed(1)+' s, '+b[1].toFixed(0)+' m';
-  document.querySelectorAll('svg.curve[data-gallery="'+svg.dataset.gallery+'"]').forEach(g=>{
-   const x=+g.dataset.left+g.dataset.inner*b[+g.dataset.axis]/g.dataset.xmax,c=g.querySelector('.cursor');
-   c.setAttribute('x1',x);c.setAttribute('x2',x);});};
- svg.addEventListener('click',e=>{const r=svg.getBoundingClientRect();
-  const x=(e.clientX-r.left)/r.width*svg.viewBox.baseVal.width;
-  show((x-svg.dataset.left)/svg.dataset.inner*svg.dataset.xmax);});
- show(stills[0][axis]);
-});
-"""
 
 
-def write_page(result: BenchmarkResult, out: Path) -> Path:
-    """Write ``report.html`` of a benchmark whose runs lie in `out`.
+def write_page(result: BenchmarkResult) -> Path:
+    """Write ``report.html`` of a benchmark beside its results.
 
     Raises:
-        EvaluationError: it cannot be written.
+        EvaluationError: it cannot be written, or errors of a run are gone.
     """
-    titles = {score.method: score.title for score in result.scores}
-    colour = {method: COLOURS[k % len(COLOURS)] for k, method in enumerate(titles)}
-    parts = [
-        '<!doctype html><html lang="en"><meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width,initial-scale=1"><title>Benchmark</title>',
-        f"<style>{_STYLE}</style><h1>Benchmark</h1><p>{escape(RULE)}</p>",
-    ]
-    for title, rows in all_tables(result.scores):
-        parts.append(f"<h2>{escape(title)}</h2>{_table(rows)}")
-    evaluated = evaluated_runs(result, out)
-    boxes = _boxes(result, evaluated, colour)
-    parts.append(
-        "<h2>Position errors of all poses</h2>"
-        f'<div class="boxes">{box_figure(boxes, "APE [m]; 5, 25, 50, 75, 95 %")}</div>'
-    )
-    bars = _real_time(result.scores, colour)
-    if bars:
-        parts.append(f'<h2>Run time</h2><div class="boxes">{real_time_figure(bars)}</div>')
+    runs = frame_of(result.scores)
+    colour = dict(zip(titles_of(runs).index, COLOURS * len(runs), strict=False))
+    errors = result.errors()
+    bars = _real_time(runs, colour)
+    sections = []
     for k, sequence in enumerate(result.sequences):
-        here = [(job, found) for job, found in evaluated if job.sequence == sequence and job.run == 1]
+        here = [(job, found) for job, found in errors if job.sequence == sequence and job.run == 1]
         if here:
-            parts.append(_section(f"s{k}", sequence, here, colour))
-    parts.append(f"<script>{_SCRIPT}</script></html>")
+            sections.append(_section(f"s{k}", sequence, here, colour))
+    template = Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
+    page = Environment(autoescape=True, trim_blocks=True).from_string(template)
+    text = page.render(
+        rule=RULE,
+        tables=all_tables(runs),
+        boxes=box_figure(_boxes(result, errors, colour), "APE [m]; 5, 25, 50, 75, 95 %"),
+        real_time=real_time_figure(bars) if bars else "",
+        sections=sections,
+    )
+    path = result.out / PAGE
     try:
-        (out / PAGE).write_text("\n".join(parts), encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise EvaluationError(f"cannot write {out / PAGE}: {error.strerror}") from error
-    return out / PAGE
-
-
-def evaluated_runs(result: BenchmarkResult, out: Path) -> list[tuple[Job, EvaluationResult]]:
-    """All runs that can be drawn, failed by divergence or not."""
-    found = []
-    for job, score in zip(result.jobs, result.scores, strict=True):
-        if score.coverage > 0:
-            folder = out / job.folder
-            found.append((job, evaluate_run(job, folder, frames_of(folder))))
-    return found
+        raise EvaluationError(f"cannot write {path}: {error.strerror}") from error
+    return path
 
 
 def _boxes(
-    result: BenchmarkResult, evaluated: Sequence[tuple[Job, EvaluationResult]], colour: dict[str, str]
+    result: BenchmarkResult, errors: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
 ) -> list[Box]:
-    """A box for each system and condition, of the first run that has not failed."""
-    errors = {id(job): found.values[Metric.APE_TRANSLATION] for job, found in evaluated}
-    grouped: dict[str, list[tuple[Job, Score]]] = defaultdict(list)
+    """A box for each system and condition, of all runs that have not failed."""
+    error_m = {job: found.error_m for job, found in errors}
+    grouped = defaultdict(list)
     for job, score in zip(result.jobs, result.scores, strict=True):
-        grouped[f"{job.system.title}, {job.sequence.town} {_condition(job)}"].append((job, score))
-    boxes = []
-    for label, runs in grouped.items():
-        good = [errors[id(job)] for job, score in runs if score.failed is None and id(job) in errors]
-        boxes.append(
-            Box(
-                label=label,
-                colour=colour[runs[0][0].system.name],
-                values=np.concatenate(good) if good else np.zeros(0),
-                failed=sum(score.failed is not None for _, score in runs),
-                runs=len(runs),
-            )
+        label = f"{score.town} {score.weather} {traffic_label(score.traffic, score.cloud)}"
+        grouped[f"{score.title}, {label}"].append((job, score))
+    return [
+        Box(
+            label=label,
+            colour=colour[runs[0][1].method],
+            values=np.concatenate([[], *(error_m[job] for job, score in runs if score.failed is None)]),
+            failed=sum(score.failed is not None for _, score in runs),
+            runs=len(runs),
         )
-    return boxes
+        for label, runs in grouped.items()
+    ]
 
 
-def _real_time(scores: Sequence[Score], colour: dict[str, str]) -> list[tuple[str, str, float]]:
+def _real_time(runs: pd.DataFrame, colour: dict[str, str]) -> list[tuple[str, str, float]]:
     """Title, colour and median ratio of each system that has one."""
-    bars = []
-    for method, hue in colour.items():
-        found = [s for s in scores if s.method == method and np.isfinite(s.real_time) and s.real_time > 0]
-        if found:
-            bars.append((found[0].title, hue, float(np.median([s.real_time for s in found]))))
-    return bars
+    median = runs[runs["real_time"] > 0].groupby("method", sort=False)["real_time"].median()
+    titles = titles_of(runs)
+    return [(titles[method], colour[method], ratio) for method, ratio in median.items()]
 
 
 def _section(
-    name: str, sequence: SequenceFolder, runs: Sequence[tuple[Job, EvaluationResult]], colour: dict[str, str]
-) -> str:
-    start_ns = min(int(found.truth.stamp_ns[0]) for _, found in runs)
-    lines, curves, over_way = [], [], []
-    longest = max((found for _, found in runs), key=lambda found: found.matched).truth
-    way = ((longest.stamp_ns - start_ns) * 1e-9, longest.distance_m)
+    name: str, sequence: SequenceFolder, runs: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
+) -> dict[str, Any]:
+    """What the page shows of a sequence."""
+    start_ns = min(int(found.stamp_ns[0]) for _, found in runs)
+    longest = max((found for _, found in runs), key=lambda found: len(found.stamp_ns))
+    way_s, way_m = (longest.stamp_ns - start_ns) * 1e-9, longest.way_m
+    above, over_time, over_way = [], [], []
     for job, found in runs:
-        label = f"{job.system.title}{'' if job.cloud == 'raw' else ' seg'}"
-        xy, hue = found.estimate.position_m, colour[job.system.name]
-        lines.append(Line(label=label, colour=hue, x=np.asarray(xy[:, 0]), y=np.asarray(xy[:, 1])))
-        seconds: Array = (found.truth.stamp_ns - start_ns).astype(np.float64) * 1e-9
-        error_m = found.values[Metric.APE_TRANSLATION]
-        curves.append(Line(label=label, colour=hue, x=seconds, y=error_m))
-        over_way.append(Line(label=label, colour=hue, x=np.interp(seconds, *way), y=error_m))
-    peaks = [float(curve.x[np.argmax(curve.y)]) for curve in curves]
-    stills = _stills(sequence, start_ns, peaks)
-    legend = "".join(f'<span><i style="background:{c.colour}"></i>{escape(c.label)}</span>' for c in curves)
-    listed = ",".join(f'[{t:.2f},{np.interp(t, *way):.1f},"{uri}"]' for t, uri in stills)
-    picture = f'<img id="img-{name}" alt="what the sensors saw">' if stills else ""
-    caption = f'<figcaption id="cap-{name}">{"" if stills else "no preview.mp4"}</figcaption>'
-    return (
-        f"<section><h2>{escape(sequence.town)} {escape(sequence.weather)} {escape(sequence.traffic)}</h2>"
-        f'<p class="legend"><span><i style="background:currentColor"></i>truth</span>{legend}'
-        f"<span>{longest.length_m:.0f} m, {longest.duration_s:.0f} s, movers {sequence.movers:.1%}</span></p>"
-        f'<div class="row"><figure>{map_figure(longest.position_m[:, :2], lines, lanes_of(sequence.town))}'
-        "<figcaption>aligned, over the lanes of the town</figcaption></figure><figure>"
-        f"{curve_figure(curves, 'time [s]', 'position error [m]', name=name)}"
-        f"{curve_figure(over_way, 'distance [m]', 'position error [m]', name=name, axis=1)}<figcaption>"
-        f"click: the picture of that place; dots are the peaks</figcaption>{picture}{caption}</figure></div>"
-        f'<script type="application/json" id="stills-{name}">[{listed}]</script></section>'
-    )
+        line = partial(Line, label=found.name, colour=colour[job.system.name], dashed=job.cloud != RAW)
+        seconds = np.asarray((found.stamp_ns - start_ns) * 1e-9, np.float64)
+        above.append(line(x=found.estimate_m[:, 0], y=found.estimate_m[:, 1]))
+        over_time.append(line(x=seconds, y=found.error_m))
+        over_way.append(line(x=np.asarray(np.interp(seconds, way_s, way_m), np.float64), y=found.error_m))
+    peaks_s = [float(line.x[np.argmax(line.y)]) for line in over_time]
+    stills = _stills(sequence, start_ns, peaks_s)
+    lanes_m = [line[::4, :2] for line in lane_lines_of(sequence.town)]
+    error = "position error [m]"
+    return {
+        "name": name,
+        "title": f"{sequence.town} {sequence.weather} {sequence.traffic}",
+        "lines": above,
+        "facts": f"{way_m[-1]:.0f} m, {way_s[-1] - way_s[0]:.0f} s, movers {sequence.movers:.1%}",
+        "map": map_figure(longest.truth_m[:, :2], above, lanes_m),
+        "over_time": curve_figure(over_time, "time [s]", error, name=name),
+        "over_way": curve_figure(over_way, "distance [m]", error, name=name, axis=1),
+        "stills": [[round(t, 2), round(float(np.interp(t, way_s, way_m)), 1), uri] for t, uri in stills],
+    }
 
 
 def _stills(sequence: SequenceFolder, start_ns: int, peaks_s: Sequence[float]) -> list[tuple[float, str]]:
     """Times [s] and pictures (data URIs) of a preview, evenly over it and at peaks of error."""
-    film, times = sequence.path / "preview.mp4", sequence.path / "mav0" / "times.txt"
+    files = SequenceFiles(sequence.path)
+    film, times = files.film, files.place("euroc") / "times.txt"
     if not film.is_file():
         return []
     # The film begins with the pictures, which may be later than the sweeps.
@@ -220,41 +158,3 @@ def _jpeg(image: U8) -> str:
     small = cv2.resize(picture, (width_px, round(width_px * height / width)), interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 60])
     return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
-
-
-def lanes_of(town: str) -> list[Array]:
-    """Centre lines of a town's lanes [m]; none of a town that is not known here."""
-    from carlaloc_env.town.build import load_town
-
-    try:
-        network = load_town(town).network
-    except CarlaLocError:
-        return []
-    tables = network.tables
-    return [
-        np.asarray(tables.position_m[int(tables.first[lane.index]) :][: int(tables.count[lane.index])])[
-            ::4, :2
-        ]
-        for lane in network.lanes
-        if lane.type == "driving"
-    ]
-
-
-def _condition(job: Job) -> str:
-    sequence = job.sequence
-    label = Condition(
-        town=sequence.town, weather=sequence.weather, traffic=sequence.traffic, cloud=job.cloud
-    ).traffic_label
-    return f"{sequence.weather} {label}"
-
-
-def _table(rows: Rows) -> str:
-    head = "".join(f"<th>{escape(word)}</th>" for word in rows[0])
-    body = "".join(f"<tr>{''.join(_cell(word) for word in row)}</tr>" for row in rows[1:])
-    return f'<div class="scroll"><table><tr>{head}</tr>{body}</table></div>'
-
-
-def _cell(word: str) -> str:
-    if word.startswith("**"):
-        return f"<td><b>{escape(word.strip('*'))}</b></td>"
-    return f'<td class="fail">{word}</td>' if word == "fail" else f"<td>{escape(word)}</td>"

@@ -12,7 +12,8 @@ from recorder.dataset.layout import sequences_below
 from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.slam.system import System
 
-_STATIC = ("static", "empty")
+STATIC = ("static", "empty")
+"""Levels of traffic without movers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +47,7 @@ class SequenceFolder:
     @property
     def is_static(self) -> bool:
         """Whether nothing moves in it."""
-        return self.traffic in _STATIC
+        return self.traffic in STATIC
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +64,11 @@ class Job:
     """`RAW` or `SEGMENTED` points."""
     run: int
     """Number of the repetition, from 1."""
+
+    @property
+    def title(self) -> str:
+        """Name of the system, with its clouds where they are not raw."""
+        return self.system.title + ("" if self.cloud == RAW else f" {self.cloud}")
 
     @property
     def folder(self) -> Path:

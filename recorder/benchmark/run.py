@@ -11,15 +11,18 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from carlaloc_env.core.errors import ConfigError, MissingDependencyError
+from carlaloc_env.core.errors import ConfigError, MissingDependencyError, unknown_name
 from recorder.benchmark.plan import Job, SequenceFolder, find_sequences, plan_jobs
-from recorder.benchmark.score import Score, read_score, score_run, write_score
+from recorder.benchmark.score import ERRORS, Score, read_score, score_run, write_score
 from recorder.dataset.layout import SequenceFolder as SequenceFiles
 from recorder.dataset.sequence import RAW, SEGMENTED
 from recorder.evaluation.failure import FailRule
-from recorder.slam.isolated_run import run_isolated
+from recorder.evaluation.path_errors import PathErrors
+from recorder.slam.supervisor import LOG, last_line, run_isolated
 from recorder.slam.systems import SYSTEMS, system_of
 
+AGAIN = ("failed", "all")
+"""Which kept results may be made again."""
 Progress = Callable[[int, int, str], None]
 """Told jobs done, jobs in all and the job that has ended."""
 
@@ -44,6 +47,8 @@ class BenchmarkConfig:
     """Longest time of a run by the length of its sequence."""
     rule: FailRule = field(default_factory=FailRule)
     """When a run counts as failed."""
+    again: str | None = None
+    """Which kept results are made again: ``failed`` or ``all`` of them; None: none."""
 
     def __post_init__(self) -> None:
         cores = len(_cores())
@@ -52,6 +57,8 @@ class BenchmarkConfig:
         for cloud in self.clouds:
             if cloud not in (RAW, SEGMENTED):
                 raise ConfigError(f"no clouds '{cloud}'; choose from {RAW}, {SEGMENTED}")
+        if self.again not in (None, *AGAIN):
+            raise ConfigError(unknown_name("results", str(self.again), AGAIN))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +73,31 @@ class BenchmarkResult:
     """Their scores."""
     reused: int
     """Scores that had been there before."""
+    out: Path
+    """Folder of the results."""
+
+    @property
+    def failures(self) -> list[str]:
+        """A line for each failed run: the system, where it ran, why it failed, its log and how that ends."""
+        lines = []
+        for job, score in zip(self.jobs, self.scores, strict=True):
+            if score.failed is not None:
+                log = self.out / job.folder / LOG
+                printed = last_line(log, but=score.failed)
+                ending = f", which ends with: {printed}" if printed else ""
+                where = f"{job.sequence.key}, run {job.run}"
+                why = score.failed.removesuffix("; see log.txt")
+                lines.append(f"{job.title} failed in {where}: {why}; log: {log}{ending}")
+        return lines
+
+    def errors(self) -> list[tuple[Job, PathErrors]]:
+        """Errors of all runs that gave an estimate, failed by divergence or not.
+
+        Raises:
+            EvaluationError: a file of them is gone or damaged.
+        """
+        pairs = zip(self.jobs, self.scores, strict=True)
+        return [(job, PathErrors.load(self.out / job.folder / ERRORS)) for job, s in pairs if s.coverage > 0]
 
 
 def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> BenchmarkResult:
@@ -90,12 +122,13 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
     found: dict[int, Score] = {}
     for k, job in enumerate(jobs):
         kept = read_score(config.out / job.folder, _fingerprint(job, config))
-        if kept is not None:
+        again = config.again == "all" or (config.again == "failed" and kept and kept.failed is not None)
+        if kept is not None and not again:
             found[k] = kept
     reused = len(found)
     _run_all(jobs, [k for k in range(len(jobs)) if k not in found], found, config, progress)
     scores = [found[k] for k in range(len(jobs))]
-    return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused)
+    return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused, out=config.out)
 
 
 def _run_all(

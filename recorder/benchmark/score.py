@@ -9,20 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from recorder.benchmark.plan import Job
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.align import attitude_errors_deg
 from recorder.evaluation.associate import Association
-from recorder.evaluation.evaluate import EvaluationResult, evaluate
+from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.failure import FailRule
 from recorder.evaluation.metrics import Metric
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.slam.child import ESTIMATE
-from recorder.slam.isolated_run import RunRecord
+from recorder.slam.supervisor import RunRecord
+from recorder.slam.worker import ESTIMATE
 
-RESULT = "result.json"
-_FORMAT = 3
+RESULT, ERRORS = "result.json", "errors.npz"
+"""Files of a run: its score, and errors of all of its poses."""
+_FORMAT = 4
 """Changes when older results would be read wrongly."""
 
 
@@ -83,55 +86,40 @@ class Score:
         return asdict(self)
 
 
-def evaluate_run(job: Job, folder: Path, frames: int) -> EvaluationResult:
-    """Errors of a run's estimate against the truth of its own frame, interpolated to its stamps.
-
-    Raises:
-        EvaluationError: the estimate has too few poses, or poses of another time.
-    """
-    sequence = SlamSequence(job.sequence.path)
-    return evaluate(
-        read_tum(sequence.truth_file(job.system.frame)),
-        read_tum(folder / ESTIMATE),
-        alignment=job.system.alignment,
-        association=Association.INTERPOLATED,
-        # A sweep's end may lie an interval past the last true pose.
-        expected=max(frames - 1, 1),
-    )
-
-
 def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Score:
-    """The score of a run that has ended, however it did."""
+    """The score of a run that has ended, however it did; its errors are kept beside its estimate.
+
+    Errors are against the truth of the system's own frame, interpolated to the stamps of its poses.
+    """
+    sequence, system = SlamSequence(job.sequence.path), job.system
+    costs = ("version", "wall_s", "cpu_s", "peak_memory_mb", "cores", "frame_median_s", "frame_p99_s")
     known: dict[str, Any] = {
-        "dataset": job.sequence.dataset,
-        "town": job.sequence.town,
-        "weather": job.sequence.weather,
-        "traffic": job.sequence.traffic,
+        **{name: getattr(job.sequence, name) for name in ("dataset", "town", "weather", "traffic", "movers")},
+        **{name: getattr(record, name) for name in costs},
         "cloud": job.cloud,
-        "method": job.system.name,
-        "title": job.system.title,
+        "method": system.name,
+        "title": system.title,
         "run": job.run,
-        "version": record.version,
-        "movers": job.sequence.movers,
-        "visual": job.system.is_visual,
-        "frame": job.system.frame,
-        "instant": job.system.instant,
-        "alignment": job.system.alignment.value,
-        "wall_s": record.wall_s,
-        "cpu_s": record.cpu_s,
-        "peak_memory_mb": record.peak_memory_mb,
-        "cores": record.cores,
-        "frame_median_s": record.frame_median_s,
-        "frame_p99_s": record.frame_p99_s,
+        "visual": system.is_visual,
+        "frame": system.frame,
+        "instant": system.instant,
+        "alignment": system.alignment.value,
     }
     if record.error is not None:
         return Score(**known, failed=record.error)
     try:
-        result = evaluate_run(job, folder, record.frames)
+        result = evaluate(
+            read_tum(sequence.truth_file(system.frame)),
+            read_tum(folder / ESTIMATE),
+            alignment=system.alignment,
+            association=Association.INTERPOLATED,
+            # A sweep's end may lie an interval past the last true pose.
+            expected=max(record.frames - 1, 1),
+        )
     except CarlaLocError as error:
         return Score(**known, failed=str(error))
-    segments = result.segments
-    count = sum(segment.segments for segment in segments)
+    PathErrors.of(result, job.title).save(folder / ERRORS)
+    sensor = sequence.lidar if "lidar" in system.needs else sequence.stereo[0]
     return Score(
         **known,
         failed=rule.why_failed(result),
@@ -140,35 +128,30 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
         attitude_deg=float(np.sqrt(np.mean(attitude_errors_deg(result.truth, result.estimate) ** 2))),
         rpe_paper_m=result.statistics[Metric.RPE_PAPER].rmse,
         rpe_m=result.statistics[Metric.RPE_TRANSLATION].rmse,
-        kitti_percent=sum(s.translation_percent * s.segments for s in segments) / count
-        if count
-        else float("nan"),
-        kitti_deg_per_m=sum(s.rotation_deg_per_m * s.segments for s in segments) / count
-        if count
-        else float("nan"),
+        kitti_percent=_mean([(s.translation_percent, s.segments) for s in result.segments]),
+        kitti_deg_per_m=_mean([(s.rotation_deg_per_m, s.segments) for s in result.segments]),
         coverage=result.coverage,
         length_m=result.truth.length_m,
-        real_time=record.frame_median_s * _rate_hz(job),
+        real_time=record.frame_median_s * float(sensor.rate_hz),
     )
 
 
-def _rate_hz(job: Job) -> float:
-    sequence = SlamSequence(job.sequence.path)
-    sensor = sequence.lidar if "lidar" in job.system.needs else sequence.stereo[0]
-    return float(sensor.rate_hz)
+def _mean(weighted: list[tuple[float, int]]) -> float:
+    """Mean of values by their weights; NaN if all of those are 0."""
+    weight = sum(count for _, count in weighted)
+    return sum(value * count for value, count in weighted) / weight if weight else float("nan")
 
 
 def write_score(folder: Path, score: Score, record: RunRecord, fingerprint: str) -> None:
     """Keep a run's score, whole or not at all."""
-    part = folder / f".{RESULT}.part"
     document = {
         "format": _FORMAT,
         "fingerprint": fingerprint,
         "score": score.to_mapping(),
         "record": record.to_mapping(),
     }
-    part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    part.replace(folder / RESULT)
+    with atomic_write(folder / RESULT) as part:
+        part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
 
 
 def read_score(folder: Path, fingerprint: str) -> Score | None:
@@ -180,15 +163,3 @@ def read_score(folder: Path, fingerprint: str) -> Score | None:
         return Score(**found["score"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def frames_of(folder: Path) -> int:
-    """Frames that a kept run was fed with.
-
-    Raises:
-        EvaluationError: no result is kept there.
-    """
-    try:
-        return int(json.loads((folder / RESULT).read_text(encoding="utf-8"))["record"]["frames"])
-    except (OSError, ValueError, KeyError) as error:
-        raise EvaluationError(f"{folder} holds no {RESULT}; run the benchmark again") from error

@@ -1,234 +1,193 @@
-"""Tables of scores in the paper's layout: Markdown, LaTeX, CSV and Parquet."""
+"""Tables of runs in the paper's layout: Markdown, LaTeX, CSV and Parquet."""
 
 from __future__ import annotations
 
-import csv
-import io
-from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 
-from carlaloc_env.core.errors import EvaluationError
-from recorder.benchmark.cells import Cell, Table, best, cells, ratios
-from recorder.benchmark.score import Score
+import pandas as pd
 
-Rows = list[list[str]]
-"""A heading and lines of words."""
+from carlaloc_env.core.errors import EvaluationError
+from recorder.benchmark.cells import CONDITION, best, cells, ratios, traffic_label
+from recorder.benchmark.score import Score
+from recorder.dataset.sequence import RAW
 
 RULE = (
     "A run fails when it ends with an error or passes its time limit, when it has poses for less than 80 % "
     "of the frames, or when its APE is more than half of that of an estimate that never moves. A cell fails "
     "when half of its runs do."
 )
+_FIGURES = {
+    "ape_m": "APE [m], RMSE",
+    "rpe_paper_m": "RPE as in the paper [m], RMSE",
+    "attitude_deg": "attitude [deg], RMSE",
+    "kitti_percent": "drift over KITTI's segments [%]",
+}
+"""Figures of a run that have a table, with their titles."""
+_TEX = {sign: f"\\{sign}" for sign in "&%$#_{}"} | {"\\": r"\textbackslash{}", "×": r"$\times$", "–": "--"}
 
 
-def write_tables(scores: Sequence[Score], out: Path) -> list[Path]:
+def frame_of(scores: Sequence[Score]) -> pd.DataFrame:
+    """A row for each run with all of its figures."""
+    columns = [field.name for field in fields(Score)]
+    return pd.DataFrame([score.to_mapping() for score in scores], columns=columns)
+
+
+def write_tables(runs: pd.DataFrame, out: Path) -> list[Path]:
     """Write ``results.csv``, ``tables.md``, ``tables.tex``; with pyarrow ``results.parquet``, too.
 
     Raises:
         EvaluationError: a file cannot be written.
     """
-    written = []
-    texts = {"results.csv": csv_text(scores), "tables.md": markdown(scores), "tables.tex": latex(scores)}
+    texts = {"results.csv": csv_text(runs), "tables.md": markdown(runs), "tables.tex": latex(runs)}
+    written = [out / name for name in texts]
     try:
-        for name, text in texts.items():
-            (out / name).write_text(text, encoding="utf-8")
-            written.append(out / name)
+        for path, text in zip(written, texts.values(), strict=True):
+            path.write_text(text, encoding="utf-8")
+        if find_spec("pyarrow") is not None:
+            written.append(out / "results.parquet")
+            runs.to_parquet(written[-1], index=False)
     except OSError as error:
         raise EvaluationError(f"cannot write into {out}: {error.strerror}; choose another folder") from error
-    return written + _parquet(scores, out / "results.parquet")
+    return written
 
 
-def csv_text(scores: Sequence[Score]) -> str:
+def csv_text(runs: pd.DataFrame) -> str:
     """A line for each run with all of its figures."""
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, list(scores[0].to_mapping()), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(score.to_mapping() for score in scores)
-    return buffer.getvalue()
+    text: str = runs.assign(failed=runs["failed"].fillna("")).to_csv(index=False, na_rep="nan")
+    return text
 
 
-def markdown(scores: Sequence[Score]) -> str:
+def markdown(runs: pd.DataFrame) -> str:
     """All tables as Markdown."""
     parts = ["# Benchmark", "", RULE, ""]
-    for title, rows in all_tables(scores):
-        parts += [f"## {title}", "", markdown_table(rows), ""]
+    for title, table in all_tables(runs):
+        parts += [f"## {title}", "", markdown_table(table), ""]
     return "\n".join(parts)
 
 
-def latex(scores: Sequence[Score]) -> str:
+def markdown_table(table: pd.DataFrame) -> str:
+    """A table of words as Markdown."""
+    rows = [[word.replace("|", "\\|") for word in row] for row in [list(table), *table.to_numpy().tolist()]]
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([lines[0], f"|{' --- |' * len(table.columns)}", *lines[1:]])
+
+
+def latex(runs: pd.DataFrame) -> str:
     """All tables as LaTeX with booktabs."""
     parts = ["% \\usepackage{booktabs}", f"% {RULE}"]
-    for title, rows in all_tables(scores):
-        body = [" & ".join(_tex(word) for word in row) + r" \\" for row in rows]
-        parts += [
-            r"\begin{table}",
-            f"\\caption{{{_tex(title)}}}",
-            r"\begin{tabular}{" + "l" * len(rows[0]) + "}",
-            r"\toprule",
-            body[0],
-            r"\midrule",
-            *body[1:],
-            r"\bottomrule",
-            r"\end{tabular}",
-            r"\end{table}",
-            "",
-        ]
+    for title, table in all_tables(runs):
+        words = table.rename(columns=_tex).map(_tex)
+        parts.append(words.to_latex(index=False, caption=_tex(title), column_format="l" * len(table.columns)))
     return "\n".join(parts)
-
-
-def all_tables(scores: Sequence[Score]) -> list[tuple[str, Rows]]:
-    """Titles and rows: errors of visual and LiDAR systems as in Tables II and IV, ratios, and costs."""
-    titles = {score.method: score.title for score in scores}
-    visual = [score for score in scores if score.visual]
-    lidar = [score for score in scores if not score.visual]
-    found: list[tuple[str, Rows]] = []
-    for name, part, by_weather in (("Visual", visual, True), ("LiDAR", lidar, False)):
-        if not part:
-            continue
-        found.append(
-            (f"{name} systems: APE [m], RMSE", error_rows(cells(part), titles, by_weather=by_weather))
-        )
-        rpe = cells(part, lambda score: score.rpe_paper_m)
-        found.append(
-            (f"{name} systems: RPE as in the paper [m], RMSE", error_rows(rpe, titles, by_weather=by_weather))
-        )
-        turned = cells(part, lambda score: score.attitude_deg)
-        found.append(
-            (f"{name} systems: attitude [deg], RMSE", error_rows(turned, titles, by_weather=by_weather))
-        )
-        drift = cells(part, lambda score: score.kitti_percent)
-        rows = error_rows(drift, titles, by_weather=by_weather)
-        found.append((f"{name} systems: drift over KITTI's segments [%]", rows))
-    found.append(("Ratios of APE", ratio_rows(cells(scores), titles)))
-    found.append(("Cost", cost_rows(scores)))
-    found.append(("Why runs failed", failure_rows(scores)))
-    return [(title, rows) for title, rows in found if len(rows) > 1]
-
-
-def error_rows(table: Table, titles: dict[str, str], *, by_weather: bool) -> Rows:
-    """A row for each town, weather and traffic level, a column for each system, the best in bold.
-
-    Args:
-        table: Cells.
-        titles: Titles of methods.
-        by_weather: Whether the weather is a column.
-    """
-    methods = [method for method in titles if any(method in row for row in table.values())]
-    weathers = {condition.weather for condition in table}
-    shown = by_weather or len(weathers) > 1
-    rows = [["town", *(["weather"] if shown else []), "traffic", *(titles[m] for m in methods)]]
-    for condition, row in table.items():
-        winners = best(row)
-        words = [_cell(row.get(m), bold=m in winners) for m in methods]
-        weather = [condition.weather] if shown else []
-        rows.append([condition.town, *weather, condition.traffic_label, *words])
-    return rows
-
-
-def ratio_rows(table: Table, titles: dict[str, str]) -> Rows:
-    """Ratios with their median, range, and pairs of which nothing can be said."""
-    rows = [["system", "compared", "median", "range", "pairs", "larger", "within the spread of runs"]]
-    for ratio in ratios(table):
-        rows.append(
-            [
-                titles[ratio.method],
-                ratio.what,
-                f"×{ratio.median:.2f}",
-                f"×{ratio.values[0]:.2f}–×{ratio.values[-1]:.2f}",
-                str(len(ratio.values)),
-                f"{sum(value > 1 for value in ratio.values)} of {len(ratio.values)}",
-                f"{ratio.within_range} of {ratio.repeated}" if ratio.repeated else "one run: not known",
-            ]
-        )
-    return rows
-
-
-def cost_rows(scores: Sequence[Score]) -> Rows:
-    """Time, processor time and memory of each system, medians over the runs that ended and were measured."""
-    rows = [
-        [
-            "system",
-            "version",
-            "ms a frame",
-            "99 %",
-            "of real time",
-            "CPU-s",
-            "peak MB",
-            "cores",
-            "runs",
-            "failed",
-        ]
-    ]
-    for method in dict.fromkeys(score.method for score in scores):
-        runs = [score for score in scores if score.method == method]
-        ended = [score for score in runs if score.version and score.cores]
-        failed = str(sum(score.failed is not None for score in runs))
-        if not ended:
-            rows.append([runs[0].title, runs[0].version, *[""] * 6, str(len(runs)), failed])
-            continue
-        rows.append(
-            [
-                runs[0].title,
-                ended[0].version,
-                f"{1e3 * _median([s.frame_median_s for s in ended]):.1f}",
-                f"{1e3 * _median([s.frame_p99_s for s in ended]):.1f}",
-                f"×{_median([s.real_time for s in ended]):.2f}",
-                f"{_median([s.cpu_s for s in ended]):.1f}",
-                f"{_median([s.peak_memory_mb for s in ended]):.0f}",
-                str(ended[0].cores),
-                str(len(runs)),
-                failed,
-            ]
-        )
-    return rows
-
-
-def failure_rows(scores: Sequence[Score]) -> Rows:
-    """A row for each system and condition of which runs failed: how many, and why."""
-    runs: dict[tuple[str, str, str], list[str | None]] = defaultdict(list)
-    for s in scores:
-        condition = f"{s.weather} {s.traffic}" + ("" if s.cloud == "raw" else f" {s.cloud}")
-        runs[s.title, s.town, condition].append(s.failed)
-    rows = [["system", "town", "condition", "failed", "reason"]]
-    for names, reasons in runs.items():
-        failed = [reason for reason in reasons if reason is not None]
-        if failed:
-            rows.append([*names, f"{len(failed)} of {len(reasons)}", "; ".join(dict.fromkeys(failed))])
-    return rows
-
-
-def _median(values: Sequence[float]) -> float:
-    finite = sorted(value for value in values if value == value)
-    return finite[len(finite) // 2] if finite else float("nan")
-
-
-def _cell(cell: Cell | None, *, bold: bool) -> str:
-    if cell is None:
-        return "–"
-    return f"**{cell.text}**" if bold else cell.text
-
-
-def markdown_table(rows: Rows) -> str:
-    """Rows as a table of Markdown, the first one as its head."""
-    clean = [[word.replace("|", "\\|") for word in row] for row in rows]
-    lines = [f"| {' | '.join(row)} |" for row in clean]
-    return "\n".join([lines[0], f"|{' --- |' * len(rows[0])}", *lines[1:]])
 
 
 def _tex(word: str) -> str:
-    for sign in "\\&%$#_{}":
-        word = word.replace(sign, "\\textbackslash{}" if sign == "\\" else f"\\{sign}")
-    if word.startswith("**"):
-        return f"\\textbf{{{word.strip('*')}}}"
-    return word.replace("×", "$\\times$").replace("–", "--")
+    text = "".join(_TEX.get(sign, sign) for sign in word)
+    return f"\\textbf{{{text.strip('*')}}}" if text.startswith("**") else text
 
 
-def _parquet(scores: Sequence[Score], path: Path) -> list[Path]:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        return []
-    parquet.write_table(pyarrow.Table.from_pylist([score.to_mapping() for score in scores]), path)
-    return [path]
+def all_tables(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """Titles and words: errors of visual and LiDAR systems as in Tables II and IV, ratios, and costs."""
+    found = []
+    for visual in sorted(runs["visual"].unique(), reverse=True):
+        part, name = runs[runs["visual"] == visual], "Visual" if visual else "LiDAR"
+        for column, title in _FIGURES.items():
+            found.append((f"{name} systems: {title}", error_table(part, column, by_weather=visual)))
+    found.append(("Ratios of APE", ratio_table(runs)))
+    found.append(("Cost", cost_table(runs)))
+    found.append(("Why runs failed", failure_table(runs)))
+    return [(title, table) for title, table in found if len(table)]
+
+
+def titles_of(runs: pd.DataFrame) -> pd.Series:
+    """Titles of methods, in their order."""
+    return runs.drop_duplicates("method").set_index("method")["title"]
+
+
+def error_table(runs: pd.DataFrame, column: str = "ape_m", *, by_weather: bool) -> pd.DataFrame:
+    """A row for each town, weather and traffic level, a column for each system, the best in bold.
+
+    Args:
+        runs: Runs.
+        column: The figure.
+        by_weather: Whether the weather is a column although there is one alone.
+    """
+    cell = cells(runs, column)
+    cell["text"] = cell["text"].where(~best(cell), "**" + cell["text"] + "**")
+    rows = pd.MultiIndex.from_frame(cell[CONDITION].drop_duplicates())
+    titles = titles_of(runs)
+    words = cell.set_index([*CONDITION, "method"])["text"].unstack().reindex(rows)[titles.index].fillna("–")
+    words.columns = titles
+    table = words.reset_index()
+    table["traffic"] = [traffic_label(*labels) for labels in table[["traffic", "cloud"]].to_numpy()]
+    shown = by_weather or table["weather"].nunique() > 1
+    return table.drop(columns=["cloud"] if shown else ["cloud", "weather"])
+
+
+def ratio_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """Ratios with their median, range, and pairs of which nothing can be said."""
+    ratio = ratios(cells(runs))
+    within = counted(ratio["within"], ratio["repeated"]).where(ratio["repeated"] > 0, "one run: not known")
+    return pd.DataFrame(
+        {
+            "system": ratio["method"].map(titles_of(runs)),
+            "compared": ratio["what"],
+            "median": times(ratio["median"]),
+            "range": times(ratio["low"]) + "–" + times(ratio["high"]),
+            "pairs": ratio["pairs"].astype(str),
+            "larger": counted(ratio["larger"], ratio["pairs"]),
+            "within the spread of runs": within,
+        }
+    )
+
+
+def times(values: pd.Series) -> pd.Series:
+    """Ratios as words; empty where there is none."""
+    return _words(values, "×{:.2f}")
+
+
+def counted(some: pd.Series, of_all: pd.Series) -> pd.Series:
+    """How many of how many, as words."""
+    return some.astype(str) + " of " + of_all.astype(str)
+
+
+def _words(values: pd.Series, form: str) -> pd.Series:
+    return pd.Series(["" if pd.isna(value) else form.format(value) for value in values], values.index, object)
+
+
+def cost_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """Time, processor time and memory of each system, medians over the runs that ended and were measured."""
+    every = runs.groupby("method", sort=False)
+    ended = runs[(runs["version"] != "") & (runs["cores"] > 0)].groupby("method", sort=False)
+    median = ended[["frame_median_s", "frame_p99_s", "real_time", "cpu_s", "peak_memory_mb"]].median()
+    median = median.reindex(every["title"].first().index)
+    return pd.DataFrame(
+        {
+            "system": every["title"].first(),
+            "version": ended["version"].first().reindex(median.index).fillna(every["version"].first()),
+            "ms a frame": _words(1e3 * median["frame_median_s"], "{:.1f}"),
+            "99 %": _words(1e3 * median["frame_p99_s"], "{:.1f}"),
+            "of real time": times(median["real_time"]),
+            "CPU-s": _words(median["cpu_s"], "{:.1f}"),
+            "peak MB": _words(median["peak_memory_mb"], "{:.0f}"),
+            "cores": _words(ended["cores"].first().reindex(median.index), "{:.0f}"),
+            "runs": every.size().astype(str),
+            "failed": every["failed"].count().astype(str),
+        }
+    )
+
+
+def failure_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """A row for each system and condition of which runs failed: how many, and why."""
+    cloud = (" " + runs["cloud"]).where(runs["cloud"] != RAW, "")
+    condition = runs["weather"] + " " + runs["traffic"] + cloud
+    found = runs.groupby([runs["title"], runs["town"], condition.rename("condition")], sort=False)["failed"]
+    table = found.agg(
+        lost="count", runs="size", reason=lambda reasons: "; ".join(reasons.dropna().unique())
+    ).reset_index()
+    table = table[table["lost"] > 0].rename(columns={"title": "system"})
+    table.insert(3, "failed", counted(table.pop("lost"), table.pop("runs")))
+    return table

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from io import StringIO
+from pathlib import Path
 from typing import NoReturn, cast
 
 from carlaloc_env import __version__
@@ -25,14 +26,30 @@ COMMANDS = (
 """Sub-commands; each is a module of `commands` with `add_arguments` and `run`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2
+EXIT_PIPE = 141
+"""Exit code when the reader of the output has gone: that of a program which SIGPIPE ends in a shell."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command.
 
     Returns:
-        0 when done, 1 after a named error (one line on stderr), 2 after a usage error.
+        0 when done, 1 after a named error (one line on stderr), 2 after a usage error, 141 when the reader
+        of the output has gone, as in ``carlaloc list weathers | head -1``.
     """
+    try:
+        code = _main(argv)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # Python flushes both streams once more at exit, and would report the same error there.
+        for stream in (sys.stdout, sys.stderr):
+            with Path(os.devnull).open("w") as nowhere:
+                os.dup2(nowhere.fileno(), stream.fileno())
+        return EXIT_PIPE
+    return code
+
+
+def _main(argv: Sequence[str] | None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     as_json = any(len(word) > 2 and "--json".startswith(word) for word in words)
     parser = make_parser()
@@ -45,9 +62,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         print(to_json({"text": told.getvalue()}) if as_json else told.getvalue(), end="\n" if as_json else "")
         return int(stop.code or 0)
+    shown = logging.StreamHandler()
+    shown.setLevel(logging.DEBUG if arguments.verbose else logging.WARNING)
+    # A log file may hold more than is shown.
     logging.basicConfig(
-        level=logging.DEBUG if arguments.verbose else logging.WARNING,
+        level=logging.DEBUG if arguments.verbose else logging.INFO,
         format="%(levelname)s %(name)s: %(message)s",
+        handlers=[shown],
     )
     command = import_module(f"recorder.cli.commands.{arguments.command}")
     name = str(arguments.command)

@@ -1,107 +1,112 @@
-"""How far long work is: on a terminal one line that is written over, elsewhere a line every ten seconds."""
+"""How far long work is: a bar on a terminal, elsewhere a line every ten seconds."""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
-from collections import deque
-from collections.abc import Callable
 from typing import TextIO
 
 from recorder.cli.interrupts import raise_again
 
 REDRAW_S, LINE_S = 0.2, 10.0
-"""Time between two looks of the line on a terminal, and between two lines elsewhere [s]."""
-WINDOW_S = 30.0
-"""Time over which the rate is taken [s]: what is compiled at the beginning says nothing about the rest."""
+"""Time between two looks of the bar on a terminal, and between two lines elsewhere [s]."""
+_BAR = "{desc}: {percentage:3.0f}%|{bar}| "
+_OPEN = "{n:.0f} {unit}, {rate_noinv:.3g} {unit}/s{postfix}"
+_LEFT = "{n:.0f} of {total:.0f} {unit}, {rate_noinv:.3g} {unit}/s, {remaining} left{postfix}"
 
 
 class Progress:
-    """Tells seconds of the drive, the rate as a multiple of real time, and the time left.
+    """Shows how much is done, the rate and the time left, both by what this run has done so far.
 
     As a context manager it leaves a terminal's line empty at the end.
 
     Args:
         what: What is being done.
+        unit: What is counted; seconds are those of a drive.
         stream: Where to; stderr when left out.
-        clock: Tells the time [s].
     """
 
-    def __init__(
-        self, what: str, *, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._what, self._clock = what, clock
+    def __init__(self, what: str, *, unit: str = "s", stream: TextIO | None = None) -> None:
+        # Imported by long work only: it takes a while.
+        from tqdm import tqdm
+
+        tqdm.monitor_interval = 0
+        tqdm.set_lock(threading.RLock())
         self._stream = stream or sys.stderr
-        self._is_terminal = self._stream.isatty()
-        self._shown_s = clock() - (REDRAW_S if self._is_terminal else 0.0)
-        self._history: deque[tuple[float, float]] = deque()
-        self._width = 0
+        self._what, self._is_terminal = what, self._stream.isatty()
+        self._first: float | None = None
+        self._is_under_way = False
+        self._bar = tqdm(
+            desc=what,
+            unit=unit,
+            file=self._stream if self._is_terminal else _Lines(self._stream),
+            dynamic_ncols=self._is_terminal,
+            mininterval=REDRAW_S if self._is_terminal else LINE_S,
+            miniters=0,
+            delay=1e-9,  # nothing is drawn before the first update
+            smoothing=0,
+            leave=False,
+        )
 
     def __enter__(self) -> Progress:
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._width:
-            self._write("\r" + " " * self._width + "\r")
+        self._bar.last_print_t = time.time()
+        self._bar.close()
 
-    def update(self, done_s: float, total_s: float | None = None, note: str = "") -> None:
+    def update(self, done: float, total: float | None = None, note: str = "") -> None:
         """Take note of the progress, and show it when it is time.
 
         Args:
-            done_s: Seconds of the drive that are done [s].
-            total_s: Seconds in all [s]; None: nobody knows.
-            note: What else is told.
+            done: How much is done, what an earlier run did included.
+            total: How much it is in all; None: nobody knows.
+            note: What else is shown.
 
         Raises:
             KeyboardInterrupt: the command was asked to end.
         """
         raise_again()
-        now_s = self._clock()
-        self._history.append((now_s, done_s))
-        while now_s - self._history[0][0] > WINDOW_S:
-            self._history.popleft()
-        if now_s - self._shown_s < (REDRAW_S if self._is_terminal else LINE_S):
-            return
-        self._shown_s = now_s
-        line = self._line(done_s, total_s, note)
-        if self._is_terminal:
-            self._write(f"\r{line:<{self._width}}")
-            self._width = len(line)
-        else:
-            self._write(f"{line}\n")
+        bar = self._bar
+        if self._first is None:
+            self._first = bar.n = done
+        if not self._is_under_way:
+            # What is built and compiled before the first progress says nothing about the rate.
+            bar.initial, bar.start_t = done, time.time() - 1e-3
+            self._is_under_way = done != self._first
+        bar.total = None if total is None else max(total, done)
+        shown = _OPEN if not bar.total else _LEFT
+        bar.bar_format = (_BAR if bar.total and self._is_terminal else "{desc}: ") + shown
+        bar.set_postfix_str(note, refresh=False)
+        bar.update(done - bar.n)
 
     def note(self, done: int, total: int, told: str) -> None:
-        """Tell of one of several pieces of work that has ended, in a line of its own.
+        """Write of one of several pieces of work that has ended, in a line of its own.
 
         Args:
             done: Pieces done.
             total: Pieces in all.
-            told: What is told of this one.
+            told: What is written of this one.
 
         Raises:
             KeyboardInterrupt: the command was asked to end.
         """
         raise_again()
-        self._write(f"{self._what}: {done} of {total}, {told}\n")
+        if self._is_terminal:
+            self.update(done, total)
+        self._bar.write(f"{self._what}: {done} of {total}, {told}", file=self._stream)
 
-    def _line(self, done_s: float, total_s: float | None, note: str) -> str:
-        parts = [f"{self._what}: {done_s:.1f} s" if total_s is None else
-                 f"{self._what}: {done_s:.1f} of {total_s:.1f} s"]  # fmt: skip
-        (since_s, before_s), (now_s, _) = self._history[0], self._history[-1]
-        rate = (done_s - before_s) / (now_s - since_s) if now_s > since_s else 0.0
-        if rate > 0.0:
-            parts.append(f"{rate:.2f}x real time")
-            if total_s is not None:
-                parts.append(f"{_clock_text((total_s - done_s) / rate)} left")
-        return ", ".join([*parts, note] if note else parts)
 
-    def _write(self, text: str) -> None:
-        self._stream.write(text)
+class _Lines:
+    """Gives a stream what a bar draws over itself as lines one below the other."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> None:
+        if line := text.strip("\r "):
+            self._stream.write(f"{line}\n")
+
+    def flush(self) -> None:
         self._stream.flush()
-
-
-def _clock_text(seconds: float) -> str:
-    """A time as h:mm:ss, without hours where there are none."""
-    minutes, rest = divmod(round(max(seconds, 0.0)), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

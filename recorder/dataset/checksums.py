@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.text_files import read_text
 from recorder.dataset.layout import CHECKSUMS
 
@@ -26,12 +27,8 @@ def write_checksums(folder: Path) -> None:
         inner = file.parent.relative_to(folder)
         known |= {str(inner / name): digest for name, digest in read_checksums(file.parent).items()}
     lines = [f"{known.get(name) or file_sha256(folder / name)}  {name}\n" for name in _names(folder)]
-    part = folder / f".{CHECKSUMS}.part"
-    try:
+    with atomic_write(folder / CHECKSUMS, WriterError) as part:
         part.write_text("".join(lines), encoding="utf-8")
-        part.replace(folder / CHECKSUMS)
-    except OSError as error:
-        raise WriterError(f"cannot write {folder / CHECKSUMS}: {error.strerror}") from error
 
 
 def read_checksums(folder: Path, error: type[CarlaLocError] = ConfigError) -> dict[str, str]:

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.files.atomic_write import part_path
 from carlaloc_env.core.files.output_paths import path_below
 
 DATASET, SEQUENCE, CHECKSUMS = "dataset.yaml", "sequence.yaml", "SHA256SUMS"
@@ -83,7 +84,7 @@ class SequenceFolder:
     @property
     def part(self) -> SequenceFolder:
         """The folder while it is being written."""
-        return SequenceFolder(self.path.with_name(f".{self.name}.part"))
+        return SequenceFolder(part_path(self.path.with_name(self.name)))
 
     @property
     def drive(self) -> DriveFolder:

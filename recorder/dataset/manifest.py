@@ -16,10 +16,10 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import CarlaLocError, ConfigError, WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.config_mapping import to_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
-from carlaloc_env.town.sources import TownId
 from recorder.dataset.checksums import file_sha256, write_checksums
 from recorder.dataset.layout import DATASET, DatasetFolder, SequenceFolder, sequences_below
 from recorder.episode.episode import Episode
@@ -90,12 +90,11 @@ class DatasetManifest:
 
 
 def drive_origin(
-    town: TownId, episode: Episode, rig: SensorRig, *, seed: int, span_ns: tuple[int, int], topics: str
+    episode: Episode, rig: SensorRig, *, seed: int, span_ns: tuple[int, int], topics: str
 ) -> dict[str, Any]:
     """What all sequences of a drive share, as YAML values.
 
     Args:
-        town: The town.
         episode: The drive.
         rig: The sensors.
         seed: Seed of their noise.
@@ -104,7 +103,7 @@ def drive_origin(
     """
     header = episode.header
     origin = {
-        "town_hash": town.content_hash,
+        "town_hash": header.town_hash,
         "episode": {
             "file": episode.path.name,
             "sha256": file_sha256(episode.path),
@@ -170,12 +169,8 @@ def write_manifest(
         "versions": {**{name: version(name) for name in VERSIONED}, "python": platform.python_version()},
         "sequences": [str(one.path.relative_to(out)) for one in sequences_below(out)],
     }
-    part = out / f".{DATASET}.part"
-    try:
+    with atomic_write(out / DATASET, WriterError) as part:
         part.write_text(as_yaml(document), encoding="utf-8")
-        part.replace(out / DATASET)
-    except OSError as error:
-        raise WriterError(f"cannot write {out / DATASET}: {error.strerror}") from error
     write_checksums(out)
 
 

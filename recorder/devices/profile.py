@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from carlaloc_env.core.errors import ConfigError, DeviceError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.config_mapping import from_mapping, to_mapping
 from carlaloc_env.core.files.text_files import read_text
 from recorder.devices.axes import AxisShape
@@ -92,14 +93,11 @@ def save_profile(profile: DeviceProfile, folder: Path | None = None) -> Path:
     """
     folder = folder or profile_folder()
     stem = "".join(c if c.isalnum() else "_" for c in profile.name.lower()).strip("_") or "device"
-    path, part = folder / f"{stem}.yaml", folder / f".{stem}.part"
+    path = folder / f"{stem}.yaml"
     values: dict[str, Any] = {k: v for k, v in to_mapping(profile).items() if v not in (None, [], {})}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path, DeviceError, "set XDG_CONFIG_HOME") as part:
         part.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
-        return part.replace(path)
-    except OSError as error:
-        raise DeviceError(f"cannot write {path}: {error.strerror}; set XDG_CONFIG_HOME") from error
+    return path
 
 
 def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:

@@ -19,8 +19,8 @@ from carlaloc_env.core.freed_memory import give_back_freed_memory
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from carlaloc_env.town.build import load_town
-from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.town import Town
+from carlaloc_env.town.without_movables import without_movables
 from carlaloc_env.traffic.world import traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.devices.base import Device
@@ -30,9 +30,10 @@ from recorder.devices.names import DEVICES, HUMAN
 from recorder.devices.panel import KeyPanel
 from recorder.devices.registry import open_device
 from recorder.drive.session import DriveSession
-from recorder.episode.episode import EpisodeHeader, EpisodeWriter
+from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
 from recorder.episode.file_names import check_episode_output, recording_path, repair_command
 from recorder.episode.messages import VIOLATIONS
+from recorder.episode.summary import driven_distance_m
 from recorder.window.cockpit import WindowCockpit
 from recorder.window.opening import Opening
 
@@ -88,8 +89,10 @@ class RecordResult:
     """The episode."""
     duration_s: float
     """Length of the drive [s]."""
-    length_m: float
+    route_m: float
     """Distance along the route [m]."""
+    driven_m: float
+    """Distance driven [m], in the plane; on a way of one's own it is not that along the route."""
     collisions: int
     """Number of collisions."""
     violations: Mapping[str, int] = field(default_factory=dict)
@@ -164,7 +167,7 @@ class _Drive:
         town = load_town(config.map)
         traffic = traffic_of_town(town, config.traffic, config.seed)
         if not traffic.parked_cars:
-            town = without_parked_cars(town)
+            town = without_movables(town)
         with ThreadPoolExecutor(1) as pool:
             shown = None if show is None else pool.submit(show, town, weather)
             self.world = DrivingWorld(town, traffic)
@@ -223,7 +226,8 @@ class _Drive:
         return RecordResult(
             path=self._config.out,
             duration_s=session.duration_s,
-            length_m=session.length_m,
+            route_m=session.route_m,
+            driven_m=driven_distance_m(Episode.load(self._config.out)),
             collisions=counts["collision"],
             violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
             attempts=tuple(session.attempts),
@@ -255,7 +259,7 @@ def episode_header(
     versions = {name: version(name) for name in VERSIONED}
     return EpisodeHeader(
         map_name=town.name,
-        map_hash=town.content_hash,
+        town_hash=town.town_hash,
         seed=config.seed,
         catalog=catalog,
         route={

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -66,7 +67,7 @@ class _Comparison:
 
     def on_tick(self, tick: int, state: EgoState, controls: Controls) -> None:
         row = self._episode.ego[tick]
-        away = float(np.linalg.norm(row["position_m"] - state.position_m))
+        away = math.dist(row["position_m"], state.position_m)
         self.largest_m = max(self.largest_m, away)
         for name in ("position_m", "quat_xyzw", "velocity_world_mps", "omega_body_radps"):
             if row[name].tobytes() != np.asarray(getattr(state, name), np.float64).tobytes():

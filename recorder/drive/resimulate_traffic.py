@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.clock import STEP_NS, STEP_TICKS
 from carlaloc_env.core.ego_car import EGO_SIZE_M
 from carlaloc_env.core.files.config_mapping import from_mapping
@@ -86,7 +87,7 @@ def change_traffic(
 
 def _view(row: np.void) -> EgoView:
     R = quat_to_matrix(row["quat_xyzw"])
-    heading = float(np.arctan2(R[1, 0], R[0, 0]))
+    heading = float(elementary.arctan2(R[1, 0], R[0, 0]))
     return ego_view(row["position_m"], heading, float(row["speed_mps"]))
 
 
@@ -123,13 +124,13 @@ def _overlap(
     """Whether rectangles overlap the ego's: no axis of either separates them, (N,)."""
     result = np.ones(len(delta_m), bool)
     turn = heading_rad - ego_heading_rad
-    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    c, s = np.abs(elementary.cos(turn)), np.abs(elementary.sin(turn))
     for heading, own, other in (
         (np.full(len(delta_m), ego_heading_rad), np.broadcast_to(ego_half_m, half_m.shape), half_m),
         (heading_rad, half_m, np.broadcast_to(ego_half_m, half_m.shape)),
     ):
-        along = delta_m[:, 0] * np.cos(heading) + delta_m[:, 1] * np.sin(heading)
-        across = delta_m[:, 1] * np.cos(heading) - delta_m[:, 0] * np.sin(heading)
+        along = delta_m[:, 0] * elementary.cos(heading) + delta_m[:, 1] * elementary.sin(heading)
+        across = delta_m[:, 1] * elementary.cos(heading) - delta_m[:, 0] * elementary.sin(heading)
         result &= np.abs(along) < own[:, 0] + c * other[:, 0] + s * other[:, 1]
         result &= np.abs(across) < own[:, 1] + s * other[:, 0] + c * other[:, 1]
     return result

@@ -147,7 +147,7 @@ class DriveSession:
         return self._world.tick_count / TICK_HZ
 
     @property
-    def length_m(self) -> float:
+    def route_m(self) -> float:
         """Way along the route so far [m]."""
         return self._world.route_s_m
 

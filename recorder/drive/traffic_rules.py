@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_S
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.driving.driver_view import DriverView
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.traffic.signals import SignalState
@@ -64,8 +65,8 @@ class RuleMonitor:
     def _lane_keeping(self, view: DriverView) -> tuple[bool, bool]:
         """Whether the car's middle is beside every lane, and whether it faces its lane's traffic."""
         middle = view.position_m.copy()
-        middle[0] += 1.4 * math.cos(view.heading_rad)
-        middle[1] += 1.4 * math.sin(view.heading_rad)
+        north, east = sin_cos(view.heading_rad)
+        middle[:2] += 1.4 * east, 1.4 * north
         near = self._network.nearest(middle[None])
         lane, station = int(near.lane[0]), near.station_m[:1]
         width = float(self._network.width_m(near.lane[:1], station)[0])

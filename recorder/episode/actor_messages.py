@@ -97,6 +97,15 @@ def actor_states(rows: NDArray[np.void]) -> ActorFrame:
     )
 
 
+def actor_frames(rows: NDArray[np.void]) -> list[ActorFrame]:
+    """The state of each row."""
+    states = actor_states(rows)
+    return [
+        ActorFrame(**{name: getattr(states, name)[k] for name in ActorFrame.__slots__})
+        for k in range(len(rows))
+    ]
+
+
 def _joined(rows: NDArray[np.void], name: str) -> NDArray[np.int32]:
     whole: NDArray[np.int32] = rows[f"{name}_tile"].astype(np.int32) << 16 | rows[f"{name}_fraction"]
     return whole

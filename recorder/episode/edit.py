@@ -20,7 +20,7 @@ from carlaloc_env.core.geometry.transforms import (
 )
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.timeline.timeline import ActorFrame
-from recorder.episode.actor_messages import actor_states
+from recorder.episode.actor_messages import actor_frames
 from recorder.episode.episode import EgoRow, Episode, EpisodeHeader, EpisodeWriter, Event
 from recorder.episode.traffic_level import TrafficLevel
 
@@ -51,7 +51,7 @@ def cut_episode(source: Path, out: Path, start_s: float, end_s: float, *, overwr
     rows, kept = episode.ego[a : b + 2], episode.steps[first : last + 2]
     events = [replace(event, tick=event.tick - a) for event in episode.events if a <= event.tick <= b]
     header = _edited(episode.header, f"cut {start_s:g} to {end_s:g} s of {source.name}")
-    _write(out, header, rows, _frames(kept), kept["signals"], events, overwrite=overwrite)
+    _write(out, header, rows, actor_frames(kept), kept["signals"], events, overwrite=overwrite)
     return Episode.load(out)
 
 
@@ -65,8 +65,8 @@ def join_episodes(first: Path, second: Path, out: Path, *, overwrite: bool = Fal
             `JOINT_M` or `JOINT_DEG`.
     """
     a, b = Episode.load(first), Episode.load(second)
-    if a.header.map_hash != b.header.map_hash:
-        raise EpisodeError(f"{first} and {second} were driven on different maps; join drives of one map")
+    if a.header.town_hash != b.header.town_hash:
+        raise EpisodeError(f"{first} and {second} were driven in different towns; join drives in one town")
     same = np.array_equal(a.header.catalog.id, b.header.catalog.id)
     if not same or a.header.catalog.model != b.header.catalog.model:
         raise EpisodeError(
@@ -83,7 +83,7 @@ def join_episodes(first: Path, second: Path, out: Path, *, overwrite: bool = Fal
     events.append(Event(tick=len(head), kind="joint", data={"with": second.name}))
     events += [replace(e, tick=e.tick + len(head)) for e in b.events]
     header = _edited(a.header, f"joined {first.name} and {second.name} at {len(head) * TICK_S:.3f} s")
-    frames = [*_frames(head_frames), *_frames(b.steps)]
+    frames = [*actor_frames(head_frames), *actor_frames(b.steps)]
     signals = np.concatenate([head_frames["signals"], b.steps["signals"]])
     _write(out, header, np.concatenate([head, tail]), frames, signals, events, overwrite=overwrite)
     return Episode.load(out)
@@ -137,7 +137,7 @@ def _keep(
 ) -> Episode:
     header = _edited(episode.header, f"{what} {source.name}")
     header = replace(header, catalog=episode.header.catalog.take(index))
-    frames = (frame.take(index) for frame in _frames(episode.steps))
+    frames = (frame.take(index) for frame in actor_frames(episode.steps))
     _write(out, header, episode.ego, frames, episode.steps["signals"], episode.events, overwrite=overwrite)
     return Episode.load(out)
 
@@ -162,14 +162,6 @@ def rewrite_traffic(
 
 def _edited(header: EpisodeHeader, what: str) -> EpisodeHeader:
     return replace(header, history=(*header.history, what))
-
-
-def _frames(steps: NDArray[np.void]) -> list[ActorFrame]:
-    states = actor_states(steps)
-    return [
-        ActorFrame(**{name: getattr(states, name)[k] for name in ActorFrame.__slots__})
-        for k in range(len(steps))
-    ]
 
 
 def _write(

@@ -18,9 +18,9 @@ from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import EpisodeError
 from carlaloc_env.timeline.ego_spline import EgoTrack
-from carlaloc_env.timeline.timeline import ActorFrame, Timeline
+from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.timeline.vehicle_track import CarTrack
-from recorder.episode.actor_messages import ACTORS, actor_states, unpack_actors
+from recorder.episode.actor_messages import ACTORS, actor_frames, unpack_actors
 from recorder.episode.file_names import RECORDING_SUFFIX, recording_path
 from recorder.episode.header import HEADER_RECORD, EpisodeHeader
 from recorder.episode.mcap_container import Container, is_container, read_container
@@ -153,11 +153,9 @@ class Episode:
             np.stack([np.asarray(column, dtype=np.float64) for column in switches], axis=-1),
         )
         timeline = Timeline(self.header.catalog, ego=track, car=car)
-        states = actor_states(self.steps)
         signals = np.ascontiguousarray(self.steps["signals"])
-        for k in range(len(self.steps)):
-            frame = ActorFrame(**{name: getattr(states, name)[k] for name in ActorFrame.__slots__})
-            timeline.append_step(frame, signals[k])
+        for frame, heads in zip(actor_frames(self.steps), signals, strict=True):
+            timeline.append_step(frame, heads)
         return timeline
 
     def _log(self, prefix: str) -> ControlLog:

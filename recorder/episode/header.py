@@ -17,8 +17,6 @@ HEADER_RECORD = "carlaloc_episode"
 """Name of the MCAP metadata record that holds the header."""
 FORMAT_VERSION = 3
 """Version of the episode format; a reader refuses others. 2: actors in fixed point. 3: they lean."""
-WORLD_VERSION = 2
-"""Version of the world that drives run in; a replay refuses others. 2: roads have profiles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,10 +25,8 @@ class EpisodeHeader:
 
     map_name: str
     """Name of the town; never a path, which only a user may give."""
-    map_hash: str = ""
-    """Content hash of the town, so that a replay refuses a changed map."""
-    world_version: int = WORLD_VERSION
-    """Version of the roads and the car's physics, `WORLD_VERSION` when it was driven."""
+    town_hash: str = ""
+    """Hash of the town as it was built, so that a replay refuses another one; empty: not known."""
     seed: int = 0
     """Seed of traffic and noise."""
     catalog: ActorCatalog = field(default_factory=empty_catalog)
@@ -95,7 +91,8 @@ class EpisodeHeader:
                 tint=np.array(catalog["tint"], dtype=np.uint8).reshape(count, 3),
             )
             values["history"] = tuple(values.get("history", ()))
-            values["world_version"] = int(values.get("world_version", 1))
+            # Older headers have a hash of the map's file, which is no town's: they are refused by name.
+            values.setdefault("town_hash", values.get("map_hash", ""))
             known = {f.name for f in fields(cls)}
             return cls(**{name: value for name, value in values.items() if name in known})
         except (KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from carlaloc_env.core.clock import stamp_ns
 from carlaloc_env.core.controls import Controls
@@ -52,6 +52,9 @@ string json
 """What happened."""
 CONTROLS = ("steer", "throttle", "brake", "reverse", "handbrake")
 """Names of the controls; in `EGO` the device's own begin with ``raw_``."""
+_STATE = ("position_m", "quat_xyzw", "velocity_world_mps", "omega_body_radps", "road_wheel_rad", "speed_mps",
+          "wheel_spin_radps")  # fmt: skip
+"""Names of the numbers beside them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,15 +84,7 @@ class EgoRow:
     def of(cls, row: np.void) -> EgoRow:
         """The row that `pack_ego` made a message of."""
         return cls(
-            position_m=row["position_m"],
-            quat_xyzw=row["quat_xyzw"],
-            velocity_world_mps=row["velocity_world_mps"],
-            omega_body_radps=row["omega_body_radps"],
-            controls=_controls(row, ""),
-            raw=_controls(row, "raw_"),
-            road_wheel_rad=float(row["road_wheel_rad"]),
-            speed_mps=float(row["speed_mps"]),
-            wheel_spin_radps=row["wheel_spin_radps"],
+            controls=_controls(row, ""), raw=_controls(row, "raw_"), **{name: row[name] for name in _STATE}
         )
 
 
@@ -113,28 +108,17 @@ class Event:
 def pack_ego(tick: int, row: EgoRow) -> bytes:
     """Bytes of an `EgoState` message."""
     raw = row.raw if row.raw is not None else row.controls
-    return EGO.pack(
-        {
-            "tick": tick,
-            "position_m": _floats(row.position_m),
-            "quat_xyzw": _floats(row.quat_xyzw),
-            "velocity_world_mps": _floats(row.velocity_world_mps),
-            "omega_body_radps": _floats(row.omega_body_radps),
-            "road_wheel_rad": row.road_wheel_rad,
-            "speed_mps": row.speed_mps,
-            "wheel_spin_radps": _floats(row.wheel_spin_radps),
-            **{name: getattr(row.controls, name) for name in CONTROLS},
-            **{f"raw_{name}": getattr(raw, name) for name in CONTROLS},
-        }
-    )
+    out = EGO.row()
+    out["tick"] = tick
+    for name in _STATE:
+        out[name] = getattr(row, name)
+    for name in CONTROLS:
+        out[name], out[f"raw_{name}"] = getattr(row.controls, name), getattr(raw, name)
+    return out.tobytes()
 
 
 def _controls(row: np.void, prefix: str) -> Controls:
     return Controls(**{name: row[prefix + name].item() for name in CONTROLS})
-
-
-def _floats(values: ArrayLike) -> NDArray[np.float64]:
-    return np.asarray(values, dtype=np.float64)
 
 
 VIOLATIONS = ("red_light", "off_road", "wrong_way", "speeding", "off_route")

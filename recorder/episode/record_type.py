@@ -15,7 +15,7 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 ENCAPSULATION = 0x0000_0100
 """First word of every message, as a little-endian number: CDR, little-endian."""
@@ -70,21 +70,6 @@ class RecordType:
         lines = (line.partition("#")[0].strip() for line in self.definition.splitlines())
         return tuple(_field(line) for line in lines if line)
 
-    @cached_property
-    def is_fixed(self) -> bool:
-        """Whether all messages have one size."""
-        return not any(field.is_sequence or field.kind == "string" for field in self.fields)
-
-    @cached_property
-    def struct(self) -> struct.Struct:
-        """Layout of messages of one size, the first value being `ENCAPSULATION`."""
-        code, end = "<I", 0
-        for field in self.fields:
-            gap = -end % field.size
-            code += f"{gap}x{field.length or 1}{_CODES[field.kind]}"
-            end += gap + field.size * (field.length or 1)
-        return struct.Struct(code)
-
     def dtype(self, lengths: Mapping[str, int] | None = None) -> np.dtype[np.void]:
         """Layout for numpy, with the fields' names.
 
@@ -115,9 +100,7 @@ class RecordType:
         return np.frombuffer(b"".join(payloads), dtype=dtype)
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
-        """Bytes of a message of single values, fixed arrays and strings."""
-        if self.is_fixed:
-            return self.struct.pack(ENCAPSULATION, *_flat(self.fields, values))
+        """Bytes of a message of single values and strings."""
         out = bytearray(struct.pack("<I", ENCAPSULATION))
         for field in self.fields:
             out += bytes(-(len(out) - 4) % (4 if field.kind == "string" else field.size))
@@ -125,12 +108,11 @@ class RecordType:
                 text = values[field.name].encode() + b"\0"
                 out += struct.pack("<I", len(text)) + text
             else:
-                code = f"<{field.length or 1}{_CODES[field.kind]}"
-                out += struct.pack(code, *_flat((field,), values))
+                out += struct.pack("<" + _CODES[field.kind], values[field.name])
         return bytes(out)
 
     def unpack(self, payload: bytes) -> dict[str, Any]:
-        """Values of a message of single values, fixed arrays and strings, by name.
+        """Values of a message of single values and strings, by name.
 
         Raises:
             ValueError: a text is not UTF-8.
@@ -141,13 +123,13 @@ class RecordType:
             size = 4 if field.kind == "string" else field.size
             at += -(at - 4) % size
             code = "I" if field.kind == "string" else _CODES[field.kind]
-            found = struct.unpack_from(f"<{field.length or 1}{code}", payload, at)
-            at += size * len(found)
+            (value,) = struct.unpack_from(f"<{code}", payload, at)
+            at += size
             if field.kind == "string":
-                values[field.name] = payload[at : at + found[0] - 1].decode()
-                at += found[0]
+                values[field.name] = payload[at : at + value - 1].decode()
+                at += value
             else:
-                values[field.name] = found[0] if field.length is None else list(found)
+                values[field.name] = value
         return values
 
 
@@ -158,21 +140,6 @@ def _field(line: str) -> Field:
     length = int(found["length"]) if found["length"] else None
     is_sequence = found["array"] is not None and length is None
     return Field(name=found["name"], kind=found["kind"], length=length, is_sequence=is_sequence)
-
-
-def _flat(fields: Sequence[Field], values: Mapping[str, Any]) -> list[Any]:
-    flat: list[Any] = []
-    for field in fields:
-        value = values[field.name]
-        flat += _numbers(value, field) if field.length is not None else [value]
-    return flat
-
-
-def _numbers(values: ArrayLike, field: Field) -> list[Any]:
-    numbers: list[Any] = np.asarray(values).tolist()
-    if len(numbers) != field.length:
-        raise ValueError(f"{field.name} of {len(numbers)} values, not {field.length}")
-    return numbers
 
 
 @lru_cache(maxsize=64)

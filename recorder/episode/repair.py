@@ -6,6 +6,7 @@ import heapq
 from pathlib import Path
 
 from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX, check_output_file
 from recorder.episode.actor_messages import ACTORS
 from recorder.episode.episode import Episode, read_episode_file
@@ -36,15 +37,9 @@ def repair_episode(path: str | Path, target: str | Path | None = None, *, overwr
         name = stem if stem != source.name else f"{source.stem}_repaired{EPISODE_SUFFIX}"
         target = source.with_name(name)
     target = Path(target)
-    part = target.with_name(f".{target.name}.part")
     check_output_file(target, suffixes=(EPISODE_SUFFIX,), overwrite=overwrite)
-    part.unlink(missing_ok=True)
-    try:
+    with atomic_write(target, EpisodeError) as part:
         _rewrite(source, part)
-        part.replace(target)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise EpisodeError(f"cannot write {target}: {error.strerror}") from error
     return Episode.load(target)
 
 

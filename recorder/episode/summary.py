@@ -28,16 +28,18 @@ class EpisodeSummary:
     """File."""
     map: str
     """Town."""
-    map_hash: str
-    """Content hash of the town."""
+    town_hash: str
+    """Hash of the town as it was built."""
     device: str
     """Who drove."""
     seed: int
     """Seed of traffic and noise."""
     duration_s: float
     """Length in time [s]."""
-    length_m: float
+    driven_m: float
     """Distance driven [m], summed over ticks in the plane."""
+    route_m: float | None
+    """Distance along the route [m]; None where the file does not have it: it is edited or cut off."""
     closure_m: float
     """Distance between first and last position [m]."""
     closure_deg: float
@@ -55,40 +57,52 @@ class EpisodeSummary:
     table_length_m: float | None
     """Length that the paper's Table III gives for this town's route [m], None where it gives none."""
     meets_table: bool | None
-    """Whether length (within 1 %) and loop are as the table says; None where it says nothing."""
+    """Whether the distance driven (within 1 %) and loop are as the table says; None where it says nothing."""
     complete: bool
     """Whether the file is whole."""
     health: str
     """``complete``, or what is wrong and until when the file is good."""
 
 
+def driven_distance_m(episode: Episode) -> float:
+    """Distance that the ego has driven [m], summed over ticks in the plane."""
+    steps = np.diff(episode.ego["position_m"][:, :2], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def _route_distance_m(episode: Episode) -> float | None:
+    ends = [event.data["route_m"] for event in episode.events if event.kind == "end"]
+    last = None if episode.header.history or not ends else ends[-1]
+    return float(last) if isinstance(last, (int, float)) else None
+
+
 def summarise(episode: Episode) -> EpisodeSummary:
     """Figures of an episode."""
     position = episode.ego["position_m"]
-    steps = np.diff(position[:, :2], axis=0)
-    length_m = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+    driven_m = driven_distance_m(episode)
     closure_m, closure_deg = float("nan"), float("nan")
     if len(position):
         closure_m = float(np.linalg.norm(position[-1] - position[0]))
         yaw = quat_to_rpy(episode.ego["quat_xyzw"][[0, -1]])[:, 2]
         closure_deg = float(np.degrees(abs(wrap_angle(yaw[1] - yaw[0]))))
     walkers = int(np.count_nonzero(episode.header.catalog.tag == Tag.PEDESTRIAN))
-    closed = length_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
+    closed = driven_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
     table_m = episode.header.route.get("table_length_m")
     loop = bool(episode.header.route.get("closed"))
     counts = Counter(event.kind for event in episode.events)
     meets = None
     if table_m is not None:
-        meets = abs(length_m - table_m) <= TABLE_FRACTION * table_m and (closed or not loop)
+        meets = abs(driven_m - table_m) <= TABLE_FRACTION * table_m and (closed or not loop)
     good_until = f"good until {episode.last_good_ns / 1e9:.3f} s"
     return EpisodeSummary(
         path=str(episode.path),
         map=episode.header.map_name,
-        map_hash=episode.header.map_hash,
+        town_hash=episode.header.town_hash,
         device=episode.header.device,
         seed=episode.header.seed,
         duration_s=episode.duration_s,
-        length_m=length_m,
+        driven_m=driven_m,
+        route_m=_route_distance_m(episode),
         closure_m=closure_m,
         closure_deg=closure_deg,
         loop_closed=closed,

@@ -1,7 +1,8 @@
-"""The town that an episode was driven in: a known one by name, or what the user says; its hash decides."""
+"""The town that an episode was driven in: a known one by name, or what the user names; its hash decides."""
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,14 +10,13 @@ from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.core.names import is_name
 from carlaloc_env.town.sources import TownId, find_town, identify_town
 from recorder.episode.episode import Episode
-from recorder.episode.header import WORLD_VERSION
 
 if TYPE_CHECKING:
     from carlaloc_env.town.town import Town
 
 
 def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
-    """Name, hash and file of an episode's town; nothing is built.
+    """Name and file of an episode's town; nothing is built.
 
     Files come from others: an episode may name a town, but only the user may name a file.
 
@@ -26,15 +26,10 @@ def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
 
     Raises:
         MapError: there is no such file.
-        EpisodeError: the town is not known by a name, or its map or the world has changed since the drive.
+        EpisodeError: the town is not known by a name, or the cache holds it and it is another one than was
+            driven in. A town that has not been built here is compared by `town_of`.
     """
     header = episode.header
-    if header.world_version != WORLD_VERSION:
-        raise EpisodeError(
-            f"{episode.path} was driven in world version {header.world_version}, this CarlaLoc has version "
-            f"{WORLD_VERSION}, whose roads have other heights; record it again, or install the version "
-            f"of CarlaLoc it was made with ({header.versions.get('carlaloc-env', 'unknown')})"
-        )
     if chosen is not None:
         town = identify_town(chosen)
     elif not is_name(header.map_name):
@@ -46,12 +41,11 @@ def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
             raise EpisodeError(
                 f"{episode.path}: {error}; if it was driven on a file, give that with --map FILE.xodr"
             ) from error
-    if header.map_hash and header.map_hash != town.content_hash:
-        raise EpisodeError(
-            f"{episode.path} was driven in another version of {town.name} ({header.map_hash[:12]}, "
-            f"now {town.content_hash[:12]}); give its map with --map, record it again, or install the "
-            f"version of CarlaLoc it was made with ({header.versions.get('carlaloc-env', 'unknown')})"
-        )
+    if header.town_hash:
+        # Here, since what loads towns takes a second to import.
+        from carlaloc_env.town.build import kept_town_hash
+
+        _check(episode, town, kept_town_hash(town) or header.town_hash)
     return town
 
 
@@ -64,9 +58,29 @@ def town_of(episode: Episode, chosen: str | Path | None = None) -> Town:
 
     Raises:
         MapError: there is no such file, or it cannot be used.
-        EpisodeError: the town is not known by a name, or its map or the world has changed since the drive.
+        EpisodeError: the town is not known by a name, or it is another one than was driven in.
     """
-    # Here, since what builds towns takes a second to import.
     from carlaloc_env.town.build import load_town
 
-    return load_town(town_id_of(episode, chosen).source)
+    source = town_id_of(episode, chosen)
+    town = load_town(source.source)
+    if episode.header.town_hash:
+        _check(episode, source, town.town_hash)
+    return town
+
+
+def _check(episode: Episode, town: TownId, town_hash: str) -> None:
+    """Refuse a drive whose way may no longer lie on the roads.
+
+    Raises:
+        EpisodeError: the town is another one than was driven in.
+    """
+    header = episode.header
+    if header.town_hash != town_hash:
+        where = town.name if town.source.name == "town.xodr" else str(town.source)
+        anew = ["record", "--map", where, "--device", header.device or "scripted", "--seed", str(header.seed)]
+        raise EpisodeError(
+            f"{episode.path} was driven in another version of {town.name} ({header.town_hash[:12]}, now "
+            f"{town_hash[:12]}); give its map with --map, or record it anew: carlaloc {shlex.join(anew)} "
+            "--out NEW.mcap"
+        )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, stamp_ns
 from carlaloc_env.core.errors import EpisodeError
+from carlaloc_env.core.files.atomic_write import part_path
 from carlaloc_env.timeline.timeline import ActorFrame
 from recorder.episode.actor_messages import ACTORS, pack_actors
 from recorder.episode.file_names import check_episode_output, recording_path, repair_command
@@ -58,7 +59,7 @@ class EpisodeWriter:
         self.path = Path(path)
         self.header = header
         self._keep_cut = keep_cut
-        self._part = recording_path(self.path) if keep_cut else self.path.with_name(f".{self.path.name}.part")
+        self._part = (recording_path if keep_cut else part_path)(self.path)
         self._next_tick = self._next_step = 0
         self._signal_count: int | None = None
         self._flushed_ns = 0

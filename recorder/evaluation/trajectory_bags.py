@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.errors import EvaluationError, unknown_name
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory import Trajectory, in_order
 
 _POSE_OF: dict[str, Callable[[Any], tuple[Any, Any]]] = {
     "nav_msgs/msg/Odometry": lambda m: (m.pose.pose.position, m.pose.pose.orientation),
@@ -50,18 +50,8 @@ def read_bag(path: Path, topic: str | None = None) -> Trajectory:
         raise EvaluationError(
             f"cannot read {path}: no ROS bag, or a damaged one; give a whole bag"
         ) from error
-    latest = {at_ns: (p, q) for at_ns, p, q in rows}
-    stamps = sorted(latest)
-    quat = np.array([[latest[t][1].x, latest[t][1].y, latest[t][1].z, latest[t][1].w] for t in stamps])
-    norm = np.sqrt(np.sum(quat**2, axis=1, keepdims=True))
-    if not np.all(np.abs(norm - 1.0) < 0.01):
-        raise EvaluationError(f"{path} {wanted} holds a quaternion that is not of length 1")
-    return Trajectory(
-        stamp_ns=np.array(stamps, np.int64),
-        position_m=np.array([[latest[t][0].x, latest[t][0].y, latest[t][0].z] for t in stamps]),
-        quat_xyzw=quat / norm,
-        name=path.stem,
-    )
+    table = np.array([(p.x, p.y, p.z, q.x, q.y, q.z, q.w) for _, p, q in rows])
+    return in_order(path, np.array([at_ns for at_ns, _, _ in rows]), table[:, :3], table[:, 3:])
 
 
 def _chosen(path: Path, topics: list[str], topic: str | None) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory import Trajectory, in_order
 
 _NANOSECONDS_FROM = 10**14
 """Larger stamps are nanoseconds: as seconds they would lie three million years ahead."""
-_POSITION_MAX_M = 1e9
-"""Positions beyond are no trajectory of this world [m]."""
 _LONG_BYTES = 500_000
-"""Shorter files are read without compiled code."""
-_LOG = logging.getLogger(__name__)
+"""Shorter files are not worth the loading of Arrow."""
+_POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
 
 
 def read_trajectory(path: str | Path, *, times: Path | None = None, topic: str | None = None) -> Trajectory:
@@ -66,17 +65,34 @@ def read_tum(path: str | Path) -> Trajectory:
 
 
 def _long_tum(path: Path) -> Trajectory | None:
-    """A TUM file for which compiled code is worth its loading; None: a short file, or no regular one."""
+    """A long TUM file, by Arrow's reader, twenty times as fast as ours and as exact.
+
+    Returns:
+        None: the file is short, Arrow is not installed, or not every line is eight numbers with one blank
+        between them and a time in seconds with at most nine decimals.
+    """
     try:
         if path.stat().st_size < _LONG_BYTES:
             return None
-        text = path.read_bytes()
-    except OSError:
-        return None
-    from recorder.evaluation.tum_parser import parse_tum
+        from pyarrow import csv, decimal128, float64
 
-    found = parse_tum(text)
-    return None if found is None else _ordered(path, found[0], found[1][:, :3], found[1][:, 3:])
+        with path.open("rb") as file:
+            comments = sum(1 for _ in takewhile(lambda line: line.startswith(b"#"), file))
+        types = {"time": decimal128(28, 9), **dict.fromkeys(_POSE, float64())}
+        table = csv.read_csv(
+            path,
+            read_options=csv.ReadOptions(column_names=list(types), skip_rows=comments),
+            parse_options=csv.ParseOptions(delimiter=" "),
+            convert_options=csv.ConvertOptions(column_types=types, null_values=[]),
+        )
+    except (ImportError, OSError, ValueError):
+        return None
+    # A decimal is an integer of 128 bits: low half, high half.
+    low, high = np.frombuffer(table["time"].combine_chunks().buffers()[1], dtype=np.int64).reshape(-1, 2).T
+    if high.any() or (low < 0).any():
+        return None
+    pose = np.stack([table[name].to_numpy() for name in _POSE], axis=1)
+    return in_order(path, low.copy(), pose[:, :3], pose[:, 3:])
 
 
 Row = tuple[int, list[str]]
@@ -108,7 +124,7 @@ def _poses(path: Path, rows: Sequence[Row], *, w_first: bool) -> Trajectory:
             raise EvaluationError(f"{path} line {number} is not '{form}'; give a TUM, KITTI or EuRoC file")
     table = np.array(values)
     quat = table[:, [4, 5, 6, 3]] if w_first else table[:, 3:]
-    return _ordered(path, np.array(stamps, dtype=np.int64), table[:, :3], quat)
+    return in_order(path, np.array(stamps, dtype=np.int64), table[:, :3], quat)
 
 
 def _kitti(path: Path, rows: Sequence[Row], times: Path | None) -> Trajectory:
@@ -126,24 +142,7 @@ def _kitti(path: Path, rows: Sequence[Row], times: Path | None) -> Trajectory:
     R = matrices[:, :, :3]
     if not np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=0.01):
         raise EvaluationError(f"{path} holds a matrix that is no rotation; give KITTI's poses")
-    return _ordered(path, np.array(stamps, dtype=np.int64), matrices[:, :, 3], matrix_to_quat(R))
-
-
-def _ordered(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> Trajectory:
-    if not np.all(np.abs(position_m) < _POSITION_MAX_M):
-        raise EvaluationError(f"{path} holds a position that is not finite or beyond {_POSITION_MAX_M:g} m")
-    if np.any(np.diff(stamp_ns) < 0):
-        _LOG.warning("%s: the poses are not in the order of their times; sorted", path)
-    order = np.argsort(stamp_ns, kind="stable")
-    # Some systems write a pose twice when they correct it; the last one counts.
-    order = order[np.append(np.diff(stamp_ns[order]) > 0, True)]
-    quat = quat_xyzw[order]
-    norm = np.sqrt(np.sum(quat**2, axis=1, keepdims=True))
-    if not np.all(np.abs(norm - 1.0) < 0.01):
-        raise EvaluationError(f"{path} holds a quaternion that is not of length 1; the order is x y z w")
-    return Trajectory(
-        stamp_ns=stamp_ns[order], position_m=position_m[order].copy(), quat_xyzw=quat / norm, name=path.stem
-    )
+    return in_order(path, np.array(stamps, dtype=np.int64), matrices[:, :, 3], matrix_to_quat(R))
 
 
 def tum_text(unix_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> str:
@@ -163,14 +162,9 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
         EvaluationError: the file cannot be written.
     """
     path = Path(path)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        text = tum_text(trajectory.stamp_ns, trajectory.position_m, trajectory.quat_xyzw)
+    text = tum_text(trajectory.stamp_ns, trajectory.position_m, trajectory.quat_xyzw)
+    with atomic_write(path, EvaluationError) as part:
         part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        raise EvaluationError(f"cannot write {path}: {error.strerror}; choose another folder") from error
     return path
 
 

@@ -9,65 +9,79 @@ from __future__ import annotations
 import json
 import logging
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from carlaloc_env.core.errors import ConfigError, OutputError, WriterError
+from carlaloc_env.core.errors import OutputError, WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.file_lock import take_lock
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
-from recorder.factory.plan import (
-    SAMPLE_FROM_S,
-    DatasetConfig,
-    DrivePlan,
-    plan_dataset,
-)
-from recorder.factory.quantities import duration_text
-from recorder.factory.time_left import DRIVING, REPLAYING, DatasetClock, DatasetProgress
+from recorder.factory.plan import SAMPLE_FROM_S, DatasetConfig, length_s, plan_dataset
 from recorder.replaying.plan import ReplayConfig, ReplayOptions
 from recorder.replaying.replay import replay
-from recorder.replaying.working_folder import FOLDER
 
 WORK = ".carlaloc-dataset"
 """Folder that one run holds at a time; it says of which recipe."""
-Progress = Callable[[DatasetProgress], None]
-"""Called about every second."""
-Record = Callable[[str, Path, float | None, Callable[[float], None]], None]
-"""Records a drive through a town, of a length [s] or along the whole route; tells how far it is [s]."""
+Progress = Callable[[float, float, str], None]
+"""Called about every second with seconds of driving that are replayed and in all, and what is being done."""
 _log = logging.getLogger(__name__)
 
 
-def make_dataset(
-    config: DatasetConfig, progress: Progress | None = None, *, record: Record | None = None
-) -> Path:
+def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Path:
     """Record, replay and list all drives; what is whole already is kept.
 
     Args:
         config: What to make.
-        progress: Told what is being done, and how far all drives are.
-        record: Records the drives that are missing.
+        progress: Told how far all drives are.
 
     Returns:
         ``dataset.yaml``.
 
     Raises:
-        WriterError: the disk is full, or the folder holds a dataset of another recipe.
+        WriterError: the disk is too small, or the folder holds a dataset of another recipe.
         EpisodeError: a drive cannot be read.
     """
     plan = plan_dataset(config)
-    clock = DatasetClock(plan, config.replay.unit_s, progress or (lambda _: None))
+    lengths_s = dict(plan.lengths_s)
     recipe = _recipe(config)
     with _begun(config.out, recipe):
-        for drive in plan.drives:
-            if not drive.is_whole:
-                _make_drive(config, drive.town, _episode(config, drive, clock, record), clock)
+        for number, town in enumerate(config.towns):
+            if town in plan.whole:
+                continue
+            tell = _Told(progress, lengths_s, number)
+            _get_drive(config, town, tell)
+            lengths_s[town] = length_s(config, town)
+            later = tuple(lengths_s[t] for t in config.towns[number + 1 :] if t not in plan.whole)
+            _make_drive(config, town, tell, later)
         manifest = DatasetManifest.read(config.out, WriterError)
         write_manifest(config.out, manifest.drives, recipe)
         shutil.rmtree(config.out / WORK, ignore_errors=True)
     return DatasetFolder(config.out).description
+
+
+class _Told:
+    """Tells of the drive in hand as a part of all drives."""
+
+    def __init__(self, progress: Progress | None, lengths_s: Mapping[str, float], number: int) -> None:
+        self._progress, self._lengths_s = progress, lengths_s
+        self._town, self._before = list(lengths_s)[number], list(lengths_s)[:number]
+        self._name = f"{self._town} ({number + 1} of {len(lengths_s)})"
+
+    def driving(self, driven_s: float, route_m: float) -> None:
+        self._tell(0.0, f"driving through {self._name}, {driven_s:.0f} s")
+
+    def replaying(self, done_s: float, total_s: float) -> None:
+        share = min(done_s / max(total_s, 1e-9), 1.0)
+        self._tell(share, f"replaying {self._name}, {share:.0%}")
+
+    def _tell(self, share: float, what: str) -> None:
+        if self._progress is not None:
+            done_s = sum(self._lengths_s[town] for town in self._before) + share * self._lengths_s[self._town]
+            self._progress(done_s, sum(self._lengths_s.values()), what)
 
 
 def copy_manifest(dataset: Path, folder: Path) -> None:
@@ -129,38 +143,40 @@ def _begun(out: Path, recipe: dict[str, Any]) -> Iterator[None]:
         yield
 
 
-def _episode(config: DatasetConfig, drive: DrivePlan, clock: DatasetClock, record: Record | None) -> Path:
-    """The drive of a town, recorded if there is none yet; a copy of it lies in the dataset."""
-    town = drive.town
+def _get_drive(config: DatasetConfig, town: str, tell: _Told) -> None:
+    """Put the drive of a town into the dataset: a copy of a person's, or a new one by the scripted driver."""
     target = DatasetFolder(config.out).episode(town)
     if target.exists():
-        return target
+        return
     target.parent.mkdir(parents=True, exist_ok=True)
     if config.episodes is not None:
-        part = target.with_suffix(".part")
-        shutil.copy(config.episodes / f"{town}.mcap", part)
-        return part.replace(target)
-    duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
+        with atomic_write(target, WriterError) as part:
+            shutil.copy(config.episodes / f"{town}.mcap", part)
+        return
+    # Imported where it is asked for: it brings all that drives.
+    from recorder.drive.record import RecordConfig, record
+
     _log.info("driving through %s", town)
     for rest in target.parent.glob(f"{town}.mcap.*"):
         rest.unlink()
-    if record is None:
-        raise ConfigError(f"there is no drive through {town}, and nobody to record one; give episodes")
-    stage = clock.stage(town, DRIVING, target.parent)
-    record(town, target, duration_s, lambda driven_s: stage.update(driven_s, drive.recorded_s))
-    _log.info("drove through %s in %s", town, duration_text(stage.finish()))
-    return target
+    duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
+    record(
+        RecordConfig(map=town, out=target, duration_s=duration_s, seed=config.seed_of(town)),
+        progress=tell.driving,
+    )
 
 
-def _make_drive(config: DatasetConfig, town: str, episode: Path, clock: DatasetClock) -> None:
+def _make_drive(config: DatasetConfig, town: str, tell: _Told, later_s: Sequence[float]) -> None:
     """Replay a drive; an interrupted replay goes on where it was."""
     begin_s = 0.0 if config.sample_s is None or config.episodes is not None else SAMPLE_FROM_S
     _log.info("replaying %s", town)
-    stage = clock.stage(town, REPLAYING, config.out / FOLDER)
     options = {field.name: getattr(config.replay, field.name) for field in fields(ReplayOptions)}
-    replay(
-        ReplayConfig(**options, episode=episode, out=config.out, start_s=begin_s, duration_s=config.sample_s),
-        stage.update,
+    one = ReplayConfig(
+        **options,
+        episode=DatasetFolder(config.out).episode(town),
+        out=config.out,
+        start_s=begin_s,
+        duration_s=config.sample_s,
     )
-    _log.info("replayed %s in %s", town, duration_text(stage.finish()))
-    clock.finish(town)
+    replay(one, tell.replaying, later_s=later_s)
+    _log.info("%s is whole", town)

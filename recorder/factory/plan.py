@@ -1,4 +1,4 @@
-"""What a dataset of several drives will be, looked at before the first byte: sequences, time, size, room."""
+"""What a dataset of several drives will be, looked at before the first byte."""
 
 from __future__ import annotations
 
@@ -10,12 +10,9 @@ from pathlib import Path
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
 from carlaloc_env.town.sources import ALIASES, known_towns
-from recorder.dataset.layout import EPISODES, DatasetFolder
+from recorder.dataset.layout import EPISODES, SEQUENCE, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest
 from recorder.episode.episode import Episode
-from recorder.factory.quantities import size_text
-from recorder.factory.size_estimate import bytes_per_second, spool_bytes_per_second
-from recorder.factory.time_estimate import DRIVING_COST, processes_of, replay_cost
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.plan import ReplayOptions, rig_of
 
@@ -63,41 +60,28 @@ class DatasetConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DrivePlan:
-    """One town of a dataset."""
-
-    town: str
-    """Its name."""
-    length_s: float
-    """Length of the stretch that is replayed [s]; a rough one where the drive is yet to be recorded."""
-    recorded_s: float
-    """Length of the drive that is yet to be recorded [s]; 0: there is one."""
-    is_whole: bool
-    """Whether all its sequences are there."""
-    driving_s: float
-    """Time that recording takes [s], roughly."""
-    replaying_s: float
-    """Time that its sequences take [s], roughly."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class DatasetPlan:
     """What will be made."""
 
     sequences: int
     """Number of sequences."""
-    driven_s: float
-    """Length of all drives together [s]; a rough one where they are yet to be recorded."""
-    size: float
-    """Size of the dataset [bytes], roughly."""
-    needed: float
-    """Most disk space that is yet to be taken while it is made [bytes], roughly."""
+    lengths_s: dict[str, float]
+    """Length of each town's stretch [s]; a rough one where the drive is yet to be recorded."""
+    whole: tuple[str, ...]
+    """Towns of which all sequences are there."""
+    drives: int
+    """Drives that are recorded or copied already."""
+    parts: int
+    """Units and sequences that are there of towns which are not whole."""
+    kept: int
+    """Size of all that is there [bytes]."""
     free: int
     """Disk space that is free [bytes]."""
-    work_s: float
-    """Time that what is left takes on this machine [s], roughly, by unit costs measured on another."""
-    drives: tuple[DrivePlan, ...]
-    """Towns in their order."""
+
+    @property
+    def driven_s(self) -> float:
+        """Length of all drives together [s]."""
+        return sum(self.lengths_s.values())
 
 
 def town_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -110,53 +94,26 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
 
     Raises:
         ConfigError: an unknown rig, town, weather or level, or no drive of a town.
-        WriterError: too little disk space.
         OutputError: the folder cannot be written.
     """
     check_output_folder(config.out)
-    replay = config.replay
-    conditions = conditions_of(replay.weathers, replay.traffic)
-    rig = rig_of(replay)
-    cost, processes = replay_cost(rig, replay, conditions), processes_of(replay)
+    rig_of(config.replay)
     has_drives = DatasetFolder(config.out).description.exists()
     whole = DatasetManifest.read(config.out, WriterError).drives if has_drives else {}
-    drives = []
-    for town in config.towns:
-        length_s, recorded_s = _lengths_s(config, town)
-        drives.append(
-            DrivePlan(
-                town=town,
-                length_s=length_s,
-                recorded_s=recorded_s,
-                is_whole=town in whole,
-                driving_s=DRIVING_COST * (recorded_s + cost.opening) if recorded_s else 0.0,
-                replaying_s=cost.seconds(length_s, processes),
-            )
-        )
-    left = [drive for drive in drives if not drive.is_whole]
-    rate = len(conditions) * bytes_per_second(rig, replay.formats, replay.topics)
-    # The spools of a drive lie beside what has been assembled of it.
-    spools = spool_bytes_per_second(rig, replay, conditions) * max((d.length_s for d in left), default=0.0)
-    plan = DatasetPlan(
-        sequences=len(conditions) * len(drives),
-        driven_s=sum(drive.length_s for drive in drives),
-        size=rate * sum(drive.length_s for drive in drives),
-        needed=rate * sum(drive.length_s for drive in left) + spools,
+    there = [path for path in config.out.rglob("*") if path.is_file()]
+    return DatasetPlan(
+        sequences=len(config.towns) * len(conditions_of(config.replay.weathers, config.replay.traffic)),
+        lengths_s={town: length_s(config, town) for town in config.towns},
+        whole=tuple(town for town in config.towns if town in whole),
+        drives=len([*(config.out / EPISODES).glob("*.mcap")]),
+        parts=sum(_is_part(path.relative_to(config.out)) for path in there),
+        kept=sum(path.stat().st_size for path in there),
         free=shutil.disk_usage(_existing(config.out)).free,
-        work_s=sum(drive.driving_s + drive.replaying_s for drive in left),
-        drives=tuple(drives),
     )
-    if plan.needed > plan.free:
-        raise WriterError(
-            f"the dataset needs about {size_text(plan.needed)} while it is made, and {size_text(plan.free)} "
-            f"are free in {config.out}; make room for {size_text(plan.needed - plan.free)}, or take fewer "
-            "--towns, another --format, --topics compact or a --sample"
-        )
-    return plan
 
 
-def _lengths_s(config: DatasetConfig, town: str) -> tuple[float, float]:
-    """Length of the stretch that is replayed, and of the drive that is yet to be recorded [s].
+def length_s(config: DatasetConfig, town: str) -> float:
+    """Length of the stretch of a drive that is replayed [s]; a rough one where there is no drive yet.
 
     Raises:
         ConfigError: a person's drive is missing or was driven elsewhere.
@@ -170,14 +127,16 @@ def _lengths_s(config: DatasetConfig, town: str) -> tuple[float, float]:
                     f"{episode.header.map_name}.mcap"
                 )
             whole_s = float(episode.duration_s)
-            return whole_s if config.sample_s is None else min(config.sample_s, whole_s), 0.0
+            return whole_s if config.sample_s is None else min(config.sample_s, whole_s)
     if config.episodes is not None:
         raise ConfigError(f"{config.episodes} holds no {town}.mcap; record it, or leave it out of --towns")
-    if config.sample_s is None:
-        length_s = ROUTE_M.get(town, 800) / PACE_MPS
-        return length_s, length_s
-    return config.sample_s, SAMPLE_FROM_S + config.sample_s
+    return ROUTE_M.get(town, 800) / PACE_MPS if config.sample_s is None else config.sample_s
 
 
 def _existing(folder: Path) -> Path:
     return next(one for one in (folder.absolute(), *folder.absolute().parents) if one.exists())
+
+
+def _is_part(path: Path) -> bool:
+    """Whether a file of the dataset makes a unit or a sequence whole in a working folder."""
+    return path.parts[0].startswith(".") and path.name in ("unit.json", SEQUENCE)

@@ -6,9 +6,9 @@ The format is that of Minari's HDF5 storage, pictures lossless (`jpeg_encoding=F
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 import carlaloc_env
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError, unknown_name
+from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.envs.task.actions import action_kind
+from carlaloc_env.envs.task.agent_views import AgentView, agent_view, rig_of
+from carlaloc_env.envs.task.config import TaskConfig
+from carlaloc_env.envs.task.referee import Referee
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.task.actions import action_kind
-from carlaloc_env.task.config import TaskConfig
-from carlaloc_env.task.observations import AgentView, agent_view
-from carlaloc_env.task.referee import Referee
 from carlaloc_env.weather.schedule import weather_of
 from recorder.episode.episode import ControlLog, Episode
 from recorder.episode.town import town_of
@@ -98,11 +99,9 @@ def write_minari(
     if config.out.exists():
         raise OutputError(f"{config.out} exists; give another name or a new version")
     drives = [Episode.load(path) for path in config.episodes]
-    part = config.out.with_name(f".{config.out.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
     total_s, done_s, steps = sum(drive.duration_s for drive in drives), 0.0, 0
     storage = None
-    try:
+    with atomic_write(config.out) as part:
         (part / "data").mkdir(parents=True)
         for number, drive in enumerate(drives):
             with closing(_Drive(drive, config)) as told:
@@ -120,9 +119,6 @@ def write_minari(
             steps, done_s = steps + count, done_s + drive.duration_s
         assert storage is not None
         storage.update_metadata(_metadata(config, drives))
-        part.rename(config.out)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return MinariResult(path=config.out, episodes=len(drives), steps=steps)
 
 
@@ -138,7 +134,7 @@ class _Drive:
             weather=weather_of(config.weather),
             quality=config.quality,
         )
-        self.view: AgentView = agent_view(config.rig, self._world, self._stage, config.quality)
+        self.view: AgentView = agent_view(rig_of(config.rig, config.quality), self._world, self._stage)
         self.action_space = action_kind(config.action).space
 
     def chunks(self, number: int) -> Iterator[EpisodeBuffer]:
@@ -223,7 +219,7 @@ def _check(config: MinariConfig) -> None:
 def _spec(config: MinariConfig, drive: Episode) -> gymnasium.envs.registration.EnvSpec:
     """The environment in which the same is seen, done and earned."""
     known = drive.header.map_name in carlaloc_env.TOWNS and config.map is None
-    spec = gymnasium.spec(f"CarlaLoc-{drive.header.map_name}-v1" if known else "CarlaLoc-v1")
+    spec = deepcopy(gymnasium.spec(f"CarlaLoc-{drive.header.map_name}-v0" if known else "CarlaLoc-v0"))
     spec.kwargs.update(rig=config.rig, action=config.action, frame_skip=config.frame_skip)
     spec.kwargs.update(weather=config.weather, quality=config.quality)
     if not known:

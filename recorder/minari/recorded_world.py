@@ -15,9 +15,9 @@ from carlaloc_env.core.geometry.transforms import quat_to_matrix
 from carlaloc_env.driving.road_ahead import RoadAhead
 from carlaloc_env.physics.contacts import Contact
 from carlaloc_env.timeline.timeline import ActorFrame
-from carlaloc_env.town.parked import without_parked_cars
 from carlaloc_env.town.routing.route import Route
 from carlaloc_env.town.town import Town
+from carlaloc_env.town.without_movables import without_movables
 from carlaloc_env.traffic.stop_lines import StopLines
 from carlaloc_env.traffic.world import TrafficConfig
 from recorder.episode.episode import Episode
@@ -54,7 +54,7 @@ class RecordedWorld:
         if town.route is None:
             raise EpisodeError(f"{episode.path}: {town.name} has no route, so there is nothing to follow")
         traffic = from_mapping(TrafficConfig, episode.header.traffic, f"{episode.path}: traffic")
-        self.town = town if traffic.parked_cars else without_parked_cars(town)
+        self.town = town if traffic.parked_cars else without_movables(town)
         self.route: Route = town.route
         self.timeline = episode.timeline()
         self.step_count = min(len(episode.ego) - 2, (len(episode.steps) - 2) * STEP_TICKS) // STEP_TICKS

@@ -22,9 +22,9 @@ from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.sensors.ground_truth.ego_truth import truth_at
 from carlaloc_env.sensors.ground_truth.objects import objects_at
 from carlaloc_env.timeline.timeline import Timeline
-from carlaloc_env.town.build import load_town
-from carlaloc_env.town.parked import without_parked_cars
+from carlaloc_env.town.without_movables import without_movables
 from recorder.episode.episode import Episode
+from recorder.episode.town import town_of
 from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import first_pictures_ns
 from recorder.replaying.spool import Order
@@ -51,6 +51,7 @@ class LevelSensors:
         level: The traffic level.
 
     Raises:
+        EpisodeError: the town is another one than was driven in.
         RenderError: pictures cannot be drawn here.
         RaycastError: rays cannot be cast here.
     """
@@ -58,10 +59,13 @@ class LevelSensors:
     def __init__(self, recipe: Recipe, level: TrafficLevel) -> None:
         self.recipe, self.level = recipe, level
         self._weathers = [condition.weather for condition in recipe.conditions_of(level)]
-        self._timeline = level.select(Episode.load(recipe.episode).timeline())
+        episode = Episode.load(recipe.episode)
+        self._timeline = level.select(episode.timeline())
         # Nobody else holds the town here, so that the stage can let its meshes go.
         self._stage = SensorStage(
-            load_town(recipe.town) if level.parked_cars else without_parked_cars(load_town(recipe.town)),
+            town_of(episode, recipe.town)
+            if level.parked_cars
+            else without_movables(town_of(episode, recipe.town)),
             seed=recipe.seed,
             weather=self._weathers[0],
             quality=recipe.quality,

@@ -143,7 +143,7 @@ class ReplayPlan:
         """All that decides about the bytes that are written, by names that a person knows."""
         recipe = self.recipe
         return {
-            "town": f"{self.town.name} {self.town.content_hash}",
+            "town": f"{self.town.name} {self.town.source_hash}",
             "episode": self.origin["episode"]["sha256"],
             "rig": repr(self.rig),
             "stretch": repr((self.span_ns, recipe.camera_ns)),
@@ -209,7 +209,7 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         timeline=timeline,
         town=town,
         span_ns=span,
-        origin=drive_origin(town, episode, rig, seed=seed, span_ns=span, topics=config.topics),
+        origin=drive_origin(episode, rig, seed=seed, span_ns=span, topics=config.topics),
     )
     if config.cluster is None:
         weathers = len(conditions) // len(recipe.levels)

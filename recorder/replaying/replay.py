@@ -7,7 +7,7 @@ into a working folder and gets its final names when all is whole.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +35,9 @@ class ReplayResult:
     """Number of samples of each stream, over all sequences."""
 
 
-def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResult:
+def replay(
+    config: ReplayConfig, progress: Progress | None = None, *, later_s: Sequence[float] = ()
+) -> ReplayResult:
     """Replay an episode and write all its sequences.
 
     What the same replay has finished before it was killed, interrupted or ran out of disk is not done
@@ -44,13 +46,15 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
     Args:
         config: What to replay.
         progress: Told about every second how far all levels are.
+        later_s: Lengths of further drives that will be replayed like this one [s]: what does not fit on the
+            disk with them is refused after the first unit.
 
     Raises:
         ConfigError: an unknown rig, weather, format or level, or a stretch outside the drive.
         EpisodeError: the episode cannot be read, or its map has changed since or must be given.
         OutputError: `out` is no folder.
-        WriterError: a sequence exists already or cannot be written; another run is at work in the folder,
-            or has left an unfinished dataset of another configuration there.
+        WriterError: a sequence exists already or cannot be written; the disk is too small; another run is at
+            work in the folder, or has left an unfinished dataset of another configuration there.
     """
     plan = plan_replay(config)
     with WorkingFolder(config.out, plan.town.name, plan.origin, plan.request) as work:
@@ -59,7 +63,7 @@ def replay(config: ReplayConfig, progress: Progress | None = None) -> ReplayResu
             # Imported when nothing is left that could be refused: these bring all that draws and writes.
             from recorder.replaying.run import ReplayRun
 
-            ReplayRun(plan, work, progress or _nobody).run(with_shared=not begun)
+            ReplayRun(plan, work, progress or _nobody, later_s).run(with_shared=not begun)
             work.publish()
     return _result(plan)
 

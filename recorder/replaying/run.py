@@ -15,6 +15,7 @@ from recorder.episode.traffic_level import TrafficLevel
 from recorder.replaying.camera_history import nearest_begin_ns, past_s
 from recorder.replaying.conditions import Condition
 from recorder.replaying.plan import ReplayPlan
+from recorder.replaying.room import check_room
 from recorder.replaying.sequence_writers import outputs_of, write_shared
 from recorder.replaying.unit_work import (
     SHARED,
@@ -54,10 +55,14 @@ class ReplayRun:
         plan: What is replayed.
         work: Its working folder.
         progress: Called with seconds of sensor data done and in all.
+        later_s: Lengths of further drives that the disk must hold, too [s].
     """
 
-    def __init__(self, plan: ReplayPlan, work: WorkingFolder, progress: Any) -> None:
-        self._plan, self._work, self._progress = plan, work, progress
+    def __init__(
+        self, plan: ReplayPlan, work: WorkingFolder, progress: Any, later_s: Sequence[float] = ()
+    ) -> None:
+        self._plan, self._work, self._progress, self._later_s = plan, work, progress, later_s
+        self._is_room_checked = len(plan.units) == 1 and not later_s
         self._recipe = plan.recipe
         # A rig without what a format needs is refused before anything is made.
         outputs_of(plan.recipe, ())
@@ -157,10 +162,28 @@ class ReplayRun:
             return []
         unit: Unit = task.job.unit
         self._left[unit.level].discard(unit.name)
+        if not self._is_room_checked:
+            self._is_room_checked = True
+            self._check_room(unit)
         if self._left[unit.level]:
             return []
         conditions = self._recipe.conditions_of(unit.level)
         return [self._assembly_task(one) for one in conditions if not self._final(one).path.exists()]
+
+    def _check_room(self, unit: Unit) -> None:
+        """Look whether the rest fits, as soon as a unit shows how large it is."""
+        plan, recipe = self._plan, self._recipe
+        left = [one for one in recipe.conditions if not self._final(one).path.exists()]
+        others = [self._length_s for one in left if one.traffic != unit.level]
+        here_s = sum(one.length_s for one in plan.units if one.name in self._left[unit.level])
+        check_room(
+            recipe,
+            unit,
+            self._work.units_dir,
+            spools_s=max([here_s, *others, *self._later_s]),
+            sequences_s=len(left) * self._length_s + len(recipe.conditions) * sum(self._later_s),
+            out=plan.config.out,
+        )
 
     def _unit_task(self, unit: Unit) -> Task:
         job = UnitJob(recipe=self._recipe, unit=unit, folder=self._work.units_dir.resolve())

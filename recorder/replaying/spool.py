@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import WriterError
+from recorder.dataset.checksums import file_sha256
 from recorder.writers.base import Piece
 
 _HEAD = struct.Struct("<qihHHHQ")
@@ -41,11 +42,7 @@ class SpoolFile:
         Raises:
             OSError: it cannot be read.
         """
-        digest = hashlib.sha256()
-        with path.open("rb") as file:
-            while data := file.read(1 << 20):
-                digest.update(data)
-            return cls(file.tell(), digest.hexdigest())
+        return cls(path.stat().st_size, file_sha256(path))
 
 
 class SpoolWriter:

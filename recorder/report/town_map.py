@@ -12,6 +12,7 @@ from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.transforms import apply, invert
 from carlaloc_env.town.town import Town
+from recorder.report.lane_lines import lane_lines
 
 Point = tuple[int, int]
 Rgb = tuple[int, int, int]
@@ -55,14 +56,10 @@ def draw_map(town: Town, view: MapView, image: U8, spawn_m: Array) -> U8:
         spawn_m: Places where vehicles start [m], shape (K, 3).
     """
     plan = (0.80 * image).astype(np.uint8)
-    tables = town.network.tables
-    for lane in town.network.lanes:
-        if lane.type != "driving":
-            continue
-        rows = slice(int(tables.first[lane.index]), int(tables.first[lane.index] + tables.count[lane.index]))
-        _line(plan, view, tables.position_m[rows], LANE, 1)
+    for line in lane_lines(town.network):
+        _line(plan, view, line, LANE, 1)
     _dots(plan, view, spawn_m, SPAWN, 2)
-    _dots(plan, view, town.lamps_m, LAMP, 1)
+    _dots(plan, view, town.outline.lamps_m, LAMP, 1)
     if town.route is not None:
         line = town.route.position_m
         line = np.concatenate([line, line[:1]]) if town.route.closed else line
@@ -74,8 +71,8 @@ def draw_map(town: Town, view: MapView, image: U8, spawn_m: Array) -> U8:
         if not town.route.closed:
             cv2.drawMarker(plan, ends[1], (255, 255, 255), cv2.MARKER_TILTED_CROSS, 18, 5, cv2.LINE_AA)
             cv2.drawMarker(plan, ends[1], ROUTE, cv2.MARKER_TILTED_CROSS, 16, 2, cv2.LINE_AA)
-    _dots(plan, view, np.asarray(town.lenses.T_world_lens[:, :3, 3]), SIGNAL, 4)
-    px_per_m = view.px_per_m(float(np.median(tables.position_m[:, 2])))
+    _dots(plan, view, np.asarray(town.outline.lenses.T_world_lens[:, :3, 3]), SIGNAL, 4)
+    px_per_m = view.px_per_m(float(np.median(town.network.tables.position_m[:, 2])))
     return np.vstack([plan, _strip(town, len(spawn_m), plan.shape[1], px_per_m)])
 
 
@@ -99,13 +96,13 @@ def _strip(town: Town, spawn_points: int, width_px: int, px_per_m: float) -> U8:
     cv2.putText(strip, town.name, (16, base + 3), font, 1.0, (255, 255, 255), 2, cv2.LINE_AA)
     x = 40 + cv2.getTextSize(town.name, font, 1.0, 2)[0][0]
     length = "no route" if town.route is None else f"route {town.route.length_m:.0f} m"
-    signals = len(np.unique(town.lenses.signal))
+    signals = len(np.unique(town.outline.lenses.signal))
     rows: tuple[tuple[str, Rgb], ...] = (
         (length, ROUTE),
         ("driving lanes", LANE),
         (f"{spawn_points} spawn points", SPAWN),
         (f"{signals} traffic lights", SIGNAL),
-        (f"{len(town.lamps_m)} street lamps", LAMP),
+        (f"{len(town.outline.lamps_m)} street lamps", LAMP),
     )
     for text, colour in rows:
         cv2.circle(strip, (x, base - 6), 7, colour, -1, cv2.LINE_AA)

@@ -11,6 +11,7 @@ import numpy as np
 from carlaloc_env.actors.instances import place_actors
 from carlaloc_env.core.array_types import U8, Array
 from carlaloc_env.core.errors import WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.transforms import R_FLU_OPTICAL, from_rotation
@@ -20,9 +21,9 @@ from carlaloc_env.scene.mesh import Instances, ModelLibrary
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame
 from carlaloc_env.town.town import Town
+from carlaloc_env.traffic.standing_traffic import standing_traffic
 from carlaloc_env.traffic.traffic_tables import TrafficTables
 from carlaloc_env.weather.parameters import weather_by_name
-from recorder.report.standing_traffic import standing_traffic
 from recorder.report.town_map import STRIP_PX, MapView, draw_map
 
 PICTURE_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -57,15 +58,9 @@ def draw_town(town: Town, out: Path, *, quality: str = "medium", overwrite: bool
     """
     check_output_file(out, suffixes=PICTURE_SUFFIXES, overwrite=overwrite)
     sheet = cv2.cvtColor(town_sheet(town, quality=quality), cv2.COLOR_RGB2BGR)
-    part = out.with_name(f".part-{out.name}")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        written = cv2.imwrite(str(part), sheet)
-    except OSError:
-        written = False
-    if not written:
-        raise WriterError(f"cannot write {out}; give a name in a folder you may write to")
-    return part.replace(out)
+    with atomic_write(out, WriterError) as part:
+        part.write_bytes(cv2.imencode(out.suffix, sheet)[1].tobytes())
+    return out
 
 
 def town_sheet(town: Town, *, quality: str = "medium") -> U8:

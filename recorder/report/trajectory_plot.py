@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from recorder.evaluation.evaluate import EvaluationResult
 from recorder.evaluation.metrics import Metric
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's colours, which colour-blind people can tell apart."""
+COLOURS = (
+    "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00",
+    "#56B4E9", "#8C564B", "#7F7F7F", "#B8A000", "#444444",
+)  # fmt: skip
+"""Okabe and Ito's colours, which colour-blind people can tell apart, and some more."""
 
 
 def plot_trajectories(
@@ -41,7 +45,7 @@ def plot_trajectories(
     above.plot(longest.position_m[:, 0], longest.position_m[:, 1], color="black", lw=2.5, label="truth")
     above.plot(*longest.position_m[0, :2], "o", color="black", ms=7)
     for k, result in enumerate(results):
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour = COLOURS[k % len(COLOURS)]
         statistics = result.statistics[Metric.APE_TRANSLATION]
         xy = result.estimate.position_m
         label = f"{result.estimate.name}: RMSE {statistics.rmse:.3f} m, {result.coverage:.0%} of poses"
@@ -86,11 +90,6 @@ def save_figure(figure: Any, path: Path) -> Path:
     Raises:
         EvaluationError: it cannot be written.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path, EvaluationError) as part:
         figure.savefig(part, format="png", dpi=110)
-        part.replace(path)
-    except OSError as error:
-        raise EvaluationError(f"cannot write {path}: {error.strerror}") from error
     return path

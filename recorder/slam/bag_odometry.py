@@ -48,12 +48,12 @@ class BagScans:
 def run_odometry(
     bag: Path, method: str, topic: str, progress: Callable[[float, float], None] | None = None
 ) -> Trajectory:
-    """Poses of the LiDAR that a system estimates from a bag.
+    """Poses of the LiDAR that a system estimates from a bag, at the instants of sweeps that they belong to.
 
     Args:
         bag: ROS 1 or ROS 2 bag.
         method: Name of one of `METHODS`.
-        topic: Topic of the point clouds.
+        topic: Topic of the point clouds, fields x, y, z, time.
         progress: Told after every scan how many seconds of how many are done.
 
     Raises:
@@ -69,53 +69,11 @@ def run_odometry(
         if progress is not None:
             progress(done * sweep_s, count * sweep_s)
 
-    return _over_bag(METHODS[method], BagScans(bag, topic, tell), sweep_s, method)
-
-
-def kiss_icp_odometry(
-    bag: Path, topic: str, sweep_s: float, *, name: str = "KISS-ICP", progress: Progress | None = None
-) -> Trajectory:
-    """Poses of the LiDAR that KISS-ICP estimates from a bag, motion-compensated.
-
-    Args:
-        bag: ROS 1 or ROS 2 bag.
-        topic: Topic of the point clouds, fields x, y, z, time.
-        sweep_s: Length of a sweep [s]; KISS-ICP gives the pose at its end.
-        name: Name of the trajectory.
-        progress: Told of every scan.
-
-    Raises:
-        MissingDependencyError: KISS-ICP is not installed.
-        EvaluationError: the bag has no such topic.
-    """
-    return _over_bag("kiss_icp", BagScans(bag, topic, progress), sweep_s, name)
-
-
-def gicp_odometry(
-    bag: Path, topic: str, sweep_s: float, *, name: str = "GICP", progress: Progress | None = None
-) -> Trajectory:
-    """Poses of the LiDAR by GICP against a map of Gaussian voxels, without motion compensation.
-
-    Args:
-        bag: ROS 1 or ROS 2 bag.
-        topic: Topic of the point clouds, fields x, y, z, time.
-        sweep_s: Length of a sweep [s]; an uncompensated scan shows its middle best.
-        name: Name of the trajectory.
-        progress: Told of every scan.
-
-    Raises:
-        MissingDependencyError: small_gicp is not installed.
-        EvaluationError: the bag has no such topic.
-    """
-    return _over_bag("small_gicp", BagScans(bag, topic, progress), sweep_s, name)
-
-
-def _over_bag(method: str, scans: BagScans, sweep_s: float, name: str) -> Trajectory:
-    system = SYSTEMS[method]
+    system = SYSTEMS[METHODS[method]]
     if system.missing:
         raise MissingDependencyError(system.missing)
     module, function = system.runner.split(":")
-    found = getattr(import_module(module), function)(scans, FrameClock())
+    found = getattr(import_module(module), function)(BagScans(bag, topic, tell), FrameClock())
     offset_ns = round(system.instant * sweep_s * 1e9)
     stamps, poses = [stamp + offset_ns for stamp, _ in found], [T for _, T in found]
-    return trajectory_of(stamps, poses, name, scans.bag, scans.topic)
+    return trajectory_of(stamps, poses, method, bag, topic)

@@ -100,17 +100,18 @@ def _log_actors(recording: Recording, timeline: Timeline, steps: int) -> None:
 
 def _log_signals(recording: Recording, town: Town, states: Array) -> None:
     """The lit lens of every head, whenever one of them changes."""
-    if not (len(town.lenses) and states.size):
+    lenses = town.outline.lenses
+    if not (len(lenses) and states.size):
         return
     changed = np.flatnonzero(np.append(True, (states[1:] != states[:-1]).any(axis=1)))
     for step in changed.tolist():
-        lit = states[step][town.lenses.signal] == town.lenses.state
+        lit = states[step][lenses.signal] == lenses.state
         recording.at(
             step * STEP_NS + DEFAULT_EPOCH_NS,
             f"{WORLD}/signals",
             recording.rerun.Points3D(
-                town.lenses.T_world_lens[lit, :3, 3],
-                colors=np.array(_SIGNALS, np.uint8)[town.lenses.state[lit]],
+                lenses.T_world_lens[lit, :3, 3],
+                colors=np.array(_SIGNALS, np.uint8)[lenses.state[lit]],
                 radii=[0.35],
             ),
         )

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import MissingDependencyError, OutputError
+from carlaloc_env.core.errors import MissingDependencyError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.core.geometry.transforms import matrix_to_quat, quat_rotate
 from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
@@ -112,9 +113,7 @@ def new_recording(path: str | Path, title: str, *, overwrite: bool = False) -> I
     """
     path = check_output_file(path, suffixes=(SUFFIX,), overwrite=overwrite)
     rerun: Any = import_rerun()
-    part = path.with_name(f".{path.name}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path) as part:
         stream = rerun.RecordingStream("CarlaLoc", send_properties=False)
         stream.save(part)
         stream.send_recording_name(title)
@@ -123,11 +122,6 @@ def new_recording(path: str | Path, title: str, *, overwrite: bool = False) -> I
         yield recording
         stream.flush()
         stream.disconnect()
-        part.replace(path)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}; choose another place") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _classes() -> list[tuple[int, str, tuple[int, ...]]]:

@@ -15,12 +15,11 @@ from carlaloc_env.core.geometry.transforms import quat_rotate
 from carlaloc_env.sensors.camera.config import CameraConfig
 from recorder.dataset.scans import Scan
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.evaluate import EvaluationResult
-from recorder.evaluation.metrics import Metric
-from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
+from recorder.report.lane_lines import lane_lines_of
 from recorder.view.recording import BASE_LINK, WORLD, Recording, new_recording
-from recorder.view.town_view import log_lanes_of
+from recorder.view.town_view import log_lanes
 
 PERIOD_S = 0.2
 """Time between two clouds, and between two images, that are shown [s]."""
@@ -39,7 +38,7 @@ def record_sequence(
     sequence: SlamSequence,
     path: Path,
     *,
-    estimates: Sequence[EvaluationResult] = (),
+    estimates: Sequence[PathErrors] = (),
     period_s: float = PERIOD_S,
     overwrite: bool = False,
 ) -> Path:
@@ -48,7 +47,7 @@ def record_sequence(
     Args:
         sequence: The sequence; clouds and images are left out where it has none.
         path: New file (.rrd).
-        estimates: Estimates that have been evaluated, aligned to their truth.
+        estimates: Estimates behind their fit, with their errors.
         period_s: Time between two clouds or images that are shown [s].
         overwrite: Whether an older file is replaced.
 
@@ -59,7 +58,7 @@ def record_sequence(
     """
     town = sequence.folder.resolve().parent.name
     with new_recording(path, f"{town} {sequence.name}", overwrite=overwrite) as recording:
-        log_lanes_of(recording, town)
+        log_lanes(recording, lane_lines_of(town))
         truth = read_tum(sequence.truth_file("base_link"))
         recording.motion(BASE_LINK, truth.stamp_ns, truth.position_m, truth.quat_xyzw)
         recording.path(f"{WORLD}/truth", truth.position_m[::10], TRUTH, 0.12)
@@ -170,16 +169,15 @@ def _jpeg(picture: object) -> bytes:
     return data.tobytes()
 
 
-def _log_estimates(recording: Recording, estimates: Sequence[EvaluationResult]) -> None:
+def _log_estimates(recording: Recording, estimates: Sequence[PathErrors]) -> None:
     """Paths as they lie after the fit, and their position errors over time."""
-    for k, result in enumerate(estimates):
-        found: Trajectory = result.estimate
+    for k, found in enumerate(estimates):
         name, colour = found.name or f"estimate {k + 1}", COLOURS[k % len(COLOURS)]
         entity = _entity(name)
-        recording.path(f"{WORLD}/estimates/{entity}", found.position_m, colour, 0.1)
+        recording.path(f"{WORLD}/estimates/{entity}", found.estimate_m, colour, 0.1)
         looks = recording.rerun.SeriesLines(colors=[colour], names=[name])
         recording.always(f"error_m/{entity}", looks)
-        scalars = recording.rerun.Scalars.columns(scalars=result.values[Metric.APE_TRANSLATION])
+        scalars = recording.rerun.Scalars.columns(scalars=found.error_m)
         recording.columns(f"error_m/{entity}", found.stamp_ns, scalars)
 
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.names import is_name
 from carlaloc_env.scene.semantic_tags import PALETTE_RGB, Tag
-from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.town.opendrive.reader import read_opendrive
-from carlaloc_env.town.sources import known_towns
 from carlaloc_env.town.town import Town
+from recorder.report.lane_lines import lane_lines
 from recorder.view.recording import WORLD, Recording, new_recording
 
 LANE, ROUTE = (60, 210, 255), (255, 120, 20)
@@ -36,8 +33,9 @@ def record_town(town: Town, path: Path, *, overwrite: bool = False) -> Path:
 def log_town(recording: Recording, town: Town) -> None:
     """Log everything solid, an entity for each class, then lanes, the route and signal lenses."""
     rerun = recording.rerun
-    for tag in np.unique(town.collision_tags).tolist():
-        corners = town.collision_vertices_m[town.collision_triangles[town.collision_tags == tag]]
+    solid = town.outline
+    for tag in np.unique(solid.collision_tags).tolist():
+        corners = solid.collision_vertices_m[solid.collision_triangles[solid.collision_tags == tag]]
         recording.always(
             f"{WORLD}/town/{Tag(tag).name.lower()}",
             rerun.Mesh3D(
@@ -46,36 +44,23 @@ def log_town(recording: Recording, town: Town) -> None:
                 albedo_factor=PALETTE_RGB[tag],
             ),
         )
-    log_lanes(recording, town.network)
+    log_lanes(recording, lane_lines(town.network))
     if town.route is not None:
         recording.path(f"{WORLD}/route", town.route.position_m + np.array([0.0, 0.0, 0.3]), ROUTE, 0.3)
-    if len(town.lenses):
+    lenses = solid.lenses
+    if len(lenses):
         colours = np.array([(40, 40, 40), (255, 40, 40), (255, 210, 40), (40, 230, 80)], np.uint8)
         recording.always(
             f"{WORLD}/signal_lenses",
-            rerun.Points3D(
-                town.lenses.T_world_lens[:, :3, 3], colors=colours[town.lenses.state], radii=[0.15]
-            ),
+            rerun.Points3D(lenses.T_world_lens[:, :3, 3], colors=colours[lenses.state], radii=[0.15]),
         )
 
 
-def log_lanes(recording: Recording, network: LaneNetwork) -> None:
-    """Log the centre lines of driving lanes."""
-    tables = network.tables
-    lines = [
-        tables.position_m[int(tables.first[lane.index]) :][: int(tables.count[lane.index])]
-        + np.array([0.0, 0.0, 0.1])
-        for lane in network.lanes
-        if lane.type == "driving"
-    ]
-    recording.always(f"{WORLD}/lanes", recording.rerun.LineStrips3D(lines, colors=[LANE], radii=[0.08]))
-
-
-def log_lanes_of(recording: Recording, town: str) -> None:
-    """Log the lanes of a town that is known by name; of others nothing is known."""
-    source = known_towns().get(town) if is_name(town) else None
-    if source is not None:
-        log_lanes(recording, build_network(read_opendrive(source)))
+def log_lanes(recording: Recording, lines_m: Sequence[Array]) -> None:
+    """Log the centre lines of driving lanes, if there are some."""
+    if lines_m:
+        above = [line + np.array([0.0, 0.0, 0.1]) for line in lines_m]
+        recording.always(f"{WORLD}/lanes", recording.rerun.LineStrips3D(above, colors=[LANE], radii=[0.08]))
 
 
 def _normals(corners_m: Array) -> Array:

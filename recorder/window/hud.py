@@ -7,6 +7,7 @@ from typing import Any
 
 from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.keys import HELP_LINES
+from recorder.window.status import DriveStatus
 
 _WHITE, _GREY, _DARK = (245, 245, 245), (150, 156, 162), (18, 22, 26)
 _RED, _GREEN, _AMBER, _BLUE = (235, 60, 50), (70, 200, 90), (250, 180, 40), (80, 165, 255)
@@ -25,20 +26,12 @@ _WARNINGS = {
 class HudState:
     """What the instruments show."""
 
+    status: DriveStatus
+    """Controls, and what the driver has switched on."""
     speed_mps: float
     """Speed [m/s]."""
     limit_mps: float
     """Speed limit here [m/s]."""
-    gear: str
-    """``D`` or ``R``."""
-    steer: float
-    """Steering −1…1, left positive."""
-    throttle: float
-    """Throttle 0…1."""
-    brake: float
-    """Brake 0…1."""
-    handbrake: bool
-    """Whether the handbrake is pulled."""
     turn_deg: float
     """Direction in which the route goes on, left positive [deg]."""
     remaining_m: float
@@ -51,28 +44,8 @@ class HudState:
     """Distance to its stop line [m]."""
     time_s: float
     """Length of the recording [s]."""
-    size_mb: float
-    """Size of the recording [MB]."""
-    device: str
-    """Who drives."""
     view: str
     """Camera."""
-    indicator: str
-    """``left``, ``right`` or empty."""
-    headlamps: bool
-    """Whether the headlamps are switched on."""
-    violations: int
-    """Violations and collisions so far."""
-    warnings: tuple[str, ...]
-    """What goes wrong now."""
-    message: str | None
-    """Line for the driver, e.g. that the wheel has been unplugged."""
-    slow: float | None
-    """Speed of the world over real time when the machine is too slow, else None."""
-    paused: bool
-    """Whether time stands still."""
-    help: bool
-    """Whether the keys are shown."""
 
 
 class Hud:
@@ -113,7 +86,7 @@ class Hud:
             surface.blit(map_image, position)
             self._pygame.draw.rect(surface, _GREY, (*position, *map_image.get_size()), 1)
         self._lines(surface, state)
-        if state.help:
+        if state.status.help:
             self._help(surface)
 
     def _speed(self, surface: Any, state: HudState) -> None:
@@ -126,13 +99,14 @@ class Hud:
         self._pygame.draw.circle(surface, _WHITE, sign, round(1.2 * u))
         self._pygame.draw.circle(surface, _RED, sign, round(1.2 * u), max(2, u // 4))
         self._text(surface, f"{state.limit_mps * 3.6:.0f}", "small", sign, _DARK, "center")
-        self._text(surface, state.gear, "big", (11 * u, base), _AMBER if state.gear == "R" else _WHITE)
-        if state.handbrake:
+        back = state.status.controls.reverse
+        self._text(surface, "R" if back else "D", "big", (11 * u, base), _AMBER if back else _WHITE)
+        if state.status.controls.handbrake:
             self._text(surface, "(P)", "medium", (13 * u, base - 0.3 * u), _RED)
-        if state.headlamps:
+        if state.status.headlamps:
             self._text(surface, "lights", "small", (11 * u, base - 3.2 * u), _GREEN)
         for side, x in (("left", 1.2), ("right", 3.2)):
-            on = state.indicator == side and int(state.time_s * 3.0) % 2 == 0
+            on = state.status.indicator == side and int(state.time_s * 3.0) % 2 == 0
             self._arrow(surface, (x * u, base - 3.8 * u), 90.0 if side == "left" else -90.0, u * 0.6,
                         _GREEN if on else _GREY)  # fmt: skip
 
@@ -141,12 +115,12 @@ class Hud:
         x, y, width = 16 * u, self._height - 1.6 * u, 9 * u
         draw.rect(surface, _GREY, (x, y, width, 0.5 * u), 1)
         centre = x + width / 2
-        end = centre - state.steer * width / 2
+        end = centre - state.status.controls.steer * width / 2
         draw.rect(surface, _BLUE, (min(centre, end), y, max(abs(end - centre), 1), 0.5 * u))
         draw.line(surface, _WHITE, (centre, y - 3), (centre, y + 0.5 * u + 2))
         self._text(surface, "steering", "small", (centre, y - 0.2 * u), _GREY, "midbottom")
         for k, (value, colour, name) in enumerate(
-            ((state.throttle, _GREEN, "gas"), (state.brake, _RED, "brake"))
+            ((state.status.controls.throttle, _GREEN, "gas"), (state.status.controls.brake, _RED, "brake"))
         ):
             left, top, tall = x + width + (1.5 + 2.4 * k) * u, self._height - 3.9 * u, 2.8 * u
             draw.rect(surface, _GREY, (left, top, u, tall), 1)
@@ -169,26 +143,26 @@ class Hud:
 
     def _recording(self, surface: Any, state: HudState) -> None:
         u = self._unit
-        on = state.paused or int(state.time_s * 2.0) % 2 == 0
+        on = state.status.paused or int(state.time_s * 2.0) % 2 == 0
         self._pygame.draw.circle(surface, _RED if on else _GREY, (u, u), round(0.45 * u))
         minutes, seconds = divmod(int(state.time_s), 60)
-        text = f"REC {minutes:02d}:{seconds:02d}   {state.size_mb:.1f} MB   {_metres(state.driven_m)}"
+        text = f"REC {minutes:02d}:{seconds:02d}   {state.status.size_mb:.1f} MB   {_metres(state.driven_m)}"
         self._text(surface, text, "small", (1.8 * u, u), _WHITE, "midleft", shadow=True)
-        line = f"{state.device}   view: {state.view}   faults: {state.violations}   H: help"
+        line = f"{state.status.device}   view: {state.view}   faults: {state.status.faults}   H: help"
         self._text(surface, line, "small", (0.6 * u, 1.8 * u), _WHITE, "topleft", shadow=True)
 
     def _lines(self, surface: Any, state: HudState) -> None:
         middle, y = self._width / 2, self._height * 0.2
-        lines = [(_WARNINGS[name], _RED) for name in state.warnings]
-        if state.paused:
+        lines = [(_WARNINGS[name], _RED) for name in state.status.warnings]
+        if state.status.paused:
             lines.append(("PAUSED: P goes on", _WHITE))
-        if state.message:
-            lines.append((state.message, _AMBER))
+        if state.status.message:
+            lines.append((state.status.message, _AMBER))
         for text, colour in lines:
             self._text(surface, text, "medium", (middle, y), colour, "center", shadow=True)
             y += 1.6 * self._unit
-        if state.slow is not None:
-            text = f"this machine is slow: the world runs at {state.slow:.0%} of real time"
+        if state.status.slow is not None:
+            text = f"this machine is slow: the world runs at {state.status.slow:.0%} of real time"
             position = (self._width / 2, self._unit)
             self._text(surface, text, "small", position, _AMBER, "center", shadow=True)
 

@@ -69,7 +69,7 @@ def test_reversing_lamps_are_lit_backwards(library: ModelLibrary) -> None:
         cycle = vehicle.tag in (Tag.BICYCLE, Tag.MOTORCYCLE)
         assert (len(lamp.triangles) == 0) == cycle
         if not cycle:
-            assert lamp.vertices_m[:, 0].max() < -0.35 * vehicle.length_m
+            assert lamp.vertices_m[:, 0].max() < -0.35 * vehicle.size_m[0]
             assert set(lamp.material.tolist()) == {Material.LAMP_WHITE}
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY
 from carlaloc_env.actors.instances import ground_poses
 from carlaloc_env.assets.catalog import VEHICLES
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
-from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 TILT_RAD = 0.08

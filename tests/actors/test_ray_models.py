@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.plain_albedo import plain_albedo
 
 from carlaloc_env.actors.articulation import LOW_FROM_M
 from carlaloc_env.actors.instances import place_actors
@@ -12,7 +13,6 @@ from carlaloc_env.assets.model_library import build_library
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from shared_fixtures.worlds.meshes import facing_away, signed_volume_m3
 
 from carlaloc_env.assets.modelling.primitives import Look, box, lathe, mirrored, tube
-from carlaloc_env.assets.street.all_props import PROPS, prop
+from carlaloc_env.assets.street import fences_and_poles, furniture
 from carlaloc_env.assets.street.traffic_lights import traffic_light
 from carlaloc_env.assets.street.traffic_signs import SIGNS, sign
 from carlaloc_env.assets.texture_atlas import atlas_uv, street_name_uv
-from carlaloc_env.assets.vegetation.shrubs import hedge
+from carlaloc_env.assets.vegetation.shrubs import hedge, shrub
 from carlaloc_env.assets.vegetation.tree_species import FORMS
 from carlaloc_env.assets.vegetation.trees import tree
 from carlaloc_env.core.errors import ConfigError
@@ -22,15 +23,21 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
 
 PLAIN = Look(Material.PLAIN, Tag.STATIC)
+PROPS = (
+    furniture.lamp, furniture.bench, furniture.bin_, furniture.hydrant, furniture.bollard, furniture.banner,
+    furniture.bus_shelter, furniture.advertising_column, furniture.newspaper_box, furniture.post_box,
+    furniture.cabinet, furniture.planter, fences_and_poles.utility_pole, fences_and_poles.delineator,
+    shrub, hedge,
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("name", PROPS)
-def test_props_stand_at_the_origin_and_show_their_outside(name: str) -> None:
-    mesh = prop(name)
-    assert mesh.bounds_m[0, 2] > -0.07 or name == "banner"
+@pytest.mark.parametrize("make", PROPS)
+def test_props_stand_at_the_origin_and_show_their_outside(make: Callable[[], Mesh]) -> None:
+    mesh = make()
+    assert mesh.bounds_m[0, 2] > -0.07 or make is furniture.banner
     assert signed_volume_m3(mesh) > 0
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-4)
-    if name != "hedge":
+    if make is not hedge:
         assert facing_away(mesh, 1500) < 0.02
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from carlaloc_env.core.errors import ConfigError
 from recorder.benchmark.plan import find_sequences, plan_jobs
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
 from recorder.benchmark.score import RESULT
-from recorder.benchmark.tables import csv_text, latex, markdown
+from recorder.benchmark.tables import csv_text, frame_of, latex, markdown
 from recorder.cli.main import main
 from recorder.slam.systems import SYSTEMS
 
@@ -25,6 +26,11 @@ from recorder.slam.system import System
 SYSTEM = System(name="{name}", title="{name}", what="a test", needs=("lidar",), runner="x:run", frame="lidar")
 def run(sequence, clock):
     {body}
+"""
+
+
+PROGRAM = """
+{name: mine, title: My SLAM, needs: [lidar], frame: lidar, command: [sh, "{here}/slam.sh", "{out}", "{bag}"]}
 """
 
 
@@ -81,7 +87,7 @@ def test_failures_are_rows_with_reasons(result: BenchmarkResult) -> None:
 
 
 def test_a_run_has_a_time_limit(data: Path, own: dict[str, str], tmp_path: Path) -> None:
-    from recorder.slam.isolated_run import run_isolated
+    from recorder.slam.supervisor import run_isolated
 
     folder = find_sequences(data)[0].path
     record = run_isolated(own["sleeps"], folder, tmp_path, cloud="raw", limit_s=0.5)
@@ -105,11 +111,12 @@ def test_results_are_kept_until_what_they_depend_on_changes(
 
 
 def test_tables_hold_all_rows(result: BenchmarkResult) -> None:
-    text = markdown(result.scores)
+    runs = frame_of(result.scores)
+    text = markdown(runs)
     assert "| Box | d | " in text
     assert "| fail | fail | fail |" in text
-    assert "\\textbf{" in latex(result.scores)
-    rows = list(csv.DictReader(csv_text(result.scores).splitlines()))
+    assert re.search(r"\\textbf\{0\.\d+\} & fail", latex(runs))
+    rows = list(csv.DictReader(csv_text(runs).splitlines()))
     assert len(rows) == len(result.scores)
     assert float(rows[0]["ape_m"]) == result.scores[0].ape_m
 
@@ -147,6 +154,32 @@ def test_command_and_its_limit(data: Path, tmp_path: Path, capfd: pytest.Capture
     assert "2 of them done before" in told
 
 
+def test_failures_name_their_log_and_run_again_when_asked(
+    data: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A program that fails everywhere, then among movers alone, then nowhere; its description stays."""
+    system, program, out = tmp_path / "mine.yaml", tmp_path / "slam.sh", tmp_path / "out"
+    system.write_text(PROGRAM)
+    words = ["benchmark", str(data), "--out", str(out), "--methods", str(system), "--clouds", "raw"]
+    fails, works = "echo no licence; exit 3", f"cp {data}/Box/ground_truth/lidar.tum $1"
+    program.write_text(fails)
+    assert main(words) == 1
+    log = out / "runs" / "Box" / "ClearNoon_dynamic" / "mine" / "1" / "log.txt"
+    line = f"My SLAM failed in Box/ClearNoon_dynamic, run 1: sh ended with 3; log: {log}"
+    line += ", which ends with: no licence"
+    told = capfd.readouterr().err.splitlines()[-1]
+    assert told == f"carlaloc benchmark: every run failed, 2 in all; {line}"
+    assert "no licence" in log.read_text()
+    program.write_text(f"case $2 in *static*) {works};; *) {fails};; esac")
+    assert main([*words, "--again", "failed"]) == 0
+    assert line in capfd.readouterr().out.splitlines()
+    program.write_text(works)
+    for again, failures, reused in (([], 1, 2), (["--again", "failed"], 0, 1), (["--again", "all"], 0, 0)):
+        assert main([*words, *again, "--json"]) == 0
+        found = json.loads(capfd.readouterr().out)
+        assert (len(found["failures"]), found["reused"]) == (failures, reused)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -154,6 +187,7 @@ def test_command_and_its_limit(data: Path, tmp_path: Path, capfd: pytest.Capture
         ({"methods": ("missing.py",)}, "no such file"),
         ({"clouds": ("cooked",)}, "choose from raw, seg"),
         ({"workers": 1000}, "cores"),
+        ({"again": "faild"}, "did you mean 'failed'"),
     ],
 )
 def test_wrong_words_are_named(data: Path, tmp_path: Path, change: dict[str, object], message: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from recorder.benchmark.cells import best, cells, ratios
 from recorder.benchmark.score import Score
-from recorder.benchmark.tables import cost_rows, error_rows
+from recorder.benchmark.tables import cost_table, error_table, frame_of
 
 
 def score(method: str, traffic: str, ape_m: float, failed: str | None = None, **others: Any) -> Score:
@@ -18,9 +18,8 @@ def score(method: str, traffic: str, ape_m: float, failed: str | None = None, **
 
 
 def test_a_cell_is_the_median_with_its_range() -> None:
-    table = cells([score("a", "static", v) for v in (3.0, 1.0, 2.0)])
-    (row,) = table.values()
-    assert row["a"].text == "2.00 (1.00–3.00)"
+    cell = cells(frame_of([score("a", "static", v) for v in (3.0, 1.0, 2.0)]))
+    assert cell["text"].tolist() == ["2.00 (1.00–3.00)"]
 
 
 @pytest.mark.parametrize(
@@ -29,49 +28,44 @@ def test_a_cell_is_the_median_with_its_range() -> None:
 def test_half_of_the_runs_failed_is_fail(failures: int, text: str) -> None:
     good = [score("a", "static", v) for v in (1.0, 3.0)][: 3 - failures]
     bad = [score("a", "static", 99.0, "lost") for _ in range(failures)]
-    (row,) = cells(good + bad).values()
-    assert row["a"].text == text
+    assert cells(frame_of(good + bad))["text"].tolist() == [text]
 
 
-def test_the_best_is_told_as_printed_and_never_a_failure() -> None:
+def test_the_best_is_found_as_printed_and_is_never_a_failure() -> None:
     runs = [score("a", "static", 1.201), score("b", "static", 1.204), score("c", "static", 0.1, "lost")]
-    (row,) = cells(runs).values()
-    assert best(row) == {"a", "b"}
+    cell = cells(frame_of(runs))
+    assert set(cell["method"][best(cell)]) == {"a", "b"}
 
 
 def test_ratios_pair_conditions_and_count_overlaps() -> None:
     runs = [score("a", "static", v) for v in (1.0, 2.0)] + [score("a", "dynamic", v) for v in (1.9, 4.1)]
     runs += [score("a", "dynamic", 1.0, cloud="seg"), score("a", "static", 3.0, weather="FoggyNoon")]
-    found = {ratio.what: ratio for ratio in ratios(cells(runs))}
-    assert found["dynamic / static"].median == pytest.approx(3.0 / 1.5)
-    assert (found["dynamic / static"].repeated, found["dynamic / static"].within_range) == (1, 1)
-    assert found["seg(d) / d"].repeated == 0
-    assert found["seg(d) / d"].median == pytest.approx(1.0 / 3.0)
-    assert found["FoggyNoon / ClearNoon (static)"].median == pytest.approx(2.0)
+    found = ratios(cells(frame_of(runs))).set_index("what")
+    assert found["median"].to_dict() == pytest.approx(
+        {"dynamic / static": 2.0, "seg(d) / d": 1.0 / 3.0, "FoggyNoon / ClearNoon (static)": 2.0}
+    )
+    assert found.loc["dynamic / static", ["repeated", "within", "larger"]].tolist() == [1, 1, 1]
+    assert found.loc["seg(d) / d", "repeated"] == 0
 
 
 def test_an_overlap_with_a_single_run_is_not_counted() -> None:
-    """One run has no range: the pair is not repeated, and tells nothing of the spread."""
+    """One run has no range: the pair is not repeated, and says nothing of the spread."""
     runs = [score("a", "static", 1.5)] + [score("a", "dynamic", v) for v in (1.0, 2.0)]
-    (ratio,) = ratios(cells(runs))
-    assert (ratio.repeated, ratio.within_range) == (0, 0)
+    assert ratios(cells(frame_of(runs)))[["repeated", "within"]].to_numpy().tolist() == [[0, 0]]
 
 
 def test_what_was_not_measured_is_a_dash_and_never_the_best() -> None:
     """Drift has no segment on a short way: that is neither a failure nor a figure."""
     nan = float("nan")
     runs = [score("a", "static", nan), score("b", "static", nan), score("a", "dynamic", nan)]
-    runs += [score("b", "dynamic", 3.0)]
-    table = cells(runs)
-    rows = error_rows(table, {"a": "A", "b": "B"}, by_weather=False)
-    assert rows[1:] == [["T", "s", "–", "–"], ["T", "d", "–", "**3.00**"]]
-    assert not [ratio for ratio in ratios(table) if ratio.what == "dynamic / static"]
+    frame = frame_of([*runs, score("b", "dynamic", 3.0)])
+    table = error_table(frame, by_weather=False)
+    assert table.to_numpy().tolist() == [["T", "s", "–", "–"], ["T", "d", "–", "**3.00**"]]
+    assert ratios(cells(frame)).empty
 
 
-def test_costs_are_told_of_runs_that_were_measured() -> None:
-    known = score("a", "static", 1.0, cores=2, cpu_s=30.0, peak_memory_mb=200.0)
-    heads, a, b = cost_rows([known, score("a", "static", 1.0), score("b", "static", 1.0)])
-    told = dict(zip(heads, a, strict=True))
-    assert (told["CPU-s"], told["peak MB"], told["cores"], told["runs"]) == ("30.0", "200", "2", "2")
-    untold = dict(zip(heads, b, strict=True))
-    assert (untold["CPU-s"], untold["cores"], untold["runs"], untold["failed"]) == ("", "", "1", "0")
+def test_costs_are_medians_of_runs_that_were_measured() -> None:
+    known = [score("a", "static", 1.0, cores=2, cpu_s=cpu_s, peak_memory_mb=200.0) for cpu_s in (30.0, 40.0)]
+    cost = cost_table(frame_of([*known, score("a", "static", 1.0), score("b", "static", 1.0)]))
+    columns = ["CPU-s", "peak MB", "cores", "runs", "failed"]
+    assert cost[columns].to_numpy().tolist() == [["35.0", "200", "2", "3", "0"], ["", "", "", "1", "0"]]

@@ -22,7 +22,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shuti
 FRAMES, FRAMES_PER_S = 15, 10
 CLICK = """
 <script>
-const peak = document.querySelectorAll('svg.curve')[%d].querySelector('circle.peak');
+const peak = document.querySelectorAll('svg.curve')[%d].querySelector('g.peak');
 const at = peak.getBoundingClientRect(), x = at.x + at.width / 2, y = at.y + at.height / 2;
 peak.dispatchEvent(new MouseEvent('click', {bubbles: true, clientX: x, clientY: y}));
 </script>
@@ -85,7 +85,7 @@ def test_a_click_on_a_peak_shows_its_frame(tmp_path: Path) -> None:
     (tmp_path / "jumps.py").write_text(SYSTEM)
     method = str(tmp_path / "jumps.py")
     config = BenchmarkConfig(data=data, out=tmp_path / "out", methods=(method,), clouds=("raw",))
-    page = write_page(run_benchmark(config), tmp_path / "out")
+    page = write_page(run_benchmark(config))
     for curve in (0, 1):  # over time, and over the way
         time_s, frame = shown_after(page, curve)
         assert time_s == pytest.approx(PEAK / FRAMES_PER_S, abs=0.051)

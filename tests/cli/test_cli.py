@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -26,20 +28,26 @@ def run_json(capfd: Capture, *words: str, code: int = 0) -> Any:
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six seconds of the scripted driver, recorded by the command."""
     path = tmp_path_factory.mktemp("episode") / "drive.mcap"
-    assert main(["record", "--map", "Town03", "--out", str(path), "--duration", "6", "--seed", "2"]) == 0
+    words = ["record", "--map", "Town03", "--out", str(path), "--duration", "6", "--seed", "2"]
+    with redirect_stdout(StringIO()) as told:
+        assert main([*words, "--json"]) == 0
+    path.with_suffix(".json").write_text(told.getvalue())
     return path
 
 
 def test_record_and_info_agree(episode: Path, capfd: Capture) -> None:
-    """`info` tells the length, the actors and the health of what `record` wrote."""
+    """`info` names the distances, the actors and the health of what `record` wrote."""
+    recorded = json.loads(episode.with_suffix(".json").read_text())
     info = run_json(capfd, "info", str(episode))
     assert info["duration_s"] == pytest.approx(6.0, abs=0.02)
     assert (info["vehicles"], info["walkers"], info["device"]) == (237, 34, "scripted")
     assert info["complete"] is True
-    assert info["length_m"] > 1.0
+    assert recorded["driven_m"] == info["driven_m"] > 1.0
+    assert recorded["route_m"] == info["route_m"] == pytest.approx(info["driven_m"], abs=1.0)
     assert main(["info", str(episode)]) == 0
     text = capfd.readouterr().out
     assert "237 vehicles, 34 walkers" in text
+    assert f"{info['driven_m']:.1f} m driven, {info['route_m']:.1f} m along the route" in text
     assert "complete" in text
 
 

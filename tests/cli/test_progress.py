@@ -2,54 +2,102 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
+import os
+import pty
 import re
+import struct
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
 
+import pytest
+
+from recorder.cli import progress as progress_module
 from recorder.cli.progress import Progress
 
-
-class Terminal(io.StringIO):
-    """A stream that says it is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
+LINE = r"replaying: (\d+) of 60 s, ([\d.]+) s/s, 00:(\d\d) left, fog"
 
 
-def work(stream: io.StringIO, *, total_s: float | None, rate: float, seconds: float) -> list[str]:
-    """Work that makes `rate` seconds of a drive each second, told ten times a second; lines shown."""
-    now_s = 100.0
-    with Progress("replaying", stream=stream, clock=lambda: now_s) as progress:
-        for k in range(round(10 * seconds) + 1):
-            now_s = 100.0 + 0.1 * k
-            progress.update(0.1 * k * rate, total_s)
-    return [line for line in re.split(r"[\r\n]+", stream.getvalue()) if line.strip()]
+def work(stream: io.TextIOBase, *, total_s: float | None, kept_s: float = 0.0) -> None:
+    """Work that builds for a while, and then makes ten seconds of a drive in each second."""
+    with Progress("replaying", stream=stream) as progress:  # type: ignore[arg-type]
+        begin_s = time.monotonic()
+        while (passed_s := time.monotonic() - begin_s) < 2.0:
+            progress.update(kept_s + 10.0 * max(passed_s - 0.8, 0.0), total_s, "fog")
+            time.sleep(0.01)
 
 
-def test_a_log_gets_a_line_every_ten_seconds() -> None:
-    lines = work(io.StringIO(), total_s=30.0, rate=0.5, seconds=60.0)
-    assert lines == [
-        "replaying: 5.0 of 30.0 s, 0.50x real time, 0:50 left",
-        "replaying: 10.0 of 30.0 s, 0.50x real time, 0:40 left",
-        "replaying: 15.0 of 30.0 s, 0.50x real time, 0:30 left",
-        "replaying: 20.0 of 30.0 s, 0.50x real time, 0:20 left",
-        "replaying: 25.0 of 30.0 s, 0.50x real time, 0:10 left",
-        "replaying: 30.0 of 30.0 s, 0.50x real time, 0:00 left",
-    ]
-    assert work(io.StringIO(), total_s=30.0, rate=0.5, seconds=9.0) == []
+def _read(terminal: int) -> bytes:
+    try:
+        return os.read(terminal, 4096)
+    except OSError:  # Linux's way to report the end.
+        return b""
 
 
-def test_a_terminal_has_one_line_that_goes() -> None:
-    stream = Terminal()
-    lines = work(stream, total_s=7200.0, rate=1.25, seconds=4.0)
-    assert 15 <= len(lines) <= 25
-    last = r"replaying: (4\.\d|5\.0) of 7200\.0 s, 1\.25x real time, 1:35:56 left"
-    assert re.fullmatch(last, lines[-1].strip())
-    assert "\n" not in stream.getvalue()
-    assert stream.getvalue().endswith(" \r")
-    longest = max(len(line) for line in lines)
-    assert stream.getvalue().split("\r")[-2].count(" ") <= longest
+@pytest.mark.parametrize("kept_s", [0.0, 40.0])
+def test_a_log_gets_lines_with_the_rate_of_this_run(kept_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither the time before the first progress nor what an earlier run did counts for the rate."""
+    monkeypatch.setattr(progress_module, "LINE_S", 0.4)
+    stream = io.StringIO()
+    work(stream, total_s=60.0, kept_s=kept_s)
+    lines = stream.getvalue().splitlines()
+    assert 3 <= len(lines) <= 5
+    found = re.fullmatch(LINE, lines[-1])
+    assert found is not None
+    done_s, rate, left_s = (float(text) for text in found.groups())
+    assert done_s > kept_s
+    assert rate == pytest.approx(10.0, abs=1.0)
+    assert left_s == pytest.approx((60.0 - done_s) / 10.0, abs=1.5)
 
 
-def test_without_an_end_there_is_no_time_left() -> None:
-    lines = work(io.StringIO(), total_s=None, rate=4.0, seconds=10.0)
-    assert lines == ["replaying: 40.0 s, 4.00x real time"]
+def test_a_short_run_writes_no_line_and_one_without_an_end_no_time_left(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stream = io.StringIO()
+    work(stream, total_s=60.0)
+    assert stream.getvalue() == ""
+    monkeypatch.setattr(progress_module, "LINE_S", 0.4)
+    work(stream, total_s=None)
+    assert re.fullmatch(r"replaying: \d+ s, [\d.]+ s/s, fog", stream.getvalue().splitlines()[-1])
+
+
+def test_a_terminal_has_one_bar_that_goes() -> None:
+    """A real terminal, of 80 columns."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    with os.fdopen(slave, "w") as stream:
+        work(stream, total_s=60.0)
+    drawn = b"".join(iter(lambda: _read(master), b"")).decode()
+    os.close(master)
+    assert "\n" not in drawn
+    looks = [look for look in drawn.split("\r") if look.strip()]
+    assert 4 <= len(looks) <= 11
+    assert max(len(look) for look in looks) <= 80
+    assert re.match(r"replaying:  1\d%\|\S+ +\| \d+ of 60 s, [\d.]+ s/s, 00:0\d left, fog", looks[-1])
+    assert re.search(r"\r {60,}\r$", drawn), "the line is empty in the end"
+
+
+def test_a_log_file_tells_more_than_the_terminal(tmp_path: Path) -> None:
+    """Logging as `main` sets it up, in a process of its own."""
+    script = """
+import logging, sys
+from pathlib import Path
+from recorder.cli.log_file import logged_to
+from recorder.cli.main import main
+main(["list", "traffic", "--json"])
+log = logging.getLogger("recorder.factory")
+with logged_to(Path(sys.argv[1]), "recorder"):
+    log.info("driving")
+    log.warning("going on")
+log.warning("afterwards")
+"""
+    words = [sys.executable, "-c", script, str(tmp_path / "log")]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert [line.split(": ")[-1] for line in done.stderr.splitlines()] == ["going on", "afterwards"]
+    lines = (tmp_path / "log").read_text().splitlines()
+    assert [line.split(" ", 2)[2] for line in lines] == ["INFO driving", "WARNING going on"]

@@ -39,7 +39,7 @@ def test_cut_keeps_every_bit(drive: Path, tmp_path: Path) -> None:
         assert one.position_m.tobytes() == other.position_m.tobytes()
         assert a.signals_at(2_000_000_000 + k).tolist() == b.signals_at(k).tolist()
     assert part.header.history == ("cut 2 to 6.5 s of drive.mcap",)
-    assert part.header.map_hash == whole.header.map_hash
+    assert part.header.town_hash == whole.header.town_hash
     with pytest.raises(EpisodeError, match=r"lasts 8\.00 s"):
         cut_episode(drive, tmp_path / "no.mcap", 5.0, 9.0)
     assert not (tmp_path / "no.mcap").exists()

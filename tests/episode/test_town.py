@@ -8,52 +8,82 @@ import pytest
 from shared_fixtures.drives.episodes import write_drive
 
 from carlaloc_env.core.errors import EpisodeError, MapError
-from carlaloc_env.town.sources import find_town, identify_town
+from carlaloc_env.town.build import load_town
 from recorder.drive.resimulate import resimulate
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
-from recorder.episode.header import WORLD_VERSION, _checksum
+from recorder.episode.header import _checksum
 from recorder.episode.town import town_id_of, town_of
+
+SOURCE = """<?xml version="1.0"?>
+<OpenDRIVE><header/>
+<road name="Main" length="90.0" id="1" junction="-1"><link/>
+<planView><geometry s="0" x="0" y="0" hdg="0" length="90"><line/></geometry></planView>
+<lanes><laneSection s="0">
+<center><lane id="0" type="none" level="false"/></center>
+<right><lane id="-1" type="driving" level="false">
+<width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane></right>
+</laneSection></lanes>
+</road></OpenDRIVE>
+"""
 
 
 @pytest.fixture
 def town(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of Town01 that may be changed, known by its name."""
+    """A small town that may be changed, known by its name, with a cache of its own."""
     monkeypatch.setenv("CARLALOC_MAPS", str(tmp_path / "maps"))
-    source, folder = find_town("Town01"), tmp_path / "maps" / "Mine"
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "cache"))
+    folder = tmp_path / "maps" / "Mine"
     folder.mkdir(parents=True)
-    for name in ("town.xodr", "town.toml"):
-        (folder / name).write_bytes(source.with_name(name).read_bytes())
+    (folder / "town.xodr").write_text(SOURCE)
+    (folder / "town.toml").write_text('[town]\nname = "Mine"\nscenery_seed = 5\n')
     return folder
 
 
-def drive_in(town: Path, path: Path, world_version: int = WORLD_VERSION) -> Episode:
-    key = identify_town(town).content_hash
-    header = EpisodeHeader(map_name=town.name, map_hash=key, world_version=world_version)
+def drive_in(town: Path, path: Path) -> Episode:
+    header = EpisodeHeader(map_name=town.name, town_hash=load_town(town).town_hash, device="scripted", seed=7)
     with EpisodeWriter(path, header) as writer:
         write_drive(writer, 11, 0)
     return Episode.load(path)
 
 
-def test_its_name_and_hash_are_read_and_nothing_is_built(
+def files_of(cache: Path) -> list[Path]:
+    return [path for path in cache.rglob("*") if path.is_file()]
+
+
+def test_its_name_is_read_and_nothing_is_built(
     town: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Building leaves a file in the cache."""
-    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "cache"))
+    """Building leaves files in the cache."""
     episode = drive_in(town, tmp_path / "a.mcap")
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "other"))
     found = town_id_of(episode)
-    assert (found.name, found.content_hash) == ("Mine", episode.header.map_hash)
-    assert len(found.content_hash) == 32
-    assert not (tmp_path / "cache").exists()
+    assert (found.name, found.source) == ("Mine", town / "town.xodr")
+    assert not files_of(tmp_path / "other")
+    assert town_of(episode).town_hash == episode.header.town_hash
 
 
-@pytest.mark.parametrize("changed", ["town.xodr", "town.toml"])
-def test_a_changed_map_is_refused(town: Path, tmp_path: Path, changed: str) -> None:
+def test_a_town_whose_roads_changed_is_refused(town: Path, tmp_path: Path) -> None:
+    """By whoever builds it, and before anything is built once it stands in the cache."""
     episode = drive_in(town, tmp_path / "a.mcap")
-    with (town / changed).open("a") as file:
-        file.write("\n")
-    for ask in (town_id_of, town_of):
-        with pytest.raises(EpisodeError, match=r"another version of Mine .* record it again"):
+    (town / "town.xodr").write_text(SOURCE.replace('a="3.5"', 'a="3.4"'))
+    assert town_id_of(episode).name == "Mine"
+    line = (
+        r"another version of Mine .* record it anew: "
+        "carlaloc record --map Mine --device scripted --seed 7 --out NEW.mcap$"
+    )
+    for ask in (town_of, town_id_of):
+        with pytest.raises(EpisodeError, match=line):
             ask(episode)
+    with pytest.raises(EpisodeError, match=line):
+        resimulate(tmp_path / "a.mcap")
+
+
+def test_a_town_that_only_looks_different_is_the_same(town: Path, tmp_path: Path) -> None:
+    """The files are others; what decides how a drive goes is not."""
+    episode = drive_in(town, tmp_path / "a.mcap")
+    with (town / "town.xodr").open("a") as file:
+        file.write("<!-- edited -->\n")
+    assert town_of(episode).town_hash == episode.header.town_hash
 
 
 def test_a_town_that_is_gone_is_a_named_error(town: Path, tmp_path: Path) -> None:
@@ -65,21 +95,13 @@ def test_a_town_that_is_gone_is_a_named_error(town: Path, tmp_path: Path) -> Non
         town_id_of(episode, town / "town.xodr")
 
 
-@pytest.mark.parametrize("version", [1, WORLD_VERSION + 1])
-def test_a_drive_in_another_world_is_refused(town: Path, tmp_path: Path, version: int) -> None:
-    """Also by whoever drives its controls again; the version survives the file."""
-    episode = drive_in(town, tmp_path / "a.mcap", version)
-    assert episode.header.world_version == version
-    for ask in (town_id_of, town_of):
-        with pytest.raises(EpisodeError, match=rf"world version {version}.* record it again"):
-            ask(episode)
-    with pytest.raises(EpisodeError, match="record it again"):
-        resimulate(tmp_path / "a.mcap")
-
-
-def test_drives_before_versions_were_of_the_first_world() -> None:
-    """Headers of old files name none."""
-    texts = EpisodeHeader(map_name="Town03").to_metadata()
-    texts.pop("world_version")
+def test_drives_before_towns_had_hashes_are_refused(town: Path, tmp_path: Path) -> None:
+    """Headers of old files name a hash of the map's file."""
+    episode = drive_in(town, tmp_path / "a.mcap")
+    texts = episode.header.to_metadata()
+    texts["map_hash"] = texts.pop("town_hash").replace("0", "1").replace("a", "b")
     texts["crc32"] = str(_checksum(texts))
-    assert EpisodeHeader.from_metadata(texts).world_version == 1
+    with EpisodeWriter(tmp_path / "old.mcap", EpisodeHeader.from_metadata(texts)) as writer:
+        write_drive(writer, 11, 0)
+    with pytest.raises(EpisodeError, match="record it anew"):
+        town_id_of(Episode.load(tmp_path / "old.mcap"))

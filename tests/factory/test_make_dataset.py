@@ -14,16 +14,12 @@ import pytest
 from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import ConfigError, WriterError
-from carlaloc_env.rigs.presets import rig_by_name
 from recorder.cli.main import main
 from recorder.dataset.checksums import checksums, read_checksums
 from recorder.dataset.manifest import DatasetManifest
 from recorder.factory import make_dataset as dataset
-from recorder.factory import plan as dataset_plan
 from recorder.factory.make_dataset import copy_manifest, make_dataset
 from recorder.factory.plan import DatasetConfig, plan_dataset
-from recorder.factory.size_estimate import bytes_per_second
-from recorder.factory.time_left import DatasetProgress
 from recorder.replaying.plan import ReplayOptions
 from recorder.verification.verify import verify
 
@@ -60,9 +56,9 @@ def test_a_dataset_is_made_kept_and_made_again(
         patch.setattr(dataset, "write_manifest", lambda *_: (_ for _ in ()).throw(WriterError("cut off")))
         with pytest.raises(WriterError, match="cut off"):
             make_dataset(config)
-    stages: list[DatasetProgress] = []
-    make_dataset(config, stages.append)
-    assert stages == [], "the replay was whole"
+    told: list[str] = []
+    make_dataset(config, lambda done_s, total_s, what: told.append(what))
+    assert told == [], "the replay was whole"
     assert len(DatasetManifest.read(config.out).sequences) == 6
     assert read_checksums(config.out) == checksums(config.out)
     names = sorted(path.name for path in config.out.iterdir())
@@ -82,7 +78,7 @@ def test_a_second_run_at_once_is_refused(config: DatasetConfig, monkeypatch: pyt
     """While one is at work, another with the same words is refused, and what there is stays."""
     refused: list[str] = []
 
-    def meanwhile(*_: Any) -> None:
+    def meanwhile(*_: Any, **__: Any) -> None:
         with pytest.raises(WriterError, match=r"another run is at work in .*; wait until") as failure:
             make_dataset(config)
         refused.append(str(failure.value))
@@ -98,15 +94,31 @@ def test_a_second_run_at_once_is_refused(config: DatasetConfig, monkeypatch: pyt
     assert verify(config.out).findings == ()
 
 
-def test_too_little_room_is_told_before_the_first_byte(
-    config: DatasetConfig, monkeypatch: pytest.MonkeyPatch
+def test_too_little_room_is_told_after_the_first_unit_and_the_same_call_goes_on(
+    config: DatasetConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    free = shutil.disk_usage("/")._replace(free=1000)
-    monkeypatch.setattr(dataset_plan.shutil, "disk_usage", lambda _: free)
-    told = r"needs about [\d.]+ MB while it is made, and 1 kB are free in .*; make room for [\d.]+ MB, or"
-    with pytest.raises(WriterError, match=told):
-        plan_dataset(config)
-    assert not config.out.exists()
+    """What is said to be needed is what all sequences take in the end, and the spools of the other level."""
+    full = shutil.disk_usage("/")._replace(free=1000)
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "disk_usage", lambda _: full)
+        with pytest.raises(WriterError, match="1 parts are whole, and the same command goes on") as failure:
+            make_dataset(config)
+    told = re.search(r"the rest needs about (\S+) GB, and 0\.000 GB are free in", str(failure.value))
+    spools = sum(file.stat().st_size for file in config.out.rglob("*.spool"))
+    words = ["dataset", "--out", str(config.out), "--towns", "straight", "--sample", "1", "--rig", "state"]
+    words += ["--episodes", str(config.episodes), "--format", "rosbag1", "--workers", "1"]
+    assert main(words) == 2
+    assert "drives of 1, all sequences of 0 of 1 town, and 1 units" in capsys.readouterr().err
+    calls: list[tuple[float, float, str]] = []
+    make_dataset(config, lambda *call: calls.append(call))
+    sequences = sum(file.stat().st_size for file in config.out.glob("straight/*_*/*"))
+    assert told is not None
+    assert float(told[1]) * 1e9 == pytest.approx(sequences + spools, rel=0.02, abs=1e6)
+    assert spools + sequences > 2e6
+    assert [done for done, *_ in calls] == sorted(done for done, *_ in calls)
+    assert calls[-1][:2] == pytest.approx((1.0, 1.0))
+    assert calls[-1][2] == "replaying straight (1 of 1), 100%"
+    assert verify(config.out).findings == ()
 
 
 def test_a_drive_that_is_missing_is_named(config: DatasetConfig) -> None:
@@ -124,14 +136,10 @@ def test_nobody_is_asked_where_nobody_is(
     told = capsys.readouterr().err
     lines = told.splitlines()
     assert lines[0] == "6 sequences: 1 town, ClearNoon, FoggyNoon, RainyNight; static, dynamic"
-    assert lines[1] == f"1 s of driving by drives of {config.episodes}"
-    assert re.match(r"about \d+ s with \d+ process", lines[2])
-    assert re.match(r"about [\d.]+ MB in .*; [\d.]+ MB of \S+ [TG]B free are taken", lines[3])
+    assert lines[1] == f"0:00:01 of driving by drives of {config.episodes}"
+    assert re.match(
+        r"[\d.]+ GB are free in .*; the first unit shows whether they suffice, and how long", lines[2]
+    )
+    assert "going on" not in told
     assert "give --yes" in told
     assert not config.out.exists()
-
-
-def test_size_of_the_papers_rig_as_bags() -> None:
-    """Two cameras of 1280×720 at 20 Hz: colour 3, depth 4, labels 1 byte a pixel; clouds besides."""
-    pictures = 2 * 1280 * 720 * 20 * 8
-    assert pictures < bytes_per_second(rig_by_name("paper"), ("rosbag1",), "standard") < 1.4 * pictures

@@ -17,7 +17,7 @@ from carlaloc_env.core.clock import STEP_TICKS
 from carlaloc_env.core.controls import Controls
 from carlaloc_env.core.errors import ConfigError, EpisodeError, OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
-from carlaloc_env.driving_env import DrivingEnv
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.town.build import load_town
 from carlaloc_env.traffic.config import traffic_of_town
 from recorder.cli.main import main
@@ -47,7 +47,7 @@ def _record(map_path: Path, out: Path, controls: Sequence[Controls]) -> Path:
             out,
             EpisodeHeader(
                 map_name=town.name,
-                map_hash=town.content_hash,
+                town_hash=town.town_hash,
                 seed=drive_seed,
                 catalog=catalog,
                 traffic=asdict(traffic),
@@ -95,7 +95,7 @@ def test_it_holds_what_an_environment_shows_for_the_same_actions(
     )  # fmt: skip
     result = write_minari(config)
     (told,) = list(_load(config.out).iterate_episodes())
-    env = DrivingEnv(map=straight_map, rig=rig, traffic=TRAFFIC, quality="low")
+    env = CarlaLocEnv(map=straight_map, rig=rig, traffic=TRAFFIC, quality="low", info=())
     seen, _ = env.reset(seed=SEED)
     rewards = []
     for number in range(result.steps * skip):
@@ -134,6 +134,7 @@ def test_its_environment_and_its_counts_are_known(drive: Path, straight_map: Pat
     )  # fmt: skip
     assert env.observation_space == found.observation_space
     env.close()
+    assert gymnasium.spec("CarlaLoc-v0").kwargs == {}
 
 
 def test_stretches_in_memory_join_without_a_seam(

@@ -11,7 +11,7 @@ from shared_fixtures.drives.rough_drives import PARAMS, SPEED_MPS, motion_at, mo
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
-from carlaloc_env.core.road.rough_surface import class_roughness_m3
+from carlaloc_env.road.rough_surface import class_roughness_m3
 
 WHEELS = ((True, 1.0), (True, -1.0), (False, 1.0), (False, -1.0))
 """Whether front, and side, of each wheel."""

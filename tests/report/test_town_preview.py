@@ -11,7 +11,7 @@ from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.transforms import from_rotation
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.town.build import load_town
-from recorder.report.standing_traffic import standing_traffic
+from carlaloc_env.traffic.standing_traffic import standing_traffic
 from recorder.report.town_map import ROUTE, SPAWN, MapView
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])

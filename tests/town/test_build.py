@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.maps import VILLAGE
 
-from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.errors import MapError, OutputError
 from carlaloc_env.core.files.array_cache import arrays_hash, load, save
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.town.build import load_town
+from carlaloc_env.town.build import kept_town_hash, load_town
 from carlaloc_env.town.sources import find_town, identify_town
 from carlaloc_env.town.town import Town
+from carlaloc_env.town.town_hash import town_hash
 
 ROAD = """<?xml version="1.0"?>
 <OpenDRIVE><header revMajor="1" revMinor="7" name="small"/>
@@ -40,8 +41,8 @@ ROAD = """<?xml version="1.0"?>
 </laneSection></lanes>
 </road></OpenDRIVE>
 """
-KINDS = "town", "scenery", "lanes"
-"""What is kept of a town: its outline, its meshes, and its roads."""
+KINDS = "town", "scenery", "lanes", "hash"
+"""What is kept of a town: its outline, its meshes, its roads, and its hash."""
 TOML = '[town]\nname = "small"\ndefault_zone = "downtown"\n[traffic]\nvehicles = 7\n'
 
 
@@ -56,7 +57,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def _bytes(town: Town) -> str:
-    arrays = {"collision": town.collision_vertices_m, "triangles": town.collision_triangles}
+    arrays = {"collision": town.outline.collision_vertices_m, "triangles": town.outline.collision_triangles}
     tables = town.network.tables
     arrays |= {field.name: getattr(tables, field.name) for field in fields(tables)}
     for number, chunk in enumerate(town.chunks):
@@ -71,9 +72,10 @@ def test_builds_are_equal_byte_for_byte(folder: Path, tmp_path: Path) -> None:
     cached = load_town(folder / "town.xodr", cache_dir=tmp_path / "a")
     assert len(first.chunks) > 1
     assert _bytes(first) == _bytes(second) == _bytes(cached)
-    assert first.content_hash == second.content_hash
-    found = identify_town(folder)
-    assert (found.name, found.content_hash) == (first.name, first.content_hash)
+    assert first.town_hash == second.town_hash == cached.town_hash
+    assert town_hash(cached.roads, cached.outline) == first.town_hash
+    assert kept_town_hash(identify_town(folder), cache_dir=tmp_path / "a") == first.town_hash
+    assert kept_town_hash(identify_town(folder), cache_dir=tmp_path / "c") is None
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -117,7 +119,7 @@ def test_meshes_that_went_do_not_go_unnoticed(folder: Path, tmp_path: Path) -> N
     for stored in (tmp_path / "cache").glob("*"):
         stored.unlink()
     load_town(folder, cache_dir=tmp_path / "cache")
-    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [1, 1, 1]
+    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [1] * 4
     assert _bytes(load_town(folder, cache_dir=tmp_path / "cache")) == _bytes(first)
 
 
@@ -157,9 +159,9 @@ def test_another_toml_gives_another_town(folder: Path, tmp_path: Path) -> None:
     first = load_town(folder, cache_dir=tmp_path / "cache")
     (folder / "town.toml").write_text(TOML.replace("downtown", "rural"))
     second = load_town(folder, cache_dir=tmp_path / "cache")
-    assert first.content_hash != second.content_hash
+    assert first.town_hash != second.town_hash
     assert _bytes(first) != _bytes(second)
-    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [2, 2, 2]
+    assert [len(list((tmp_path / "cache").glob(f"*.{kind}"))) for kind in KINDS] == [2] * 4
 
 
 def test_nothing_half_written_stands_under_the_final_name(
@@ -170,7 +172,7 @@ def test_nothing_half_written_stands_under_the_final_name(
 
     monkeypatch.setattr(os, "replace", fail)
     monkeypatch.setattr(Path, "replace", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(OutputError, match="disk full"):
         save(tmp_path / "kept.town", {"a": np.zeros(3)})
     assert list(tmp_path.iterdir()) == []
 

@@ -50,7 +50,7 @@ def test_everything_a_town_needs_is_there(mesh: Mesh) -> None:
 
 def test_size_stays_within_budget(town: Town) -> None:
     assert sum(len(chunk.triangles) for chunk in town.chunks) < 3_000_000
-    assert len(town.collision_triangles) < 400_000
+    assert len(town.outline.collision_triangles) < 400_000
 
 
 def test_attributes_never_change_inside_a_triangle(mesh: Mesh) -> None:
@@ -112,7 +112,7 @@ def test_styles_and_trees_are_many_and_every_zone_knows_its_own() -> None:
 
 def test_lenses_face_the_drivers_who_must_stop(town: Town) -> None:
     """A driver 25 m before the stop line sees each lens from its front, above the road."""
-    lenses, network = town.lenses, town.network
+    lenses, network = town.outline.lenses, town.network
     assert set(np.unique(lenses.state)) == {1, 2, 3}
     assert set(np.unique(lenses.signal)) == set(range(len(network.signals)))
     checked = 0
@@ -131,14 +131,14 @@ def test_lenses_face_the_drivers_who_must_stop(town: Town) -> None:
 
 
 def test_red_lies_above_yellow_above_green(town: Town) -> None:
-    z = town.lenses.T_world_lens[:, 2, 3].reshape(-1, 3)
-    assert (town.lenses.state.reshape(-1, 3) == [1, 2, 3]).all()
+    z = town.outline.lenses.T_world_lens[:, 2, 3].reshape(-1, 3)
+    assert (town.outline.lenses.state.reshape(-1, 3) == [1, 2, 3]).all()
     assert (np.diff(z, axis=1) < -0.2).all()
 
 
 def test_lamps_hang_over_streets(town: Town, areas: TownAreas) -> None:
-    distance = shapely.distance(areas.roadway, shapely.points(town.lamps_m[:, :2]))
-    assert len(town.lamps_m) > 80
+    distance = shapely.distance(areas.roadway, shapely.points(town.outline.lamps_m[:, :2]))
+    assert len(town.outline.lamps_m) > 80
     assert (distance < 0.5).mean() > 0.95
 
 

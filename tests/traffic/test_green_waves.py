@@ -12,7 +12,7 @@ from carlaloc_env.town.config import SignalTiming, TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.green_wave import DEPARTURE_S, PACES, Passings, waits_s, wave_begins_s
+from carlaloc_env.traffic.green_wave import DEPARTURE_S, PACES, Passings, drive_along, wave_begins_s
 from carlaloc_env.traffic.signals import SignalPlan, SignalState
 from carlaloc_env.traffic.stop_lines import stop_lines, travel_times_s
 
@@ -51,7 +51,7 @@ def test_one_light_is_passed_in_the_middle_of_its_green() -> None:
     arrives_s = DEPARTURE_S + 30.0 / np.array(PACES)
     into_s = np.mod(np.median(arrives_s) - begin_s - 12.0, 60.0)
     assert into_s == pytest.approx(13.0, abs=0.5)
-    assert (waits_s(passings, np.array([begin_s])) == 0.0).all()
+    assert (drive_along(passings, np.array([[begin_s]]))[0] == 0.0).all()
 
 
 def test_no_other_beginnings_cost_less_waiting() -> None:
@@ -63,8 +63,10 @@ def test_no_other_beginnings_cost_less_waiting() -> None:
         np.array([26.0, 20.0, 20.0]),
         np.array([60.0, 50.0, 60.0]),
     )
-    best = min(waits_s(passings, np.array([a, b])).sum() for a in np.arange(60.0) for b in np.arange(50.0))
-    found = waits_s(passings, wave_begins_s(passings, np.zeros(2))).sum()
+    best = min(
+        drive_along(passings, np.array([[a], [b]]))[0].sum() for a in np.arange(60.0) for b in np.arange(50.0)
+    )
+    found = drive_along(passings, wave_begins_s(passings, np.zeros(2))[:, None])[0].sum()
     assert best > 0.0
     assert found <= 1.1 * best + 1.0
 

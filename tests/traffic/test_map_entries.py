@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.traffic_audit import NOBODY, overlapping_boxes
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.timeline.timeline import JUMP_M, Timeline
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
-from carlaloc_env.traffic.audit import NOBODY, overlapping_boxes
 from carlaloc_env.traffic.world import TrafficConfig, TrafficWorld
 
 LANE = '<lane id="{}" type="driving"><width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane>'

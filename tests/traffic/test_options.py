@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY, TrafficReport, audit_traffic
 from carlaloc_env.traffic.config import traffic_of_town
 from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
 from carlaloc_env.traffic.traffic_tables import TrafficTables

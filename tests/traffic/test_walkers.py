@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY, on_walkable
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.scene.semantic_tags import Tag
-from carlaloc_env.traffic.audit import NOBODY, on_walkable
 from carlaloc_env.traffic.signals import SignalState
 from carlaloc_env.traffic.tables.crosswalk_tables import TAKEN
 from carlaloc_env.traffic.tables.sidewalk_tables import CROSSWALK

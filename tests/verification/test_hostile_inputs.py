@@ -24,10 +24,10 @@ sensors:
 """
 
 
-def renamed(source: Path, out: Path, map_name: str, map_hash: str | None = None) -> Path:
+def renamed(source: Path, out: Path, map_name: str, town_hash: str | None = None) -> Path:
     """A copy of an episode that names another map."""
     episode = Episode.load(source)
-    header = replace(episode.header, map_name=map_name, map_hash=map_hash or episode.header.map_hash)
+    header = replace(episode.header, map_name=map_name, town_hash=town_hash or episode.header.town_hash)
     frames = _frames(episode.steps)
     _write(out, header, episode.ego, frames, episode.steps["signals"], [], overwrite=False)
     return out

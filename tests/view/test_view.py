@@ -147,7 +147,7 @@ def test_a_town_shows_its_classes(town03: Town, tmp_path: Path) -> None:
     column = columns_of(out)
     for tag in (Tag.ROAD, Tag.BUILDING):
         corners = column(f"world/town/{tag.name.lower()}", "Mesh3D:vertex_positions")[0]
-        assert len(corners) == 3 * (town03.collision_tags == tag).sum()
+        assert len(corners) == 3 * (town03.outline.collision_tags == tag).sum()
     driving = [lane for lane in town03.network.lanes if lane.type == "driving"]
     assert len(column("world/lanes", "LineStrips3D:strips")[0]) == len(driving)
     assert town03.route is not None

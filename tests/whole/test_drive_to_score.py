@@ -21,7 +21,7 @@ from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import ReplayConfig, ReplayResult, replay
-from recorder.slam.bag_odometry import gicp_odometry, kiss_icp_odometry
+from recorder.slam.bag_odometry import run_odometry
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +174,7 @@ def test_preview_is_a_film(data: ReplayResult) -> None:
 def test_gicp_follows_the_truth(data: ReplayResult) -> None:
     """GICP, fed from the bag, stays within 0.2 m of the LiDAR's true path: data, stamps and truth agree."""
     pytest.importorskip("small_gicp")
-    estimate = gicp_odometry(_bag(data, "ClearNoon_static"), "/lidar/points", 0.05)
+    estimate = run_odometry(_bag(data, "ClearNoon_static"), "gicp", "/lidar/points")
     result = evaluate(read_tum(data.ground_truth / "lidar.tum"), estimate)
     assert result.coverage > 0.98
     assert result.statistics[Metric.APE_TRANSLATION].rmse < 0.2
@@ -187,7 +187,7 @@ def test_kiss_icp_follows_the_truth(data: ReplayResult) -> None:
     its absolute error says little here.
     """
     pytest.importorskip("kiss_icp")
-    estimate = kiss_icp_odometry(_bag(data, "ClearNoon_static"), "/lidar/points", 0.05)
+    estimate = run_odometry(_bag(data, "ClearNoon_static"), "kiss_icp", "/lidar/points")
     result = evaluate(read_tum(data.ground_truth / "lidar.tum"), estimate)
     assert result.coverage > 0.98
     assert result.statistics[Metric.RPE_TRANSLATION].rmse < 0.06

@@ -14,11 +14,13 @@ import yaml
 from rosbags.highlevel import AnyReader
 
 from carlaloc_env.core.errors import RaycastError, RenderError
+from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
+from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import ReplayConfig, replay
 from recorder.writers.ros.messages import ENCODERS
@@ -34,7 +36,11 @@ sensors:
    pinhole: {width_px: 64, height_px: 40, fx_px: 32, fy_px: 32, cx_px: 32, cy_px: 20}}
 """
 EXAMPLES = Path(__file__).parents[2] / "examples"
-PARTS = {*EXAMPLES.glob("learning/*.py"), *EXAMPLES.glob("own_sensors/*.py")}
+PARTS = {
+    EXAMPLES / "condition_plot.py",
+    *EXAMPLES.glob("learning/*.py"),
+    *EXAMPLES.glob("own_sensors/*.py"),
+}
 """Parts of examples, without a `main` of their own."""
 
 
@@ -60,7 +66,7 @@ def test_examples_are_short_and_callable(path: Path) -> None:
 
 def test_the_env_is_driven_along_its_route() -> None:
     """Three seconds of full attention bring the car forward, not off the road."""
-    distance_m = load("01_step_the_env").main(steps=60, rig="state")
+    distance_m = load("01_step_the_env").main(steps=60, rig=rig_by_name("state"))
     assert 2.0 < distance_m < 30.0
 
 
@@ -255,3 +261,20 @@ def test_env_runners_of_rllib_drive_in_processes_of_their_own() -> None:
     assert len(drove) == 2
     assert os.getpid() not in drove
     assert len(returns) == 1
+
+
+def test_the_picture_of_conditions_has_a_row_for_each_system(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="draws with matplotlib")
+    t = np.linspace(0.0, 6.0, 200)
+    truth = np.column_stack([40 * np.cos(t / 4), 40 * np.sin(t / 4), 0 * t])
+    stamp_ns = np.rint(t * 1e9).astype(np.int64)
+    swing = 0.1 * np.sin(9 * t)
+    errors = PathErrors(
+        name="e", stamp_ns=stamp_ns, truth_m=truth, estimate_m=truth + swing[:, None], error_m=np.abs(swing)
+    )
+    levels = {"static": errors, "dynamic": errors}
+    heights = []
+    for systems in ({"A": levels}, {"A": levels, "B": levels}):
+        path = load("condition_plot").plot_conditions(systems, tmp_path / "plot.png", [truth], "two ways")
+        heights.append(np.asarray(cv2.imread(str(path))).shape[0])
+    assert heights[1] - heights[0] == pytest.approx(3.9 * 110, abs=2)

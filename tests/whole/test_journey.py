@@ -65,7 +65,7 @@ def test_the_dataset_has_two_drives_and_six_conditions_each(home: Path) -> None:
 def test_the_same_command_finds_all_made(capsys: pytest.CaptureFixture[str]) -> None:
     shorter = ["--rig", "rig.yaml", "--sample", "2", "--quality", "low"]
     assert main([*command("carlaloc dataset")[1:], *shorter]) == 0
-    assert "2 of 2 towns are whole already" in capsys.readouterr().err
+    assert "all sequences of 2 of 2 towns" in capsys.readouterr().err
 
 
 def test_verify_finds_nothing_wrong(capsys: pytest.CaptureFixture[str]) -> None:

@@ -27,7 +27,7 @@ def lap(tmp_path_factory: pytest.TempPathFactory) -> Episode:
 def test_the_loop_is_that_of_the_paper(lap: Episode) -> None:
     """970 m within 1 %, closed within 5 m and 10°, without a collision."""
     summary = summarise(lap)
-    assert summary.length_m == pytest.approx(969.64, rel=0.01)
+    assert summary.driven_m == pytest.approx(969.64, rel=0.01)
     assert summary.loop_closed
     assert summary.collisions == 0
 

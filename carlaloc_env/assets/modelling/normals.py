@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
@@ -33,41 +33,8 @@ def crease(mesh: Mesh, crease_deg: float) -> Mesh:
     key = (corner << 33) + _packed(np.round(normals * 500).astype(np.int64), 11)
     _, first, index = np.unique(key, return_index=True, return_inverse=True)
     taken = corner[first]
-    return Mesh(
-        vertices_m=mesh.vertices_m[taken],
-        triangles=index.reshape(-1, 3).astype(np.uint32),
-        normals=normals[first].astype(np.float32),
-        uv_m=mesh.uv_m[taken],
-        colour=mesh.colour[taken],
-        material=mesh.material[taken],
-        tag=mesh.tag[taken],
-        instance=mesh.instance[taken],
-    )
-
-
-def project(mesh: Mesh, points_m: ArrayLike, direction: Sequence[float], lift_m: float) -> Array:
-    """Where rays from points (N, 3) along a direction first meet the mesh, lifted back by `lift_m`.
-
-    Points whose ray misses take the depth of the nearest point that hits.
-    """
-    p, d = np.asarray(points_m, dtype=np.float64), np.asarray(direction, dtype=np.float64)
-    a, b, c = (mesh.vertices_m[mesh.triangles[:, i]].astype(np.float64) for i in range(3))
-    e1, e2 = b - a, c - a
-    h = cross(np.broadcast_to(d, e2.shape), e2)
-    det = np.sum(e1 * h, axis=-1)
-    inverse = 1.0 / np.where(np.abs(det) > 1e-12, det, np.inf)
-    s = p[:, None] - a[None]
-    u = np.sum(s * h, axis=-1) * inverse
-    q = cross(s, np.broadcast_to(e1, s.shape))
-    v = np.sum(q * d, axis=-1) * inverse
-    t = np.sum(q * e2, axis=-1) * inverse
-    hit = (u >= -1e-6) & (v >= -1e-6) & (u + v <= 1 + 1e-6) & (t > 0) & (np.abs(det) > 1e-12)
-    depth = np.where(hit, t, np.inf).min(axis=1)
-    missing = ~np.isfinite(depth)
-    if missing.any() and not missing.all():
-        gap = np.sum((p[missing, None] - p[None, ~missing]) ** 2, axis=-1)
-        depth[missing] = depth[~missing][np.argmin(gap, axis=1)]
-    return p + (np.where(np.isfinite(depth), depth, 0.0) - lift_m)[:, None] * d
+    found = mesh.taking(taken, index.reshape(-1, 3).astype(np.uint32))
+    return replace(found, normals=normals[first].astype(np.float32))
 
 
 def _packed(rows: NDArray[np.int64], bits: int) -> NDArray[np.int64]:

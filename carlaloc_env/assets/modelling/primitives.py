@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -126,11 +125,8 @@ def tube(
     p = np.asarray(points_m, dtype=np.float64)
     r = np.broadcast_to(np.asarray(radii_m, dtype=np.float64), (len(p),))
     across, other = _ring_axes(p)
-    angle = 2 * np.pi * np.arange(sides) / sides
-    offset = (
-        elementary.cos(angle)[None, :, None] * across[:, None]
-        + elementary.sin(angle)[None, :, None] * other[:, None]
-    )
+    x, y = circle(sides).T
+    offset = x[None, :, None] * across[:, None] + y[None, :, None] * other[:, None]
     return rings(look, p[:, None] + r[:, None, None] * offset, caps=caps, crease_deg=crease_deg)
 
 
@@ -155,8 +151,7 @@ def rings(look: Look, grid_m: ArrayLike, *, caps: bool = True, crease_deg: float
             centre = ring.mean(axis=0)
             vertices.append(np.concatenate([ring, centre[None]]))
             uvs.append(np.concatenate([ring, centre[None]])[:, :2])
-            k = np.arange(sides)
-            triangles.append(base + np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=-1))
+            triangles.append(base + fan(sides))
             base += sides + 1
     return surface(
         look, np.concatenate(vertices), np.concatenate(triangles), np.concatenate(uvs), crease_deg=crease_deg
@@ -172,10 +167,8 @@ def lathe(
 ) -> Mesh:
     """Body of revolution about the upright axis; profile of (radius, height) from the bottom up."""
     profile = np.asarray(profile_m, dtype=np.float64)
-    angle = 2 * np.pi * np.arange(sides) / sides
-    radial = np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
     grid = np.zeros((len(profile), sides, 3))
-    grid[..., :2] = profile[:, :1, None] * radial
+    grid[..., :2] = profile[:, :1, None] * circle(sides)
     grid[..., 2] = profile[:, 1:]
     return rings(look, grid + np.asarray(centre_m, dtype=np.float64), crease_deg=crease_deg)
 
@@ -185,15 +178,10 @@ def ellipsoid(
 ) -> Mesh:
     """Ellipsoid with axes along x, y, z."""
     latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, ring_count + 1)
-    angle = 2 * np.pi * np.arange(sides) / sides
-    grid = np.stack(
-        [
-            elementary.cos(latitude)[:, None] * elementary.cos(angle),
-            elementary.cos(latitude)[:, None] * elementary.sin(angle),
-            np.broadcast_to(elementary.sin(latitude)[:, None], (ring_count + 1, sides)),
-        ],
-        axis=-1,
-    )
+    x, y = circle(sides).T
+    level = elementary.cos(latitude)[:, None]
+    height = np.broadcast_to(elementary.sin(latitude)[:, None], (ring_count + 1, sides))
+    grid = np.stack([level * x, level * y, height], axis=-1)
     shaped = grid * np.asarray(radii_m, dtype=np.float64) + np.asarray(centre_m, dtype=np.float64)
     return rings(look, shaped, caps=False, crease_deg=80.0)
 
@@ -208,14 +196,21 @@ def extrude(look: Look, outline_m: ArrayLike, height_m: float, crease_deg: float
 
 def disc(look: Look, radius_m: float, sides: int = 16, x_m: float = 0.0) -> Mesh:
     """Round plate at x = `x_m` that faces along +x."""
-    angle = 2 * np.pi * np.arange(sides) / sides
-    ring = np.stack(
-        [np.full(sides, x_m), radius_m * elementary.cos(angle), radius_m * elementary.sin(angle)], axis=-1
-    )
+    ring = np.insert(radius_m * circle(sides), 0, x_m, axis=1)
     vertices = np.concatenate([ring, [[x_m, 0.0, 0.0]]])
+    return surface(look, vertices, fan(sides), vertices[:, 1:] + radius_m)
+
+
+def circle(sides: int, first: float = 0.0) -> Array:
+    """Corners on the unit circle, anticlockwise from `first` steps after the x axis, shape (N, 2)."""
+    angle = 2 * np.pi * (np.arange(sides) + first) / sides
+    return np.stack([elementary.cos(angle), elementary.sin(angle)], axis=-1)
+
+
+def fan(sides: int) -> NDArray[np.int64]:
+    """Triangles between the corners of a polygon and a point that follows them, shape (N, 3)."""
     k = np.arange(sides)
-    triangles = np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=-1)
-    return surface(look, vertices, triangles, vertices[:, 1:] + radius_m)
+    return np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=-1)
 
 
 def grid_triangles(rows: int, columns: int) -> NDArray[np.int64]:
@@ -255,18 +250,13 @@ def mirrored(mesh: Mesh) -> Mesh:
     """The mesh mirrored from left to right (y → −y), still outward-facing."""
     flip = np.array([1.0, -1.0, 1.0])
     out = replace_geometry(mesh, mesh.vertices_m * flip, mesh.normals * flip)
-    return Mesh(**{**_fields(out), "triangles": out.triangles[:, ::-1].copy()})
+    return replace(out, triangles=out.triangles[:, ::-1].copy())
 
 
 def replace_geometry(mesh: Mesh, vertices_m: ArrayLike, normals: ArrayLike) -> Mesh:
     """The mesh with other corner positions and normals."""
-    return Mesh(
-        **{
-            **_fields(mesh),
-            "vertices_m": np.asarray(vertices_m, dtype=np.float32),
-            "normals": np.asarray(normals, dtype=np.float32),
-        }
-    )
+    place, normal = (np.asarray(values, dtype=np.float32) for values in (vertices_m, normals))
+    return replace(mesh, vertices_m=place, normals=normal)
 
 
 def _ring_axes(p: Array) -> tuple[Array, Array]:
@@ -281,7 +271,3 @@ def _ring_axes(p: Array) -> tuple[Array, Array]:
     across = helper - np.sum(tangent * helper, axis=-1, keepdims=True) * tangent
     across = across / np.sqrt(np.sum(across * across, axis=-1, keepdims=True))
     return across, cross(tangent, across)
-
-
-def _fields(mesh: Mesh) -> dict[str, Any]:
-    return {name: getattr(mesh, name) for name in Mesh.__slots__}

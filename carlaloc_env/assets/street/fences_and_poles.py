@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import Look, box, extrude, lathe, rings, tube
+from carlaloc_env.assets.modelling.primitives import Look, box, extrude, lathe, tube
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -47,31 +47,16 @@ def utility_wires_m(height_m: float = 10.5) -> NDArray[np.float64]:
     return np.array([(0.12, y, height_m - 0.38) for y in (-1.0, -0.4, 0.4, 1.0)])
 
 
-def fence(length_m: float = 3.0, height_m: float = 1.1, *, kind: str = "bars") -> Mesh:
-    """Piece of fence along +x from the origin: iron ``bars``, wooden ``boards`` or ``rails``."""
-    if kind == "bars":
-        look = Look(Material.METAL_PAINTED, Tag.FENCE, (12, 14, 13))
-        parts = [box(look, (length_m, 0.04, 0.04), (0.5 * length_m, 0, z)) for z in (0.12, height_m - 0.12)]
-        xs = np.arange(0.06, length_m, 0.13)
-        parts += [box(look, (0.022, 0.022, height_m - 0.06), (x, 0, 0.5 * height_m + 0.03)) for x in xs]
-        parts += [
-            box(look, (0.07, 0.07, height_m + 0.08), (x, 0, 0.5 * height_m + 0.04)) for x in (0.0, length_m)
-        ]
-        return merge(parts)
+def fence(length_m: float, height_m: float, *, kind: str) -> Mesh:
+    """Piece of fence along +x from the origin: wooden ``boards`` or ``rails``."""
     wood = Look(Material.WOOD, Tag.FENCE)
     posts = [
         box(wood, (0.10, 0.10, height_m + 0.05), (x, 0, 0.5 * height_m)) for x in np.linspace(0, length_m, 3)
     ]
     if kind == "rails":
-        return merge(
-            [
-                *posts,
-                *(
-                    box(wood, (length_m, 0.04, 0.12), (0.5 * length_m, 0.06, z * height_m))
-                    for z in (0.3, 0.6, 0.9)
-                ),
-            ]
-        )
+        size = (length_m, 0.04, 0.12)
+        rails = [box(wood, size, (0.5 * length_m, 0.06, z * height_m)) for z in (0.3, 0.6, 0.9)]
+        return merge([*posts, *rails])
     count = max(int(length_m / 0.16), 1)
     boards = [
         box(
@@ -82,54 +67,6 @@ def fence(length_m: float = 3.0, height_m: float = 1.1, *, kind: str = "bars") -
         for k in range(count)
     ]
     return merge([*posts, *boards])
-
-
-def guard_rail(length_m: float = 4.0) -> Mesh:
-    """Piece of W-beam guard rail along +x from the origin, beam on the side of +y, top at 0.75 m."""
-    steel = Look(Material.METAL_GALVANISED, Tag.GUARD_RAIL)
-    section = np.array(
-        [
-            (0.0, 0.44),
-            (0.08, 0.50),
-            (0.0, 0.595),
-            (0.08, 0.69),
-            (0.0, 0.75),
-            (-0.006, 0.745),
-            (0.072, 0.69),
-            (-0.008, 0.595),
-            (0.072, 0.50),
-            (-0.006, 0.445),
-        ]
-    )
-    grid = np.stack(
-        [np.stack([np.full(10, x), section[:, 0] + 0.1, section[:, 1]], -1) for x in (0.0, length_m)]
-    )
-    posts = [box(steel, (0.12, 0.08, 0.72), (x, 0.0, 0.36)) for x in np.arange(0.5, length_m, 2.0)]
-    return merge(
-        [
-            rings(steel, grid, caps=False, crease_deg=15.0),
-            *posts,
-            *(box(steel, (0.1, 0.1, 0.2), (x, 0.06, 0.6)) for x in np.arange(0.5, length_m, 2.0)),
-        ]
-    )
-
-
-def barrier(length_m: float = 4.0) -> Mesh:
-    """Piece of concrete barrier along +x from the origin, 0.81 m high."""
-    profile = np.array(
-        [
-            (0.30, 0),
-            (0.30, 0.08),
-            (0.17, 0.33),
-            (0.08, 0.81),
-            (-0.08, 0.81),
-            (-0.17, 0.33),
-            (-0.30, 0.08),
-            (-0.30, 0),
-        ]
-    )
-    grid = np.stack([np.stack([np.full(8, x), profile[:, 0], profile[:, 1]], -1) for x in (0.0, length_m)])
-    return rings(Look(Material.CONCRETE, Tag.WALL), grid, crease_deg=20.0)
 
 
 def delineator() -> Mesh:

@@ -33,27 +33,15 @@ _GLASS = Look(Material.GLASS, _STATIC)
 def lamp(height_m: float = 9.0, arm_m: float = 2.0, *, colour: Colour = (150, 152, 150)) -> Mesh:
     """Street lamp; its arm reaches out along +x, the light is at (arm, 0, height)."""
     pole = Look(Material.METAL_GALVANISED, Tag.POLE, colour)
-    bend = [
-        (0, 0, 0),
-        (0, 0, height_m - 1.1),
-        (0.12, 0, height_m - 0.5),
-        (0.45, 0, height_m - 0.12),
-        (arm_m - 0.3, 0, height_m + 0.05),
-    ]
-    cover = lathe(
-        Look(Material.METAL_PAINTED, Tag.POLE, (70, 72, 72)), [(0.2, 0.0), (0.2, 0.7), (0.13, 0.85)], 10
-    )
-    head = Look(Material.METAL_PAINTED, Tag.POLE, (60, 62, 64))
+    heights = ((0, -height_m), (0, -1.1), (0.12, -0.5), (0.45, -0.12), (arm_m - 0.3, 0.05))
+    cover, head = (Look(Material.METAL_PAINTED, Tag.POLE, tint) for tint in ((70, 72, 72), (60, 62, 64)))
+    lens = Look(Material.LAMP_WHITE, Tag.POLE, (120, 110, 90))
     return merge(
         [
-            tube(pole, bend, [0.105, 0.075, 0.06, 0.05, 0.04], 10),
-            cover,
+            tube(pole, [(x, 0, height_m + z) for x, z in heights], [0.105, 0.075, 0.06, 0.05, 0.04], 10),
+            lathe(cover, [(0.2, 0.0), (0.2, 0.7), (0.13, 0.85)], 10),
             ellipsoid(head, (arm_m, 0, height_m + 0.06), (0.42, 0.16, 0.07), 5, 10),
-            box(
-                Look(Material.LAMP_WHITE, Tag.POLE, (120, 110, 90)),
-                (0.5, 0.2, 0.02),
-                (arm_m, 0, height_m - 0.005),
-            ),
+            box(lens, (0.5, 0.2, 0.02), (arm_m, 0, height_m - 0.005)),
         ]
     )
 
@@ -96,17 +84,9 @@ def hydrant(*, colour: Colour = (150, 12, 8)) -> Mesh:
     """Fire hydrant, 0.75 m high."""
     paint = Look(Material.METAL_PAINTED, _STATIC, colour)
     profile = [
-        (0.16, 0),
-        (0.16, 0.04),
-        (0.10, 0.05),
-        (0.10, 0.48),
-        (0.14, 0.50),
-        (0.14, 0.54),
-        (0.12, 0.58),
-        (0.08, 0.68),
-        (0.03, 0.72),
-        (0.025, 0.75),
-    ]
+        (0.16, 0), (0.16, 0.04), (0.10, 0.05), (0.10, 0.48), (0.14, 0.50), (0.14, 0.54), (0.12, 0.58),
+        (0.08, 0.68), (0.03, 0.72), (0.025, 0.75),
+    ]  # fmt: skip
     parts = [lathe(paint, profile, 12)]
     for yaw, radius, length in ((0.0, 0.075, 0.19), (0.5 * np.pi, 0.05, 0.17), (-0.5 * np.pi, 0.05, 0.17)):
         end = np.array([elementary.cos(yaw), elementary.sin(yaw), 0.0])
@@ -139,20 +119,6 @@ def bus_shelter(poster: int = PosterCell.TRAVEL) -> Mesh:
         box(_DARK, (0.06, 0.06, 0.46), (-0.38, 1.3, 0.23)),
     ]  # fmt: skip
     parts += _poster_case(1.2, 1.75, 0.14, poster, (0.0, -1.9, 0.45), -0.5 * np.pi)
-    return merge(parts)
-
-
-def billboard(poster: int = PosterCell.CINEMA, *, width_m: float = 6.0, height_m: float = 3.0) -> Mesh:
-    """Billboard on two posts; its face shows a poster, its lower edge is at 2.8 m."""
-    frame = Look(Material.METAL_PAINTED, _STATIC, (28, 30, 30))
-    parts = [
-        tube(_STEEL, [(-0.15, y, 0), (-0.15, y, 2.8 + height_m)], 0.12, 8)
-        for y in (-0.28 * width_m, 0.28 * width_m)
-    ]
-    parts += _picture(width_m, height_m, poster, (0.0, 0.0, 2.8 + 0.5 * height_m), 0.08, frame)
-    for z, high in ((2.75, 0.1), (2.85 + height_m, 0.1)):
-        parts.append(box(frame, (0.16, width_m + 0.2, high), (-0.02, 0, z)))
-    parts.append(box(frame, (0.7, width_m, 0.04), (0.3, 0, 2.62)))
     return merge(parts)
 
 

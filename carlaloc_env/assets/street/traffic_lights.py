@@ -60,15 +60,6 @@ def traffic_light(
     return merge(parts), np.array(poses)
 
 
-def walker_signal_head() -> Mesh:
-    """Signal for walkers of 0.4 m on a post of its own, facing along +x."""
-    post = tube(POST, [(0, 0, 0), (0, 0, 2.75)], 0.055, 8)
-    case = box(_CASE, (0.18, 0.40, 0.44), (0.15, 0.0, 2.45))
-    button = box(_YELLOW, (0.09, 0.10, 0.16), (0.08, 0.0, 1.05))
-    face = box(Look(Material.PLASTIC, Tag.TRAFFIC_LIGHT, (90, 30, 6)), (0.01, 0.2, 0.24), (0.246, 0.0, 2.45))
-    return merge([post, _foot(0.13), case, button, face])
-
-
 @functools.cache
 def _head() -> Mesh:
     """Case, backplate, visors and dark lenses, lower edge at z = 0, centred on x, y."""

@@ -16,14 +16,14 @@ LeafTint = tuple[int, int, int]
 GREEN = np.array([0.65, 0.82, 0.84])
 """What a green leaf keeps of the texture's colour, which leaves room for leaves that are not green."""
 
-_GOLDEN = (1.0 + 5.0**0.5) / 2.0
+_GOLDEN = (1.0 + np.sqrt(5.0)) / 2.0
 _CORNERS = np.array(
     [
         (-1, _GOLDEN, 0), (1, _GOLDEN, 0), (-1, -_GOLDEN, 0), (1, -_GOLDEN, 0), (0, -1, _GOLDEN),
         (0, 1, _GOLDEN), (0, -1, -_GOLDEN), (0, 1, -_GOLDEN), (_GOLDEN, 0, -1), (_GOLDEN, 0, 1),
         (-_GOLDEN, 0, -1), (-_GOLDEN, 0, 1),
     ]
-) / (1.0 + _GOLDEN**2) ** 0.5  # fmt: skip
+) / np.sqrt(1.0 + _GOLDEN**2)  # fmt: skip
 _FACES = np.array(
     [
         (0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2),

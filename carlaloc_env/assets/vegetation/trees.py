@@ -149,7 +149,7 @@ def _foliage_points(
     centre = np.array([0.0, 0.0, 0.5 * (height + bare)])
     inner = centre + 0.80 * (tips - centre)
     extra = form.clumps
-    direction = directions(rng, extra) * rng.uniform(0.15, 1.0, (extra, 1)) ** 0.5
+    direction = directions(rng, extra) * np.sqrt(rng.uniform(0.15, 1.0, (extra, 1)))
     half = 0.5 * (height - bare)
     width = 0.36 * crown
     spots = direction * np.array([width, width, 0.78 * half]) + (0, 0, bare + half)
@@ -181,7 +181,7 @@ def _crown(
     owner = rng.integers(0, len(points), count)
     away = directions(rng, count)
     bough = np.sqrt(area_m2 / (CLUMP_AREA * len(points)))
-    reach = bough * rng.uniform(0.25, 1.0, (count, 1)) ** 0.5 * 1.35
+    reach = bough * np.sqrt(rng.uniform(0.25, 1.0, (count, 1))) * 1.35
     spots = points[owner] + away * reach * np.array([1.0, 1.0, squash])
     spots[:, 2] = np.maximum(spots[:, 2], 0.3)
     out = spots - middle

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carlaloc_env.assets.modelling.decals import Decals
-from carlaloc_env.assets.modelling.primitives import Look
+from carlaloc_env.assets.modelling.primitives import Look, circle
 from carlaloc_env.assets.vehicles.body import DARK
-from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 
@@ -65,20 +64,11 @@ def _headlamps(decals: Decals, spec: CarSpec) -> None:
     half, tag = 0.5 * spec.shape.width_m, spec.tag
     outline = np.array(spec.head) * (half, 1.0)
     decals.pair_front(Look(Material.PLASTIC, tag, HOUSING), outline, 1)
-    inner, outer = outline[:, 0].min(), outline[:, 0].max()
-    bottom, top = _edges(outline)
-
-    def slot(s0: float, s1: float, t0: float, t1: float) -> Array:
-        """Quadrilateral at shares of the lamp's width and of its height there."""
-        ys = inner + np.array([s0, s1, s1, s0]) * (outer - inner)
-        share = np.array([t0, t0, t1, t1])
-        return np.stack([ys, bottom(ys) + share * (top(ys) - bottom(ys))], axis=-1)
-
+    lamp, daylight = Look(Material.LAMP_WHITE, tag), Look(Material.LAMP_WHITE, tag, (225, 232, 240))
     for s in (0.14, 0.48):
-        cell = slot(s, s + 0.28, 0.26, 0.86)
-        decals.pair_front(Look(Material.LAMP_WHITE, tag), cell, 2)
-    decals.pair_front(Look(Material.LAMP_WHITE, tag, (225, 232, 240)), slot(0.05, 0.80, 0.04, 0.15), 2)
-    decals.pair_front(Look(Material.PLASTIC, tag, AMBER_TINT), slot(0.86, 0.96, 0.25, 0.80), 2)
+        decals.pair_front(lamp, _slot(outline, s, s + 0.28, 0.26, 0.86), 2)
+    decals.pair_front(daylight, _slot(outline, 0.05, 0.80, 0.04, 0.15), 2)
+    decals.pair_front(Look(Material.PLASTIC, tag, AMBER_TINT), _slot(outline, 0.86, 0.96, 0.25, 0.80), 2)
 
 
 def rear(decals: Decals, spec: CarSpec, *, low: bool = False) -> None:
@@ -125,32 +115,27 @@ def _tail_lamps(decals: Decals, outline: Array, spec: CarSpec) -> None:
     """Dark red lamp with a bright inner part, an indicator and a reversing lamp."""
     tag = spec.tag
     inner, outer = outline[:, 0].min(), outline[:, 0].max()
-    bottom, top = _edges(outline)
     upright = outline[:, 1].max() - outline[:, 1].min() > outer - inner
     if spec.tail_across:
-        z1 = float(top(np.array([inner]))[0])
+        z1 = float(_edges(outline)[1](np.array([inner]))[0])
         look = Look(Material.LAMP_TAIL, tag, (150, 150, 150))
         decals.rear(look, band(inner, inner, z1 - 0.05, z1 - 0.01), 1)
     decals.pair_rear(Look(Material.PLASTIC, tag, (20, 2, 2)), outline, 1)
-
-    def slot(s0: float, s1: float, t0: float, t1: float) -> Array:
-        ys = inner + np.array([s0, s1, s1, s0]) * (outer - inner)
-        share = np.array([t0, t0, t1, t1])
-        return np.stack([ys, bottom(ys) + share * (top(ys) - bottom(ys))], axis=-1)
-
-    tail, amber, white = (
-        Look(Material.LAMP_TAIL, tag),
-        Look(Material.PLASTIC, tag, AMBER_TINT),
-        Look(Material.PLASTIC, tag, REVERSE_TINT),
-    )
+    places = ((0.36, 0.98, 0.08, 0.92), (0.16, 0.33, 0.10, 0.90), (0.03, 0.13, 0.12, 0.88))
     if upright:
-        decals.pair_rear(tail, slot(0.06, 0.96, 0.46, 0.97), 2)
-        decals.pair_rear(amber, slot(0.08, 0.94, 0.20, 0.42), 2)
-        decals.pair_rear(white, slot(0.10, 0.92, 0.04, 0.16), 2)
-    else:
-        decals.pair_rear(tail, slot(0.36, 0.98, 0.08, 0.92), 2)
-        decals.pair_rear(amber, slot(0.16, 0.33, 0.10, 0.90), 2)
-        decals.pair_rear(white, slot(0.03, 0.13, 0.12, 0.88), 2)
+        places = ((0.06, 0.96, 0.46, 0.97), (0.08, 0.94, 0.20, 0.42), (0.10, 0.92, 0.04, 0.16))
+    amber, white = (Look(Material.PLASTIC, tag, tint) for tint in (AMBER_TINT, REVERSE_TINT))
+    for look, place in zip((Look(Material.LAMP_TAIL, tag), amber, white), places, strict=True):
+        decals.pair_rear(look, _slot(outline, *place), 2)
+
+
+def _slot(outline: Array, s0: float, s1: float, t0: float, t1: float) -> Array:
+    """Quadrilateral at shares of a lamp's width and of its height there."""
+    inner, outer = outline[:, 0].min(), outline[:, 0].max()
+    bottom, top = _edges(outline)
+    ys = inner + np.array([s0, s1, s1, s0]) * (outer - inner)
+    share = np.array([t0, t0, t1, t1])
+    return np.stack([ys, bottom(ys) + share * (top(ys) - bottom(ys))], axis=-1)
 
 
 def _edges(outline: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
@@ -174,5 +159,4 @@ def band(low_half: float, high_half: float, z0: float, z1: float) -> Array:
 
 def disc(y: float, z: float, radius_m: float, sides: int = 8) -> Array:
     """Outline of a circle, shape (N, 2)."""
-    angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    return np.stack([y + radius_m * elementary.cos(angle), z + radius_m * elementary.sin(angle)], axis=-1)
+    return np.array([y, z]) + radius_m * circle(sides, 0.5)

@@ -9,7 +9,7 @@ from carlaloc_env.assets.vehicles.body import DARK, BodyShape, loft_body
 from carlaloc_env.assets.vehicles.car_ends import AMBER_TINT, REVERSE_TINT, band
 from carlaloc_env.assets.vehicles.liveries import advert
 from carlaloc_env.assets.vehicles.parts import LampMount, PlateMount, VehicleParts, assemble
-from carlaloc_env.assets.vehicles.wheels import WheelMount, arch_liner, plain_wheel, wheel
+from carlaloc_env.assets.vehicles.wheels import arch_liner, axle, car_wheels, plain_wheel, wheel
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
 from carlaloc_env.scene.semantic_tags import Tag
@@ -39,7 +39,7 @@ def truck() -> VehicleParts:
     parts = [placed(merge([cab, *decals.meshes, *liner]), (_CAB_X_M, 0.0, 0.0))]
     parts += [*_box_body(tag), *_chassis(tag)]
     single, twin = (wheel(0.95, width, tag, spokes=0, rim=0.60) for width in (0.28, 0.50))
-    wheels = (*_axle(single, 2.65, 1.05, 0.475, True), *_axle(twin, -1.85, 0.96, 0.475, False))
+    wheels = axle(single, 2.65, 1.05, 0.475, steered=True) + axle(twin, -1.85, 0.96, 0.475, steered=False)
     lamps = tuple(LampMount(position_m=(4.0, 0.96 * side, 0.64)) for side in (1.0, -1.0))
     plates = (
         PlateMount(position_m=(-3.998, 0.0, 0.80), facing=-1.0),
@@ -138,26 +138,5 @@ def _low_lorry(tag: Tag) -> Mesh:
     for side in (1.0, -1.0):
         parts.append(advert(-1.1, side, PosterCell.MARKET, tag, 1.262, (0.68, 1.25, 3.15)))
         parts.append(box(Look(Material.LAMP_TAIL, tag), (0.05, 0.30, 0.13), (-3.965, side * 0.98, 0.66)))
-    disc = plain_wheel(0.95, 0.2, tag)
-    return merge(
-        parts
-        + [
-            w.mounted()
-            for w in (*_axle(disc, 2.65, 1.1, 0.475, True), *_axle(disc, -1.85, 1.1, 0.475, False))
-        ]
-    )
-
-
-def _axle(
-    mesh: Mesh, x_m: float, track_half_m: float, radius_m: float, steered: bool
-) -> tuple[WheelMount, ...]:
-    return tuple(
-        WheelMount(
-            mesh=mesh,
-            centre_m=(x_m, -track_half_m if right else track_half_m, radius_m),
-            radius_m=radius_m,
-            steered=steered,
-            right=right,
-        )
-        for right in (False, True)
-    )
+    wheels = car_wheels(plain_wheel(0.95, 0.2, tag), (2.65, -1.85), 1.1, 0.475)
+    return merge([*parts, *(w.mounted() for w in wheels)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import Look, mirrored, placed, rings, surface
+from carlaloc_env.assets.modelling.primitives import Look, circle, fan, mirrored, placed, rings, surface
 from carlaloc_env.core import elementary
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh, merge
@@ -125,16 +125,19 @@ def car_wheels(
     mesh: Mesh, axles_x_m: tuple[float, ...], track_half_m: float, radius_m: float
 ) -> tuple[WheelMount, ...]:
     """A left and a right wheel on each axle; the foremost axle is steered."""
+    front = max(axles_x_m) if len(axles_x_m) > 1 else None
     return tuple(
-        WheelMount(
-            mesh=mesh,
-            centre_m=(x, -track_half_m if right else track_half_m, radius_m),
-            radius_m=radius_m,
-            steered=x == max(axles_x_m) and len(axles_x_m) > 1,
-            right=right,
-        )
-        for x in axles_x_m
-        for right in (False, True)
+        mount for x in axles_x_m for mount in axle(mesh, x, track_half_m, radius_m, steered=x == front)
+    )
+
+
+def axle(
+    mesh: Mesh, x_m: float, track_half_m: float, radius_m: float, *, steered: bool
+) -> tuple[WheelMount, ...]:
+    """A left and a right wheel."""
+    return tuple(
+        WheelMount(mesh=mesh, centre_m=(x_m, y, radius_m), radius_m=radius_m, steered=steered, right=y < 0)
+        for y in (track_half_m, -track_half_m)
     )
 
 
@@ -167,23 +170,14 @@ def arch_liner(
 
 def _circles(profile: list[tuple[float, float]], sides: int) -> NDArray[np.float64]:
     # Anticlockwise seen against +y, beginning at the lowest point.
-    angle = 2 * np.pi * np.arange(sides) / sides
-    r, y = np.array(profile).T
-    return np.stack(
-        [
-            -r[:, None] * elementary.sin(angle),
-            np.broadcast_to(y[:, None], (len(r), sides)),
-            -r[:, None] * elementary.cos(angle),
-        ],
-        axis=-1,
-    )
+    up, ahead = circle(sides).T
+    r, y = np.array(profile).T[:, :, None]
+    return np.stack([-r * ahead, np.broadcast_to(y, (len(r), sides)), -r * up], axis=-1)
 
 
 def _plate(look: Look, radius_m: float, y_m: float, sides: int) -> Mesh:
     ring = _circles([(radius_m, y_m)], sides)[0]
-    k = np.arange(sides)
-    fan = np.stack([k, (k + 1) % sides, np.full(sides, sides)], axis=-1)
-    return surface(look, np.concatenate([ring, [[0.0, y_m, 0.0]]]), fan)
+    return surface(look, np.concatenate([ring, [[0.0, y_m, 0.0]]]), fan(sides))
 
 
 def _dome(look: Look, radius_m: float, low_m: float, high_m: float, sides: int = 8) -> Mesh:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carlaloc_env.assets.modelling.primitives import Look, rings, tube
+from carlaloc_env.assets.modelling.primitives import Look, circle, rings, tube
 from carlaloc_env.assets.walkers.clothing import SkinBuilder, by, up
 from carlaloc_env.assets.walkers.skeleton import BONES
 from carlaloc_env.core import elementary
@@ -19,8 +19,7 @@ def skirt(builder: SkinBuilder) -> None:
     hips = j["pelvis"]
     knee = 0.5 * (j["knee_l"] + j["knee_r"])
     sides = 8 if builder.low else 14
-    angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-    ring = np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(sides)], axis=-1)
+    ring = np.insert(circle(sides, 0.5), 2, 0.0, axis=1)
     look = builder.look(b.upper if b.coat else b.lower)
     top, bottom = hips + up(0.02), hips + (0.80 if b.coat else 0.84) * (knee - hips)
     shares = np.linspace(0.0, 1.0, 2 if builder.low else 4)[::-1]
@@ -94,11 +93,7 @@ def _backpack(builder: SkinBuilder, look: Look) -> None:
 
 def _block(look: Look, centre: Array, size_m: tuple[float, float, float]) -> Mesh:
     """Soft box: an eight-sided prism with smaller ends."""
-    angle = 2 * np.pi * (np.arange(8) + 0.5) / 8
-    ring = (
-        np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(8)], axis=-1)
-        / elementary.cos(np.pi / 8) ** 0.5
-    )
+    ring = np.insert(circle(8, 0.5), 2, 0.0, axis=1) / np.sqrt(elementary.cos(np.pi / 8))
     half = 0.5 * np.asarray(size_m)
     grid = [
         centre + ring * half * (f, f, 0) + up(t * half[2])

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.assets.modelling.primitives import Look, ellipsoid, rings, surface
+from carlaloc_env.assets.modelling.primitives import Look, circle, ellipsoid, grid_triangles, rings, surface
 from carlaloc_env.assets.walkers.gait import standing
 from carlaloc_env.assets.walkers.skeleton import BONES, Joints, Skin, shoe_sole
-from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Colour, Mesh, merge
@@ -97,15 +97,11 @@ class SkinBuilder:
     def loft(self, look: Look, levels: list[Level], *, sides: int = 10, caps: bool = True) -> None:
         """Skin over elliptic level rings (centre, half depth, half width, bones), from the bottom up."""
         sides = max(4, sides // 2) if self.low else sides
-        angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
-        ring = np.stack([elementary.cos(angle), elementary.sin(angle), np.zeros(sides)], axis=-1)
+        ring = np.insert(circle(sides, 0.5), 2, 0.0, axis=1)
         grid = np.stack([np.asarray(c) + ring * (d, w, 0.0) for c, d, w, _ in levels])
         mesh = rings(look, grid, caps=caps, crease_deg=80.0)
         heights = np.array([np.asarray(c)[2] for c, *_ in levels])
-        row = np.argmin(np.abs(mesh.vertices_m[:, 2:] - heights[None]), axis=1)
-        first, second, weight = zip(*(level[3] for level in levels), strict=True)
-        bones = np.array([[BONES.index(a), BONES.index(b)] for a, b in zip(first, second, strict=True)])
-        self.parts.append((mesh, bones[row], np.array(weight)[row]))
+        self._hang(mesh, heights, [level[3] for level in levels])
 
     def torso(self) -> None:
         """Hips in the lower clothes, waist to neck in the upper ones."""
@@ -123,8 +119,8 @@ class SkinBuilder:
         self.loft(self.look(b.lower), lower, sides=12)
         hem = 0.03 if not b.coat else 0.09
         levels = [
-            (hips - up(hem * s), 0.126 * s * b.belly**0.5, 0.182 * s * b.hips, seat),
-            (waist, 0.112 * s * b.belly, 0.152 * s * b.belly**0.5, middle),
+            (hips - up(hem * s), 0.126 * s * math.sqrt(b.belly), 0.182 * s * b.hips, seat),
+            (waist, 0.112 * s * b.belly, 0.152 * s * math.sqrt(b.belly), middle),
             (chest, 0.118 * s, 0.168 * s, upper),
             (chest + 0.45 * (neck - chest), 0.112 * s, 0.95 * reach, upper),
             (chest + 0.74 * (neck - chest), 0.092 * s, reach, upper),
@@ -146,15 +142,16 @@ class SkinBuilder:
             grid.append(np.stack([centre[0] + x, y, np.full(4, centre[2])], axis=-1))
             hang.append(hangs)
         flat = np.array(grid)
-        index = np.arange(flat.size // 3).reshape(len(levels), 4)
-        a, c = index[:-1, :-1].ravel(), index[1:, :-1].ravel()
-        triangles = np.concatenate([np.stack([a, a + 1, c + 1], -1), np.stack([a, c + 1, c], -1)])
         assert self.build.inner is not None
+        triangles = grid_triangles(len(levels), 4)
         mesh = surface(self.look(self.build.inner), flat.reshape(-1, 3), triangles, crease_deg=80.0)
-        heights = flat[:, 0, 2]
+        self._hang(mesh, flat[:, 0, 2], hang)
+
+    def _hang(self, mesh: Mesh, heights: Array, hang: list[Hang]) -> None:
+        """Add a part whose vertices hang on the bones of the level that is nearest in height."""
         row = np.argmin(np.abs(mesh.vertices_m[:, 2:] - heights[None]), axis=1)
-        bones = np.array([[BONES.index(h[0]), BONES.index(h[1])] for h in hang])
-        self.parts.append((mesh, bones[row], np.array([h[2] for h in hang])[row]))
+        bones = np.array([[BONES.index(first), BONES.index(second)] for first, second, _ in hang])
+        self.parts.append((mesh, bones[row], np.array([weight for *_, weight in hang])[row]))
 
     def leg(self, side: str) -> None:
         """Leg and shoe of one side, ``_l`` or ``_r``."""
@@ -171,8 +168,8 @@ class SkinBuilder:
             (at(hip, knee, 1.0), 0.060 * s, 0.057 * s, (thigh, shank, 0.5)),
             (at(hip, knee, 0.86), 0.064 * s, 0.061 * s, (thigh, shank, 0.9)),
             (at(hip, knee, 0.45), 0.078 * s, 0.074 * s, (thigh, thigh, 1.0)),
-            (at(hip, knee, 0.10), 0.092 * s, 0.084 * s * b.hips**0.5, (thigh, "pelvis", 0.8)),
-            (at(hip, knee, -0.12), 0.088 * s, 0.078 * s * b.hips**0.5, (thigh, "pelvis", 0.45)),
+            (at(hip, knee, 0.10), 0.092 * s, 0.084 * s * math.sqrt(b.hips), (thigh, "pelvis", 0.8)),
+            (at(hip, knee, -0.12), 0.088 * s, 0.078 * s * math.sqrt(b.hips), (thigh, "pelvis", 0.45)),
         ]
         loose = 1.0 if bare else 1.12
         lower = [

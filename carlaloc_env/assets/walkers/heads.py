@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from carlaloc_env.assets.modelling.primitives import Look, ellipsoid
 from carlaloc_env.assets.walkers.clothing import Hang, SkinBuilder, by, up
 from carlaloc_env.core.array_types import Array
@@ -15,7 +17,7 @@ def head(builder: SkinBuilder) -> None:
     k = builder.k
     skin, hair = builder.look(b.skin, Material.SKIN), builder.look(b.hair)
     neck, head = j["neck"], j["head"]
-    n = 0.055 * builder.size**0.5
+    n = 0.055 * math.sqrt(builder.size)
     throat: Hang = ("chest", "head", 0.3)
     builder.loft(
         skin,

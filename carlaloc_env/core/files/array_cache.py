@@ -22,7 +22,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.files.file_lock import has_name, take_lock
+from carlaloc_env.core.errors import OutputError
+from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.core.files.file_lock import take_lock
 from carlaloc_env.core.files.source_digest import source_digest
 from carlaloc_env.core.freed_memory import give_back_mapped_pages
 
@@ -90,23 +92,15 @@ def cached(
         if (fault := _distrust(path)) is not None:
             _log.warning("cache is not used: %s %s; set $CARLALOC_CACHE to a folder of your own", path, fault)
             return make()
-    before = _mark(stored)
     kept = _read(stored, from_arrays)
     if kept is not None:
         return kept
-    with _lock(stored):
+    with suppress(OSError):
+        stored.unlink(missing_ok=True)
+    with _lock(stored.with_name(f".{name}.{kind}.lock")):
         # Another process may have made it meanwhile.
-        kept = None if _mark(stored) == before else _read(stored, from_arrays)
+        kept = _read(stored, from_arrays)
         return _made(stored, make, to_arrays, kept_files) if kept is None else kept
-
-
-def _mark(path: Path) -> tuple[int, int] | None:
-    """What tells one file of this name from the next; None: there is none."""
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_ino, found.st_mtime_ns
 
 
 def _read(stored: Path, from_arrays: Callable[[Arrays], T]) -> T | None:
@@ -129,33 +123,25 @@ def _made(stored: Path, make: Callable[[], T], to_arrays: Callable[[T], Arrays],
     try:
         save(stored, to_arrays(made))
         _drop_old(stored, kept_files)
-    except OSError as error:
-        _log.warning("%s cannot be cached in %s (%s)", stored.name, stored.parent, error)
+    except (OSError, OutputError) as error:
+        _log.warning("%s cannot be cached: %s", stored.name, error)
     return made
 
 
 @contextmanager
-def _lock(stored: Path) -> Iterator[None]:
-    """Hold the making of a file, so that processes that start together make it once.
+def _lock(path: Path) -> Iterator[None]:
+    """Hold the making of files of one name and kind, so that processes that start together make them once.
 
     Where files cannot be locked (Windows, some network drives, a folder that cannot be written), each process
     makes its own.
     """
-    path = stored.with_name(f".{stored.name}.lock")
     with ExitStack() as held:
         with suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            while True:
-                file = held.enter_context(path.open("a"))
-                if not take_lock(file):
-                    _log.info("waiting for another process that makes %s", stored.name)
-                    if not take_lock(file, wait=True):
-                        break
-                if has_name(file, path):
-                    held.callback(path.unlink, missing_ok=True)
-                    break
-                # Who held it before has removed it; others that wait for it need not wait for us.
-                file.close()
+            file = held.enter_context(path.open("a"))
+            if not take_lock(file):
+                _log.info("waiting for another process that holds %s", path)
+                take_lock(file, wait=True)
         yield
 
 
@@ -200,25 +186,19 @@ def save(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
     After the signature come the length of a JSON table (8 bytes), the table, and the values themselves.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     rows, end = {}, 0
     for name, value in arrays.items():
         start = -(-end // ALIGNED_BYTES) * ALIGNED_BYTES
         rows[name] = (value.dtype.str, value.shape, start)
         end = start + value.nbytes
     table = json.dumps({"hash": arrays_hash(arrays), "arrays": rows}).encode()
-    try:
-        with partial.open("wb") as out:
-            out.write(SIGNATURE + len(table).to_bytes(8, "little") + table)
-            first = _first_byte(len(table))
-            for name, (_, _, start) in rows.items():
-                out.seek(first + start)
-                out.write(np.ascontiguousarray(arrays[name]).data)
-            out.truncate(first + end)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_write(path, advice="set $CARLALOC_CACHE to another folder") as part, part.open("wb") as out:
+        out.write(SIGNATURE + len(table).to_bytes(8, "little") + table)
+        first = _first_byte(len(table))
+        for name, (_, _, start) in rows.items():
+            out.seek(first + start)
+            out.write(np.ascontiguousarray(arrays[name]).data)
+        out.truncate(first + end)
 
 
 def load(path: Path) -> Arrays | None:

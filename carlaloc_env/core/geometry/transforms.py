@@ -183,7 +183,8 @@ def invert(T: ArrayLike) -> Array:
     Rt = np.swapaxes(m[..., :3, :3], -1, -2)
     out = np.zeros_like(m)
     out[..., :3, :3] = Rt
-    out[..., :3, 3] = -np.einsum("...ij,...j->...i", Rt, m[..., :3, 3])
+    x, y, z = (m[..., k, 3, None] for k in range(3))
+    out[..., :3, 3] = -(m[..., 0, :3] * x + m[..., 1, :3] * y + m[..., 2, :3] * z)
     out[..., 3, 3] = 1.0
     return out
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,9 +36,4 @@ class Distant:
         """The instances with simple models for those that are far from the eye, shape (N,), or for all."""
         keep = np.flatnonzero(~(far & self._left_out[instances.model]))
         model = np.where(far, self._simple[instances.model], instances.model).astype(np.int32)
-        return Instances(
-            model=model[keep],
-            T_world_model=instances.T_world_model[keep],
-            instance=instances.instance[keep],
-            tint=instances.tint[keep],
-        )
+        return replace(instances, model=model).take(keep)

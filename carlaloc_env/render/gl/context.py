@@ -90,7 +90,7 @@ class Programs:
             common = shader_source("packing.glsl")
             sources = shader_source(vertex), shader_source(fragment)
             if self._hoists:
-                sources = hoisted(*sources, {feature.split()[0] for feature in features})
+                sources = hoisted(*sources)
             self._programs[key] = self.context.program(
                 vertex_shader=head + common + sources[0], fragment_shader=head + common + sources[1]
             )

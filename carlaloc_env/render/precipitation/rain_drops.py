@@ -50,9 +50,7 @@ class Streaks:
 
     def take(self, which: NDArray[np.intp]) -> Streaks:
         """Some of the streaks."""
-        return Streaks(
-            end_m=self.end_m[which], begin_m=self.begin_m[which], diameter_m=self.diameter_m[which]
-        )
+        return Streaks(**{name: getattr(self, name)[which] for name in self.__slots__})
 
     @property
     def opacity(self) -> Array:

@@ -87,42 +87,18 @@ RECIPES: dict[Material, _Recipe] = {
 }
 """How each material's layer is made."""
 WIDE: dict[Material, float] = {
-    Material.ASHLAR: 6.0,
-    Material.ASPHALT: 7.0,
-    Material.ASPHALT_OLD: 7.0,
-    Material.ASPHALT_MOTORWAY: 7.0,
-    Material.BRICK_BROWN: 6.0,
-    Material.BRICK_RED: 6.0,
-    Material.CONCRETE: 7.0,
-    Material.CROP: 12.0,
-    Material.FURROWS: 7.0,
-    Material.GRASS: 12.0,
-    Material.GRAVEL: 7.0,
-    Material.PAVEMENT: 7.0,
-    Material.PLASTER: 7.0,
-    Material.ROOF_FLAT: 9.0,
-    Material.RUBBLE: 6.0,
-    Material.SOIL: 9.0,
-}
+    Material.ASHLAR: 6.0, Material.BRICK_BROWN: 6.0, Material.BRICK_RED: 6.0, Material.RUBBLE: 6.0,
+    Material.ASPHALT: 7.0, Material.ASPHALT_OLD: 7.0, Material.ASPHALT_MOTORWAY: 7.0, Material.CONCRETE: 7.0,
+    Material.FURROWS: 7.0, Material.GRAVEL: 7.0, Material.PAVEMENT: 7.0, Material.PLASTER: 7.0,
+    Material.ROOF_FLAT: 9.0, Material.SOIL: 9.0, Material.CROP: 12.0, Material.GRASS: 12.0,
+}  # fmt: skip
 """Materials that cover hundreds of tiles, and the cycles per tile below which they are levelled; the
 renderer's wear and the ground's tint, which do not repeat, shade them slowly instead."""
-FACADES = frozenset(
-    {
-        Material.ASHLAR,
-        Material.BRICK_BROWN,
-        Material.BRICK_RED,
-        Material.CONCRETE_PANEL,
-        Material.CURTAIN_WALL,
-        Material.ROOF_SLATE,
-        Material.ROOF_TILE,
-        Material.RUBBLE,
-        Material.SHOP_FRONT,
-        Material.SHOP_FRONT_B,
-        Material.SIDING,
-        Material.WINDOW,
-        Material.WINDOW_WIDE,
-    }
-)
+FACADES = (
+    Material.ASHLAR, Material.BRICK_BROWN, Material.BRICK_RED, Material.CONCRETE_PANEL,
+    Material.CURTAIN_WALL, Material.ROOF_SLATE, Material.ROOF_TILE, Material.RUBBLE, Material.SHOP_FRONT,
+    Material.SHOP_FRONT_B, Material.SIDING, Material.WINDOW, Material.WINDOW_WIDE,
+)  # fmt: skip
 """What stands behind the roadway; photographs show it paler than it is, and its joints less."""
 FACADE_CONTRAST = 0.66
 """Exponent of the façades' albedo about its mean."""

@@ -17,6 +17,12 @@ def polar(local_m: Array) -> tuple[Array, Array, Array]:
     return distance, elementary.arctan2(local_m[:, 1], local_m[:, 0]), elementary.arctan2(local_m[:, 2], flat)
 
 
+def direction(azimuth_rad: Array, elevation_rad: Array) -> Array:
+    """Unit vectors at azimuths and elevations of one shape, shape (..., 3)."""
+    flat, up = elementary.cos(elevation_rad), elementary.sin(elevation_rad)
+    return np.stack([flat * elementary.cos(azimuth_rad), flat * elementary.sin(azimuth_rad), up], axis=-1)
+
+
 def into(motion: Motion, vectors: Array) -> Array:
     """Vectors (N, 3) from world axes to those of the radar."""
     return transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), vectors)

@@ -12,7 +12,7 @@ from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.samples import RadarScan
 from carlaloc_env.sensors.base import World
-from carlaloc_env.sensors.radar.angles import dot, out_of
+from carlaloc_env.sensors.radar.angles import direction, dot, out_of
 from carlaloc_env.sensors.radar.radar_equation import (
     RadarEchoes,
     detect,
@@ -112,7 +112,8 @@ class Detector:
     ) -> tuple[NDArray[Any], ...]:
         config = self._config
         snr = mean_snr(
-            echoes,
+            echoes.range_m,
+            echoes.rcs_m2,
             at_reference=self._reference_snr,
             reference_m=config.reference_range_m,
             pattern=self._pattern(echoes.azimuth_rad, echoes.elevation_rad),
@@ -142,11 +143,7 @@ class Detector:
         count = int(generator.poisson(config.clutter_mean))
         uniform = generator.random((count, 4))
         azimuth, elevation = ((2 * uniform[:, k + 1] - 1) * self._half[k] for k in range(2))
-        flat = elementary.cos(elevation)
-        local = np.stack(
-            [flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), elementary.sin(elevation)],
-            axis=-1,
-        )
+        local = direction(azimuth, elevation)
         doppler = -dot(out_of(motion, local), motion.velocity_world_mps[0])
         # Noise above the threshold exceeds it by an exponential amount (square-law detector).
         level = -elementary.log(config.pfa) - elementary.log(1.0 - uniform[:, 3]) - 1.0
@@ -166,18 +163,9 @@ class Detector:
         self, range_m: Array, azimuth_rad: Array, elevation_rad: Array, *, loss_db_per_m: float
     ) -> Array:
         """Mean signal-to-noise ratio that 1 m² has at each position, linear, shape (N,)."""
-        count = len(range_m)
-        unit = RadarEchoes(
-            range_m=range_m,
-            azimuth_rad=azimuth_rad,
-            elevation_rad=elevation_rad,
-            doppler_mps=np.zeros(count),
-            rcs_m2=np.ones(count),
-            tag=np.zeros(count, np.uint8),
-            instance=np.zeros(count, np.uint32),
-        )
         return mean_snr(
-            unit,
+            range_m,
+            np.ones(len(range_m)),
             at_reference=self._reference_snr,
             reference_m=self._config.reference_range_m,
             pattern=self._pattern(azimuth_rad, elevation_rad),

@@ -13,7 +13,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.base import World
 from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes, boxes_at
-from carlaloc_env.sensors.radar.angles import dot, into, out_of, polar
+from carlaloc_env.sensors.radar.angles import direction, dot, into, out_of, polar
 from carlaloc_env.sensors.radar.cross_sections import actor_rcs_dbsm, scenery_db, texture
 from carlaloc_env.sensors.radar.multipath import mirror_images
 from carlaloc_env.sensors.radar.radar_equation import RadarEchoes
@@ -91,11 +91,7 @@ class RadarView:
         uniform = generator.random((rows, columns, 2))
         azimuth = ((np.arange(columns) + uniform[..., 0]) / columns * 2 - 1) * self._half[0]
         elevation = ((np.arange(rows)[:, None] + uniform[..., 1]) / rows * 2 - 1) * self._half[1]
-        flat = elementary.cos(elevation)
-        return np.stack(
-            [flat * elementary.cos(azimuth), flat * elementary.sin(azimuth), elementary.sin(elevation)],
-            axis=-1,
-        ).reshape(-1, 3)
+        return direction(azimuth, elevation).reshape(-1, 3)
 
     def _scenery(self, hits: Hits, directions: Array, local: Array, motion: Motion) -> RadarEchoes:
         """Each ray stands for the projected area R²·dΩ, whose cross-section is γ times as large."""

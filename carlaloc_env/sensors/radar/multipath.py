@@ -12,6 +12,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast import Hits
 from carlaloc_env.sensors.ground_truth.bounding_boxes import ActorBoxes
+from carlaloc_env.sensors.radar.angles import direction, dot, into, out_of, polar
 from carlaloc_env.sensors.radar.cross_sections import REFLECTORS
 from carlaloc_env.sensors.radar.radar_equation import RadarEchoes
 from carlaloc_env.timeline.motion import Motion
@@ -67,24 +68,26 @@ def mirror_images(
     if len(near) == 0:
         return actors.take(near)
     target = near[(choice[0] * len(near)).astype(np.intp)]
-    points = origin + actors.range_m[target, None] * _directions_of(actors.take(target), motion)
+    points = origin + actors.range_m[target, None] * out_of(
+        motion, direction(actors.azimuth_rad[target], actors.elevation_rad[target])
+    )
     on_wall, normal, loss = _mirrors(hits, directions, walls, choice[1], motion, cast, loss_db)
-    off = _dot(points - on_wall, normal)
+    off = dot(points - on_wall, normal)
     image = points - 2.0 * off[:, None] * normal
     towards = image - origin
-    far = np.sqrt(_dot(towards, towards))
+    far = np.sqrt(dot(towards, towards))
     along = towards / np.maximum(far, 1e-6)[:, None]
-    facing = _dot(along, normal)
+    facing = dot(along, normal)
     with np.errstate(divide="ignore", invalid="ignore"):
-        mirror_m = _dot(on_wall - origin, normal) / facing
+        mirror_m = dot(on_wall - origin, normal) / facing
     possible = np.isfinite(mirror_m) & (mirror_m > 0.5) & (mirror_m < far)
-    possible &= off * _dot(origin - on_wall, normal) > 0
+    possible &= off * dot(origin - on_wall, normal) > 0
     rows = np.flatnonzero(possible)
     rows = rows[np.abs(cast(np.broadcast_to(origin, (len(rows), 3)), along[rows]).range_m - mirror_m[rows])
                 < _PLANE_SLACK_M]  # fmt: skip
     bounce = origin + mirror_m[rows, None] * along[rows] - 0.05 * along[rows]
     onward = points[rows] - bounce
-    length = np.maximum(np.sqrt(_dot(onward, onward)), 1e-6)
+    length = np.maximum(np.sqrt(dot(onward, onward)), 1e-6)
     met = cast(bounce, onward / length[:, None])
     rows = rows[met.instance == actors.instance[target[rows]]]
     return _images(actors, target[rows], of_box, boxes, points[rows], image[rows], normal[rows], motion,
@@ -106,7 +109,7 @@ def _mirrors(
     beside the one that met it.
     """
     origin = motion.position_m[0]
-    up = transforms.quat_rotate(motion.quat_xyzw, np.array([[0.0, 0.0, 1.0]]))[0]
+    up = out_of(motion, np.array([[0.0, 0.0, 1.0]]))[0]
     count = len(choice)
     road = np.arange(count) % 4 == 0
     below = cast(origin[None], -up[None]).range_m[0]
@@ -120,12 +123,12 @@ def _mirrors(
     sideways = transforms.cross(along, np.broadcast_to(up, along.shape))
     above = transforms.cross(sideways, along)
     rays = np.concatenate([along + 0.01 * sideways, along + 0.01 * above, along])
-    rays = rays / np.sqrt(_dot(rays, rays))[:, None]
+    rays = rays / np.sqrt(dot(rays, rays))[:, None]
     ranges = cast(np.broadcast_to(origin, rays.shape), rays).range_m.astype(np.float64)
     with np.errstate(invalid="ignore"):  # rays into the sky have no end, and their mirrors none either
         ends = (origin + ranges[:, None] * rays).reshape(3, count, 3)
         normal = transforms.cross(ends[0] - ends[2], ends[1] - ends[2])
-        size = np.sqrt(_dot(normal, normal))
+        size = np.sqrt(dot(normal, normal))
         normal = normal / size[:, None]
     if not len(walls):
         normal[:] = np.nan
@@ -147,37 +150,17 @@ def _images(
     loss_db: Array,
 ) -> RadarEchoes:
     velocity = boxes.velocity_at(of_box[target], points)
-    mirrored = velocity - 2.0 * _dot(velocity, normal)[:, None] * normal
+    mirrored = velocity - 2.0 * dot(velocity, normal)[:, None] * normal
     towards = image - motion.position_m[0]
-    distance = np.sqrt(_dot(towards, towards))
+    distance = np.sqrt(dot(towards, towards))
     along = towards / np.maximum(distance, 1e-6)[:, None]
-    local = transforms.quat_rotate(transforms.quat_conjugate(motion.quat_xyzw), along)
-    flat = np.sqrt(local[:, 0] * local[:, 0] + local[:, 1] * local[:, 1])
+    _, azimuth, elevation = polar(into(motion, along))
     return RadarEchoes(
         range_m=distance,
-        azimuth_rad=elementary.arctan2(local[:, 1], local[:, 0]),
-        elevation_rad=elementary.arctan2(local[:, 2], flat),
-        doppler_mps=_dot(along, mirrored - motion.velocity_world_mps[0]),
+        azimuth_rad=azimuth,
+        elevation_rad=elevation,
+        doppler_mps=dot(along, mirrored - motion.velocity_world_mps[0]),
         rcs_m2=actors.rcs_m2[target] * elementary.power(10.0, -0.2 * loss_db),
         tag=actors.tag[target],
         instance=actors.instance[target],
     )
-
-
-def _directions_of(echoes: RadarEchoes, motion: Motion) -> Array:
-    flat = elementary.cos(echoes.elevation_rad)
-    local = np.stack(
-        [
-            flat * elementary.cos(echoes.azimuth_rad),
-            flat * elementary.sin(echoes.azimuth_rad),
-            elementary.sin(echoes.elevation_rad),
-        ],
-        axis=-1,
-    )
-    return transforms.quat_rotate(motion.quat_xyzw, local)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    product = a * b
-    result: Array = product[..., 0] + product[..., 1] + product[..., 2]
-    return result

@@ -95,7 +95,8 @@ def merge_cells(echoes: RadarEchoes, cell: tuple[float, float, float, float]) ->
 
 
 def mean_snr(
-    echoes: RadarEchoes,
+    range_m: Array,
+    rcs_m2: Array,
     *,
     at_reference: float,
     reference_m: float,
@@ -105,16 +106,17 @@ def mean_snr(
     """Mean signal-to-noise ratio of echoes, linear, shape (N,); falls with R⁻⁴ (radar equation).
 
     Args:
-        echoes: Scatterers or cells.
+        range_m: Distances of scatterers or cells [m], shape (N,).
+        rcs_m2: Their mean radar cross-sections [m²], shape (N,).
         at_reference: Ratio of a target of 1 m² on the axis at the reference distance.
         reference_m: Reference distance [m].
         pattern: Two-way antenna gain relative to the axis, linear, shape (N,).
         loss_db_per_m: One-way attenuation of the air [dB/m].
     """
-    ratio = reference_m / echoes.range_m
+    ratio = reference_m / range_m
     squared = ratio * ratio
-    air: Array = elementary.power(10.0, -0.2 * loss_db_per_m * echoes.range_m)
-    return at_reference * echoes.rcs_m2 * squared * squared * pattern * air
+    air: Array = elementary.power(10.0, -0.2 * loss_db_per_m * range_m)
+    return at_reference * rcs_m2 * squared * squared * pattern * air
 
 
 def detect(snr: Array, pfa: float, uniform: Array) -> tuple[NDArray[np.intp], Array]:

@@ -25,11 +25,6 @@ class Wall:
     width_m: float
     """Length of the wall [m]."""
 
-    @property
-    def outward(self) -> Array:
-        """Unit vector along b, shape (3,)."""
-        return np.array([self.along[1], -self.along[0], 0.0])
-
     def points(self, a: ArrayLike, b: ArrayLike, z: ArrayLike) -> Array:
         """Points [m] of wall coordinates, shape (..., 3)."""
         a, b, z = (np.asarray(x, dtype=np.float64) for x in (a, b, z))
@@ -47,10 +42,6 @@ class Wall:
     def top(self, a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike, z: ArrayLike) -> Array:
         """Faces that look up."""
         return self._faces(_TOP, a0, a1, b0, b1, z, z)
-
-    def bottom(self, a0: ArrayLike, a1: ArrayLike, b0: ArrayLike, b1: ArrayLike, z: ArrayLike) -> Array:
-        """Faces that look down."""
-        return self._faces(_BOTTOM, a0, a1, b0, b1, z, z)
 
     def left_side(self, a: ArrayLike, b0: ArrayLike, b1: ArrayLike, z0: ArrayLike, z1: ArrayLike) -> Array:
         """Faces that look against a."""

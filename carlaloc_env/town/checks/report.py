@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
 from carlaloc_env.town.checks.problem import Problem, Row
@@ -125,13 +126,8 @@ def write_waypoints_csv(network: LaneNetwork, step_m: float, path: Path, *, over
     """
     check_output_file(path, suffixes=CSV_SUFFIXES, overwrite=overwrite)
     rows = network.waypoints(step_m)
-    partial = path.with_name(path.name + ".part")
-    try:
-        with partial.open("w", newline="", encoding="utf-8") as file:
-            out = csv.writer(file, lineterminator="\n")
-            out.writerow(rows.dtype.names or ())
-            out.writerows(rows.tolist())
-        partial.replace(path)
-    except OSError as error:
-        raise MapError(f"cannot write {path}: {error.strerror or error}; choose another place") from error
+    with atomic_write(path, MapError) as part, part.open("w", newline="", encoding="utf-8") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(rows.dtype.names or ())
+        out.writerows(rows.tolist())
     return len(rows)

@@ -10,7 +10,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.errors import MapError
-from carlaloc_env.core.road.road_profile import Relief
+from carlaloc_env.road.road_profile import Relief
 from carlaloc_env.town.lanes.centre_lines import LaneTables, build_tables
 from carlaloc_env.town.lanes.records import Lane
 from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES, LaneLinks

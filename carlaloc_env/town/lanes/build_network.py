@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.road.road_profile import Relief
+from carlaloc_env.road.road_profile import Relief
 from carlaloc_env.town.lanes.build_lanes import build_lanes, road_map
 from carlaloc_env.town.lanes.crosswalks import find_crosswalks
 from carlaloc_env.town.lanes.lane_network import LaneNetwork

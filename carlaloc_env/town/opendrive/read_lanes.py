@@ -122,6 +122,5 @@ def _mark(document: Document, element: Element) -> RoadMark:
         weight=element.get("weight", "standard"),
         colour=element.get("color", "standard"),
         width_m=document.number(element, "width") if element.get("width") else None,
-        lane_change=element.get("laneChange", "both"),
         lines=lines,
     )

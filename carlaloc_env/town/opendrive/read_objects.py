@@ -6,7 +6,6 @@ from carlaloc_env.town.opendrive.records import (
     CornerLocal,
     CornerRoad,
     Outline,
-    Repeat,
     RoadObject,
     SignalRecord,
     SignalReference,
@@ -26,7 +25,6 @@ def read_signal_references(document: Document, road: Element) -> tuple[SignalRef
         SignalReference(
             id=document.text(e, "id"),
             s_m=document.number(e, "s"),
-            t_m=document.number(e, "t", 0.0),
             orientation=e.get("orientation", "none"),
             validity=_validity(document, e),
             line=document.line(e),
@@ -60,12 +58,9 @@ def _signal(document: Document, element: Element) -> SignalRecord:
         h_offset_rad=document.number(element, "hOffset", 0.0),
         orientation=element.get("orientation", "none"),
         dynamic=element.get("dynamic", "no") in ("yes", "true", "1"),
-        country=element.get("country", ""),
         type=element.get("type", "-1"),
-        subtype=element.get("subtype", "-1"),
         value=document.number(element, "value", limit=1e12) if element.get("value") else None,
         unit=element.get("unit", ""),
-        text=element.get("text", ""),
         width_m=document.number(element, "width", 0.0),
         height_m=document.number(element, "height", 0.0),
         validity=_validity(document, element),
@@ -79,21 +74,14 @@ def _object(document: Document, element: Element) -> RoadObject:
         id=element.get("id", ""),
         name=element.get("name", ""),
         type=element.get("type", "none"),
-        subtype=element.get("subtype", ""),
         s_m=document.number(element, "s"),
         t_m=document.number(element, "t"),
         z_offset_m=document.number(element, "zOffset", 0.0),
         heading_rad=document.number(element, "hdg", 0.0),
-        pitch_rad=document.number(element, "pitch", 0.0),
-        roll_rad=document.number(element, "roll", 0.0),
-        orientation=element.get("orientation", "none"),
         length_m=document.number(element, "length", 0.0),
         width_m=document.number(element, "width", 0.0),
-        radius_m=document.number(element, "radius", 0.0),
         height_m=document.number(element, "height", 0.0),
         outlines=tuple(_outline(document, e) for e in outlines),
-        repeats=tuple(_repeat(document, e) for e in element.findall("repeat")),
-        validity=_validity(document, element),
         line=document.line(element),
     )
 
@@ -101,30 +89,10 @@ def _object(document: Document, element: Element) -> RoadObject:
 def _outline(document: Document, element: Element) -> Outline:
     corners: list[CornerRoad | CornerLocal] = []
     for e in element:
-        height = document.number(e, "height", 0.0) if e.tag in ("cornerRoad", "cornerLocal") else 0.0
         if e.tag == "cornerRoad":
             s, t = document.number(e, "s"), document.number(e, "t")
-            corners.append(CornerRoad(s, t, document.number(e, "dz", 0.0), height))
+            corners.append(CornerRoad(s, t, document.number(e, "dz", 0.0)))
         elif e.tag == "cornerLocal":
             u, v = document.number(e, "u"), document.number(e, "v")
-            corners.append(CornerLocal(u, v, document.number(e, "z", 0.0), height))
-    return Outline(corners=tuple(corners), closed=element.get("closed", "true") in ("true", "1"))
-
-
-def _repeat(document: Document, element: Element) -> Repeat:
-    def optional(name: str) -> float | None:
-        return document.number(element, name) if element.get(name) else None
-
-    return Repeat(
-        s_m=document.number(element, "s"),
-        length_m=document.length(element, "length"),
-        distance_m=document.length(element, "distance", 0.0),
-        t_start_m=document.number(element, "tStart", 0.0),
-        t_end_m=document.number(element, "tEnd", 0.0),
-        z_offset_start_m=document.number(element, "zOffsetStart", 0.0),
-        z_offset_end_m=document.number(element, "zOffsetEnd", 0.0),
-        height_start_m=optional("heightStart"),
-        height_end_m=optional("heightEnd"),
-        width_start_m=optional("widthStart"),
-        width_end_m=optional("widthEnd"),
-    )
+            corners.append(CornerLocal(u, v, document.number(e, "z", 0.0)))
+    return Outline(corners=tuple(corners))

@@ -95,7 +95,6 @@ class RoadMark:
     weight: str
     colour: str
     width_m: float | None
-    lane_change: str
     lines: tuple[MarkLine, ...] = ()
 
 
@@ -191,12 +190,9 @@ class SignalRecord:
     h_offset_rad: float
     orientation: str
     dynamic: bool
-    country: str
     type: str
-    subtype: str
     value: float | None
     unit: str
-    text: str
     width_m: float
     height_m: float
     validity: tuple[Validity, ...]
@@ -209,7 +205,6 @@ class SignalReference:
 
     id: str
     s_m: float
-    t_m: float
     orientation: str
     validity: tuple[Validity, ...]
     line: int = 0
@@ -222,7 +217,6 @@ class CornerRoad:
     s_m: float
     t_m: float
     dz_m: float
-    height_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +226,6 @@ class CornerLocal:
     u_m: float
     v_m: float
     z_m: float
-    height_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,24 +233,6 @@ class Outline:
     """One outline of an object."""
 
     corners: tuple[CornerRoad | CornerLocal, ...]
-    closed: bool = True
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Repeat:
-    """A row of copies of an object along the road; distance 0 = one continuous body."""
-
-    s_m: float
-    length_m: float
-    distance_m: float
-    t_start_m: float
-    t_end_m: float
-    z_offset_start_m: float
-    z_offset_end_m: float
-    height_start_m: float | None
-    height_end_m: float | None
-    width_start_m: float | None
-    width_end_m: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,21 +242,14 @@ class RoadObject:
     id: str
     name: str
     type: str
-    subtype: str
     s_m: float
     t_m: float
     z_offset_m: float
     heading_rad: float
-    pitch_rad: float
-    roll_rad: float
-    orientation: str
     length_m: float
     width_m: float
-    radius_m: float
     height_m: float
     outlines: tuple[Outline, ...] = ()
-    repeats: tuple[Repeat, ...] = ()
-    validity: tuple[Validity, ...] = ()
     line: int = 0
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
-from carlaloc_env.core.road.road_profile import Relief
+from carlaloc_env.road.road_profile import Relief
 from carlaloc_env.town.opendrive.crossfall import Crossfall
 from carlaloc_env.town.opendrive.cubic_tables import CubicTable
 from carlaloc_env.town.opendrive.lane_boundaries import Edge, LaneEdges

@@ -8,7 +8,7 @@ import numpy as np
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.road.road_events import no_events
+from carlaloc_env.road.road_events import no_events
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.town.ground.grade_levels import Levels, State

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.road.road_profile import LevelGrid
-from carlaloc_env.core.road.rough_surface import class_level
+from carlaloc_env.road.road_profile import LevelGrid
+from carlaloc_env.road.rough_surface import class_level
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.ground.road_edges import road_limit_mps
 from carlaloc_env.town.lanes.centre_lines import POSITION_LIMIT_M

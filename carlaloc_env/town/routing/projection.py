@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from math import cos, sin
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.jit import compiled
 
 _ROUNDS = 3
@@ -49,7 +49,7 @@ def project_on(
     s, offset = nearest * line.step_m, 0.0
     for _ in range(_ROUNDS):
         px, py, heading, curvature = _pose(line, s, length_m)
-        c, w = cos(heading), sin(heading)
+        w, c = sin_cos(heading)
         ex, ey = x_m - px, y_m - py
         offset = c * ey - w * ex
         bend = max(1.0 - curvature * offset, 0.3)
@@ -75,9 +75,10 @@ def _pose(line: Line, s_m: float, length_m: float) -> tuple[float, float, float,
     w = f * f * (3.0 - 2.0 * f)
     m0, m1 = h * f * g * g, h * f * f * g
     begin, end = line.heading_rad[row], line.heading_rad[after]
+    (north_0, east_0), (north_1, east_1) = sin_cos(begin), sin_cos(end)
     a, b = line.position_m[row], line.position_m[after]
-    x = a[0] * (1.0 - w) + b[0] * w + cos(begin) * m0 - cos(end) * m1
-    y = a[1] * (1.0 - w) + b[1] * w + sin(begin) * m0 - sin(end) * m1
+    x = a[0] * (1.0 - w) + b[0] * w + east_0 * m0 - east_1 * m1
+    y = a[1] * (1.0 - w) + b[1] * w + north_0 * m0 - north_1 * m1
     turn = (end - begin + np.pi) % (2.0 * np.pi) - np.pi
     curvature = line.curvature_radpm[row] * g + line.curvature_radpm[after] * f
     return x, y, begin + f * turn, curvature

@@ -89,6 +89,6 @@ def _in_driving_order(edges: Sequence[RoadEdge]) -> list[RoadEdge]:
         key=lambda e: (
             e.strip.road,
             e.name.endswith("left"),
-            e.strip.section * (-1) ** e.name.endswith("left"),
+            -e.strip.section if e.name.endswith("left") else e.strip.section,
         ),
     )

@@ -11,6 +11,7 @@ import shapely
 from carlaloc_env.assets.street.fences_and_poles import utility_pole, utility_wires_m
 from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.geometry.transforms import apply
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -92,8 +93,7 @@ def add_lines(
     yaw = np.concatenate([row[1] for row in rows])
     start = utility_wires_m(POLE_M)
     for foot, turn in rows:
-        T = poses(foot, turn)
-        ends = np.einsum("nij,kj->nki", T[:, :3, :3], start) + foot[:, None]
+        ends = apply(poses(foot, turn)[:, None], start)
         for a, b in pairwise(ends):
             _wires(out, a, b)
     return [copies(utility_pole(POLE_M), poses(feet, yaw), ids.take(len(feet)))], feet

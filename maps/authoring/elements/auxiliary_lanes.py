@@ -17,6 +17,7 @@ from maps.authoring.elements.cross_sections import (
     link_sections,
     solid_before_junction,
 )
+from maps.authoring.geometry.elevation import moved_cubic
 from maps.authoring.geometry.newton import PlanError
 
 
@@ -151,14 +152,13 @@ def _marks(lane: LanePlan, a: float, b: float) -> list:  # type: ignore[type-arg
 def part_of(records: Records, first: float, last: float) -> Records:
     """The same quantity from `first` to `last`, counted from there."""
     result = []
-    for k, (start, (a, b, c, d)) in enumerate(records):
+    for k, (start, cubic) in enumerate(records):
         end = records[k + 1][0] if k + 1 < len(records) else float("inf")
         if end <= first + 1e-6 or start >= last - 1e-6:
             continue
-        u = max(first - start, 0.0)
-        cubic = (a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * d * u), c + 3 * d * u, d)
         # A length of a nanometre comes from rounding.
-        result.append((start - first if start - first > 1e-6 else 0.0, cubic))
+        ahead = start - first if start - first > 1e-6 else 0.0
+        result.append((ahead, moved_cubic(cubic, max(first - start, 0.0))))
     return tuple(result)
 
 

@@ -6,10 +6,9 @@ import itertools
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from maps.authoring.geometry.elevation import Cubic, moved_cubic
 from maps.authoring.geometry.newton import PlanError
 
-Cubic = tuple[float, float, float, float]
-"""a, b, c, d of a + b·ds + c·ds² + d·ds³."""
 Records = tuple[tuple[float, Cubic], ...]
 """(ds, a b c d) of a quantity along a section; each holds up to the next."""
 NONE: Records = ((0.0, (0.0, 0.0, 0.0, 0.0)),)
@@ -149,9 +148,8 @@ class SectionPlan:
 
 def value_at(records: Records, ds: float) -> float:
     """Value of a quantity at `ds`."""
-    start, (a, b, c, d) = next(r for r in reversed(records) if r[0] <= ds or r is records[0])
-    u = ds - start
-    return a + u * (b + u * (c + u * d))
+    start, cubic = next(r for r in reversed(records) if r[0] <= ds or r is records[0])
+    return moved_cubic(cubic, ds - start)[0]
 
 
 def blend(first: float, last: float, length: float) -> Records:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from carlaloc_env.town.lanes.records import SIGN_CODES
 from maps.authoring.elements.ids import CONTROLLER, OBJECT, SIGNAL, Numbers
@@ -31,14 +30,6 @@ STOP_LINE_GAP_M = 1.2
 """Distance of stop lines from crosswalks [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class LegMarks:
-    """Where the stop line of a leg lies."""
-
-    stop_back_m: float
-    """From the leg's end back to the near edge of the stop line [m]."""
-
-
 def _kerb(borders: Sequence[Border], outer: Sequence[Border]) -> float:
     """From the axis to the kerb on the right of travel [m]; sidewalks lie beyond it."""
     inner = [b for b in [*borders, *outer] if b.lane.kind != "sidewalk"]
@@ -63,8 +54,8 @@ def _rectangle(
     return ObjectPart(number, kind, name, leg.s(back_m), -leg.sign * middle, hdg, depth_m, 2 * half, outline)
 
 
-def mark_leg(leg: Leg, numbers: Numbers, *, crosswalk: bool, stop_line: bool) -> LegMarks:
-    """Paint crosswalk and stop line of one leg on its road."""
+def mark_leg(leg: Leg, numbers: Numbers, *, crosswalk: bool, stop_line: bool) -> float:
+    """Paint crosswalk and stop line of one leg; how far from its end the stop line's near edge lies [m]."""
     back = STOP_LINE_GAP_M
     if crosswalk:
         kerbs = (-_kerb(leg.outgoing, leg.outgoing_outer), _kerb(leg.incoming, leg.incoming_outer))
@@ -77,7 +68,7 @@ def mark_leg(leg: Leg, numbers: Numbers, *, crosswalk: bool, stop_line: bool) ->
         edges = (leg.incoming[0].right_m, leg.incoming[-1].right_m + leg.incoming[-1].width_m)
         centre = back + 0.5 * STOP_LINE_M
         leg.road.objects.append(_rectangle(numbers, leg, "roadMark", "StopLine", centre, STOP_LINE_M, edges))
-    return LegMarks(back + STOP_LINE_M)
+    return back + STOP_LINE_M
 
 
 def paint_arrows(legs: Sequence[Leg], found: Sequence[Movement], numbers: Numbers, back_m: float) -> None:
@@ -104,16 +95,16 @@ def _post(
     return part
 
 
-def sign_leg(leg: Leg, numbers: Numbers, marks: LegMarks, code: str) -> None:
+def sign_leg(leg: Leg, numbers: Numbers, back_m: float, code: str) -> None:
     """Stop or yield sign on the right of a leg."""
     right = _kerb(leg.incoming, leg.incoming_outer) + 0.6
     name = {STOP: "Stop", YIELD: "Yield"}[code]
-    part = _post(leg, numbers, name, code, leg.incoming, marks.stop_back_m, right)
+    part = _post(leg, numbers, name, code, leg.incoming, back_m, right)
     part.z_m = 2.0
 
 
 def light_junction(
-    part: JunctionPart, legs: Sequence[Leg], marks: Sequence[LegMarks], numbers: Numbers, *, split: bool
+    part: JunctionPart, legs: Sequence[Leg], backs_m: Sequence[float], numbers: Numbers, *, split: bool
 ) -> list[ControllerPart]:
     """Lights of a junction: one group per leg, one more per left-turn pocket.
 
@@ -130,7 +121,7 @@ def light_junction(
             for i in groups:
                 leg = legs[i]
                 own = [b for b in leg.incoming if split or b.lane.key.endswith(":pocket") == pocket]
-                signal = _light(leg, numbers, own, marks[i], left=pocket)
+                signal = _light(leg, numbers, own, backs_m[i], left=pocket)
                 name = f"{part.name} {leg.road.name}{' left' if pocket else ''}"
                 controllers.append(ControllerPart(numbers.next(CONTROLLER), name, sequence, [signal.id]))
             sequence += 1
@@ -138,15 +129,13 @@ def light_junction(
     return controllers
 
 
-def _light(
-    leg: Leg, numbers: Numbers, borders: Sequence[Border], marks: LegMarks, *, left: bool
-) -> SignalPart:
+def _light(leg: Leg, numbers: Numbers, borders: Sequence[Border], back_m: float, *, left: bool) -> SignalPart:
     """A light's pole stands on the right sidewalk, that of a pocket on the left one."""
     right = _kerb(leg.incoming, leg.incoming_outer) + 0.8
     if left:
         right = -_kerb(leg.outgoing, leg.outgoing_outer) - 0.8
     name = "Light_Left" if left else "Light"
-    signal = _post(leg, numbers, name, LIGHT, borders, marks.stop_back_m, right)
+    signal = _post(leg, numbers, name, LIGHT, borders, back_m, right)
     signal.dynamic = True
     return signal
 

@@ -57,18 +57,8 @@ class ObjectPart:
 
 
 @dataclass(slots=True)
-class TunnelPart:
-    """A stretch of road under a cover."""
-
-    id: int
-    name: str
-    s: float
-    length_m: float
-
-
-@dataclass(slots=True)
-class BridgePart:
-    """A stretch of road that something passes under."""
+class StretchPart:
+    """A stretch of road under a cover, or on a bridge."""
 
     id: int
     name: str
@@ -97,8 +87,8 @@ class RoadPart:
     successor: Link | None = None
     signals: list[SignalPart] = field(default_factory=list)
     objects: list[ObjectPart] = field(default_factory=list)
-    tunnels: list[TunnelPart] = field(default_factory=list)
-    bridges: list[BridgePart] = field(default_factory=list)
+    tunnels: list[StretchPart] = field(default_factory=list)
+    bridges: list[StretchPart] = field(default_factory=list)
 
     @property
     def length(self) -> float:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from maps.authoring.geometry.newton import PlanError
 
+Cubic = tuple[float, float, float, float]
+"""a, b, c, d of a + b·ds + c·ds² + d·ds³."""
 Record = tuple[float, float, float, float, float]
 """s, a, b, c, d of z = a + b·ds + c·ds² + d·ds³."""
 
@@ -112,8 +114,13 @@ def vertical_curves(points: Sequence[tuple[float, float]], length: float, k_m: f
 def height_at(records: Sequence[Record], s: float) -> tuple[float, float]:
     """Height [m] and grade at `s`."""
     start, a, b, c, d = next(r for r in reversed(records) if r[0] <= s + 1e-9 or r is records[0])
-    u = s - start
-    return a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * d * u)
+    return moved_cubic((a, b, c, d), s - start)[:2]
+
+
+def moved_cubic(cubic: Cubic, u: float) -> Cubic:
+    """Coefficients of the same cubic counted from `u` on: its value, slope and so on there."""
+    a, b, c, d = cubic
+    return a + u * (b + u * (c + u * d)), b + u * (2 * c + 3 * d * u), c + 3 * d * u, d
 
 
 def cut_profile(records: Sequence[Record], first_m: float, last_m: float, length: float) -> list[Record]:
@@ -125,9 +132,7 @@ def cut_profile(records: Sequence[Record], first_m: float, last_m: float, length
             end = records[k + 1][0] if k + 1 < len(records) else length
             if end + turn <= first_m + 1e-6 or s + turn >= last_m - 1e-6:
                 continue
-            u = max(first_m - turn - s, 0.0)
-            z = a + u * (b + u * (c + u * d))
-            cubic = (z, b + u * (2 * c + 3 * d * u), c + 3 * d * u, d)
+            cubic = moved_cubic((a, b, c, d), max(first_m - turn - s, 0.0))
             if not (result and result[-1][2:] == (0.0, 0.0, 0.0) == cubic[1:]):
                 result.append((max(s + turn - first_m, 0.0), *cubic))
     return result

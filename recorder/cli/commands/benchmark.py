@@ -4,15 +4,21 @@ Examples:
   carlaloc benchmark data --out scores
   carlaloc benchmark data --out scores --methods kiss_icp,small_gicp --runs 3
   carlaloc benchmark data --out scores --methods my_system.py --fail-above 0.5
+  carlaloc benchmark data --out scores --again failed
   carlaloc benchmark data --out scores --rerun
+
+Results are kept: a second call runs what is new, and what failed when --again says so. It ends with 1 when
+every run failed, or by --fail-above.
 """
 
 from __future__ import annotations
 
 import argparse
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
 from recorder.cli.arguments import OutputFolder, input_path, names, number, positive_int
 from recorder.cli.progress import Progress
 
@@ -33,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--workers", type=positive_int, default=1, metavar="N", help="runs at a time, on cores of their own"
     )
     parser.add_argument("--clouds", type=names, default=("raw", "seg"), metavar="A,B", help="raw, seg")
+    parser.add_argument("--again", choices=("failed", "all"), help="run kept results again, too")
     parser.add_argument(
         "--rerun", action="store_true", help="a recording of each sequence with all estimates, too (rerun)"
     )
@@ -43,9 +50,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the systems."""
+    _check_tools()
     from recorder.benchmark.page import write_page
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-    from recorder.benchmark.tables import write_tables
+    from recorder.benchmark.tables import frame_of, write_tables
 
     data: Path = arguments.data
     out: Path = arguments.out or data.resolve().with_name(f"{data.resolve().name}-benchmark")
@@ -56,18 +64,22 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         runs=arguments.runs,
         workers=arguments.workers,
         clouds=arguments.clouds,
+        again=arguments.again,
     )
     if arguments.rerun:
         from recorder.view.recording import import_rerun
 
         import_rerun()  # missing, it is told now and not after hours
-    with Progress("runs") as progress:
+    with Progress("runs", unit="runs") as progress:
         result = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
-    files = [*write_tables(result.scores, out), write_page(result, out)]
+    files = [*write_tables(frame_of(result.scores), out), write_page(result)]
     if arguments.rerun:
         from recorder.benchmark.recordings import write_recordings
 
-        files += write_recordings(result, out)
+        files += write_recordings(result)
+    failures = result.failures
+    if len(failures) == len(result.scores):
+        raise EvaluationError(f"every run failed, {len(failures)} in all; {failures[0]}")
     limit_m = arguments.fail_above
     above = [s for s in result.scores if limit_m is not None and (s.failed is not None or s.ape_m > limit_m)]
     return {
@@ -76,6 +88,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "runs": len(result.scores),
         "reused": result.reused,
         "scores": [score.to_mapping() for score in result.scores],
+        "failures": failures,
         "above": [
             f"{s.title} {s.town} {s.weather} {s.traffic}: {s.failed or f'APE {s.ape_m:.3f} m'}" for s in above
         ],
@@ -83,14 +96,28 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def show(result: dict[str, Any]) -> None:
-    """Print the tables of errors and cost."""
-    from recorder.benchmark.score import Score
-    from recorder.benchmark.tables import all_tables
+def _check_tools() -> None:
+    """Refuse to begin what could not be reported at the end.
 
-    for title, rows in all_tables([Score(**score) for score in result["scores"]]):
+    Raises:
+        MissingDependencyError: a library of the report is not installed.
+    """
+    missing = [name for name in ("jinja2", "matplotlib", "pandas") if find_spec(name) is None]
+    if missing:
+        raise MissingDependencyError(
+            f'the report needs {", ".join(missing)}; install it with: pip install "carlaloc-env[report]"'
+        )
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the tables of errors and cost, and a line for each failed run."""
+    from recorder.benchmark.score import Score
+    from recorder.benchmark.tables import all_tables, frame_of
+
+    for title, table in all_tables(frame_of([Score(**score) for score in result["scores"]])):
         print(title)
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+        rows = [list(table), *table.to_numpy().tolist()]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         for row in rows:
             words = (word.ljust(width) for word, width in zip(row, widths, strict=True))
             print(("  " + "  ".join(words)).rstrip())
@@ -98,5 +125,7 @@ def show(result: dict[str, Any]) -> None:
     print(f"{result['runs']} runs, {result['reused']} of them done before")
     for path in result["files"]:
         print(path)
+    for line in result["failures"]:
+        print(line)
     for line in result["above"]:
         print(f"above the limit: {line}")

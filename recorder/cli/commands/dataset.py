@@ -9,24 +9,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
-from dataclasses import asdict
-from datetime import datetime, timezone
-from pathlib import Path
+from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import UsageError
 from recorder.cli.arguments import OutputFolder, input_path, names, positive_seconds, seed
-from recorder.cli.dataset_bars import DatasetBars
 from recorder.cli.log_file import logged_to
+from recorder.cli.progress import Progress
 from recorder.cli.replay_options import add_replay_options, replay_options
 
 if TYPE_CHECKING:
-    from recorder.factory.make_dataset import Record
     from recorder.factory.plan import DatasetConfig, DatasetPlan
 
-HUB_URL = "https://huggingface.co/datasets/OWNER/NAME"
-"""Put in place of the address in `croissant.json`; whoever uploads writes their own."""
 LOG = ".carlaloc-dataset.log"
 """Name of the log in the dataset's folder."""
 
@@ -70,64 +64,48 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         replay=ReplayOptions(**replay_options(arguments)),
     )
     if arguments.hub is not None:
-        from recorder.publishing.tables import check_parquet
+        from recorder.publishing.prepare import check_packages
 
-        check_parquet()
+        check_packages()
     plan = plan_dataset(config)
     _tell(config, plan)
     if not arguments.yes:
         _ask()
     arguments.out.mkdir(parents=True, exist_ok=True)
-    with logged_to(arguments.out / LOG, "recorder"), DatasetBars() as bars:
-        path = make_dataset(config, bars.update, record=_recorder(config.seed_of))
+    with logged_to(arguments.out / LOG, "recorder"), Progress("dataset") as progress:
+        path = make_dataset(config, progress.update)
     if arguments.manifest is not None:
         copy_manifest(arguments.out, arguments.manifest)
     if arguments.hub is not None:
         from recorder.publishing.prepare import prepare_for_hub
 
-        today = datetime.now(timezone.utc).date().isoformat()
-        prepare_for_hub(arguments.out, arguments.hub, url=HUB_URL, date=today)
-    figures = {key: value for key, value in asdict(plan).items() if key != "drives"}
-    return {"dataset": str(path), "log": str(arguments.out / LOG), **figures}
+        prepare_for_hub(arguments.out, arguments.hub)
+    return {
+        "dataset": str(path),
+        "log": str(arguments.out / LOG),
+        "sequences": plan.sequences,
+        "driven_s": plan.driven_s,
+        "kept": plan.kept,
+    }
 
 
 def _tell(config: DatasetConfig, plan: DatasetPlan) -> None:
-    """Say what will be made, how long it takes and how much room."""
-    from recorder.factory.quantities import duration_text, size_text
-    from recorder.factory.time_estimate import processes_of
-
-    whole = sum(drive.is_whole for drive in plan.drives)
+    """Print what will be made, what is kept of an earlier run, and the room that there is."""
     driver = "the scripted driver" if config.episodes is None else f"drives of {config.episodes}"
-    where = (
-        f"on {config.replay.cluster}"
-        if config.replay.cluster
-        else f"with {_count(processes_of(config.replay), 'process')}"
-    )
+    towns = "1 town" if len(config.towns) == 1 else f"{len(config.towns)} towns"
     lines = [
-        f"{plan.sequences} sequences: {_count(len(plan.drives), 'town')}, "
-        f"{', '.join(config.replay.weathers)}; {', '.join(config.replay.traffic)}",
-        f"{duration_text(plan.driven_s)} of driving by {driver}"
-        + (f"; {whole} of {len(plan.drives)} towns are whole already" if whole else ""),
-        f"about {duration_text(plan.work_s)} {where}; the first unit shows how this machine differs",
-        f"about {size_text(plan.size)} in {config.out}; {size_text(plan.needed)} of {size_text(plan.free)} "
-        "free are taken while it is made",
+        f"{plan.sequences} sequences: {towns}, {', '.join(config.replay.weathers)}; "
+        + ", ".join(config.replay.traffic),
+        f"{timedelta(seconds=round(plan.driven_s))} of driving by {driver}",
+        f"{plan.free / 1e9:.1f} GB are free in {config.out}; the first unit shows whether they suffice, and "
+        "how long it takes",
     ]
+    if plan.drives or plan.whole:
+        lines.append(
+            f"going on with {plan.kept / 1e9:.3f} GB that are there: drives of {plan.drives}, all sequences "
+            f"of {len(plan.whole)} of {towns}, and {plan.parts} units and sequences of the next"
+        )
     print("\n".join(lines), file=sys.stderr)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}{'es' if noun.endswith('s') else 's'}"
-
-
-def _recorder(seed_of: Callable[[str], int]) -> Record:
-    """The scripted driver, with the seed of each town."""
-    from recorder.drive.record import RecordConfig, record
-
-    def drive(town: str, out: Path, duration_s: float | None, tell: Callable[[float], None]) -> None:
-        config = RecordConfig(map=town, out=out, duration_s=duration_s, seed=seed_of(town))
-        record(config, progress=lambda driven_s, _: tell(driven_s))
-
-    return drive
 
 
 def _ask() -> None:

@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 def show(result: dict[str, Any]) -> None:
     """Print what came out."""
     print(
-        f"{result['path']}: {result['duration_s']:.1f} s, {result['length_m']:.1f} m, "
+        f"{result['path']}: {result['duration_s']:.1f} s, {result['driven_m']:.1f} m driven, "
         f"{result['vehicles']} vehicles, {result['walkers']} walkers"
     )
     if result.get("touching_s"):

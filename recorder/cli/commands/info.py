@@ -58,8 +58,10 @@ def show(result: dict[str, Any]) -> None:
         _show_sequence(result)
         return
     print(f"{result['path']}")
-    print(f"  map        {result['map']} ({result['map_hash'][:12]})")
-    print(f"  drive      {result['duration_s']:.1f} s, {result['length_m']:.1f} m by {result['device']}")
+    print(f"  map        {result['map']} ({result['town_hash'][:12]})")
+    route = "" if result["route_m"] is None else f", {result['route_m']:.1f} m along the route"
+    print(f"  drive      {result['duration_s']:.1f} s by {result['device']}")
+    print(f"  distance   {result['driven_m']:.1f} m driven{route}")
     ends = f"ends {result['closure_m']:.1f} m and {result['closure_deg']:.1f}° from where it began"
     print(f"  loop       {'closed' if result['loop_closed'] else 'open'}: {ends}")
     print(f"  actors     {result['vehicles']} vehicles, {result['walkers']} walkers, seed {result['seed']}")

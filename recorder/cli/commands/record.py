@@ -136,8 +136,8 @@ def show(result: dict[str, Any]) -> None:
         print(result["verdict"])
     else:
         print(
-            f"{result['path']}: {result['duration_s']:.1f} s, {result['length_m']:.0f} m, "
-            f"{result['collisions']} collisions"
+            f"{result['path']}: {result['duration_s']:.1f} s, {result['driven_m']:.1f} m driven, "
+            f"{result['route_m']:.1f} m along the route, {result['collisions']} collisions"
         )
         for kind, count in result["violations"].items():
             print(f"  {kind.replace('_', ' ')}: {count}")

@@ -89,6 +89,7 @@ def _sequence(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.dataset.sequence import SlamSequence
     from recorder.evaluation.associate import Association
     from recorder.evaluation.evaluate import evaluate
+    from recorder.evaluation.path_errors import PathErrors
     from recorder.evaluation.trajectory_files import read_trajectory, read_tum
     from recorder.view.sequence_view import record_sequence
 
@@ -97,7 +98,7 @@ def _sequence(arguments: argparse.Namespace, out: Path) -> str:
     if arguments.estimate:
         truth = read_tum(sequence.truth_file(arguments.frame))
         estimates = [
-            evaluate(truth, read_trajectory(path), association=Association.INTERPOLATED)
+            PathErrors.of(evaluate(truth, read_trajectory(path), association=Association.INTERPOLATED))
             for path in arguments.estimate
         ]
     record_sequence(sequence, out, estimates=estimates, period_s=arguments.period, overwrite=arguments.force)

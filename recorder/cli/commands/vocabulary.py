@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Train it."""
     from recorder.slam.orb_vocabulary import write_vocabulary
 
-    with Progress("images") as progress:
+    with Progress("reading", unit="images") as progress:
         words = write_vocabulary(
             arguments.data, arguments.out, images=arguments.images, progress=progress.update
         )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from math import cos, floor, pi, sin
+from math import floor, pi
 
 import numpy as np
 
+from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.town.routing.off_tracking import EASE_M, wanted_inside
 from carlaloc_env.town.routing.route import Route
@@ -43,9 +45,9 @@ class DriverRoute:
         self._count = count
         free = ~route.is_fitted(np.arange(count) * self._step_m)
         inside = self._inside(self._windowed_curvature(heading, _CURVE_WINDOW_M) * free)
-        position[:, 0] -= inside * np.sin(heading)
-        position[:, 1] += inside * np.cos(heading)
-        heading = heading + np.arctan(
+        position[:, 0] -= inside * elementary.sin(heading)
+        position[:, 1] += inside * elementary.cos(heading)
+        heading = heading + elementary.arctan(
             (self._shifted(inside, 1) - self._shifted(inside, -1)) / (2.0 * self._step_m)
         )
         self._x: list[float] = position[:, 0].tolist()
@@ -70,10 +72,11 @@ class DriverRoute:
         for _ in range(2):
             px, py, heading = self._sample(s)
             dx, dy = x_m - px, y_m - py
-            c, n = cos(heading), sin(heading)
+            n, c = sin_cos(heading)
             s += dx * c + dy * n
         px, py, heading = self._sample(s)
-        return s, (y_m - py) * cos(heading) - (x_m - px) * sin(heading)
+        n, c = sin_cos(heading)
+        return s, (y_m - py) * c - (x_m - px) * n
 
     def heading(self, s_m: float) -> float:
         """Heading of the lane [rad], continuous along the route."""

@@ -201,6 +201,6 @@ class DriverSpeed:
         gap = max(0.5, leader.gap_m)
         if gap > 2.2 * wanted and closing < 1.0:
             return inf
-        free = (v / max(1.0, self._target_mps)) ** 4
-        ask = a * (1.0 - free - (wanted / gap) ** 2)
+        used = (v / max(1.0, self._target_mps)) ** 2
+        ask = a * (1.0 - used * used - (wanted / gap) ** 2)
         return (max(-4.0, ask) - self.wanted_mps2) / 0.6

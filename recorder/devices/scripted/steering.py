@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from math import atan, degrees, exp, sqrt
+from math import degrees, sqrt
 
 from carlaloc_env.core import rng
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ, TICK_S
+from carlaloc_env.core.elementary_kernels import arctan, exp
 from carlaloc_env.physics.params import VehicleParams
 from recorder.devices.scripted.route_profile import DriverRoute
 
@@ -136,7 +137,7 @@ class DriverSteering:
         p = self._params
         lead = self._style.curve_lead_s * speed_mps
         curvature = road.curvature(s_m + lead, max(1.8, 0.33 * speed_mps))
-        angle = atan(p.wheelbase_m * curvature) + p.understeer_s2pm * speed_mps * speed_mps * curvature
+        angle = arctan(p.wheelbase_m * curvature) + p.understeer_s2pm * speed_mps * speed_mps * curvature
         # Hands do not follow what is smaller than half a degree at the wheel, or a fraction of its angle:
         # in a steady bend they hold still, and corrections make up for the rest.
         play = 0.5 / degrees(1.0) / p.steering_ratio + self._style.bend_play * abs(angle)

@@ -9,12 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TextIO
 
-import cv2
 import numpy as np
 
-from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
 from recorder.writers.rig_calibration import RigCalibration
 
 
@@ -39,10 +37,8 @@ class DsecDisparityEncoder(Encoder):
             return []
         with np.errstate(divide="ignore"):
             disparity = np.where(sample.depth_m > 0, self._scale / sample.depth_m, 0.0)
-        done, png = cv2.imencode(".png", np.clip(np.rint(disparity), 0, 65535).astype(np.uint16))
-        if not done:
-            raise WriterError(f"OpenCV cannot write {sample.sensor}; install opencv-python-headless again")
-        return [Piece(sample.stamp_ns, "disparity", "png", png.tobytes())]
+        png = png_of(np.clip(np.rint(disparity), 0, 65535).astype(np.uint16), sample.sensor, ())
+        return [Piece(sample.stamp_ns, "disparity", "png", png)]
 
 
 class DsecDisparityWriter(Writer):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, Imu, Odometry, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, grey
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, grey, png_of
 from recorder.writers.formats.euroc_states import STATE_HEADER, state_line
 from recorder.writers.rig_calibration import BASE_FRAME, CameraCalibration, ImuCalibration, RigCalibration
 from recorder.writers.yaml_text import real, rows
@@ -24,8 +24,6 @@ _IMU_HEADER = (
     "#timestamp [ns],w_RS_S_x [rad s^-1],w_RS_S_y [rad s^-1],w_RS_S_z [rad s^-1],"
     "a_RS_S_x [m s^-2],a_RS_S_y [m s^-2],a_RS_S_z [m s^-2]"
 )
-_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
-"""Run lengths only: a noisy 1280×720 image takes 13 ms and 507 kB, by default 17 ms and 569 kB."""
 
 Biases = Callable[[Sequence[int]], NDArray[np.float64]]
 
@@ -79,10 +77,7 @@ class EurocEncoder(Encoder):
 
     def _png(self, sample: Image) -> bytes:
         pixels = cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR) if self._colour else grey(sample)
-        done, png = cv2.imencode(".png", pixels, _PNG)
-        if not done:
-            raise WriterError(f"OpenCV cannot write {sample.sensor}; install opencv-python-headless again")
-        return png.tobytes()
+        return png_of(pixels, sample.sensor)
 
     def _state(self, unix_ns: int, sample: Odometry) -> str:
         """State of the IMU frame; truth of `base_link` is moved there, lever arm included."""

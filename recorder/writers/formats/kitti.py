@@ -21,7 +21,7 @@ from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.samples import Image, ObjectList, Odometry, PointCloud, Sample
-from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished
+from recorder.writers.base import DEFAULT_EPOCH_NS, Encoder, Piece, Writer, close_unfinished, png_of
 from recorder.writers.formats.kitti_labels import MOVING_FROM_MPS, semantic_kitti_labels
 from recorder.writers.rig_calibration import BASE_FRAME, RigCalibration
 
@@ -29,7 +29,6 @@ T_LIDAR_CAMERA_AXES: Array = np.array(
     [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
 """A camera's axes (right, down, forward) at the LiDAR, for rigs without a camera."""
-_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
 
 
 _ROW = np.dtype(
@@ -90,7 +89,8 @@ class KittiEncoder(Encoder):
             rows["offset_ns"], rows["tag"], rows["instance"] = sample.offset_ns, sample.tag, sample.instance
             return [Piece(stamp_ns, "cloud", str(sample.sweep_ns), rows.tobytes())]
         if isinstance(sample, Image) and sample.sensor in self.images:
-            return [Piece(stamp_ns, self.images[sample.sensor], "png", _png(sample))]
+            png = png_of(cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), sample.sensor)
+            return [Piece(stamp_ns, self.images[sample.sensor], "png", png)]
         return []
 
 
@@ -208,13 +208,6 @@ class KittiWriter(Writer):
 
     def _drop(self) -> None:
         close_unfinished(self._tables.values())
-
-
-def _png(sample: Image) -> bytes:
-    done, png = cv2.imencode(".png", cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), _PNG)
-    if not done:
-        raise WriterError(f"OpenCV cannot write {sample.sensor}; install opencv-python-headless again")
-    return png.tobytes()
 
 
 def _numbers(values: Array) -> str:

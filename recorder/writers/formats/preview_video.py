@@ -75,8 +75,6 @@ class PreviewWriter(Writer):
         self, target: str | Path, encoder: PreviewEncoder, *, rate_hz: float, caption: str = ""
     ) -> None:
         super().__init__(target, encoder)
-        # The container is chosen by the file's ending.
-        self._part = self.target.with_name(f".part-{self.target.name}")
         self._places = tuple(encoder.shown.values())
         self._rate_hz = rate_hz
         self._caption = caption

@@ -17,7 +17,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import (
     CanState,
     GnssFix,
@@ -30,11 +29,10 @@ from carlaloc_env.samples import (
     Speed,
     WheelTicks,
 )
-from recorder.writers.base import Encoder, Piece, Writer, close_unfinished
+from recorder.writers.base import Encoder, Piece, Writer, close_unfinished, png_of
 
 TABLES = (Imu, GnssFix, Speed, WheelTicks, CanState, Odometry)
 """Samples that are rows of a table."""
-_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
 _PLY = {"<f4": "float", "<i4": "int", "<u2": "uint16", "|u1": "uchar"}
 """Names of types, among those that Open3D reads."""
 
@@ -49,12 +47,12 @@ class RawEncoder(Encoder):
             row = _row(sample)
             return [Piece(stamp_ns, name, repr(row.dtype.descr), row.tobytes())]
         if isinstance(sample, Image):
-            png = _png(cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), name)
+            png = png_of(cv2.cvtColor(sample.rgb, cv2.COLOR_RGB2BGR), name)
             return [Piece(stamp_ns, name, ".png", png)]
         if isinstance(sample, SemanticImage):
             instances = _npz({"instance": sample.instance})
             return [
-                Piece(stamp_ns, name, ".png", _png(sample.tag, name)),
+                Piece(stamp_ns, name, ".png", png_of(sample.tag, name)),
                 Piece(stamp_ns, name, ".instance.npz", instances),
             ]
         if isinstance(sample, PointCloud):
@@ -144,10 +142,3 @@ def _ply(sample: PointCloud) -> bytes:
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
     header += [f"property {_PLY[kind]} {name}" for name, kind, _ in columns]
     return "\n".join([*header, "end_header\n"]).encode() + rows.tobytes()
-
-
-def _png(pixels: NDArray[Any], name: str) -> bytes:
-    done, png = cv2.imencode(".png", pixels, _PNG)
-    if not done:
-        raise WriterError(f"OpenCV cannot write {name}; install opencv-python-headless again")
-    return png.tobytes()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Collection
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from rosbags.typesys import Stores
@@ -28,7 +29,6 @@ class BagEncoder(Encoder):
 
     Args:
         calibration: Where the sensors sit, and the cameras' intrinsics.
-        store: Version of ROS whose messages are written.
         profile: Name of a topic profile.
         streams: All streams that will come, so that a plain cloud is left out where the labelled one
             goes to the same topic; None: nothing is left out.
@@ -38,11 +38,13 @@ class BagEncoder(Encoder):
         WriterError: the profile is unknown or the epoch is not positive.
     """
 
+    store: ClassVar[Stores]
+    """Version of ROS whose messages are written."""
+
     def __init__(
         self,
         calibration: RigCalibration,
         *,
-        store: Stores,
         profile: str = "standard",
         streams: Collection[str] | None = None,
         epoch_ns: int = DEFAULT_EPOCH_NS,
@@ -53,7 +55,7 @@ class BagEncoder(Encoder):
         self.calibration = calibration
         self.profile = profile_by_name(profile)
         self._streams = streams
-        self.typestore = make_typestore(store)
+        self.typestore = make_typestore(self.store)
         pinholes = {camera.stream: camera.pinhole for camera in calibration.cameras}
         lenses = {camera.stream: camera.lens for camera in calibration.cameras}
         self.maker = MessageMaker(self.typestore, epoch_ns=epoch_ns, pinholes=pinholes, lenses=lenses)

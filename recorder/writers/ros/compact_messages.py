@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
+from recorder.writers.base import png_of
 from recorder.writers.ros.message_parts import Message, MessageParts
 
 I420 = "i420"
@@ -22,7 +23,7 @@ I420 = "i420"
 DEPTH_A_M, DEPTH_MAX_M = 180.0 * 181.0, 1000.0
 """compressedDepth's depthParam[0] [m], of ROS's `depth_quantization` 180, and farthest depth [m]."""
 _INVERSE_DEPTH = 1
-_PNG = [cv2.IMWRITE_PNG_COMPRESSION, 3]
+_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 3)
 _DRACO_BITS = 14
 DRACO_FIELDS = ("intensity", "ring", "time_us", "label", "id")
 """Generic attributes of a Draco cloud, in their order."""
@@ -53,7 +54,8 @@ def depth_png(maker: MessageParts, header: Message, sample: DepthImage) -> Messa
         code = np.rint(DEPTH_A_M / depth + B)
     code = np.where((depth > 0) & (depth < DEPTH_MAX_M), np.clip(code, 1, 65535), 0).astype(np.uint16)
     config = struct.pack("<iff", _INVERSE_DEPTH, DEPTH_A_M, B)
-    return _compressed(maker, header, "32FC1; compressedDepth png", config + _png(code, sample.sensor))
+    data = config + png_of(code, sample.sensor, _PNG)
+    return _compressed(maker, header, "32FC1; compressedDepth png", data)
 
 
 def depth_of_png(data: bytes) -> NDArray[np.float32]:
@@ -69,7 +71,7 @@ def depth_of_png(data: bytes) -> NDArray[np.float32]:
 
 def tags_png(maker: MessageParts, header: Message, sample: SemanticImage) -> Message:
     """Semantic tags, nothing lost."""
-    return _compressed(maker, header, "mono8; png compressed", _png(sample.tag, sample.sensor))
+    return _compressed(maker, header, "mono8; png compressed", png_of(sample.tag, sample.sensor, _PNG))
 
 
 def cloud_draco(maker: MessageParts, header: Message, sample: PointCloud) -> Message:
@@ -123,10 +125,3 @@ def draco() -> Any:
 def _compressed(maker: MessageParts, header: Message, kind: str, data: bytes) -> Message:
     pixels = np.frombuffer(data, np.uint8)
     return maker.new("sensor_msgs/CompressedImage", header=header, format=kind, data=pixels)
-
-
-def _png(pixels: NDArray[Any], name: str) -> bytes:
-    done, png = cv2.imencode(".png", pixels, _PNG)
-    if not done:
-        raise WriterError(f"OpenCV cannot write {name}; install opencv-python-headless again")
-    return png.tobytes()

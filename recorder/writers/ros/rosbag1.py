@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 
 import lz4.frame  # type: ignore[import-untyped]
@@ -12,8 +11,7 @@ from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece, close_unfinished
-from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.base import Piece, close_unfinished
 from recorder.writers.ros.bag_writer import BagEncoder, BagWriter
 from recorder.writers.ros.event_messages import ros1_with_events
 from recorder.writers.ros.message_parts import Message
@@ -42,17 +40,7 @@ def compress_lz4_for_ros(data: bytes) -> bytes:
 class Ros1Encoder(BagEncoder):
     """Messages as ROS 1 serialises them; the arguments are those of `BagEncoder`."""
 
-    def __init__(
-        self,
-        calibration: RigCalibration,
-        *,
-        profile: str = "standard",
-        streams: Collection[str] | None = None,
-        epoch_ns: int = DEFAULT_EPOCH_NS,
-    ) -> None:
-        super().__init__(
-            calibration, store=Stores.ROS1_NOETIC, profile=profile, streams=streams, epoch_ns=epoch_ns
-        )
+    store = Stores.ROS1_NOETIC
 
     def serialise(self, message: Message, kind: str) -> bytes:
         """A message as it stands in the bag."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
@@ -22,8 +22,7 @@ from rosbags.typesys import Stores
 
 from carlaloc_env.core.errors import WriterError, unknown_name
 from carlaloc_env.samples import Events
-from recorder.writers.base import DEFAULT_EPOCH_NS, Piece
-from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.base import Piece
 from recorder.writers.ros.bag_writer import BagEncoder, BagWriter
 from recorder.writers.ros.event_messages import cdr_with_events
 from recorder.writers.ros.mcap_storage import McapBag, McapStorage
@@ -56,17 +55,7 @@ def _qos(*, latched: bool) -> Qos:
 class Ros2Encoder(BagEncoder):
     """Messages as CDR, for ROS 2; the arguments are those of `BagEncoder`."""
 
-    def __init__(
-        self,
-        calibration: RigCalibration,
-        *,
-        profile: str = "standard",
-        streams: Collection[str] | None = None,
-        epoch_ns: int = DEFAULT_EPOCH_NS,
-    ) -> None:
-        super().__init__(
-            calibration, store=Stores.ROS2_HUMBLE, profile=profile, streams=streams, epoch_ns=epoch_ns
-        )
+    store = Stores.ROS2_HUMBLE
 
     def serialise(self, message: Message, kind: str) -> bytes:
         """A message as it stands in the bag."""

@@ -37,7 +37,7 @@ def test_what_everybody_can_write_is_not_believed(
 ) -> None:
     folder = tmp_path / "cache"
     fetch(folder, 1.0)
-    (file,) = folder.iterdir()
+    (file,) = folder.glob("*.test")
     (folder if what == "folder" else file).chmod(0o777)
     with caplog.at_level(logging.WARNING):
         assert fetch(folder, 2.0) == 2.0
@@ -52,7 +52,7 @@ def test_what_belongs_to_others_is_not_believed(
 ) -> None:
     folder = tmp_path / "cache"
     fetch(folder, 1.0)
-    (file,) = folder.iterdir()
+    (file,) = folder.glob("*.test")
     os.chown(folder if what == "folder" else file, 12345, 12345)
     with caplog.at_level(logging.WARNING):
         assert fetch(folder, 2.0) == 2.0

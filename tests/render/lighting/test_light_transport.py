@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.plain_albedo import plain_albedo
 from shared_fixtures.worlds.render_scenes import (
     CAMERA,
     FORWARD,
@@ -20,7 +21,6 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.lighting.light_sources import LAMP_CD, LAMP_COLOUR
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Instances, Mesh, ModelLibrary, make_mesh

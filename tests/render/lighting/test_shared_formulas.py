@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from shared_fixtures.worlds.plain_albedo import plain_albedo
 from shared_fixtures.worlds.render_scenes import CAMERA, FORWARD, ground, need_opengl, rays_z1, scene, wall
 
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import glsl
 from carlaloc_env.render.lighting.light_sources import (
     BEAM_RANGE_M,

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.plain_albedo import plain_albedo
 
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.lighting.sky_model import hemisphere, sky_light
 from carlaloc_env.render.renderer import SceneRenderer
-from carlaloc_env.render.textures import build_textures
+from carlaloc_env.render.textures.build import build_textures
 from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.mesh import Instances, ModelLibrary, make_mesh
 from carlaloc_env.scene.semantic_tags import Tag

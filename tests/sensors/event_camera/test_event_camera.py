@@ -10,7 +10,7 @@ import pytest
 
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.core.geometry.camera_model import Pinhole
-from carlaloc_env.observation import Observer
+from carlaloc_env.envs.observation import Observer
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events

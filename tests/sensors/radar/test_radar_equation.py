@@ -46,7 +46,7 @@ def test_reference_and_fourth_power() -> None:
     reference = snr_at(0.9, 1e-6)
     assert 1e-6 ** (1 / (1 + reference)) == pytest.approx(0.9)
     far = mean_snr(
-        echoes(3, range_m=[100.0, 200.0, 100.0], rcs_m2=[1.0, 1.0, 1 / 16]),
+        np.array([100.0, 200.0, 100.0]), np.array([1.0, 1.0, 1 / 16]),
         at_reference=reference, reference_m=100.0, pattern=np.ones(3),
     )  # fmt: skip
     assert far == pytest.approx(reference * np.array([1, 1 / 16, 1 / 16]))

@@ -27,7 +27,7 @@ def catalog_of(count: int) -> ActorCatalog:
 def header_of(count: int) -> EpisodeHeader:
     return EpisodeHeader(
         map_name="Town03",
-        map_hash="ab12",
+        town_hash="ab12",
         seed=7,
         catalog=catalog_of(count),
         route={"points": [[0.1, 2.0]], "loop": True},

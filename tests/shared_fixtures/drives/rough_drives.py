@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_NS, TICK_S
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.road.road_profile import LevelGrid, Relief, Roughness
-from carlaloc_env.core.road.rough_surface import class_level
 from carlaloc_env.physics.ego import EgoCar
 from carlaloc_env.physics.params import VehicleParams
 from carlaloc_env.physics.world import PhysicsWorld
+from carlaloc_env.road.road_profile import LevelGrid, Relief, Roughness
+from carlaloc_env.road.rough_surface import class_level
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.motion import Motion
 

@@ -77,11 +77,11 @@ def found(name: str, images: int) -> Features:
     rows: dict[tuple[str, str], list[Matched]] = {}
     left_m: list[NDArray[np.float64]] = []
     fog_per_m = PRESETS["FoggyNoon"].extinction_per_m
-    states = np.ones(int(town.lenses.signal.max(initial=-1)) + 1, np.uint8)
+    states = np.ones(int(town.outline.lenses.signal.max(initial=-1)) + 1, np.uint8)
     for k in range(images):
         pinhole, poses, T_world_base = stereo_poses(town, (k + 0.4) / images)
         snapshot = Snapshot(stamp_ns=0, T_world_base=T_world_base, signals=states)
-        seen = instances_at(stage.library, town.lenses, snapshot)
+        seen = instances_at(stage.library, town.outline.lenses, snapshot)
         drawn = [renderer.draw(pinhole, pose, seen) for pose in poses]
         disparity = disparity_px(drawn[0].depth_m(), pinhole, poses)
         for weather in WEATHERS:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.single_roads import road
 
-from carlaloc_env.core.road.road_profile import LevelGrid, Relief
-from carlaloc_env.core.road.rough_surface import class_level
+from carlaloc_env import TOWNS
+from carlaloc_env.road.road_profile import LevelGrid, Relief
+from carlaloc_env.road.rough_surface import class_level
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.opendrive.crossfall import FADE_M, FALL, GUTTER_FALL
@@ -15,11 +16,8 @@ from carlaloc_env.town.opendrive.records import Cubic
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 from carlaloc_env.town.sources import find_town
 
-TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
 SMOOTH = Relief(1, LevelGrid.uniform(0.0))
 """No undulation, so that what is left is the crossfall alone."""
-
-
 _LEVEL = Cubic(0.0, 0.0, 0.0, 0.0, 0.0)
 
 

@@ -30,8 +30,9 @@ def test_solid_and_seen_lanes_agree(name: str) -> None:
     first = np.cumsum([0, *(len(chunk.vertices_m) for chunk in town.chunks[:-1])])
     triangles = np.concatenate([c.triangles + np.uint32(n) for c, n in zip(town.chunks, first, strict=True)])
     seen = _heights(vertices, triangles, points)
+    hit = town.outline
     solid = _heights(
-        town.collision_vertices_m.astype(np.float32), town.collision_triangles.astype(np.uint32), points
+        hit.collision_vertices_m.astype(np.float32), hit.collision_triangles.astype(np.uint32), points
     )
     off = np.abs(solid - points[:, 2])
     assert off.max() < 0.1, points[np.argmax(off)]

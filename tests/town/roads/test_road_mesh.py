@@ -89,7 +89,7 @@ def test_junctions_are_within_one_centimetre_of_their_connecting_roads(town: Tow
 
 
 def test_wheels_meet_the_same_surface(town: Town) -> None:
-    scene = _scene(town.collision_vertices_m, town.collision_triangles)
+    scene = _scene(town.outline.collision_vertices_m, town.outline.collision_triangles)
     for junctions in (False, True):
         points = _lane_points(town, ("driving",), 10000, junctions=junctions)
         error = np.abs(_drop(scene, points) - points[:, 2])

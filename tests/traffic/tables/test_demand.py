@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from shared_fixtures.worlds.towns import town_network
 
+from benchmarks.traffic_audit import NOBODY
 from carlaloc_env.core import rng
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.sources import find_town
-from carlaloc_env.traffic.audit import NOBODY
 from carlaloc_env.traffic.tables.demand import (
     MAIN_STREET_DEMAND,
     ROUTE_DEMAND,

@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from shared_fixtures.worlds.plain_albedo import plain_albedo
 
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.lens_distortion import Lens
-from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.rigs.presets import rig_by_name

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.render.lighting.light_tiles.tile_kernels import depth_ranges
+from carlaloc_env.core.jit import compiled
 
 TILE_PX = 32
 """Edge of a tile [px]."""
@@ -40,7 +40,7 @@ class DepthRange:
         """Ranges of a depth picture (H, W) with 0 = sky."""
         shape = tuple(-(-size // TILE_PX) for size in depth_m.shape)
         near, far, sky = np.empty(shape), np.empty(shape), np.empty(shape, bool)
-        depth_ranges(near, far, sky, depth_m, TILE_PX)
+        _depth_ranges(near, far, sky, depth_m, TILE_PX)
         return cls(near_m=near, far_m=far, sky=sky)
 
 
@@ -89,3 +89,34 @@ def every_tile(shape: tuple[int, ...]) -> NDArray[np.void]:
     tiles["cell"][:, 0] = np.tile(np.arange(columns), rows)
     tiles["cell"][:, 1] = np.repeat(np.arange(rows), columns)
     return tiles
+
+
+@compiled
+def _depth_ranges(
+    near_m: Array, far_m: Array, sky: NDArray[np.bool_], depth_m: NDArray[np.float32], tile_px: int
+) -> None:
+    """Write the nearest and farthest surface of every tile [m], inf and 0 where there is sky only.
+
+    Args:
+        near_m: Shape (R, C).
+        far_m: Shape (R, C).
+        sky: Whether some of the tile is sky, shape (R, C).
+        depth_m: Planar depth, 0 = sky, shape (H, W).
+        tile_px: Edge of a tile [px].
+    """
+    near_m[:] = np.inf
+    far_m[:] = 0.0
+    sky[:] = False
+    columns = depth_m.shape[1]
+    for v in range(depth_m.shape[0]):
+        row = v // tile_px
+        for column in range(near_m.shape[1]):
+            near, far, least = np.float32(np.inf), np.float32(0.0), np.float32(np.inf)
+            for u in range(column * tile_px, min(column * tile_px + tile_px, columns)):
+                depth = depth_m[v, u]
+                far = max(far, depth)
+                least = min(least, depth)
+                near = min(near, depth if depth > 0.0 else np.float32(np.inf))
+            near_m[row, column] = min(near_m[row, column], near)
+            far_m[row, column] = max(far_m[row, column], far)
+            sky[row, column] = sky[row, column] or least <= 0.0

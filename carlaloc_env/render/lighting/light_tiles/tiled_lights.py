@@ -24,7 +24,6 @@ from carlaloc_env.render.lighting.light_tiles.screen_tiles import (
     every_tile,
 )
 from carlaloc_env.render.lighting.light_tiles.surface_light_culling import keep_lit
-from carlaloc_env.render.lighting.light_tiles.tile_kernels import list_lights
 
 GLOW_CUTOFF = 0.004
 """Exposed radiance below which the glow of a lamp in the air is not followed."""
@@ -197,12 +196,12 @@ def _packed(
 ) -> LightGrid:
     tiles = every_tile(lamps.shape[:2])
     masks = (("glows", glowing), ("lamps", lamps), ("beams", beams))
-    count = [int(np.count_nonzero(mask)) for _, mask in masks]
-    entries = np.full(1 + sum(count), -1, dtype=np.intp)
+    lists = [np.array([-1], dtype=np.intp)]
     kind, begin = np.zeros(len(tiles), dtype=np.intp), 1
     for bit, (name, mask) in enumerate(masks):
-        ends = np.empty(len(tiles) + 1, dtype=np.uint32)
-        list_lights(entries, ends, mask.reshape(len(tiles), -1), begin)
+        owner, light = np.nonzero(mask.reshape(len(tiles), -1))
+        lists.append(light)
+        ends = begin + np.searchsorted(owner, np.arange(len(tiles) + 1))
         tiles[name] = np.column_stack([ends[:-1], ends[1:]])
         begin = int(ends[-1])
         kind |= (ends[1:] > ends[:-1]).astype(np.intp) << bit
@@ -217,6 +216,6 @@ def _packed(
         lights=lights,
         glow_range_m=glow,
         groups=TileGroups.sorted_by(tiles, kind, LOOPS, shown.ravel()),
-        entries=entries,
-        glow_count=1 + count[0],
+        entries=np.concatenate(lists),
+        glow_count=1 + len(lists[1]),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.worlds.plain_albedo import plain_albedo
 
 from carlaloc_env.core.errors import RenderError
 from carlaloc_env.core.geometry import transforms
@@ -12,7 +13,6 @@ from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.culling.triangle_culling import STILL, Body, TriangleCuller
 from carlaloc_env.render.geometry.gbuffer import GBuffer
-from carlaloc_env.render.geometry.material_table import plain_albedo
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
 from carlaloc_env.render.gl.context import create_context

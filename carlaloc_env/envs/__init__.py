@@ -1,0 +1,1 @@
+"""The Gymnasium environments: a town to drive in, a rig to see it with, a task to learn."""

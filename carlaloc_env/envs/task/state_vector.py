@@ -1,0 +1,250 @@
+"""The state vector: the car, the road and the others as one vector of numbers between −1 and 1."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.clock import STEP_NS
+from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.envs.task.neighbours import COLUMNS, Ego, first_in_path, put_neighbours
+from carlaloc_env.envs.task.task_world import TaskWorld
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.town.routing.route import Route
+from carlaloc_env.traffic.signals import SignalState
+
+ROUTE_AHEAD_M = (2.0, 4.0, 7.0, 11.0, 16.0, 22.0, 30.0, 40.0, 55.0, 75.0)
+"""Distances along the route at which it is told [m]."""
+SIGHT_M = 100.0
+"""Distance up to which lights and vehicles ahead are told [m]."""
+NEIGHBOURS = 16
+"""Road users that are told, the nearest first."""
+_STEP_S = STEP_NS * 1e-9
+_BACK_M = 4.0
+"""A stop line counts until the front bumper is so far beyond it [m]."""
+_KINDS = {Tag.PEDESTRIAN: 2, Tag.RIDER: 1, Tag.MOTORCYCLE: 1, Tag.BICYCLE: 1}
+"""Kind of a road user by its tag: 0 car, van, lorry or bus, 1 on two wheels, 2 on foot."""
+
+
+class Entry(NamedTuple):
+    """A number of the state vector."""
+
+    name: str
+    """Its name; the number of a point or of a road user follows it."""
+    scale: float
+    """What is told is the quantity over this, cut to −1…1."""
+    unit: str
+    """Unit of quantity and scale."""
+    meaning: str
+    """What it is."""
+
+
+EGO = (
+    Entry("speed", 40.0, "m/s", "forward speed"),
+    Entry("yaw_rate", 1.5, "rad/s", "turning to the left"),
+    Entry("road_wheel", 0.6, "rad", "angle of the front wheels, left positive"),
+    Entry("acceleration", 10.0, "m/s²", "change of the forward speed over the last step"),
+    Entry("lateral_acceleration", 10.0, "m/s²", "speed times yaw rate"),
+    Entry("lateral_offset", 5.0, "m", "distance to the left of the route"),
+    Entry("heading_error_sin", 1.0, "", "sine of the heading less the route's"),
+    Entry("heading_error_cos", 1.0, "", "cosine of the same"),
+    Entry("speed_limit", 40.0, "m/s", "limit here"),
+    Entry("speed_over_limit", 10.0, "m/s", "speed less the limit"),
+    Entry("standing", 60.0, "s", "time for which the car has been standing"),
+    Entry("to_go", 1000.0, "m", "distance to the end of the route"),
+)
+"""Of the car and the place where it is."""
+ROUTE = (
+    Entry("route_forward", 1.0, "", "distance ahead of the car over the distance along the route"),
+    Entry("route_left", 1.0, "", "distance to the left of the car over the distance along the route"),
+    Entry("route_curvature", 0.2, "1/m", "curvature, left positive"),
+    Entry("route_limit", 40.0, "m/s", "speed limit"),
+)
+"""Of every point of the route ahead, at `ROUTE_AHEAD_M`."""
+AHEAD = (
+    Entry("light_distance", SIGHT_M, "m", "from the front bumper to the next line with a light; 1 without"),
+    Entry("light_red", 1.0, "", "1 if it is red"),
+    Entry("light_yellow", 1.0, "", "1 if it is yellow"),
+    Entry("light_green", 1.0, "", "1 if it is green"),
+    Entry("gap", SIGHT_M, "m", "from the front bumper to the first road user in the route's path; 1 without"),
+    Entry("gap_closing", 20.0, "m/s", "speed of the car less that one's speed along the route"),
+)
+"""Of what lies ahead on the route."""
+NEIGHBOUR = (
+    Entry("forward", 50.0, "m", "centre, ahead of the car's centre"),
+    Entry("left", 50.0, "m", "centre, to the left"),
+    Entry("forward_velocity", 20.0, "m/s", "velocity relative to the car, ahead"),
+    Entry("left_velocity", 20.0, "m/s", "velocity relative to the car, to the left"),
+    Entry("heading_cos", 1.0, "", "cosine of its heading less the car's"),
+    Entry("heading_sin", 1.0, "", "sine of the same"),
+    Entry("length", 15.0, "m", "length"),
+    Entry("width", 3.0, "m", "width"),
+    Entry("is_vehicle", 1.0, "", "1 for cars, vans, lorries and buses"),
+    Entry("is_two_wheeler", 1.0, "", "1 for motorcycles and bicycles"),
+    Entry("is_walker", 1.0, "", "1 for people on foot"),
+)
+"""Of every one of the nearest road users; all 0 where there are fewer."""
+assert len(NEIGHBOUR) == COLUMNS
+
+
+def state_names() -> tuple[str, ...]:
+    """Names of all numbers of the vector, in order."""
+    route = [f"{entry.name}_{point}" for point in range(len(ROUTE_AHEAD_M)) for entry in ROUTE]
+    others = [f"neighbour_{number}_{entry.name}" for number in range(NEIGHBOURS) for entry in NEIGHBOUR]
+    return (*(entry.name for entry in EGO), *route, *(entry.name for entry in AHEAD), *others)
+
+
+def state_space() -> spaces.Box:
+    """Space of the vector."""
+    return spaces.Box(-1.0, 1.0, (len(state_names()),), np.float32)
+
+
+class StateVector:
+    """Tells the state of one drive; keeps what does not change from step to step."""
+
+    def __init__(self, world: TaskWorld) -> None:
+        """Begin a drive in a world that has just been reset."""
+        self._world = world
+        catalog = world.timeline.catalog
+        self._kind = np.array([_KINDS.get(Tag(tag), 0) for tag in catalog.tag.tolist()], np.int64)
+        self._size_m = np.ascontiguousarray(catalog.size_m[:, :2], np.float64)
+        self._neighbours = np.zeros((NEIGHBOURS, COLUMNS))
+        self._distance_m = np.zeros(NEIGHBOURS)
+        self._ahead_m = np.array(ROUTE_AHEAD_M)
+        self._scale = _scales()
+        self._speed_mps = self._speed_before_mps = world.state.speed_mps
+
+    def follow(self) -> None:
+        """Take note of 50 ms that have been driven."""
+        self._speed_before_mps, self._speed_mps = self._speed_mps, self._world.state.speed_mps
+
+    def observe(self, standing_s: float) -> NDArray[np.float32]:
+        """The vector now, each number in −1…1, shape (`len(state_names())`,).
+
+        Args:
+            standing_s: For how long the car has been standing [s].
+        """
+        world, state = self._world, self._world.state
+        route, s = world.route, world.route_s_m
+        ego = Ego(
+            x=float(state.position_m[0]),
+            y=float(state.position_m[1]),
+            z=float(state.position_m[2]),
+            cos=float(np.cos(state.heading_rad)),
+            sin=float(np.sin(state.heading_rad)),
+            speed_mps=state.speed_mps,
+            centre_m=EGO_REAR_M + 0.5 * EGO_SIZE_M[0],
+        )
+        parts = [
+            self._ego(standing_s),
+            _route_points(route, s, self._ahead_m, ego).ravel(),
+            self._ahead(route, s, ego),
+            self._others(ego).ravel(),
+        ]
+        return np.clip(np.concatenate(parts) / self._scale, -1.0, 1.0).astype(np.float32)
+
+    def _ego(self, standing_s: float) -> Array:
+        world, state, route = self._world, self._world.state, self._world.route
+        row = route.row_at(world.route_s_m)
+        limit = float(route.speed_limit_mps[row])
+        error = state.heading_rad - float(route.heading_rad[row])
+        yaw_rate = float(state.omega_body_radps[2])
+        to_go = route.length_m - world.route_s_m
+        return np.array(
+            [
+                state.speed_mps,
+                yaw_rate,
+                state.road_wheel_rad,
+                (state.speed_mps - self._speed_before_mps) / _STEP_S,
+                state.speed_mps * yaw_rate,
+                world.route_offset_m,
+                np.sin(error),
+                np.cos(error),
+                limit,
+                state.speed_mps - limit,
+                standing_s,
+                to_go,
+            ]
+        )
+
+    def _ahead(self, route: Route, s_m: float, ego: Ego) -> Array:
+        """Next light, and the first road user in the path."""
+        line_m, shown = self._next_light(s_m)
+        actors = self._world.actors()
+        gap_m, speed_mps = SIGHT_M, ego.speed_mps
+        if len(actors):
+            gap_m, speed_mps = first_in_path(
+                route.position_m,
+                route.heading_rad,
+                route.row_at(s_m),
+                route.step_m,
+                route.closed,
+                actors.position_m,
+                actors.heading_rad,
+                actors.speed_mps,
+                self._size_m,
+                SIGHT_M,
+                ego,
+            )
+        lit = [float(shown == state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN)]
+        return np.array([line_m, *lit, gap_m, ego.speed_mps - speed_mps])
+
+    def _next_light(self, s_m: float) -> tuple[float, int]:
+        lines, route = self._world.stop_lines, self._world.route
+        if not len(lines.s_m):
+            return SIGHT_M, 0
+        away = lines.s_m - (s_m % route.length_m if route.closed else s_m) - EGO_FRONT_M
+        if route.closed:
+            away = np.where(away < -_BACK_M, away + route.length_m, away)
+        away = np.where(away < -_BACK_M, np.inf, away)
+        nearest = int(np.argmin(away))
+        if away[nearest] > SIGHT_M:
+            return SIGHT_M, 0
+        return float(away[nearest]), int(self._world.signals()[lines.heads[nearest]].max())
+
+    def _others(self, ego: Ego) -> Array:
+        actors = self._world.actors()
+        if len(actors):
+            put_neighbours(
+                actors.position_m,
+                actors.heading_rad,
+                actors.speed_mps,
+                self._size_m,
+                self._kind,
+                ego,
+                self._distance_m,
+                self._neighbours,
+            )
+        return self._neighbours
+
+
+def _route_points(route: Route, s_m: float, ahead_m: Array, ego: Ego) -> Array:
+    """Rows of `ROUTE`, shape (P, 4); past the end of an open route, its last point."""
+    at = (s_m + ahead_m) / route.step_m
+    number = len(route.position_m)
+    row = at.astype(np.int64)
+    f = at - row
+    row = row % number if route.closed else np.minimum(row, number - 1)
+    after = (row + 1) % number if route.closed else np.minimum(row + 1, number - 1)
+    point = route.position_m[row, :2] + f[:, None] * (route.position_m[after, :2] - route.position_m[row, :2])
+    dx, dy = point[:, 0] - ego.x, point[:, 1] - ego.y
+    return np.stack(
+        [
+            (ego.cos * dx + ego.sin * dy) / ahead_m,
+            (ego.cos * dy - ego.sin * dx) / ahead_m,
+            route.curvature_radpm[row],
+            route.speed_limit_mps[row],
+        ],
+        axis=1,
+    )
+
+
+def _scales() -> Array:
+    ego, route, ahead, neighbour = (
+        [entry.scale for entry in part] for part in (EGO, ROUTE, AHEAD, NEIGHBOUR)
+    )
+    return np.array([*ego, *route * len(ROUTE_AHEAD_M), *ahead, *neighbour * NEIGHBOURS])

@@ -1,0 +1,267 @@
+"""Do moving objects and weather hurt here what they hurt in the CARLA-Loc paper? Writes docs/findings.md.
+
+python docs/findings/findings.py --work DIR         drives, replays, runs what is not done yet, then writes
+python docs/findings/findings.py SCORES [SCORES …]  only writes, from folders that `carlaloc benchmark` wrote
+
+A finding is the ratio of two conditions' errors, medians over runs, in every pair of a town; the paper's
+systems by its Tables II and IV (APE [m], one run each) and those of a benchmark. Nothing is claimed that less
+than two thirds of the pairs show, that rests on less than the spread of runs, or whose spread is known in
+less than two thirds of the pairs. Every step that is done is left alone by the next start, so that it may be
+ended at any time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from carlaloc_env import TOWNS
+from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from recorder.benchmark.cells import CONDITION, cells, ratios
+from recorder.benchmark.score import Score
+from recorder.benchmark.tables import (
+    cost_table,
+    counted,
+    error_table,
+    failure_table,
+    frame_of,
+    markdown_table,
+    times,
+    titles_of,
+)
+from recorder.slam.systems import SYSTEMS
+
+HERE = Path(__file__).resolve().parent
+PAGE = HERE.with_suffix(".md")
+LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
+CAMERA_METHODS = "stereo_vo"
+"""ORB-SLAM3 wants a Python and a vocabulary of its own: name them with --camera-methods."""
+BEGIN, END = "<!-- figures: made by docs/findings/findings.py -->", "<!-- end of figures -->"
+"""What stands between these lines of the page is written by `write_findings`, the rest by people."""
+_PAIRS_MIN, _SHARE = 3, 2 / 3
+_PATH = r"(?:/[\w.+-]+)+/([\w.+-]+)"
+
+
+def read_results(files: Sequence[Path]) -> pd.DataFrame:
+    """Runs of one or several benchmarks, from their ``results.csv``.
+
+    Raises:
+        EvaluationError: a file cannot be read, or is none.
+    """
+    scores = []
+    for file in files:
+        try:
+            table = pd.read_csv(file, dtype={"version": str}, keep_default_na=False, na_values=["nan"])
+            scores += [_score(row) for row in table.to_dict("records")]
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            raise EvaluationError(f"cannot read {file} ({error}); give a results.csv of benchmark") from error
+    if not scores:
+        raise EvaluationError("no runs; give folders that benchmark wrote")
+    return frame_of(scores)
+
+
+def _score(row: dict[Any, Any]) -> Score:
+    known = {field.name: row[field.name] for field in fields(Score) if field.name in row}
+    # Tables of before this column.
+    known.setdefault("visual", row["method"] in SYSTEMS and SYSTEMS[row["method"]].is_visual)
+    return Score(**known | {"failed": row["failed"] or None})
+
+
+def paper_runs() -> pd.DataFrame:
+    """The paper's tables as runs; weather of the LiDAR's is called ``-``, since it has none."""
+    tables = [pd.read_csv(HERE / "paper" / name) for name in ("visual.csv", "lidar.csv")]
+    runs = pd.concat([table.melt(CONDITION, var_name="method", value_name="word") for table in tables])
+    runs = runs.merge(pd.read_csv(HERE / "paper" / "systems.csv"), on="method")
+    ape_m = pd.to_numeric(runs["word"], errors="coerce")
+    return runs.assign(
+        ape_m=ape_m,
+        failed=ape_m.isna().map({True: "fail", False: None}),
+        visual=runs["kind"].str.startswith("stereo"),
+    )
+
+
+def verdict(ratio: Any) -> str:
+    """What a row of `ratios` shows, in words."""
+    if ratio.pairs < _PAIRS_MIN:
+        return f"{ratio.pairs} pair{'s' * (ratio.pairs > 1)}: too few"
+    if max(ratio.larger, ratio.smaller) < _SHARE * ratio.pairs:
+        return "no direction"
+    direction = "larger" if ratio.larger > ratio.smaller else "smaller"
+    if not ratio.repeated:
+        return f"{direction}; spread of runs not known"
+    if ratio.repeated < _SHARE * ratio.pairs:
+        return f"{direction}; spread of runs known in {ratio.repeated} of {ratio.pairs} pairs alone"
+    if ratio.within > (1 - _SHARE) * ratio.repeated:
+        return f"rests on less than the spread of runs ({ratio.within} of {ratio.repeated})"
+    return direction
+
+
+def findings_tables(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+    """A table for each comparison: the paper's systems first, then ours, of the same kind together."""
+    ours = runs.assign(kind=runs["method"].map(_kind))
+    tables = [_compared(paper_runs(), "paper"), _compared(ours, "here")]
+    every = pd.concat(tables).sort_values(["kind", "from", "system"], ascending=[True, False, True])
+    return [
+        (what, every[every["compared"] == what].drop(columns="compared"))
+        for what in sorted(set(tables[1]["compared"]), key=_order)
+    ]
+
+
+def _compared(runs: pd.DataFrame, source: str) -> pd.DataFrame:
+    ratio = ratios(cells(runs))
+    kinds = runs.drop_duplicates("method").set_index("method")["kind"]
+    return pd.DataFrame(
+        {
+            "compared": ratio["what"],
+            "kind": ratio["method"].map(kinds),
+            "system": ratio["method"].map(titles_of(runs)),
+            "from": source,
+            "median": times(ratio["median"]),
+            "range": times(ratio["low"]) + "–" + times(ratio["high"]),
+            "larger": counted(ratio["larger"], ratio["pairs"]),
+            "what it says": [verdict(row) for row in ratio.itertuples()],
+        }
+    )
+
+
+def _kind(method: str) -> str:
+    """What a system reads, in the words of the paper's table of systems."""
+    if method not in SYSTEMS:
+        return "own"
+    system = SYSTEMS[method]
+    # evalio wants the IMU of all of its pipelines, also of those that make no use of it.
+    return ("stereo" if system.is_visual else "LiDAR") + ("-inertial" if "inertial" in system.what else "")
+
+
+def _order(what: str) -> tuple[int, str]:
+    return (0 if what.startswith("dynamic") else 1 if what.startswith("seg") else 2), what
+
+
+def findings_text(runs: pd.DataFrame) -> str:
+    """All figures as Markdown, without paths of the machine that found them."""
+    # To lack labels or a bag is no failure of a system.
+    runs = runs[~runs["failed"].fillna("").str.contains("; replay ", regex=False)]
+    runs = runs.assign(failed=runs["failed"].str.replace(_PATH, r"\1", regex=True))
+    paper = paper_runs()
+    parts: list[str] = []
+    for what, table in findings_tables(runs):
+        parts += [f"### APE {what}", "", markdown_table(table), ""]
+    for name, visual in (("visual", True), ("LiDAR", False)):
+        ours, theirs = (part[part["visual"] == visual] for part in (runs, paper))
+        if len(ours):
+            table = error_table(ours, by_weather=visual)
+            parts += [f"### APE of {name} systems [m], RMSE", "", markdown_table(table), ""]
+            parts += ["The paper's:", "", markdown_table(error_table(theirs, by_weather=visual)), ""]
+    for title, table in (("What the runs cost", cost_table(runs)), ("Why runs failed", failure_table(runs))):
+        if len(table):
+            parts += [f"### {title}", "", markdown_table(table), ""]
+    return "\n".join(parts)
+
+
+def write_findings(runs: pd.DataFrame, page: Path) -> None:
+    """Put the figures into a page, in the place of older ones.
+
+    Raises:
+        EvaluationError: the page has no place for them, or cannot be written.
+    """
+    try:
+        text = page.read_text(encoding="utf-8")
+        before, rest = text.split(BEGIN)
+        after = rest.split(END)[1]
+        page.write_text(f"{before}{BEGIN}\n\n{findings_text(runs)}\n{END}{after}", encoding="utf-8")
+    except (OSError, ValueError, IndexError) as error:
+        raise EvaluationError(f"{page} cannot be written or lacks the line {BEGIN} or {END}") from error
+
+
+def main() -> None:
+    """Make what is missing and write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("scores", type=Path, nargs="*", help="folders of results")
+    parser.add_argument("--work", type=Path, help="folder for drives, data and results")
+    parser.add_argument("--lidar-s", type=float, default=60.0, help="length of a drive [s]")
+    parser.add_argument("--camera-s", type=float, default=30.0, help="length of its pictures [s]; 0: none")
+    parser.add_argument("--runs", type=int, default=1, help="repetitions of each run")
+    parser.add_argument("--noise-seeds", type=int, default=3, help="seeds of sensor noise")
+    parser.add_argument("--workers", type=int, default=1, help="runs at a time, on cores of their own")
+    parser.add_argument("--lidar-methods", default=LIDAR_METHODS)
+    parser.add_argument("--camera-methods", default=CAMERA_METHODS)
+    parser.add_argument("--keep-data", action="store_true", help="keep sequences once they are scored")
+    parser.add_argument("--page", type=Path, default=PAGE)
+    arguments = parser.parse_args()
+    folders = list(arguments.scores)
+    if arguments.work is not None:
+        for town in TOWNS:
+            folders += _scored(town, arguments)
+    if not folders:
+        parser.error("give folders of results, or --work")
+    try:
+        write_findings(read_results([folder / "results.csv" for folder in folders]), arguments.page)
+    except CarlaLocError as error:
+        sys.exit(f"findings: {error}")
+    print(arguments.page)
+
+
+def _scored(town: str, arguments: argparse.Namespace) -> list[Path]:
+    """Folders of results of one town, made where they are missing."""
+    work: Path = arguments.work
+    drive = work / f"{town}.mcap"
+    if not drive.exists():
+        _carlaloc("record", "--map", town, "--duration", f"{arguments.lidar_s}", "--out", str(drive))
+    lidar = ["--rig", "lidar", "--weather", "ClearNoon", "--format", "rosbag1", "--topics", "standard"]
+    found = [_benchmark(work, town, "lidar", lidar, arguments.lidar_methods, arguments)]
+    if arguments.camera_s > 0:
+        # Standing at the start would tell nothing; an IMU that starts later than the pictures neither.
+        window = ["--start", "5", "--duration", f"{arguments.camera_s}"]
+        camera = [
+            "--rig",
+            "flu",
+            "--weather",
+            "ClearNoon,FoggyNoon,RainyNight",
+            "--format",
+            "rosbag1,euroc",
+            "--topics",
+            "slam",
+        ]
+        found.append(_benchmark(work, town, "camera", camera + window, arguments.camera_methods, arguments))
+    return found
+
+
+def _benchmark(
+    work: Path, town: str, kind: str, options: list[str], methods: str, arguments: argparse.Namespace
+) -> Path:
+    """Replay and score; a folder that is there is whole, since it gets its name at the end."""
+    out, data, part = (work / f"{prefix}.{kind}.{town}" for prefix in ("scores", "data", "part"))
+    if out.exists():
+        return out
+    if not (data / "whole").exists():
+        drive = str(work / f"{town}.mcap")
+        common = ["--traffic", "static,dynamic", "--no-preview", "--noise-seeds", f"{arguments.noise_seeds}"]
+        _carlaloc("replay", drive, "--out", str(data), *options, *common)
+        (data / "whole").touch()
+    often = ["--runs", f"{arguments.runs}", "--workers", f"{arguments.workers}"]
+    _carlaloc("benchmark", str(data), "--out", str(part), "--methods", methods, *often)
+    part.rename(out)
+    if not arguments.keep_data:
+        shutil.rmtree(data)
+    return out
+
+
+def _carlaloc(*words: str) -> None:
+    print("carlaloc", *words, flush=True)
+    status = subprocess.run([sys.executable, "-m", "recorder.cli.main", *words], check=False).returncode
+    if status:
+        sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,212 @@
+"""A SLAM system in a process of its own: with a time limit, on its own cores, and with what it cost."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
+
+LOG = "log.txt"
+"""File with all that a system prints."""
+_POLL_S = 0.05
+_ERROR_LINE = 300
+"""Longest text of an error that is kept [characters]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRecord:
+    """What a run cost and how it ended."""
+
+    error: str | None
+    """Why there is no estimate, in a line; None: there is one."""
+    wall_s: float
+    """Time on the clock, start of the process and reading included [s]."""
+    cpu_s: float
+    """Processor time of the process and its children [s]."""
+    peak_memory_mb: float
+    """Largest resident memory [MB]."""
+    cores: int
+    """Cores that it could use."""
+    version: str = ""
+    """Version of the system."""
+    frames: int = 0
+    """Frames that it was fed with."""
+    frame_median_s: float = float("nan")
+    """Median time of a frame, reading left out [s]."""
+    frame_p99_s: float = float("nan")
+    """Time that 99 % of the frames stay below [s]."""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The record as JSON values."""
+        return asdict(self)
+
+
+def run_isolated(
+    method: str,
+    sequence: Path,
+    out: Path,
+    *,
+    cloud: str,
+    limit_s: float,
+    cores: tuple[int, ...] = (),
+    stop: threading.Event | None = None,
+) -> RunRecord:
+    """Run a system over a sequence; its record says how it ended, whatever happens to it.
+
+    Args:
+        method: Name or file of a system, see `recorder.slam.systems.system_of`.
+        sequence: Folder of the sequence.
+        out: Folder for ``estimate.tum``, ``frames.csv``, ``facts.json`` and ``log.txt``.
+        cloud: Which points sweeps hold, see `SlamSequence`.
+        limit_s: Longest time on the clock [s].
+        cores: Cores that it may use; empty: all.
+        stop: Ends the run when it is set.
+
+    Raises:
+        KeyboardInterrupt: it was stopped.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    for name in (ESTIMATE, FACTS, FRAMES):
+        (out / name).unlink(missing_ok=True)
+    job = {"method": method, "sequence": str(sequence.resolve()), "cloud": cloud, "out": str(out.resolve())}
+    (out / "job.json").write_text(json.dumps(job) + "\n", encoding="utf-8")
+    threads = str(len(cores) or os.cpu_count() or 1)
+    environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
+    began = time.monotonic()
+    with (out / LOG).open("wb") as log:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "recorder.slam.worker", str(out / "job.json")],
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,
+        )
+        if cores and hasattr(os, "sched_setaffinity"):
+            os.sched_setaffinity(child.pid, cores)
+        memory = _PeakMemory(child.pid)
+        status, usage = _wait(child, began + limit_s, stop, memory)
+    ended = _Ended(status, usage.ru_utime + usage.ru_stime, memory.peak_mb, time.monotonic() - began)
+    return _record(out, ended, limit_s, int(threads))
+
+
+class _PeakMemory:
+    """Largest resident memory of a process and those that it has started, asked for while they run.
+
+    What the system tells of an ended child counts its parent's memory as well: it is taken before `exec`.
+    """
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self.peak_mb = float("nan")
+
+    def look(self) -> None:
+        """Ask once more; a system without ``/proc`` gives NaN."""
+        found = [_high_water_mb(pid) for pid in (self._pid, *_descendants(self._pid))]
+        self.peak_mb = float(np.nanmax([self.peak_mb, sum(found)])) if found[0] else self.peak_mb
+
+
+def _high_water_mb(pid: int) -> float:
+    """Largest resident memory of one process so far [MB]; 0: it has ended."""
+    with suppress(OSError, ValueError):
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return float(line.split()[1]) / 1024.0
+    return 0.0
+
+
+def _descendants(pid: int) -> list[int]:
+    """Processes below one."""
+    found: list[int] = []
+    with suppress(OSError, ValueError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            for child in (task / "children").read_text().split():
+                found += [int(child), *_descendants(int(child))]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Ended:
+    """How a process ended: exit status (None: past its limit), and what it used."""
+
+    status: int | None
+    cpu_s: float
+    peak_mb: float
+    wall_s: float
+
+
+def _wait(
+    child: subprocess.Popen[bytes], until: float, stop: threading.Event | None, memory: _PeakMemory
+) -> tuple[int | None, Any]:
+    """Exit status (None: past its limit and ended) and what the process used."""
+    try:
+        while True:
+            memory.look()
+            pid, status, usage = os.wait4(child.pid, os.WNOHANG)
+            if pid:
+                child.returncode = os.waitstatus_to_exitcode(status)
+                return child.returncode, usage
+            if time.monotonic() > until:
+                return None, _ended(child)
+            if stop is not None and stop.is_set():
+                raise KeyboardInterrupt
+            time.sleep(_POLL_S)
+    except BaseException:
+        _ended(child)
+        raise
+
+
+def _ended(child: subprocess.Popen[bytes]) -> Any:
+    os.killpg(child.pid, signal.SIGKILL)
+    _, status, usage = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    return usage
+
+
+def _record(out: Path, ended: _Ended, limit_s: float, cores: int) -> RunRecord:
+    error: str | None = None
+    status, log = ended.status, out / LOG
+    if status is None:
+        error = f"ended after its time limit of {limit_s:.0f} s"
+    elif status < 0:
+        error = f"crashed by {signal.Signals(-status).name}: {last_line(log) or 'it printed nothing'}"
+    elif status > 0:
+        error = last_line(log) or f"ended with {status} and printed nothing"
+    facts: dict[str, Any] = {}
+    times = np.zeros(0)
+    if error is None:
+        facts = json.loads((out / FACTS).read_text(encoding="utf-8"))
+        rows = (out / FRAMES).read_text(encoding="utf-8").splitlines()[1:]
+        times = np.array([float(row.split(",")[0]) for row in rows])
+    return RunRecord(
+        error=error,
+        wall_s=ended.wall_s,
+        cpu_s=ended.cpu_s,
+        peak_memory_mb=ended.peak_mb,
+        cores=cores,
+        version=str(facts.get("version", "")),
+        frames=int(facts.get("frames", 0)),
+        frame_median_s=float(np.median(times)) if len(times) else float("nan"),
+        frame_p99_s=float(np.percentile(times, 99)) if len(times) else float("nan"),
+    )
+
+
+def last_line(log: Path, *, but: str = "") -> str:
+    """Last line that a system printed and that an error, `but`, does not hold already; empty: none."""
+    try:
+        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    printed = [line.strip()[:_ERROR_LINE] for line in lines if line.strip()]
+    return next((line for line in reversed(printed) if line not in but), "")

@@ -1,0 +1,89 @@
+"""The process in which a SLAM system runs: ``python -m recorder.slam.worker job.json``.
+
+Nothing else imports a system's library, so that its licence, its crashes and its memory stay in here.
+"""
+
+from __future__ import annotations
+
+import json
+import runpy
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from recorder.dataset.sequence import SlamSequence
+from recorder.evaluation.trajectory import Trajectory
+from recorder.evaluation.trajectory_files import write_tum
+from recorder.slam.system import FrameClock, Runner, StampedPose, System
+from recorder.slam.system_file import read_system_file
+from recorder.slam.systems import system_of
+
+ESTIMATE, FRAMES, FACTS = "estimate.tum", "frames.csv", "facts.json"
+"""Files that it leaves: poses, times of frames, version and counts."""
+
+
+def main(job_file: str) -> int:
+    """Run one job; what went wrong is the last line on stderr."""
+    job = json.loads(Path(job_file).read_text(encoding="utf-8"))
+    try:
+        run_job(job)
+    except CarlaLocError as error:
+        print(error, file=sys.stderr)  # noqa: T201
+        return 1
+    return 0
+
+
+def run_job(job: dict[str, Any]) -> None:
+    """Feed a sequence to a system and write its poses, times and version.
+
+    Args:
+        job: ``method``, ``sequence``, ``cloud`` and ``out``.
+
+    Raises:
+        CarlaLocError: the sequence lacks what the system needs, or the system gave no pose.
+    """
+    out = Path(job["out"])
+    system = system_of(job["method"])
+    sequence = SlamSequence(Path(job["sequence"]), cloud=job["cloud"])
+    clock = FrameClock()
+    poses = _runner(system, job["method"])(sequence, clock)
+    offset_ns = round(system.instant * sequence.lidar.sweep_ns) if "lidar" in system.needs else 0
+    write_tum(out / ESTIMATE, _trajectory(poses, offset_ns, system))
+    rows = [f"{w:.6f},{c:.6f}" for w, c in zip(clock.wall_s, clock.cpu_s, strict=True)]
+    (out / FRAMES).write_text("\n".join(["wall [s],cpu [s]", *rows]) + "\n", encoding="utf-8")
+    version = ", ".join([system.version, *clock.notes])
+    facts = {"version": version, "frames": len(clock.wall_s), "poses": len(poses)}
+    (out / FACTS).write_text(json.dumps(facts) + "\n", encoding="utf-8")
+
+
+def _runner(system: System, word: str) -> Runner:
+    if word.endswith((".yaml", ".yml")):
+        return read_system_file(Path(word)).run
+    module, name = system.runner.split(":")
+    found = runpy.run_path(word)[name] if word.endswith(".py") else getattr(import_module(module), name)
+    return cast(Runner, found)
+
+
+def _trajectory(poses: list[StampedPose], offset_ns: int, system: System) -> Trajectory:
+    if not poses:
+        raise EvaluationError(f"{system.title} gave no pose")
+    T = np.stack([pose for _, pose in poses])
+    finite = np.isfinite(T).all(axis=(1, 2))
+    if not finite.any():
+        raise EvaluationError(f"{system.title} gave no pose that is finite")
+    stamp = np.array([stamp for stamp, _ in poses], np.int64)[finite] + offset_ns
+    return Trajectory(
+        stamp_ns=stamp,
+        position_m=T[finite, :3, 3].copy(),
+        quat_xyzw=matrix_to_quat(T[finite, :3, :3]),
+        name=system.title,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

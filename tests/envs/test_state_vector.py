@@ -1,0 +1,146 @@
+"""The state vector and the bird's-eye view against geometry done another way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.geometry.transforms import wrap_angle
+from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
+from carlaloc_env.envs.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX
+from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, state_names
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.traffic.signals import SignalState
+
+GO = np.array([0.0, 0.45], np.float32)
+
+
+@pytest.fixture(scope="module")
+def env() -> Iterator[CarlaLocEnv]:
+    """Town03 among traffic, with the truth about all others."""
+    made = CarlaLocEnv(map="Town03", rig="bev", info=("truth", "objects"))
+    yield made
+    made.close()
+
+
+def _told(vector: np.ndarray) -> dict[str, float]:
+    return dict(zip(state_names(), vector.tolist(), strict=True))
+
+
+def _steps(env: CarlaLocEnv, seed: int, steps: int) -> tuple[dict[str, np.ndarray], dict[str, object]]:
+    observation, info = env.reset(seed=seed)
+    for _ in range(steps):
+        observation, _, ended, _, info = env.step(GO)
+        assert not ended
+    return observation, info
+
+
+@pytest.mark.parametrize(("seed", "steps"), [(1, 5), (2, 40), (3, 60)])
+def test_neighbours_are_those_of_the_truth(env: CarlaLocEnv, seed: int, steps: int) -> None:
+    """Complex numbers in place of sines and cosines."""
+    observation, info = _steps(env, seed, steps)
+    objects, truth = info["objects"], info["truth"]
+    told = _told(observation["state"])
+    state = env.world.state
+    turn = np.exp(-1j * state.heading_rad)
+    centre = complex(*state.position_m[:2]) + (EGO_REAR_M + 0.5 * EGO_SIZE_M[0]) / turn
+    at = objects.position_m[:, 0] + 1j * objects.position_m[:, 1]
+    relative = (at - centre) * turn
+    level = np.abs(objects.position_m[:, 2] - objects.size_m[:, 2] / 2 - truth.position_m[2]) < 3.0
+    order = [n for n in np.argsort(np.abs(relative)) if level[n] and abs(relative[n]) < 49.0][:NEIGHBOURS]
+    assert len(order) >= 2
+    for number, n in enumerate(order):
+        place = complex(told[f"neighbour_{number}_forward"], told[f"neighbour_{number}_left"]) * 50.0
+        # The middle of a box leans with the ground that it stands on.
+        assert place == pytest.approx(relative[n], abs=0.1)
+        on_foot = objects.tag[n] == Tag.PEDESTRIAN
+        assert told[f"neighbour_{number}_is_walker"] == float(on_foot)
+        assert told[f"neighbour_{number}_length"] * 15.0 == pytest.approx(objects.size_m[n, 0], abs=1e-5)
+        moved = complex(*objects.velocity_mps[n, :2]) * turn - state.speed_mps
+        velocity = complex(
+            told[f"neighbour_{number}_forward_velocity"], told[f"neighbour_{number}_left_velocity"]
+        )
+        assert velocity * 20.0 == pytest.approx(moved, abs=0.35)
+
+
+def test_the_car_and_its_route_are_those_of_the_world(env: CarlaLocEnv) -> None:
+    observation, _ = _steps(env, 2, 40)
+    told, world = _told(observation["state"]), env.world
+    assert told["speed"] * 40.0 == pytest.approx(world.state.speed_mps, abs=1e-4)
+    assert told["lateral_offset"] * 5.0 == pytest.approx(world.route_offset_m, abs=1e-4)
+    assert told["to_go"] == pytest.approx(
+        min((world.route.length_m - world.route_s_m) / 1000.0, 1.0), abs=1e-4
+    )
+    here = world.route.at(world.route_s_m)
+    error = np.arctan2(told["heading_error_sin"], told["heading_error_cos"])
+    assert error == pytest.approx(wrap_angle(world.state.heading_rad - here.heading_rad[0]), abs=2e-3)
+    turn = np.exp(-1j * world.state.heading_rad)
+    for number, ahead_m in enumerate(ROUTE_AHEAD_M):
+        point = world.route.at(world.route_s_m + ahead_m)
+        expected = (complex(*point.position_m[0, :2]) - complex(*world.state.position_m[:2])) * turn / ahead_m
+        found = complex(told[f"route_forward_{number}"], told[f"route_left_{number}"])
+        assert found == pytest.approx(expected, abs=5e-3)
+
+
+def test_gap_and_light_are_what_a_driver_sees(env: CarlaLocEnv) -> None:
+    """`DriverView` samples the route by the metre; crossing traffic, which it also heeds, comes nearer."""
+    compared = lights = 0
+    for seed in range(4):
+        env.reset(seed=seed)
+        for _ in range(6):
+            for _ in range(15):
+                observation, _, ended, _, _ = env.step(GO)
+                if ended:
+                    break
+            if ended:
+                break
+            told, view = _told(observation["state"]), env.world.driver_view()
+            gap_m = told["gap"] * SIGHT_M
+            if view.leader_gap_m is not None and gap_m < SIGHT_M - 1.0:
+                assert gap_m > view.leader_gap_m - 1.5
+                compared += abs(gap_m - view.leader_gap_m) < 1.5
+            if view.stop_line_distance_m is not None and abs(view.stop_line_distance_m) < SIGHT_M - 1.0:
+                assert told["light_distance"] * SIGHT_M == pytest.approx(view.stop_line_distance_m, abs=0.1)
+                red, yellow = view.signal_state == SignalState.RED, view.signal_state == SignalState.YELLOW
+                assert (told["light_red"], told["light_yellow"]) == (float(red), float(yellow))
+                lights += 1
+    assert compared >= 5
+    assert lights >= 5
+
+
+def test_a_straight_road_from_above(straight_map: Path) -> None:
+    """One lane of 3.5 m whose middle the car follows: rows, columns and areas are plain arithmetic."""
+    env = CarlaLocEnv(map=straight_map, rig="bev", traffic="empty")
+    observation, _ = env.reset(seed=0)
+    picture = observation["bev"]
+    road, lanes, route = (picture[..., CHANNELS.index(name)] for name in ("road", "lanes", "route"))
+    # The lane begins at the car's start and runs 300 m ahead of it.
+    start_row = AHEAD_M / PX_M
+    ahead = road[: int(start_row) - 2]
+    assert np.abs(ahead.astype(bool).sum(axis=1) - 3.5 / PX_M).max() < 1.01
+    columns = np.flatnonzero(road[10])
+    assert columns.mean() + 0.5 == pytest.approx(SIZE_PX / 2, abs=0.6)
+    assert np.abs(np.flatnonzero(lanes[10]) + 0.5 - SIZE_PX / 2).max() == pytest.approx(1.75 / PX_M, abs=1.0)
+    assert route[10, SIZE_PX // 2] == 255
+    assert not picture[..., CHANNELS.index("actors")].any()
+    env.close()
+
+
+def test_road_users_from_above_stand_where_the_vector_says(env: CarlaLocEnv) -> None:
+    seen = 0
+    for seed in range(8):
+        observation, _ = env.reset(seed=seed, options={"route": "random"})
+        told, actors = _told(observation["state"]), observation["bev"][..., CHANNELS.index("actors")]
+        for number in range(NEIGHBOURS):
+            ahead = told[f"neighbour_{number}_forward"] * 50.0 + EGO_REAR_M + 0.5 * EGO_SIZE_M[0]
+            left = told[f"neighbour_{number}_left"] * 50.0
+            row, column = (AHEAD_M - ahead) / PX_M, SIZE_PX / 2 - left / PX_M
+            inside = 3 < row < SIZE_PX - 3 and 3 < column < SIZE_PX - 3
+            if told[f"neighbour_{number}_is_vehicle"] and inside:
+                assert actors[int(row), int(column)] == 255
+                seen += 1
+    assert seen >= 3

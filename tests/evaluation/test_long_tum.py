@@ -1,0 +1,80 @@
+"""Long TUM files, which Arrow reads: every bit as in the reading line by line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from carlaloc_env.core.errors import EvaluationError
+from recorder.evaluation import trajectory_files
+from recorder.evaluation.trajectory_files import read_tum
+
+pytest.importorskip("pyarrow")
+
+
+@pytest.fixture(autouse=True)
+def all_are_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trajectory_files, "_LONG_BYTES", 0)
+
+
+@pytest.fixture
+def line_by_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The reading line by line is forbidden."""
+
+    def forbidden(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(trajectory_files, "_rows", forbidden)
+
+
+def _written(folder: Path, text: str) -> Path:
+    (folder / "a.tum").write_bytes(text.encode())
+    return folder / "a.tum"
+
+
+def _of_python(text: str) -> tuple[list[int], list[list[float]]]:
+    rows = [line.split() for line in text.splitlines() if line and line[0] != "#"]
+    stamps = [int(s) * 10**9 + int(f.ljust(9, "0")) for s, _, f in (row[0].partition(".") for row in rows)]
+    return stamps, [[float(word) for word in row[1:4]] for row in rows]
+
+
+@pytest.mark.usefixtures("line_by_line")
+@pytest.mark.parametrize("form", ["{!r}", "{:.9f}", "{:.6e}", "{:.17g}", "{:.40f}"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_stamps_and_numbers_are_those_of_python(tmp_path: Path, form: str, end: str) -> None:
+    draw = np.random.default_rng(3)
+    table = draw.normal(size=(3000, 3)) * 10.0 ** draw.integers(-30, 5, (3000, 3))
+    stamps = np.sort(draw.choice(9 * 10**18, 3000, replace=False)).tolist()
+    words = [f"{stamp // 10**9}.{stamp % 10**9:09d}" for stamp in stamps]
+    words[1::2] = [word[:-3] for word in words[1::2]]
+    lines = [f"{s} " + " ".join(map(form.format, row)) for s, row in zip(words, table.tolist(), strict=True)]
+    text = end.join(["# a comment", "#", *(f"{line} 0 0 0 1" for line in lines)])
+    read = read_tum(_written(tmp_path, text))
+    assert (read.stamp_ns.tolist(), read.position_m.tolist()) == _of_python(text)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1672531200000000000 1 2 3 0 0 0 1\n",
+        "1672531200000000000 0.5 2 3 0 0 0 1",
+        "-1.5  1 2 3 0 0 0 +1\n# a comment\n2.5\t1 2 3 0 0 0 1\n",
+        "1.0000000004 1 2 3 0 0 0 1\n",
+    ],
+)
+def test_other_files_are_read_line_by_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+) -> None:
+    path = _written(tmp_path, text)
+    first = read_tum(path)
+    monkeypatch.setattr(trajectory_files, "_LONG_BYTES", 1 << 30)
+    assert first.stamp_ns.tolist() == read_tum(path).stamp_ns.tolist()
+    assert first.position_m.tolist() == read_tum(path).position_m.tolist()
+
+
+@pytest.mark.parametrize("end", ["", "7 8", "x", "1e", "NA", "1.2.3"])
+def test_a_wrong_line_is_named(tmp_path: Path, end: str) -> None:
+    with pytest.raises(EvaluationError, match=r"a\.tum line 3 is not"):
+        read_tum(_written(tmp_path, f"# time\n0.5 1 2 3 0 0 0 1\n1.5 1 2 3 0 0 0 {end}\n"))

@@ -1,0 +1,47 @@
+"""The towns of the package are those that their hashes name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from shared_fixtures.worlds.small_towns import Built
+
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.town.build import load_town
+from carlaloc_env.town.town_hash import town_hash
+from carlaloc_env.town.town_roads import TownRoads
+
+HASHES = {
+    "Town01": "9853b496d60f11d1773f0eaab2e03bcb",
+    "Town03": "7f661527708167652fbd47a1ce059f35",
+    "Town04": "6777d852956710f420e19788ca498f1a",
+    "Town05": "1f5d3f80af797262ec6a53d861456ec1",
+    "Town06": "8aebcf79cfd0ce57c070bf94f2f778c8",
+    "Town07": "b7c805e65c28c9a8987036590de0fd86",
+    "Town10": "1555aef2f126324d4dc96b459156d3d1",
+}
+"""A town that changes makes all its episodes useless: it needs a line in the changelog, and its hash here."""
+LONG = ("Town04", "Town06")
+"""Towns that no other test of `make test` builds."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.soak) if name in LONG else name for name in HASHES]
+)
+def test_towns_are_those_that_drives_were_recorded_in(name: str) -> None:
+    assert load_town(name).town_hash == HASHES[name]
+
+
+def test_what_is_driven_on_or_hit_counts_and_what_is_seen_does_not(river: Built) -> None:
+    outline = river.scenery
+    assert outline is not None
+    roads = TownRoads(network=river.network, geo=GeoReference(latitude_deg=1.0, longitude_deg=2.0))
+    before = town_hash(roads, outline)
+    moved = outline.collision_vertices_m.copy()
+    moved[7, 2] = np.nextafter(moved[7, 2], np.inf)
+    assert town_hash(roads, replace(outline, collision_vertices_m=moved)) != before
+    elsewhere = GeoReference(latitude_deg=1.0, longitude_deg=2.1)
+    assert town_hash(replace(roads, geo=elsewhere), outline) != before
+    assert town_hash(roads, replace(outline, lamps_m=outline.lamps_m + 1.0)) == before
