@@ -41,7 +41,7 @@ def sense() -> None:
     turned = rpy_to_quat(np.zeros(41), -place.pitch_rad, place.heading_rad)
     timeline = Timeline(empty_catalog(), ego=EgoTrack.from_arrays(place.position_m, turned))
     for _ in range(5):
-        timeline.append_step(empty_frame(), np.ones(int(town.lenses.signal.max()) + 1, np.uint8))
+        timeline.append_step(empty_frame(), np.ones(int(town.outline.lenses.signal.max()) + 1, np.uint8))
     stage = SensorStage(town, seed=1, weather=weather_by_name("HardRainNight"), quality="low")
     small_cameras(rig_by_name("paper")).build(stage).measure(timeline, -1, 100_000_000)
     stage.close()
