@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.core.names import is_name
-from carlaloc_env.town.sources import TownId, find_town, identify_town
+from carlaloc_env.town.sources import TownId, find_town, identify_town, known_towns
 from recorder.episode.episode import Episode
 
 if TYPE_CHECKING:
@@ -41,6 +41,10 @@ def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
             raise EpisodeError(
                 f"{episode.path}: {error}; if it was driven on a file, give that with --map FILE.xodr"
             ) from error
+    if {town.name, header.map_name} <= set(known_towns()) and town.name != header.map_name:
+        raise EpisodeError(
+            f"{episode.path} was driven in {header.map_name}, not in {town.name}; leave out --map, or give its map"
+        )
     if header.town_hash:
         # Here, since what loads towns takes a second to import.
         from carlaloc_env.town.build import kept_town_hash

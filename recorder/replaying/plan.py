@@ -184,11 +184,12 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     """
     check_output_folder(config.out)
     conditions = conditions_of(config.weathers, config.traffic)
+    rig = rig_of(config)
     episode = Episode.load(config.episode)
-    town = town_id_of(episode, config.map)
     timeline = episode.timeline()
     span, cameras = _spans(config, timeline)
-    rig = rig_of(config)
+    # Last, since it may ask the cache for the town, which imports what builds towns.
+    town = town_id_of(episode, config.map)
     seed = episode.header.seed if config.seed is None else config.seed
     recipe = Recipe(
         episode=config.episode.resolve(),

@@ -47,7 +47,7 @@ def drive_in(town: Path, path: Path) -> Episode:
 
 
 def files_of(cache: Path) -> list[Path]:
-    return [path for path in cache.rglob("*") if path.is_file()]
+    return [path for path in cache.rglob("*") if path.is_file() and path.suffix != ".lock"]
 
 
 def test_its_name_is_read_and_nothing_is_built(
