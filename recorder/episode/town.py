@@ -43,7 +43,7 @@ def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
             ) from error
     if {town.name, header.map_name} <= set(known_towns()) and town.name != header.map_name:
         raise EpisodeError(
-            f"{episode.path} was driven in {header.map_name}, not in {town.name}; leave out --map, or give its map"
+            f"{episode.path} was driven in {header.map_name}, not in {town.name}; leave out --map"
         )
     if header.town_hash:
         # Here, since what loads towns takes a second to import.
