@@ -59,7 +59,7 @@ def test_an_episode_names_no_map_by_path(short_drive: Path, tmp_path: Path) -> N
 
 def test_another_map_than_the_driven_one_is_refused(short_drive: Path, tmp_path: Path) -> None:
     episode = Episode.load(short_drive)
-    with pytest.raises(EpisodeError, match="another version of Town05"):
+    with pytest.raises(EpisodeError, match="driven in Town03, not in Town05"):
         town_id_of(episode, "Town05")
 
 
