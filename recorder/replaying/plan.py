@@ -188,7 +188,6 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     episode = Episode.load(config.episode)
     timeline = episode.timeline()
     span, cameras = _spans(config, timeline)
-    # Last, since it may ask the cache for the town, which imports what builds towns.
     town = town_id_of(episode, config.map)
     seed = episode.header.seed if config.seed is None else config.seed
     recipe = Recipe(
@@ -215,6 +214,7 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     if config.cluster is None:
         weathers = len(conditions) // len(recipe.levels)
         check_memory(rig, quality=config.quality, weathers=weathers, processes=plan.processes)
+    # Last, since it imports what builds towns.
     check_kept_town(episode, town)
     return plan
 
