@@ -48,9 +48,8 @@ def main(drive: Path, out: Path = Path("laser.bag")) -> int:
     rule = TopicRule(sample=Ranges, stream="*", topic="/{}/scan", message="laser_scan")
     PROFILES["mine"] = TopicProfile(name="mine", rules=(rule,))
     episode, config = Episode.load(drive), SensorRig.from_yaml(RIG)
-    timeline = episode.timeline()
     stage = SensorStage(town_of(episode), seed=1, weather=weather_by_name("ClearNoon"))
-    scans = config.build(stage).measure(timeline, -1, timeline.end_ns)
+    scans = config.build(stage).measure(episode.timeline(), -1, episode.timeline().end_ns)
     with Rosbag1Writer(out, Ros1Encoder(RigCalibration.from_configs(config.sensors), profile="mine")) as bag:
         for scan in scans:
             bag.write(scan)

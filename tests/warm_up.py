@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from shared_fixtures.drives.drives import small_cameras
+from shared_fixtures.worlds.maps import VILLAGE
 
 from carlaloc_env.core.geometry.transforms import rpy_to_quat
 from carlaloc_env.rigs.presets import rig_by_name
@@ -34,14 +35,14 @@ def drive() -> None:
 
 
 def sense() -> None:
-    """What a car that stands in Town03 senses in a tenth of a second of a rainy night."""
-    town = load_town("Town03")
+    """What a car that stands in a village senses in a tenth of a second of a rainy night."""
+    town = load_town(VILLAGE)
     assert town.route is not None
     place = town.route.at(np.zeros(41))
     turned = rpy_to_quat(np.zeros(41), -place.pitch_rad, place.heading_rad)
     timeline = Timeline(empty_catalog(), ego=EgoTrack.from_arrays(place.position_m, turned))
     for _ in range(5):
-        timeline.append_step(empty_frame(), np.ones(int(town.lenses.signal.max()) + 1, np.uint8))
+        timeline.append_step(empty_frame(), np.ones(int(town.outline.lenses.signal.max()) + 1, np.uint8))
     stage = SensorStage(town, seed=1, weather=weather_by_name("HardRainNight"), quality="low")
     small_cameras(rig_by_name("paper")).build(stage).measure(timeline, -1, 100_000_000)
     stage.close()

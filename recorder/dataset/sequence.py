@@ -51,13 +51,13 @@ class SlamSequence:
     def __init__(self, folder: Path, *, cloud: str = RAW) -> None:
         # A relative path of one or two parts does not name the dataset's folder.
         self.files, self.cloud = SequenceFolder(folder if len(folder.parts) > 2 else folder.resolve()), cloud
-        self.description = SequenceDescription.read(self.files, EvaluationError)
         dataset = self.files.drive.dataset
-        if not dataset.description.is_file():
+        if self.files.description.is_file() and not dataset.description.is_file():
             raise EvaluationError(
                 f"{folder} lies in no dataset: {dataset.description} is missing; move the whole dataset, "
                 "not one sequence"
             )
+        self.description = SequenceDescription.read(self.files, EvaluationError)
         manifest = DatasetManifest.read(dataset.path, EvaluationError)
         town = folder.resolve().parent.name
         self.rig, self.profile = manifest.rig(town), manifest.profile(town)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from carlaloc_env.core.errors import EpisodeError, MapError
 from carlaloc_env.core.names import is_name
-from carlaloc_env.town.sources import TownId, find_town, identify_town
+from carlaloc_env.town.sources import TownId, find_town, identify_town, known_towns
 from recorder.episode.episode import Episode
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
-    """Name and file of an episode's town; nothing is built.
+    """Name and file of an episode's town; nothing is built, and nothing heavy is imported.
 
     Files come from others: an episode may name a town, but only the user may name a file.
 
@@ -26,27 +26,22 @@ def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
 
     Raises:
         MapError: there is no such file.
-        EpisodeError: the town is not known by a name, or the cache holds it and it is another one than was
-            driven in. A town that has not been built here is compared by `town_of`.
+        EpisodeError: the town is not known by a name, or the user gave the name of another one.
     """
-    header = episode.header
+    name = episode.header.map_name
     if chosen is not None:
-        town = identify_town(chosen)
-    elif not is_name(header.map_name):
+        town, known = identify_town(chosen), known_towns()
+        if town.name != name and name in known and town.source in known.values():
+            raise EpisodeError(f"{episode.path} was driven in {name}, not in {town.name}; leave out --map")
+        return town
+    if not is_name(name):
         raise EpisodeError(f"{episode.path} was driven on a map file; give that file with --map FILE.xodr")
-    else:
-        try:
-            town = identify_town(find_town(header.map_name))
-        except MapError as error:
-            raise EpisodeError(
-                f"{episode.path}: {error}; if it was driven on a file, give that with --map FILE.xodr"
-            ) from error
-    if header.town_hash:
-        # Here, since what loads towns takes a second to import.
-        from carlaloc_env.town.build import kept_town_hash
-
-        _check(episode, town, kept_town_hash(town) or header.town_hash)
-    return town
+    try:
+        return identify_town(find_town(name))
+    except MapError as error:
+        raise EpisodeError(
+            f"{episode.path}: {error}; if it was driven on a file, give that with --map FILE.xodr"
+        ) from error
 
 
 def town_of(episode: Episode, chosen: str | Path | None = None) -> Town:
@@ -60,13 +55,27 @@ def town_of(episode: Episode, chosen: str | Path | None = None) -> Town:
         MapError: there is no such file, or it cannot be used.
         EpisodeError: the town is not known by a name, or it is another one than was driven in.
     """
+    # Here, since what loads towns takes a second to import.
     from carlaloc_env.town.build import load_town
 
     source = town_id_of(episode, chosen)
     town = load_town(source.source)
-    if episode.header.town_hash:
-        _check(episode, source, town.town_hash)
+    _check(episode, source, town.town_hash)
     return town
+
+
+def check_kept_town(episode: Episode, town: TownId) -> None:
+    """Refuse a drive whose town is another one now, if that is known without building it.
+
+    Raises:
+        EpisodeError: the cache holds the town, and it is another one than was driven in. A town that has not
+            been built here is compared by `town_of`.
+    """
+    from carlaloc_env.town.build import kept_town_hash
+
+    kept = kept_town_hash(town)
+    if kept is not None:
+        _check(episode, town, kept)
 
 
 def _check(episode: Episode, town: TownId, town_hash: str) -> None:
@@ -76,7 +85,7 @@ def _check(episode: Episode, town: TownId, town_hash: str) -> None:
         EpisodeError: the town is another one than was driven in.
     """
     header = episode.header
-    if header.town_hash != town_hash:
+    if header.town_hash and header.town_hash != town_hash:
         where = town.name if town.source.name == "town.xodr" else str(town.source)
         anew = ["record", "--map", where, "--device", header.device or "scripted", "--seed", str(header.seed)]
         raise EpisodeError(

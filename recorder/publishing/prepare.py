@@ -10,7 +10,6 @@ import os
 import shutil
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import yaml
 
 from carlaloc_env import __version__
 from carlaloc_env.core.errors import ConfigError, OutputError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from recorder.dataset.checksums import file_sha256, read_checksums
 from recorder.dataset.layout import CHECKSUMS
 from recorder.dataset.manifest import DatasetManifest
@@ -53,7 +53,8 @@ def prepare_for_hub(dataset: Path, folder: Path, *, folder_files: int = FOLDER_F
     if folder.exists():
         raise OutputError(f"{folder} exists; choose another")
     check_packages()
-    with _new_folder(folder) as part:
+    with atomic_write(folder) as part:
+        part.mkdir()
         _lay_out(dataset, part, folder_files)
 
 
@@ -66,20 +67,6 @@ def check_packages() -> None:
     missing = [name for name in ("mlcroissant", "pyarrow") if find_spec(name) is None]
     if missing:
         raise ConfigError(f"--hub needs {' and '.join(missing)}; pip install 'carlaloc-env[hub]'")
-
-
-@contextmanager
-def _new_folder(folder: Path) -> Iterator[Path]:
-    """A folder under a temporary name, which takes its own if all goes well, and is removed if not."""
-    part = folder.with_name(f"{folder.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
-    try:
-        part.mkdir(parents=True)
-        yield part
-        part.rename(folder)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
 
 
 def _lay_out(dataset: Path, folder: Path, folder_files: int) -> None:

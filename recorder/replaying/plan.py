@@ -22,7 +22,7 @@ from carlaloc_env.town.sources import TownId
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
 from recorder.dataset.manifest import drive_origin, has_drive
 from recorder.episode.episode import Episode
-from recorder.episode.town import town_id_of
+from recorder.episode.town import check_kept_town, town_id_of
 from recorder.replaying.code_digest import code_digest
 from recorder.replaying.conditions import conditions_of
 from recorder.replaying.units import Recipe, Unit, units_of
@@ -184,11 +184,11 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     """
     check_output_folder(config.out)
     conditions = conditions_of(config.weathers, config.traffic)
+    rig = rig_of(config)
     episode = Episode.load(config.episode)
-    town = town_id_of(episode, config.map)
     timeline = episode.timeline()
     span, cameras = _spans(config, timeline)
-    rig = rig_of(config)
+    town = town_id_of(episode, config.map)
     seed = episode.header.seed if config.seed is None else config.seed
     recipe = Recipe(
         episode=config.episode.resolve(),
@@ -214,6 +214,8 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
     if config.cluster is None:
         weathers = len(conditions) // len(recipe.levels)
         check_memory(rig, quality=config.quality, weathers=weathers, processes=plan.processes)
+    # Last, since it imports what builds towns.
+    check_kept_town(episode, town)
     return plan
 
 

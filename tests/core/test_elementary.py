@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import math
 import os
@@ -16,14 +15,6 @@ import pytest
 from benchmarks.narrow_vectors import narrow_environment
 from carlaloc_env.core import elementary
 
-SOURCES = Path(__file__).parents[2] / "carlaloc_env"
-ELSEWHERE = ("render", "task", "driving")
-"""Pictures, observations and rewards of learning, whose last bits may depend on the processor."""
-UNEQUAL = {
-    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "exp", "log", "log10", "log2", "log1p"),
-    *("sinh", "cosh", "tanh", "arcsinh", "sinc", "power", "geomspace", "convolve", "dot", "matmul"),
-}
-"""NumPy's functions that choose code by the processor."""
 WITHIN = {"sin": 1, "cos": 1, "tan": 2, "arctan": 1, "arcsin": 4, "arccos": 4, "exp": 1, "log": 1, "log10": 2}
 """Units of the last bit from the truth."""
 DIGEST = """
@@ -108,15 +99,3 @@ def test_same_bits_without_wide_vectors(tmp_path: Path) -> None:
         digests.append(made.stdout.strip())
     assert len(digests[0]) == len(hashlib.sha256().hexdigest())
     assert digests[0] == digests[1]
-
-
-def test_what_shapes_a_dataset_uses_no_others() -> None:
-    found = []
-    for path in sorted(SOURCES.rglob("*.py")):
-        if path.relative_to(SOURCES).parts[0] in ELSEWHERE or path.name == "human_window.py":
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            numpys = isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
-            if numpys and node.value.id == "np" and node.attr in UNEQUAL:
-                found.append(f"{path.relative_to(SOURCES)}:{node.lineno}: np.{node.attr}, use elementary")
-    assert found == []

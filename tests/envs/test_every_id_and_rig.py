@@ -36,6 +36,7 @@ def _check(name: str, rig: str, **settings: Any) -> None:
     env.close()
 
 
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", IDS)
 def test_every_id_as_an_agent_has_it(name: str) -> None:
     """AnyTown draws of one, since every reset would build another one."""

@@ -12,7 +12,7 @@ from carlaloc_env.town.build import load_town
 from recorder.drive.resimulate import resimulate
 from recorder.episode.episode import Episode, EpisodeHeader, EpisodeWriter
 from recorder.episode.header import _checksum
-from recorder.episode.town import town_id_of, town_of
+from recorder.episode.town import check_kept_town, town_id_of, town_of
 
 SOURCE = """<?xml version="1.0"?>
 <OpenDRIVE><header/>
@@ -47,7 +47,7 @@ def drive_in(town: Path, path: Path) -> Episode:
 
 
 def files_of(cache: Path) -> list[Path]:
-    return [path for path in cache.rglob("*") if path.is_file()]
+    return [path for path in cache.rglob("*") if path.is_file() and path.suffix != ".lock"]
 
 
 def test_its_name_is_read_and_nothing_is_built(
@@ -58,6 +58,7 @@ def test_its_name_is_read_and_nothing_is_built(
     monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path / "other"))
     found = town_id_of(episode)
     assert (found.name, found.source) == ("Mine", town / "town.xodr")
+    check_kept_town(episode, found)
     assert not files_of(tmp_path / "other")
     assert town_of(episode).town_hash == episode.header.town_hash
 
@@ -66,14 +67,15 @@ def test_a_town_whose_roads_changed_is_refused(town: Path, tmp_path: Path) -> No
     """By whoever builds it, and before anything is built once it stands in the cache."""
     episode = drive_in(town, tmp_path / "a.mcap")
     (town / "town.xodr").write_text(SOURCE.replace('a="3.5"', 'a="3.4"'))
-    assert town_id_of(episode).name == "Mine"
+    check_kept_town(episode, town_id_of(episode))
     line = (
         r"another version of Mine .* record it anew: "
         "carlaloc record --map Mine --device scripted --seed 7 --out NEW.mcap$"
     )
-    for ask in (town_of, town_id_of):
-        with pytest.raises(EpisodeError, match=line):
-            ask(episode)
+    with pytest.raises(EpisodeError, match=line):
+        town_of(episode)
+    with pytest.raises(EpisodeError, match=line):
+        check_kept_town(episode, town_id_of(episode))
     with pytest.raises(EpisodeError, match=line):
         resimulate(tmp_path / "a.mcap")
 
@@ -104,4 +106,4 @@ def test_drives_before_towns_had_hashes_are_refused(town: Path, tmp_path: Path) 
     with EpisodeWriter(tmp_path / "old.mcap", EpisodeHeader.from_metadata(texts)) as writer:
         write_drive(writer, 11, 0)
     with pytest.raises(EpisodeError, match="record it anew"):
-        town_id_of(Episode.load(tmp_path / "old.mcap"))
+        town_of(Episode.load(tmp_path / "old.mcap"))

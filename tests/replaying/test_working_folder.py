@@ -97,7 +97,7 @@ def test_a_full_disk_is_one_line_and_with_room_the_same_command_goes_on(
         config = straight_drive.config(disk / "data")
         ballast = disk / "ballast"
         ballast.write_bytes(bytes(size * 6 // 10))
-        with pytest.raises(WriterError, match="No space left on device") as failure:
+        with pytest.raises(WriterError, match=r"No space left on device|are free in") as failure:
             replay(config)
         assert "\n" not in str(failure.value)
         assert not [path for path in (disk / "data").rglob("*") if ".part" in path.name]

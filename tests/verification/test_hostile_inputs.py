@@ -11,7 +11,8 @@ import pytest
 from carlaloc_env.core.errors import ConfigError, EpisodeError
 from carlaloc_env.town.sources import find_town
 from recorder.cli.main import main
-from recorder.episode.edit import _frames, _write
+from recorder.episode.actor_messages import actor_frames
+from recorder.episode.edit import _write
 from recorder.episode.episode import Episode
 from recorder.episode.town import town_id_of
 from recorder.replaying.plan import ReplayConfig, plan_replay
@@ -28,7 +29,7 @@ def renamed(source: Path, out: Path, map_name: str, town_hash: str | None = None
     """A copy of an episode that names another map."""
     episode = Episode.load(source)
     header = replace(episode.header, map_name=map_name, town_hash=town_hash or episode.header.town_hash)
-    frames = _frames(episode.steps)
+    frames = actor_frames(episode.steps)
     _write(out, header, episode.ego, frames, episode.steps["signals"], [], overwrite=False)
     return out
 
@@ -58,7 +59,7 @@ def test_an_episode_names_no_map_by_path(short_drive: Path, tmp_path: Path) -> N
 
 def test_another_map_than_the_driven_one_is_refused(short_drive: Path, tmp_path: Path) -> None:
     episode = Episode.load(short_drive)
-    with pytest.raises(EpisodeError, match="another version of Town05"):
+    with pytest.raises(EpisodeError, match="driven in Town03, not in Town05"):
         town_id_of(episode, "Town05")
 
 

@@ -78,6 +78,7 @@ def test_two_makings_are_the_same_dataset(capsys: pytest.CaptureFixture[str]) ->
     words = command("carlaloc dataset")[1:]
     again = [*words, "--rig", "rig.yaml", "--sample", "2", "--quality", "low", "--out", "again"]
     assert main([*again, "--towns", "East"]) == 0
+    capsys.readouterr()
     assert main(["verify", "again", "--against", "dataset", "--json"]) == 1
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert findings
@@ -114,7 +115,7 @@ def test_odometry_and_evaluate_go_on_from_a_bag(home: Path, capsys: pytest.Captu
 def test_evalio_lists_the_sequences(home: Path) -> None:
     pytest.importorskip("evalio", reason="needs evalio")
     *settings, _, what, kind = command("CARLALOC_DATA=")
-    environment = os.environ | dict(word.split("=") for word in settings)
+    environment = os.environ | dict(word.split("=") for word in settings) | {"COLUMNS": "400"}
     program = Path(sys.executable).with_name("evalio")
     done = subprocess.run(
         [str(program), what, kind], env=environment, capture_output=True, text=True, check=False

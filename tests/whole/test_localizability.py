@@ -135,7 +135,6 @@ def test_streets_hold_the_car_and_leaves_hold_nothing(town03: Town) -> None:
 
 
 @pytest.mark.soak
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", carlaloc_env.TOWNS)
 def test_no_stretch_of_a_hundred_metres_lets_the_car_slip(name: str) -> None:
     """A tenth of Town03's median is the least, with returns from leaves for nothing."""

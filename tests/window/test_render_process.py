@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from shared_fixtures.worlds.maps import VILLAGE
 
 from carlaloc_env.actors.instances import instances_at
 from carlaloc_env.core.errors import RenderError
@@ -37,7 +38,7 @@ from carlaloc_env.weather.parameters import weather_by_name
 from recorder.window.render_process import RenderProcess
 
 if __name__ == "__main__":
-    stage = SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNoon"), quality="low")
+    stage = SensorStage(load_town(sys.argv[1]), seed=0, weather=weather_by_name("ClearNoon"), quality="low")
     renderer = RenderProcess()
     renderer.prepare(stage)
     renderer.wait_until_ready()
@@ -47,12 +48,12 @@ if __name__ == "__main__":
 
 
 def night() -> SensorStage:
-    return SensorStage(load_town("Town03"), seed=0, weather=weather_by_name("ClearNight"), quality="low")
+    return SensorStage(load_town(VILLAGE), seed=0, weather=weather_by_name("ClearNight"), quality="low")
 
 
 @pytest.fixture(scope="module")
 def world() -> Iterator[DrivingWorld]:
-    town = load_town("Town03")
+    town = load_town(VILLAGE)
     world = DrivingWorld(town, traffic_of_town(town, "0.2", 0))
     world.reset(0)
     yield world
@@ -101,7 +102,7 @@ def test_pictures_of_the_other_process_and_its_end(world: DrivingWorld) -> None:
 def test_it_ends_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     script = tmp_path / "alone.py"
     script.write_text(ALONE)
-    parent = subprocess.run([sys.executable, str(script)], stdout=subprocess.PIPE, check=False)
+    parent = subprocess.run([sys.executable, str(script), str(VILLAGE)], stdout=subprocess.PIPE, check=False)
     if not parent.stdout:
         pytest.skip("no OpenGL")
     child = int(parent.stdout)

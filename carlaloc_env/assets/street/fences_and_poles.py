@@ -48,7 +48,16 @@ def utility_wires_m(height_m: float = 10.5) -> NDArray[np.float64]:
 
 
 def fence(length_m: float, height_m: float, *, kind: str) -> Mesh:
-    """Piece of fence along +x from the origin: wooden ``boards`` or ``rails``."""
+    """Piece of fence along +x from the origin: iron ``bars``, wooden ``boards`` or ``rails``."""
+    if kind == "bars":
+        look = Look(Material.METAL_PAINTED, Tag.FENCE, (12, 14, 13))
+        parts = [box(look, (length_m, 0.04, 0.04), (0.5 * length_m, 0, z)) for z in (0.12, height_m - 0.12)]
+        xs = np.arange(0.06, length_m, 0.13)
+        parts += [box(look, (0.022, 0.022, height_m - 0.06), (x, 0, 0.5 * height_m + 0.03)) for x in xs]
+        parts += [
+            box(look, (0.07, 0.07, height_m + 0.08), (x, 0, 0.5 * height_m + 0.04)) for x in (0.0, length_m)
+        ]
+        return merge(parts)
     wood = Look(Material.WOOD, Tag.FENCE)
     posts = [
         box(wood, (0.10, 0.10, height_m + 0.05), (x, 0, 0.5 * height_m)) for x in np.linspace(0, length_m, 3)

@@ -11,7 +11,6 @@ import shapely
 from carlaloc_env.assets.street.fences_and_poles import utility_pole, utility_wires_m
 from carlaloc_env.core import elementary, rng
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.geometry.transforms import apply
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import Tag
@@ -93,7 +92,9 @@ def add_lines(
     yaw = np.concatenate([row[1] for row in rows])
     start = utility_wires_m(POLE_M)
     for foot, turn in rows:
-        ends = apply(poses(foot, turn)[:, None], start)
+        # Its terms are added in the order in which towns have always been built.
+        R = poses(foot, turn)[:, :3, [0, 2, 1]]
+        ends = np.swapaxes(elementary.matrix_product(R, start.T[[0, 2, 1]]), 1, 2) + foot[:, None]
         for a, b in pairwise(ends):
             _wires(out, a, b)
     return [copies(utility_pole(POLE_M), poses(feet, yaw), ids.take(len(feet)))], feet

@@ -113,7 +113,9 @@ def test_each_sensor_of_the_rig_has_a_panel_and_none_else(tmp_path: Path, kind: 
         quality="medium", formats=(), topics="slam", preview=True,
     )  # fmt: skip
     (output,) = outputs_of(config, streams)
-    writer = output.place(SequenceFolder(tmp_path / "data"), {})
+    assert isinstance(output.encoder, PreviewEncoder)
+    # Without the caption, which would cover a part of the panels.
+    writer = PreviewWriter(SequenceFolder(tmp_path / "data").film, output.encoder, rate_hz=RATE_HZ)
     instants = [{stream: _sample(stream, number) for stream in streams} for number in range(3)]
     with writer:
         for samples in instants:
