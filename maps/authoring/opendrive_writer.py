@@ -209,9 +209,9 @@ def _objects(road: etree._Element, part: RoadPart) -> None:
         ("tunnel", part.tunnels, "underpass", {"lighting": 0.5, "daylight": 0.5}),
         ("bridge", part.bridges, "concrete", {}),
     ):
-        for item in stretches:
-            words = {"id": item.id, "name": item.name, "type": kind}
-            _add(objects, tag, s=item.s, length=item.length_m, **words, **light)
+        for stretch in stretches:
+            words = {"id": stretch.id, "name": stretch.name, "type": kind}
+            _add(objects, tag, s=stretch.s, length=stretch.length_m, **words, **light)
 
 
 def _object(objects: etree._Element, part: ObjectPart) -> None:
