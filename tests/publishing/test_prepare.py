@@ -105,7 +105,7 @@ def test_a_failure_leaves_nothing_behind(
 
     with monkeypatch.context() as patch:
         patch.setattr(tables, "conditions", fail)
-        with pytest.raises(OSError, match="No space"):
+        with pytest.raises(OutputError, match="No space left on device; choose another place"):
             prepare_for_hub(dataset, tmp_path / "hub")
     assert list(tmp_path.iterdir()) == []
 

@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +62,9 @@ class WriteGuard:
 
     def install(self) -> None:
         """Listen to the interpreter's audit events; there is no way to stop, so do it once."""
+        if find_spec("matplotlib"):
+            # It makes folders of its own when it is first imported, whichever command does that.
+            import_module("matplotlib.font_manager")
         sys.addaudithook(self._heard)
 
     def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
