@@ -18,10 +18,10 @@ from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
-from recorder.benchmark.plan import Job, SequenceFolder
+from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.run import BenchmarkResult
 from recorder.benchmark.tables import RULE, all_tables, frame_of, titles_of
-from recorder.dataset.layout import SequenceFolder as SequenceFiles
+from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW
 from recorder.evaluation.path_errors import PathErrors
 from recorder.report.lane_lines import lane_lines_of
@@ -94,7 +94,7 @@ def _real_time(runs: pd.DataFrame, colour: dict[str, str]) -> list[tuple[str, st
 
 
 def _section(
-    name: str, sequence: SequenceFolder, runs: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
+    name: str, sequence: BenchmarkSequence, runs: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
 ) -> dict[str, Any]:
     """What the page shows of a sequence."""
     start_ns = min(int(found.stamp_ns[0]) for _, found in runs)
@@ -123,9 +123,9 @@ def _section(
     }
 
 
-def _stills(sequence: SequenceFolder, start_ns: int, peaks_s: Sequence[float]) -> list[tuple[float, str]]:
+def _stills(sequence: BenchmarkSequence, start_ns: int, peaks_s: Sequence[float]) -> list[tuple[float, str]]:
     """Times [s] and pictures (data URIs) of a preview, evenly over it and at peaks of error."""
-    files = SequenceFiles(sequence.path)
+    files = SequenceFolder(sequence.path)
     film, times = files.film, files.place("euroc") / "times.txt"
     if not film.is_file():
         return []

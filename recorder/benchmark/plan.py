@@ -17,7 +17,7 @@ STATIC = ("static", "empty")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SequenceFolder:
+class BenchmarkSequence:
     """A sequence on the disk and its condition."""
 
     path: Path
@@ -54,7 +54,7 @@ class SequenceFolder:
 class Job:
     """One system over one sequence, once."""
 
-    sequence: SequenceFolder
+    sequence: BenchmarkSequence
     """The sequence."""
     method: str
     """Name or file of the system."""
@@ -77,7 +77,7 @@ class Job:
         return Path("runs", self.sequence.key, name, f"{self.run}")
 
 
-def find_sequences(folder: Path) -> list[SequenceFolder]:
+def find_sequences(folder: Path) -> list[BenchmarkSequence]:
     """All finished sequences below a folder, by dataset, town, weather and traffic.
 
     Raises:
@@ -89,11 +89,11 @@ def find_sequences(folder: Path) -> list[SequenceFolder]:
     return [_sequence(one.path, folder) for one in found]
 
 
-def _sequence(path: Path, root: Path) -> SequenceFolder:
+def _sequence(path: Path, root: Path) -> BenchmarkSequence:
     sequence = SlamSequence(path)
     described = sequence.description
     lidars = sequence.rig.of_kind("lidar")
-    return SequenceFolder(
+    return BenchmarkSequence(
         path=path,
         dataset=Path(os.path.relpath(path.parent.parent, root)).as_posix(),
         town=path.parent.name,
@@ -107,7 +107,7 @@ def _sequence(path: Path, root: Path) -> SequenceFolder:
 
 
 def plan_jobs(
-    sequences: Sequence[SequenceFolder],
+    sequences: Sequence[BenchmarkSequence],
     systems: Sequence[tuple[str, System]],
     *,
     runs: int,

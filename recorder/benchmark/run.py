@@ -12,9 +12,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError, unknown_name
-from recorder.benchmark.plan import Job, SequenceFolder, find_sequences, plan_jobs
+from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs
 from recorder.benchmark.score import ERRORS, Score, read_score, score_run, write_score
-from recorder.dataset.layout import SequenceFolder as SequenceFiles
+from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SEGMENTED
 from recorder.evaluation.failure import FailRule
 from recorder.evaluation.path_errors import PathErrors
@@ -65,7 +65,7 @@ class BenchmarkConfig:
 class BenchmarkResult:
     """All that a benchmark has found."""
 
-    sequences: list[SequenceFolder]
+    sequences: list[BenchmarkSequence]
     """Sequences, sorted."""
     jobs: list[Job]
     """Jobs, in the order of the plan."""
@@ -183,9 +183,9 @@ def _run_one(job: Job, config: BenchmarkConfig, cores: tuple[int, ...], stop: th
     return score
 
 
-def _duration_s(sequence: SequenceFolder) -> float:
+def _duration_s(sequence: BenchmarkSequence) -> float:
     """Length of the truth [s], by its first and last lines."""
-    with SequenceFiles(sequence.path).drive.truth("base_link").open("rb") as file:
+    with SequenceFolder(sequence.path).drive.truth("base_link").open("rb") as file:
         file.readline()
         first = float(file.readline().split()[0])
         file.seek(max(file.seek(0, os.SEEK_END) - 1000, 0))
@@ -194,7 +194,7 @@ def _duration_s(sequence: SequenceFolder) -> float:
 
 def _fingerprint(job: Job, config: BenchmarkConfig) -> str:
     """What a result depends on: the data, the system, its file and version, and the rule."""
-    data = SequenceFiles(job.sequence.path).checksums.read_bytes()
+    data = SequenceFolder(job.sequence.path).checksums.read_bytes()
     source = Path(job.method).read_bytes() if job.method.endswith((".py", ".yaml", ".yml")) else b""
     facts = [
         repr(job.system),
