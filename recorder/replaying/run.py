@@ -128,7 +128,7 @@ class ReplayRun:
     def _tasks(self) -> list[Task]:
         """Units that are to be made, and sequences whose units are whole already."""
         tasks: list[Task] = []
-        kept = 0
+        kept = waiting = 0
         for level in self._recipe.levels:
             conditions = [one for one in self._recipe.conditions_of(level) if not self._is_assembled(one)]
             if not conditions:
@@ -139,16 +139,14 @@ class ReplayRun:
             kept += len(units) - len(missing)
             self._left[level] = {unit.name for unit in missing}
             tasks += [self._unit_task(unit) for unit in missing]
-            if not missing:
+            if missing:
+                waiting += len(conditions)
+            else:
                 tasks += [self._assembly_task(condition) for condition in conditions]
         if kept:
             _log.warning("going on with %d of %d units that are whole already", kept, len(self._plan.units))
-        self._done_s = self._total_s - sum(self._weight_s(task) for task in tasks)
-        for level, left in self._left.items():
-            if left:
-                weight_s = ASSEMBLY_SHARE * self._length_s
-                conditions_left = [c for c in self._recipe.conditions_of(level) if not self._is_assembled(c)]
-                self._done_s -= weight_s * len(conditions_left)
+        later_s = ASSEMBLY_SHARE * self._length_s * waiting
+        self._done_s = self._total_s - later_s - sum(self._weight_s(task) for task in tasks)
         return tasks
 
     def _after(self, task: Task) -> Sequence[Task]:
