@@ -75,11 +75,12 @@ def spliced(data: bytes, splices: Splices) -> bytes:
 
 @st.composite
 def damages(draw: st.DrawFn, seed: bytes) -> Splices:
-    """One to four pieces overwritten, inserted, cut out, or the end lost."""
+    """One to four pieces overwritten (half of them in place), inserted, cut out, or the end lost."""
     splices: Splices = []
     for _ in range(draw(st.integers(1, 4))):
-        at, gone = draw(st.integers(0, max(len(seed) - 1, 0))), draw(st.integers(0, 40))
-        splices.append((at, at + gone, draw(st.binary(max_size=12))))
+        at, put = draw(st.integers(0, max(len(seed) - 1, 0))), draw(st.binary(max_size=12))
+        gone = len(put) if draw(st.booleans()) else draw(st.integers(0, 40))
+        splices.append((at, at + gone, put))
     if draw(st.integers(0, 9)) == 0:
         splices.append((draw(st.integers(0, len(seed))), len(seed) + 100, b""))
     return splices

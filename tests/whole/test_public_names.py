@@ -54,10 +54,8 @@ def test_unknown_names_are_refused_as_python_does() -> None:
 
 
 CODE = """
-import sys, time
-began = time.process_time()
+import sys
 import {package}
-print(time.process_time() - began)
 print(*sorted(name for name in sys.modules if "." not in name))
 print(*sorted(name for name in sys.modules if name.startswith(("carlaloc_env.", "recorder."))))
 """
@@ -65,14 +63,9 @@ print(*sorted(name for name in sys.modules if name.startswith(("carlaloc_env.", 
 
 @pytest.mark.parametrize("package", ["carlaloc_env", "recorder"])
 def test_importing_a_package_loads_nothing_heavy(package: str) -> None:
-    """0.1 s of processor time here (the least of three); the bound leaves room for slow machines."""
-    least_s = 10.0
-    for _ in range(3):
-        done = subprocess.run(
-            [sys.executable, "-c", CODE.format(package=package)], capture_output=True, text=True, check=True
-        )
-        seconds, loaded, ours = done.stdout.splitlines()
-        least_s = min(least_s, float(seconds))
-    assert least_s < 0.3
+    done = subprocess.run(
+        [sys.executable, "-c", CODE.format(package=package)], capture_output=True, text=True, check=True
+    )
+    loaded, ours = done.stdout.splitlines()
     assert not set(loaded.split()) & set(HEAVY)
     assert set(ours.split()) == {"carlaloc_env.core", "carlaloc_env.core.lazy_names"}
