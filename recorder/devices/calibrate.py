@@ -13,6 +13,8 @@ from recorder.devices.profile import DeviceProfile, known_profiles, match_profil
 
 Ask = Callable[[str], None]
 """Shows a line to the person."""
+AxisFound = tuple[int, float, float]
+"""Axis, its raw value at rest, and at the end of its travel."""
 
 _MOVED = 0.4
 _HOLD_S = 0.6
@@ -50,13 +52,13 @@ def make_profile(
     kind: str,
     usb: str,
     *,
-    left: tuple[int, float, float] | None,
-    right: tuple[int, float, float] | None,
-    throttle: tuple[int, float, float] | None,
-    brake: tuple[int, float, float] | None,
+    left: AxisFound | None,
+    right: AxisFound | None,
+    throttle: AxisFound | int | None,
+    brake: AxisFound | int | None,
     model: DeviceProfile | None,
 ) -> DeviceProfile:
-    """Profile of what was found; each finding is axis, rest value and end value.
+    """Profile of what was found: axes, or numbers of buttons that are pedals.
 
     Raises:
         DeviceError: left and right were found on two axes.
@@ -77,6 +79,12 @@ def make_profile(
             saturation=0.02 if kind == "gamepad" else 0.0,
             expo=expo,
         )
+    buttons = dict(model.buttons) if model is not None else {}
+    for command, found in (("throttle", throttle), ("brake", brake)):
+        # One button does one thing, and a pedal is what was found now.
+        buttons = {key: button for key, button in buttons.items() if key != command and button != found}
+        if isinstance(found, int):
+            buttons[command] = found
     return DeviceProfile(
         name=name,
         kind=kind,
@@ -85,13 +93,13 @@ def make_profile(
         steer=steer,
         throttle=_pedal(throttle),
         brake=_pedal(brake),
-        buttons=dict(model.buttons) if model is not None else {},
+        buttons=buttons,
         calibrated=True,
     )
 
 
-def _pedal(found: tuple[int, float, float] | None) -> AxisShape | None:
-    return None if found is None else AxisShape(axis=found[0], rest=found[1], full=found[2])
+def _pedal(found: AxisFound | int | None) -> AxisShape | None:
+    return AxisShape(axis=found[0], rest=found[1], full=found[2]) if isinstance(found, tuple) else None
 
 
 def calibrate(kind: str, *, ask: Ask, inputs: Inputs | None = None, folder: Path | None = None) -> Path:
@@ -111,17 +119,20 @@ def calibrate(kind: str, *, ask: Ask, inputs: Inputs | None = None, folder: Path
     source = inputs or Inputs(window=False)
     try:
         stick = _choose(source, ask)
-        model = match_profile(stick.usb, stick.name, known_profiles(folder), (kind,))
+        if not stick.raw:
+            raise DeviceError(f"{stick.name} ({stick.usb}) has no axis to steer with; plug in another device")
+        model = match_profile(stick.usb, stick.name, known_profiles(folder), (kind,), len(stick.raw))
         ask(f"{stick.name} ({stick.usb}): let go of everything, the wheel in the middle.")
         rest = _rest(source, stick)
-        left = _find(source, stick, rest, "Turn fully LEFT and hold.", ask, ())
+        left = _find_axis(source, stick, rest, "Turn fully LEFT and hold.", ask)
         _wait_for_rest(source, stick, rest, ask)
-        right = _find(source, stick, rest, "Turn fully RIGHT and hold.", ask, ())
+        right = _find_axis(source, stick, rest, "Turn fully RIGHT and hold.", ask)
         _wait_for_rest(source, stick, rest, ask)
         taken = (left[0],)
         throttle = _find(source, stick, rest, "Press the THROTTLE fully and hold.", ask, taken)
         _wait_for_rest(source, stick, rest, ask)
-        brake = _find(source, stick, rest, "Press the BRAKE fully and hold.", ask, (*taken, throttle[0]))
+        taken = (*taken, throttle[0]) if isinstance(throttle, tuple) else taken
+        brake = _find(source, stick, rest, "Press the BRAKE fully and hold.", ask, taken)
         profile = make_profile(
             stick.name, kind, stick.usb, left=left, right=right, throttle=throttle, brake=brake, model=model
         )
@@ -157,21 +168,35 @@ def _rest(source: Inputs, stick: Stick) -> list[float]:
     return list(stick.raw)
 
 
+def _find_axis(source: Inputs, stick: Stick, rest: Sequence[float], line: str, ask: Ask) -> AxisFound:
+    found = _find(source, stick, rest, line, ask, ())
+    if isinstance(found, int):
+        raise DeviceError(f"button {found} was pressed, but only an axis steers; calibrate again")
+    return found
+
+
 def _find(
     source: Inputs, stick: Stick, rest: Sequence[float], line: str, ask: Ask, taken: Sequence[int]
-) -> tuple[int, float, float]:
-    """Axis, rest value and end value of the control that moves now."""
+) -> AxisFound | int:
+    """The axis that moves now, or the button that is held while no axis but those taken does."""
     ask(line)
+    pressed: int | None = None
     samples: list[list[float]] = []
     end, still_since, last = time.monotonic() + _TIMEOUT_S, time.monotonic(), list(stick.raw)
     while time.monotonic() < end:
         source.pump()
-        if max(abs(a - b) for a, b in zip(stick.raw, last, strict=True)) > 0.02:
+        presses = [press.button for press in source.presses if press.stick is stick]
+        if presses or max(abs(a - b) for a, b in zip(stick.raw, last, strict=True)) > 0.02:
             still_since, last = time.monotonic(), list(stick.raw)
+            pressed = presses[-1] if presses else pressed
         samples.append(list(stick.raw))
         found = find_axis(rest, samples, taken)
-        if found is not None and time.monotonic() - still_since > _HOLD_S:
-            return found[0], rest[found[0]], found[1]
+        if time.monotonic() - still_since > _HOLD_S:
+            # Triggers may press a button on their way; the axis says more.
+            if found is not None:
+                return found[0], rest[found[0]], found[1]
+            if pressed is not None:
+                return pressed
         time.sleep(_POLL_S)
     raise DeviceError("nothing has moved for 30 s; check the plug and calibrate again")
 

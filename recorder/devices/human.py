@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,6 +28,7 @@ from recorder.devices.shaping import (
     wheel_steer,
 )
 
+_LOG = logging.getLogger(__name__)
 _REVERSE_BELOW_MPS = 1.5
 _LOST_BRAKE, _LOST_RAMP_S, _LOST_STRAIGHTEN_S = 0.3, 1.0, 1.5
 
@@ -69,10 +71,18 @@ class HumanDevice:
         self.raw = Controls()
         self.commands: list[Command] = []
         self.plugged: list[tuple[str, str]] = []
+        self._guesses: list[str] = []
         for stick in inputs:
             self._take(stick)
         if kind != "keyboard" and not self.is_connected:
-            raise DeviceError(f"no {kind} is connected; plug one in, or choose --device keyboard or scripted")
+            there = "".join(f"; {stick.name} ({stick.usb}) has no axis to steer with" for stick in inputs)
+            raise DeviceError(
+                f"no {kind} is connected{there}; plug one in, or choose --device keyboard or scripted"
+            )
+        if (fault := self._fault()) is not None:
+            raise DeviceError(fault)
+        for guess in self._guesses:
+            _LOG.warning(guess)
 
     @property
     def name(self) -> str:
@@ -92,7 +102,7 @@ class HumanDevice:
             return f"{self._kind.upper()} UNPLUGGED: braking; plug it in again"
         if self._kind != "keyboard" and self._steering_raw() is None:
             return f"turn the {self._kind} a little so that its position is known"
-        return None
+        return self._fault() or (self._guesses[0] if self._guesses else None)
 
     def poll(self) -> None:
         """Take in events; once per image."""
@@ -119,6 +129,9 @@ class HumanDevice:
             shaped = self._read_keys(view.speed_mps)
         else:
             shaped = self._read_sticks(view.speed_mps)
+        if shaped.throttle > 0.5:
+            # Whoever drives has found the pedals.
+            self._guesses = []
         return replace(shaped, reverse=self._reverse)
 
     def close(self) -> None:
@@ -137,9 +150,15 @@ class HumanDevice:
     def _read_sticks(self, speed_mps: float) -> Controls:
         turned = self._steering_raw() or 0.0
         throttle, brake = self._pedal("throttle"), self._pedal("brake")
+        pressed = self._held(Command.THROTTLE), self._held(Command.BRAKE)
+        by_button = self._key_pedals.update(*pressed)
         handbrake = self._held(Command.HANDBRAKE) or self._pedal("handbrake") > 0.5
         self.raw = Controls(
-            steer=turned, throttle=throttle, brake=brake, reverse=self._reverse, handbrake=handbrake
+            steer=turned,
+            throttle=max(throttle, float(pressed[0])),
+            brake=max(brake, float(pressed[1])),
+            reverse=self._reverse,
+            handbrake=handbrake,
         )
         if self._kind == "wheel":
             found = self._of("steer")
@@ -149,8 +168,8 @@ class HumanDevice:
             target = turned * steer_limit(speed_mps, self._params)
         return Controls(
             steer=_clip(self._steer.update(target)),
-            throttle=max(0.0, _clip(self._pedals[0].update(throttle))),
-            brake=max(0.0, _clip(self._pedals[1].update(brake))),
+            throttle=max(by_button[0], _clip(self._pedals[0].update(throttle))),
+            brake=max(by_button[1], _clip(self._pedals[1].update(brake))),
             handbrake=handbrake,
         )
 
@@ -171,7 +190,9 @@ class HumanDevice:
     def _take(self, stick: Stick) -> bool:
         """Use a stick if a profile fits; False otherwise."""
         kinds = {"wheel": ("wheel", "pedals"), "gamepad": ("gamepad",)}.get(self._kind, ())
-        profile = match_profile(stick.usb, stick.name, self._profiles, kinds) if kinds else None
+        if not kinds:
+            return False
+        profile = match_profile(stick.usb, stick.name, self._profiles, kinds, len(stick.raw))
         if profile is None:
             return False
         for shape in profile.axes:
@@ -179,13 +200,39 @@ class HumanDevice:
                 # The calibrated rest value is as good as a movement.
                 stick.known[shape.axis] |= abs(shape.rest) > 0.5
         self._sticks.append((stick, profile))
+        if profile.is_generic and profile.name.lower() != stick.name.lower():
+            self._guesses.append(
+                f"{stick.name} ({stick.usb}) is read as '{profile.name}'; if that is wrong: {self._calibrate}"
+            )
         return True
 
     def _of(self, role: str) -> tuple[Stick, DeviceProfile] | None:
-        """Stick with an axis of a role; separate pedals go first."""
-        having = [(s, p) for s, p in self._sticks if getattr(p, role) is not None]
+        """Stick that has the axis of a role; separate pedals go first."""
+        shapes = [(s, p, getattr(p, role)) for s, p in self._sticks]
+        having = [(s, p) for s, p, shape in shapes if shape is not None and shape.axis < len(s.raw)]
         having.sort(key=lambda item: item[1].kind != "pedals")
         return having[0] if having else None
+
+    @property
+    def _calibrate(self) -> str:
+        return f"carlaloc record --device {self._kind} --calibrate"
+
+    def _fault(self) -> str | None:
+        """What the sticks that are there cannot do, and the next step; None when they can drive."""
+        if self._kind == "keyboard":
+            return None
+        for role in ("steer", "throttle", "brake"):
+            if self._of(role) is not None or any(role in profile.buttons for _, profile in self._sticks):
+                continue
+            for stick, profile in self._sticks:
+                shape = getattr(profile, role)
+                if shape is not None:
+                    return (
+                        f"{stick.name} ({stick.usb}) has {len(stick.raw)} axes, but '{profile.name}' reads "
+                        f"the {role} from axis {shape.axis}, counted from 0; run: {self._calibrate}"
+                    )
+            return f"nothing that is connected has a {role}; plug it in, or run: {self._calibrate}"
+        return None
 
     def _steering_raw(self) -> float | None:
         found = self._of("steer")

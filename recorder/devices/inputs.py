@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from carlaloc_env.core.errors import MissingDependencyError
+from carlaloc_env.core.errors import DeviceError, MissingDependencyError
 
 _MOVED = 0.02
 
@@ -66,6 +66,7 @@ class Inputs:
 
         Raises:
             MissingDependencyError: pygame is not installed.
+            DeviceError: SDL cannot start what ``SDL_VIDEODRIVER`` names.
         """
         os.environ.setdefault("SDL_JOYSTICK_ALLOW_BACKGROUND_EVENTS", "1")
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
@@ -80,8 +81,13 @@ class Inputs:
                 f"input devices need pygame ({error}); pip install pygame"
             ) from error
         self._pygame = pygame
-        pygame.display.init()
-        pygame.joystick.init()
+        try:
+            pygame.display.init()
+            pygame.joystick.init()
+        except pygame.error as error:
+            raise DeviceError(
+                f"SDL does not start ({error}); unset SDL_VIDEODRIVER, or correct it"
+            ) from error
         self.sticks: dict[int, Stick] = {}
         self.keys: set[int] = set()
         self.presses: list[Press] = []
@@ -140,19 +146,22 @@ class Inputs:
             stick.raw[event.axis] = float(event.value)
 
     def _add(self, index: int) -> None:
-        handle = self._pygame.joystick.Joystick(index)
-        if handle.get_instance_id() in self.sticks:
+        try:
+            handle = self._pygame.joystick.Joystick(index)
+            if handle.get_instance_id() in self.sticks:
+                return
+            raw = [float(handle.get_axis(k)) for k in range(handle.get_numaxes())]
+            stick = Stick(
+                instance=handle.get_instance_id(),
+                name=handle.get_name(),
+                usb=usb_of_guid(handle.get_guid()),
+                handle=handle,
+                raw=raw,
+                known=[abs(value) > _MOVED for value in raw],
+            )
+        except self._pygame.error:
+            # It was pulled out between its event and now; the event of that is on its way.
             return
-        count = handle.get_numaxes()
-        raw = [float(handle.get_axis(k)) for k in range(count)]
-        stick = Stick(
-            instance=handle.get_instance_id(),
-            name=handle.get_name(),
-            usb=usb_of_guid(handle.get_guid()),
-            handle=handle,
-            raw=raw,
-            known=[abs(value) > _MOVED for value in raw],
-        )
         self.sticks[stick.instance] = stick
         self.gained.append(stick)
 

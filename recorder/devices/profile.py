@@ -32,6 +32,8 @@ class DeviceProfile:
     """``wheel``, ``pedals`` or ``gamepad``."""
     usb: tuple[str, ...] = ()
     """USB ids ``vendor:product`` in lower-case hexadecimal; empty: any device of the kind."""
+    axis_count: int | None = None
+    """Number of axes of the devices that it is for, where it names no USB ids; None: any."""
     platform: str | None = None
     """``linux``, ``win32`` or ``darwin`` where numbering differs; None: all."""
     rotation_deg: float = 900.0
@@ -58,6 +60,15 @@ class DeviceProfile:
             raise ConfigError(f"rotation_deg {self.rotation_deg:g} lies outside 90 to 3600")
         for command in self.buttons:
             Command.by_name(command)
+
+    def misses(self, axis_count: int) -> bool:
+        """Whether it reads an axis that a device of so many does not have."""
+        return any(shape.axis >= axis_count for shape in self.axes)
+
+    @property
+    def is_generic(self) -> bool:
+        """Whether it is a guess for any device of its kind."""
+        return not self.usb and not self.calibrated
 
     @property
     def axes(self) -> tuple[AxisShape, ...]:
@@ -118,15 +129,23 @@ def known_profiles(folder: Path | None = None) -> list[DeviceProfile]:
 
 
 def match_profile(
-    usb: str, name: str, profiles: list[DeviceProfile], kinds: tuple[str, ...] = KINDS
+    usb: str,
+    name: str,
+    profiles: list[DeviceProfile],
+    kinds: tuple[str, ...] = KINDS,
+    axis_count: int = 64,
 ) -> DeviceProfile | None:
     """Profile of a device: by USB id, then by name, then a generic one of a fitting kind.
+
+    Of generic ones those for this number of axes go first, then those that find all their axes, then those
+    that find one; None where there is none.
 
     Args:
         usb: ``vendor:product``.
         name: What the device calls itself.
         profiles: Candidates in order of preference.
         kinds: Kinds that are wanted.
+        axis_count: Number of axes of the device.
     """
     wanted = [profile for profile in profiles if profile.kind in kinds]
     for profile in wanted:
@@ -142,5 +161,12 @@ def match_profile(
         guess = "gamepad"
     else:
         guess = "wheel"
-    generic = [profile for profile in wanted if not profile.usb and not profile.calibrated]
-    return next((p for p in generic if p.kind == guess), generic[0] if generic else None)
+    generic = [
+        profile
+        for profile in wanted
+        if profile.is_generic
+        and profile.axis_count in (None, axis_count)
+        and any(shape.axis < axis_count for shape in (profile.steer or profile.throttle,) if shape)
+    ]
+    generic.sort(key=lambda p: (p.kind != guess, p.misses(axis_count), p.axis_count is None))
+    return generic[0] if generic else None

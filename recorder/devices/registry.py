@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+import os
+
 from carlaloc_env.core.errors import DeviceError, unknown_name
 from recorder.devices.base import Device
 from recorder.devices.human import HumanDevice
@@ -10,6 +13,8 @@ from recorder.devices.names import DEVICES as DEVICES
 from recorder.devices.names import wants_window
 from recorder.devices.profile import known_profiles
 from recorder.devices.scripted.driver import ScriptedDriver
+
+_LOG = logging.getLogger(__name__)
 
 
 def open_device(name: str, seed: int, *, window: bool = False) -> Device:
@@ -30,6 +35,11 @@ def open_device(name: str, seed: int, *, window: bool = False) -> Device:
     if name == "scripted":
         return ScriptedDriver(seed)
     wants_window(name, window)
+    if os.environ.get("SDL_VIDEODRIVER") in ("dummy", "offscreen"):
+        _LOG.warning(
+            "SDL_VIDEODRIVER=%s: nobody sees the window, and keys do not reach it; unset it to drive by hand",
+            os.environ["SDL_VIDEODRIVER"],
+        )
     inputs = Inputs(window=window)
     try:
         return HumanDevice(name, inputs, known_profiles())

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shared_fixtures.drives.sticks import GAMEPAD
 
+from carlaloc_env.core.errors import DeviceError
 from recorder.devices.calibrate import calibrate
 from recorder.devices.inputs import Inputs
 from recorder.devices.profile import read_profile
@@ -48,3 +50,35 @@ def test_calibration_as_a_person_does_it(inputs: Inputs, tmp_path: Path, plug: P
     assert profile.steer.full == pytest.approx(0.97, abs=0.01)
     assert (profile.throttle.rest, profile.throttle.full) == pytest.approx((-1.0, 1.0), abs=0.01)
     assert (profile.brake.rest, profile.brake.full) == pytest.approx((1.0, -1.0), abs=0.01)
+
+
+def test_buttons_become_pedals_where_no_axis_moves(inputs: Inputs, tmp_path: Path, plug: Plug) -> None:
+    """A pad without analogue triggers; its button 5 meant an indicator before."""
+    stick = plug(GAMEPAD, 2, 10)
+    inputs.pump()
+    held: list[int] = []
+
+    def person(line: str) -> None:
+        if "Let go" in line:
+            stick.axis(0, 0.0)
+            stick.button(held.pop(), False) if held else None
+        for word, value in (("LEFT", -1.0), ("RIGHT", 1.0)):
+            stick.axis(0, value) if word in line else None
+        for word, button in (("THROTTLE", 5), ("BRAKE", 0)):
+            if word in line:
+                held.append(button)
+                stick.button(button, True)
+
+    path = calibrate("gamepad", ask=person, inputs=inputs, folder=tmp_path)
+    stick.unplug()
+    profile = read_profile(path.read_text(), "x")
+    assert (profile.throttle, profile.brake) == (None, None)
+    assert (profile.buttons["throttle"], profile.buttons["brake"]) == (5, 0)
+    assert "handbrake" not in profile.buttons, "button 0 brakes now"
+
+
+def test_a_device_without_axes_is_refused(inputs: Inputs, tmp_path: Path, plug: Plug) -> None:
+    with plug(GAMEPAD, 0, 10):
+        inputs.pump()
+        with pytest.raises(DeviceError, match="no axis to steer with"):
+            calibrate("gamepad", ask=print, inputs=inputs, folder=tmp_path)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.drives.sticks import GAMEPAD, WHEEL
 
 from carlaloc_env.core.clock import TICK_HZ
 from carlaloc_env.core.errors import DeviceError
@@ -172,6 +174,84 @@ def test_pedals_of_their_own_go_before_the_wheels(inputs: Inputs, straight_route
 def test_without_a_device_the_error_names_the_next_step(inputs: Inputs) -> None:
     with pytest.raises(DeviceError, match="plug one in"):
         HumanDevice("wheel", inputs, known_profiles())
+
+
+@pytest.mark.parametrize(
+    ("axes", "moved", "pressed", "expected"),
+    [
+        (2, {0: -1.0}, (5,), (1.0, 1.0, 0.0)),
+        (4, {0: 1.0}, (4,), (-1.0, 0.0, 1.0)),
+        (5, {0: 0.0, 2: -1.0}, (), (0.0, 1.0, 0.0)),
+        (5, {0: 0.0, 2: 1.0}, (), (0.0, 0.0, 1.0)),
+        (6, {0: 0.0, 5: 1.0, 2: -1.0}, (), (0.0, 1.0, 0.0)),
+    ],
+    ids=[
+        "no triggers",
+        "on/off triggers",
+        "one trigger axis, right",
+        "one trigger axis, left",
+        "two trigger axes",
+    ],
+)
+def test_pads_of_any_kind_drive(
+    inputs: Inputs, straight_route: Route, plug: Plug, caplog: pytest.LogCaptureFixture,
+    axes: int, moved: dict[int, float], pressed: tuple[int, ...], expected: tuple[float, float, float],
+) -> None:  # fmt: skip
+    with plug(GAMEPAD, axes, 12) as stick:
+        inputs.pump()
+        device = HumanDevice("gamepad", inputs, known_profiles(Path("/nonexistent")))
+        assert "is read as 'generic gamepad" in caplog.text
+        assert "--calibrate" in caplog.text
+        for axis, value in moved.items():
+            # SDL names an axis only when it moves.
+            stick.axis(axis, 0.5)
+            device.poll()
+            stick.axis(axis, value)
+        for button in pressed:
+            stick.button(button, True)
+        assert "is read as" in (device.message or "")
+        assert run(device, view(straight_route), 3.0)[-1] == pytest.approx(expected, abs=1e-3)
+        assert (device.message is None) == (expected[1] > 0.5)
+
+
+def test_combined_pedals_of_a_wheel_drive(inputs: Inputs, straight_route: Route, plug: Plug) -> None:
+    with plug(WHEEL, 2, 4) as stick:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, known_profiles(Path("/nonexistent")))
+        stick.axis(0, 0.1)
+        for value, expected in ((-1.0, (1.0, 0.0)), (1.0, (0.0, 1.0)), (0.0, (0.0, 0.0))):
+            stick.axis(1, value)
+            assert run(device, view(straight_route), 1.0)[-1][1:] == pytest.approx(expected, abs=1e-3)
+
+
+def test_a_profile_with_an_axis_that_is_not_there_is_refused_at_start(
+    inputs: Inputs, profiles: list[DeviceProfile], straight_route: Route, plug: Plug
+) -> None:
+    with plug(WHEEL, 2) as stick:
+        inputs.pump()
+        with pytest.raises(DeviceError, match=r"has 2 axes, but .* throttle from axis 2, .*--calibrate"):
+            HumanDevice("wheel", inputs, profiles)
+        stick.unplug()
+    with plug(WHEEL, 4) as stick:
+        inputs.pump()
+        device = HumanDevice("wheel", inputs, profiles)
+        stick.axis(0, 0.1)
+        stick.unplug()
+        run(device, view(straight_route), 0.1)
+        with plug(WHEEL, 2) as other:
+            run(device, view(straight_route), 0.1)
+            other.axis(0, 0.1)
+            run(device, view(straight_route), 0.1)
+            assert device.message is not None
+            assert "--calibrate" in device.message
+
+
+def test_a_stick_without_axes_is_no_wheel(inputs: Inputs, plug: Plug) -> None:
+    """Some mice and keyboards call themselves joysticks."""
+    with plug(WHEEL, 0, 3):
+        inputs.pump()
+        with pytest.raises(DeviceError, match=r"no wheel is connected; .* has no axis to steer with"):
+            HumanDevice("wheel", inputs, known_profiles(Path("/nonexistent")))
 
 
 @pytest.mark.soak

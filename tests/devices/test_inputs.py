@@ -5,8 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from typing import Any
 
-from recorder.devices.inputs import usb_of_guid
+import pytest
+
+from carlaloc_env.core.errors import DeviceError
+from recorder.devices.inputs import Inputs, usb_of_guid
 
 
 def test_usb_ids_are_read_from_guids() -> None:
@@ -20,3 +25,32 @@ def test_no_display_is_needed() -> None:
     code = "from recorder.devices.inputs import Inputs; Inputs(window=False).pump()"
     env = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER")}
     subprocess.run([sys.executable, "-c", code], check=True, env=env, timeout=600)
+
+
+def test_a_pad_that_is_gone_again_is_ignored(inputs: Inputs) -> None:
+    """Its arrival lies in SDL's queue still."""
+    pygame = pytest.importorskip("pygame")
+    pygame.event.post(pygame.event.Event(pygame.JOYDEVICEADDED, device_index=0))
+    pygame.event.post(pygame.event.Event(pygame.JOYDEVICEREMOVED, instance_id=77))
+    inputs.pump()
+    assert (inputs.gained, inputs.lost) == ([], [])
+
+
+def test_a_pad_that_arrives_twice_is_one(inputs: Inputs, plug: Callable[..., Any]) -> None:
+    pygame = pytest.importorskip("pygame")
+    with plug() as stick:
+        pygame.event.post(pygame.event.Event(pygame.JOYDEVICEADDED, device_index=0))
+        inputs.pump()
+        assert len(inputs.gained) == len(inputs.sticks) == 1
+        stick.axis(0, 0.5)
+        inputs.pump()
+        (seen,) = inputs
+        assert seen.raw[0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_video_driver_that_does_not_start_is_a_line() -> None:
+    code = "from recorder.devices.inputs import Inputs; Inputs(window=False)"
+    env = {**os.environ, "SDL_VIDEODRIVER": "nonsense"}
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert DeviceError.__name__ in done.stderr
+    assert "SDL_VIDEODRIVER" in done.stderr.splitlines()[-1]
