@@ -86,7 +86,7 @@ def test_workers_drive_what_one_process_does(straight_map: Path) -> None:
 
 
 def test_stable_baselines_normalises_and_learns(straight_map: Path, tmp_path: Path) -> None:
-    """Through its own wrappers, saved and loaded again, with the bird's-eye view as three-channel picture."""
+    """Through its own wrappers, whose statistics are saved and loaded again."""
     pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
     from stable_baselines3 import PPO
     from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
