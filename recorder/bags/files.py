@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import shutil
 from collections.abc import Sequence
@@ -12,6 +13,8 @@ import yaml
 import zstandard
 
 from carlaloc_env.core.errors import EvaluationError
+
+_LOG = logging.getLogger(__name__)
 
 METADATA = "metadata.yaml"
 """What rosbag2 writes beside the files of a bag when it closes it."""
@@ -24,8 +27,8 @@ _BEGINNINGS = {
 }
 """First bytes of a file, and the suffix by which rosbags knows its kind."""
 _PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"PK\x03\x04": "zip", b"7z\xbc\xaf": "7z"}
-_PART = re.compile(r"(?P<name>.*?)(?:_?\d{4}(?:-\d\d){5})?_\d+")
-"""Name of a part of a split bag, without what counts it: ``run_3``, ``run_2026-11-26-09-30-00_3``."""
+_PART = re.compile(r"(?P<name>.*?)(?:_?\d{4}(?:-\d\d){5})?_(?P<number>\d+)")
+"""Stem of a part of a split bag, which recorders count from 0: ``run_3``, ``run_2026-11-26-09-30-00_3``."""
 
 
 def files_of_bag(path: Path, scratch: Path) -> list[Path]:
@@ -82,7 +85,7 @@ def metadata_of(path: Path) -> dict[str, Any]:
     try:
         found = yaml.safe_load(file.read_text("utf-8"))["rosbag2_bagfile_information"]
         names = [Path(name).name for name in found["relative_file_paths"]]
-    # Whatever is wrong with it: a folder's own is read, and named, by rosbags; a neighbour's does not matter.
+    # Whatever is wrong with it: the files are read without it.
     except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError):
         return {}
     return dict(found) if path.is_dir() or path.name in names else {}
@@ -109,6 +112,8 @@ def _of_folder(folder: Path, scratch: Path) -> list[Path]:
     if len(files) > 1 and (files[0].is_dir() or not _is_split(files)):
         names = ", ".join(file.name for file in files)
         raise EvaluationError(f"{folder} holds {len(files)} bags; give one of them: {names}")
+    if len(files) > 1:
+        _LOG.warning("%s: %d files are read as the parts of one bag", folder, len(files))
     return [part for file in files for part in files_of_bag(file, scratch)]
 
 
@@ -119,8 +124,11 @@ def _suffix(path: Path) -> str:
 
 def _is_split(files: Sequence[Path]) -> bool:
     """Whether names differ by the number of the part alone."""
-    parts = {(m["name"], _suffix(file)) for file in files if (m := _PART.fullmatch(file.name.split(".")[0]))}
-    return len(parts) == 1 and all(_PART.fullmatch(file.name.split(".")[0]) for file in files)
+    stems = [file.name.removesuffix(_ZSTD).removesuffix(_suffix(file)) for file in files]
+    parts = [part for stem in stems if (part := _PART.fullmatch(stem))]
+    names = {(part["name"], _suffix(file)) for part, file in zip(parts, files, strict=False)}
+    numbers = {int(part["number"]) for part in parts}
+    return len(names) == 1 and numbers == set(range(len(files)))
 
 
 def _unpacked(path: Path, scratch: Path) -> Path:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.interfaces import Connection, MessageDefinition, MessageDefinitionFormat
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.bags.files import files_of_bag
@@ -33,10 +35,52 @@ def open_bag(bag: Path) -> Iterator[AnyReader]:
         scratch = stack.enter_context(TemporaryDirectory(prefix="carlaloc-bag-"))
         with refused_in_one_line(bag):
             paths = files_of_bag(bag, Path(scratch))
-            reader = stack.enter_context(AnyReader(paths, default_typestore=get_typestore(Stores.EMPTY)))
+            try:
+                reader = stack.enter_context(_reader(paths))
+            except AnyReaderError as error:
+                if not any(words in str(error) for words in ("Could not parse", "hash mismatch")):
+                    raise
+                reader = _reader(paths)
+                reader.readers = [_Lenient(one) for one in reader.readers]  # type: ignore[misc]
+                stack.enter_context(reader)
             if reader.is2:
                 add_definitions(reader, paths[0], bag)
         yield reader
+
+
+def _reader(paths: Sequence[Path]) -> AnyReader:
+    return AnyReader(paths, default_typestore=get_typestore(Stores.EMPTY))
+
+
+class _Lenient:
+    """A reader of a file without those of its definitions that rosbags does not understand.
+
+    Such are services of ROS 2 Jazzy, which must not keep anybody from the other topics.
+    """
+
+    def __init__(self, reader: Any) -> None:
+        self._reader = reader
+
+    def __enter__(self) -> _Lenient:
+        self._reader.open()
+        self.connections = [_understood(connection) for connection in self._reader.connections]
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.close()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._reader, name)
+
+
+def _understood(connection: Connection) -> Connection:
+    try:
+        if connection.msgdef.format == MessageDefinitionFormat.MSG:
+            get_types_from_msg(connection.msgdef.data, connection.msgtype)
+        return connection._replace(digest="")
+    except TypesysError:
+        nothing = MessageDefinition(MessageDefinitionFormat.NONE, "")
+        return connection._replace(digest="", msgdef=nothing)
 
 
 @contextmanager

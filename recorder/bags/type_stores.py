@@ -41,11 +41,13 @@ def add_definitions(reader: AnyReader, path: Path, bag: Path) -> None:
     if not bare - reader.typestore.fielddefs.keys():
         return
     name = _distribution(path)
+    store, known = get_typestore(Stores[f"ROS2_{(name or LIKELIEST).upper()}"]), reader.typestore
+    if not bare & store.fielddefs.keys():
+        return
     if name is None:
         _LOG.warning(
             "%s names no ROS distribution and defines no messages: read with those of %s", bag, LIKELIEST
         )
-    store, known = get_typestore(Stores[f"ROS2_{(name or LIKELIEST).upper()}"]), reader.typestore
     for kind in store.fielddefs.keys() - known.fielddefs.keys():
         known.fielddefs[kind], known.types[kind] = store.fielddefs[kind], store.types[kind]
 
@@ -54,7 +56,8 @@ def _distribution(path: Path) -> str | None:
     """Distribution that a bag names, or that wrote its version of the metadata; None: it says neither."""
     described = metadata_of(path)
     if not path.is_dir():
-        described |= (_of_mcap if path.suffix == ".mcap" else _of_sqlite)(path)
+        inside = (_of_mcap if path.suffix == ".mcap" else _of_sqlite)(path)
+        described = {**inside, **{name: value for name, value in described.items() if value}}
     named = str(described.get("ros_distro")).lower()
     if f"ROS2_{named.upper()}" in Stores.__members__:
         return named
@@ -87,6 +90,6 @@ def _of_sqlite(path: Path) -> Mapping[str, Any]:
             if columns:
                 return {}
             topics = {row[1] for row in base.execute("PRAGMA table_info(topics)")}
-            return {"ros_distro": "foxy" if "offered_qos_profiles" in topics else "eloquent"}
+            return {"version": 4 if "offered_qos_profiles" in topics else 3}
     except sqlite3.Error:
         return {}
