@@ -53,7 +53,7 @@ def headers(after_begin_ns: int = 0, count: int = 12) -> list[int]:
 def after(zero_ns: int, unit_ns: int, code: str) -> Any:
     """Times of points from a zero on, in a unit, as a driver writes them."""
     exact = OFFSETS - zero_ns
-    return (exact // unit_ns if code[0] in "iu" else exact / unit_ns).astype(code)
+    return (exact // unit_ns if code[1] in "iu" else exact / unit_ns).astype(code)
 
 
 # Field, type, unit [ns]; the header's stamp after the first point [ns] where times are relative to it.
