@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ _PART = re.compile(r"(?P<name>.*?)(?:_?\d{4}(?:-\d\d){5})?_(?P<number>\d+)")
 """Stem of a part of a split bag, which recorders count from 0: ``run_3``, ``run_2026-11-26-09-30-00_3``."""
 
 
-def files_of_bag(path: Path, scratch: Path) -> list[Path]:
+def files_of_bag(path: Path, scratch: Callable[[], Path]) -> list[Path]:
     """Paths that `rosbags` reads as one bag.
 
     A file is itself, whatever lies beside it. A folder with a ``metadata.yaml`` is a ROS 2 bag; another
@@ -39,7 +39,7 @@ def files_of_bag(path: Path, scratch: Path) -> list[Path]:
 
     Args:
         path: A file of ROS 1, MCAP or SQLite, compressed by zstd or not, or a folder.
-        scratch: Empty folder for what must be unpacked or called otherwise.
+        scratch: Makes an empty folder for what must be unpacked or called otherwise.
 
     Raises:
         EvaluationError: there is none, or there are several.
@@ -91,7 +91,7 @@ def metadata_of(path: Path) -> dict[str, Any]:
     return dict(found) if path.is_dir() or path.name in names else {}
 
 
-def _of_folder(folder: Path, scratch: Path) -> list[Path]:
+def _of_folder(folder: Path, scratch: Callable[[], Path]) -> list[Path]:
     if described := metadata_of(folder):
         # Only rosbags' reader of folders unpacks messages. It reads nothing where files and metadata.yaml
         # differ in a topic's quality of service, as after `ros2 bag reindex`: files are read by themselves.
@@ -131,8 +131,8 @@ def _is_split(files: Sequence[Path]) -> bool:
     return len(names) == 1 and numbers == set(range(len(files)))
 
 
-def _unpacked(path: Path, scratch: Path) -> Path:
-    to = scratch / path.name.removesuffix(path.suffix)
+def _unpacked(path: Path, scratch: Callable[[], Path]) -> Path:
+    to = scratch() / path.name.removesuffix(path.suffix)
     with path.open("rb") as packed, to.open("wb") as file:
         try:
             reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
@@ -146,7 +146,7 @@ def _has_packed_messages(described: dict[str, Any]) -> bool:
     return str(described.get("compression_mode")).lower() == "message"
 
 
-def _file(path: Path, kind: str, scratch: Path) -> Path:
+def _file(path: Path, kind: str, scratch: Callable[[], Path]) -> Path:
     """The path, or a link to it by a name that ends as rosbags wants it."""
     log = path.with_name(f"{path.name}-wal")
     if kind == _SQLITE and log.is_file() and log.stat().st_size:
@@ -156,6 +156,6 @@ def _file(path: Path, kind: str, scratch: Path) -> Path:
         )
     if path.suffix == kind:
         return path
-    link = scratch / f"{path.stem}{kind}"
+    link = scratch() / f"{path.stem}{kind}"
     link.symlink_to(path.resolve())
     return link

@@ -32,16 +32,19 @@ def open_bag(bag: Path) -> Iterator[AnyReader]:
         EvaluationError: it is missing or damaged, was not closed, or is several bags.
     """
     with ExitStack() as stack:
-        scratch = stack.enter_context(TemporaryDirectory(prefix="carlaloc-bag-"))
+
+        def scratch() -> Path:
+            return Path(stack.enter_context(TemporaryDirectory(prefix="carlaloc-bag-")))
+
         with refused_in_one_line(bag):
-            paths = files_of_bag(bag, Path(scratch))
+            paths = files_of_bag(bag, scratch)
             try:
                 reader = stack.enter_context(_reader(paths))
             except AnyReaderError as error:
                 if not any(words in str(error) for words in ("Could not parse", "hash mismatch")):
                     raise
                 reader = _reader(paths)
-                reader.readers = [_Lenient(one) for one in reader.readers]  # type: ignore[misc]
+                reader.readers = [_Lenient(one) for one in reader.readers]  # type: ignore[assignment]
                 stack.enter_context(reader)
             if reader.is2:
                 add_definitions(reader, paths[0], bag)

@@ -32,6 +32,10 @@ _TIME = re.compile(
     r"(?:_(?P<unit>ns|nsec|us|usec|ms|msec|s|sec))?"
 )
 """Names of the time of a point, in lower case; some name its unit, too."""
+_SINGLE_M = 1000.0
+"""Sum of coordinates up to which double ones are rounded to single ones (3e-5 m), as most drivers write them.
+
+Points on the bounds of a system's voxels change sides for less, and poses would hang on the datatype."""
 _LIVOX_POINT = np.dtype(
     [
         ("offset_time", "<u4"), ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("reflectivity", "u1"),
@@ -182,6 +186,8 @@ def _cloud(
     measured = (size > 0.0) & (size < np.inf)
     if not measured.all():
         rows, axes = rows[measured], [axis[measured] for axis in axes]
+    if rows.dtype[roles["x"]].itemsize == 8 and size[measured].max(initial=0.0) < _SINGLE_M:
+        axes = [axis.astype(np.float32).astype(np.float64) for axis in axes]
     with np.errstate(invalid="ignore"):  # a ring or label that is NaN
         ring = rows[roles["ring"]].astype(np.int64) if "ring" in roles else None
         return Cloud(

@@ -58,8 +58,9 @@ class Scan:
 
     @property
     def deskew_time_s(self) -> NDArray[np.float64]:
-        """Times for the correction of motion [s], shape (N,); empty: the cloud has none."""
-        return self.time_s if self.time_s.any() else self.time_s[:0]
+        """Times for the correction of motion [s], shape (N,); empty: none, or all the same."""
+        known = self.time_s.max(initial=-np.inf) > self.time_s.min(initial=np.inf)
+        return self.time_s if known else self.time_s[:0]
 
     def take(self, rows: NDArray[np.bool_]) -> Scan:
         """Some of the points."""

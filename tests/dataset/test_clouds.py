@@ -70,6 +70,13 @@ def test_labels_of_another_vocabulary_are_no_tags() -> None:
     assert cloud_of_fields(message_of(STORE, rows, 0, Dressing())).tag is None
 
 
+@pytest.mark.parametrize(("at_m", "kept_m"), [(0.1, float(np.float32(0.1))), (5_336_000.1, 5_336_000.1)])
+def test_double_coordinates_are_those_of_single_ones_but_far_away(at_m: float, kept_m: float) -> None:
+    rows = np.full(2, at_m, [(axis, "<f8") for axis in "xyz"])
+    cloud = cloud_of_fields(message_of(STORE, rows, 0, Dressing()))
+    assert cloud.points_xyz_m.tolist() == [[kept_m] * 3] * 2
+
+
 @pytest.mark.parametrize("row_step", [0, 13, 10**6])
 def test_a_stale_row_step_of_dense_rows_is_seen_through(row_step: int) -> None:
     message = message_of(STORE, ROWS[[0, 4, 0, 4]], 0, Dressing(height=2))
