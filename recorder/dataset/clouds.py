@@ -32,6 +32,8 @@ _TIME = re.compile(
     r"(?:_(?P<unit>ns|nsec|us|usec|ms|msec|s|sec))?"
 )
 """Names of the time of a point, in lower case; some name its unit, too."""
+_STEP_MAX = 2**31 - 1
+"""Largest point that NumPy can view [bytes]."""
 _SINGLE_M = 1000.0
 """Sum of coordinates up to which double ones are rounded to single ones (3e-5 m), as most drivers write them.
 
@@ -152,7 +154,7 @@ def _roles(fields: tuple[str, ...], time_field: str | None) -> tuple[dict[str, s
 
 def _datatype(field: Any, message: Any) -> str:
     kind = _DATATYPES.get(field.datatype)
-    if kind is None or field.offset + int(kind[1]) > message.point_step:
+    if kind is None or field.offset + int(kind[1]) > min(message.point_step, _STEP_MAX):
         raise EvaluationError(
             f"a point cloud's field {field.name} has datatype {field.datatype} at byte {field.offset} of "
             f"{message.point_step}, which cannot be; give clouds as sensor_msgs/PointField describes them"

@@ -6,7 +6,7 @@ import logging
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -33,7 +33,7 @@ _LOG = logging.getLogger(__name__)
 DEFAULT_TOPIC = "/lidar/points"
 """Topic of the clouds of our own bags."""
 _LOOKED_AT = 10
-"""Number of clouds that tell how times are read."""
+"""Number of clouds with points that tell how times are read."""
 
 Progress = Callable[[int, int], None]
 """Called with scans done and scans in all."""
@@ -161,7 +161,10 @@ def scans_of(
     """
     has_stamps = True
     if isinstance(times, ScanTimes):
-        first = list(islice(clouds, _LOOKED_AT))
+        first, seen = [], 0
+        while seen < _LOOKED_AT and (item := next(clouds, None)) is not None:
+            first.append(item)
+            seen += bool(len(item[1].points_xyz_m))
         has_stamps = len(first) < 2 or len({cloud.stamp_ns for _, cloud in first}) > 1
         if not has_stamps:
             _LOG.warning("%s: headers have no stamps; the times of the recording are taken", where)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 from shared_fixtures.readings import dressed_clouds as clouds
 from shared_fixtures.readings.dressed_clouds import SWEEPS, TOPIC, Dressing, dressed
-from shared_fixtures.readings.slam_dataset import SWEEP_NS
+from shared_fixtures.readings.slam_dataset import SWEEP_NS, pose
 
+from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.bag_odometry import run_odometry
 from recorder.writers.base import DEFAULT_EPOCH_NS
@@ -20,6 +22,8 @@ from recorder.writers.base import DEFAULT_EPOCH_NS
 NOW = DEFAULT_EPOCH_NS
 END = SWEEP_NS * 239 // 240
 """Time of the last point of a sweep [ns]."""
+LIBRARIES = {"kiss_icp": "kiss_icp", "gicp": "small_gicp"}
+"""Modules of methods; GenZ-ICP gives other poses for the same clouds each time."""
 DRESSINGS = {
     "velodyne": Dressing(),
     "ouster, organised": Dressing(time=("t", "u4"), unit_ns=1, height=16, pad=20, ring=("ring", "u1")),
@@ -95,10 +99,57 @@ def test_dressings_give_the_same_poses(
     name: str, plain: Callable[[str], Trajectory], tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     bag = BAGS[name](tmp_path)
-    for method, library in (("kiss_icp", "kiss_icp"), ("gicp", "small_gicp")):
+    for method, library in LIBRARIES.items():
         pytest.importorskip(library)
         want, got = plain(method), run_odometry(bag, method)
         assert len(got.stamp_ns) == SWEEPS
         np.testing.assert_allclose(got.stamp_ns, want.stamp_ns, atol=2_000)
         np.testing.assert_allclose(got.position_m, want.position_m, atol=1e-3)
     assert bool(caplog.messages) == (name == "microseconds")
+
+
+def test_the_plain_dressing_follows_the_truth(plain: Callable[[str], Trajectory]) -> None:
+    """KISS-ICP notices the first metres late, GICP does not."""
+    pytest.importorskip("small_gicp")
+    estimate = plain("gicp")
+    position_m, _ = pose((estimate.stamp_ns - NOW) * 1e-9)
+    ways_m = [
+        np.linalg.norm(np.diff(path, axis=0), axis=1).sum() for path in (position_m, estimate.position_m)
+    ]
+    assert ways_m[1] == pytest.approx(ways_m[0], rel=0.1)
+
+
+@pytest.mark.parametrize("method", LIBRARIES)
+def test_clouds_without_times_show_the_middle_of_the_sweep(
+    method: str, plain: Callable[[str], Trajectory], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip(LIBRARIES[method])
+    got = run_odometry(ros1(tmp_path, Dressing(time=None)), method)
+    assert got.stamp_ns.tolist() == [NOW + k * SWEEP_NS + SWEEP_NS // 2 for k in range(SWEEPS)]
+    assert "no motion correction" in caplog.messages[0]
+    # GICP is not given times; KISS-ICP's clouds stay as the motion bent them.
+    is_same = np.allclose(got.position_m, plain(method).position_m, rtol=0, atol=1e-3)
+    assert is_same == (method == "gicp")
+
+
+def test_clouds_without_points_are_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    pytest.importorskip("kiss_icp")
+    store = get_typestore(Stores.ROS1_NOETIC)
+    found = _messages(store, Dressing())[TOPIC]
+    for k in range(3):
+        found[k] = replace(found[k], width=0, row_step=0, data=np.zeros(0, np.uint8))
+    got = run_odometry(clouds.write_ros1(tmp_path / "a.bag", store, {TOPIC: found}), "kiss_icp")
+    assert got.stamp_ns.tolist() == [NOW + (k + 1) * SWEEP_NS for k in range(3, SWEEPS)]
+    assert "3 of 12 clouds have no points and are left out" in caplog.messages[0]
+    with pytest.raises(EvaluationError, match="has no two point clouds"):
+        run_odometry(clouds.write_ros1(tmp_path / "b.bag", store, {TOPIC: found[:4]}), "kiss_icp")
+
+
+def test_a_sweep_shorter_than_the_interval_ends_with_its_last_point(tmp_path: Path) -> None:
+    """Every second cloud is missing: the interval is twice the sweep, and poses still stand at its end."""
+    pytest.importorskip("kiss_icp")
+    store = get_typestore(Stores.ROS1_NOETIC)
+    found = _messages(store, Dressing())[TOPIC][::2]
+    got = run_odometry(clouds.write_ros1(tmp_path / "a.bag", store, {TOPIC: found}), "kiss_icp")
+    want = [NOW + k * SWEEP_NS + END for k in range(0, SWEEPS, 2)]
+    np.testing.assert_allclose(got.stamp_ns, want, rtol=0, atol=1000)
