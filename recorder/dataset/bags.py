@@ -1,4 +1,4 @@
-"""ROS bags of any kind: opening them, their messages, and the topic of a stream under a profile."""
+"""Bags: their topics and messages, and the topic of a stream under a profile."""
 
 from __future__ import annotations
 
@@ -6,17 +6,11 @@ from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
-
-from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.samples import Sample
+from recorder.bags.opening import open_bag, refused_in_one_line
 from recorder.writers.topics import TopicProfile
 
-
-def open_bag(bag: Path) -> AnyReader:
-    """A reader of a ROS 1 file or a ROS 2 folder, to be used as a context manager."""
-    return AnyReader([bag], default_typestore=get_typestore(Stores.ROS1_NOETIC))
+__all__ = ["messages", "open_bag", "stamp_ns", "topic_of", "topics_in"]
 
 
 def topics_in(bag: Path) -> dict[str, int]:
@@ -25,15 +19,11 @@ def topics_in(bag: Path) -> dict[str, int]:
     Raises:
         EvaluationError: the bag is missing or damaged.
     """
-    try:
-        with open_bag(bag) as reader:
-            counts: dict[str, int] = {}
-            for connection in reader.connections:
-                counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
-            return counts
-    # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
-    except Exception as error:
-        raise EvaluationError(f"cannot read {bag}: no ROS bag, or a damaged one; give another") from error
+    with open_bag(bag) as reader:
+        counts: dict[str, int] = {}
+        for connection in reader.connections:
+            counts[connection.topic] = counts.get(connection.topic, 0) + connection.msgcount
+        return counts
 
 
 def messages(bag: Path, topic: str) -> Iterator[Any]:
@@ -42,14 +32,14 @@ def messages(bag: Path, topic: str) -> Iterator[Any]:
     Raises:
         EvaluationError: the bag is missing or damaged.
     """
-    try:
-        with open_bag(bag) as reader:
-            wanted = [connection for connection in reader.connections if connection.topic == topic]
+    with open_bag(bag) as reader:
+        wanted = [connection for connection in reader.connections if connection.topic == topic]
+        # Without any the reader would give all messages.
+        if not wanted:
+            return
+        with refused_in_one_line(bag):
             for connection, _, raw in reader.messages(connections=wanted):
                 yield reader.deserialize(raw, connection.msgtype)
-    # A damaged bag makes the library raise whatever its parts do: struct, zlib, assertions, …
-    except Exception as error:
-        raise EvaluationError(f"cannot read {bag}: no ROS bag, or a damaged one; give another") from error
 
 
 def stamp_ns(message: Any) -> int:

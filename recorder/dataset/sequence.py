@@ -24,11 +24,14 @@ from recorder.dataset.bags import messages, stamp_ns, topic_of, topics_in
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest, SequenceDescription
 from recorder.dataset.mover_masks import Mask, mover_masks, without_movers
+from recorder.dataset.point_times import TimeRule
 from recorder.dataset.readings import ImuSample, StereoPair
 from recorder.dataset.scans import Scan, read_scans
 
 RAW, SEGMENTED = "raw", "seg"
 """Clouds as measured, and without the points on classes that move (the paper's seg(d))."""
+_OUR_TIMES = TimeRule(field="time")
+"""Times of points as our bags write them: seconds after the header's stamp, the sweep's beginning."""
 _READ_HERE: dict[type[Sample], tuple[str, ...]] = {
     PointCloud: ("points", "points_labelled", "points_of_the_town"),
     Imu: ("imu",),
@@ -160,9 +163,12 @@ class SlamSequence:
     def has_labelled_scans(self) -> bool:
         """Whether its sweeps can be had without movers: the bag has clouds, and the first one has labels."""
         try:
-            return any(scan.tag is not None for _, scan in islice(read_scans(self.bag, self._cloud_topic), 1))
+            return any(scan.tag is not None for scan in islice(self._raw_scans(), 1))
         except EvaluationError:
             return False
+
+    def _raw_scans(self) -> Iterator[Scan]:
+        return (scan for _, scan in read_scans(self.bag, self._cloud_topic, _OUR_TIMES))
 
     @cached_property
     def _cloud_topic(self) -> str:
@@ -176,7 +182,7 @@ class SlamSequence:
             EvaluationError: the bag has no clouds, or none with labels where they are needed.
         """
         moving = np.array(sorted(DYNAMIC_TAGS), np.uint8)
-        for _, scan in read_scans(self.bag, self._cloud_topic):
+        for scan in self._raw_scans():
             if self.cloud == RAW:
                 yield scan
                 continue

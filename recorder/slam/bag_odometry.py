@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
+from statistics import median
 
-from carlaloc_env.core.errors import ConfigError, MissingDependencyError, unknown_name
-from recorder.dataset.scans import Progress, Scan, read_scans, sweep_of, trajectory_of
+import numpy as np
+
+from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError, unknown_name
+from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from recorder.dataset.scans import Progress, Scan, ScanTimes, read_scans
 from recorder.evaluation.trajectory import Trajectory
-from recorder.slam.system import FrameClock
+from recorder.slam.system import MIDDLE, FrameClock
 from recorder.slam.systems import SYSTEMS
+
+_LOG = logging.getLogger(__name__)
 
 METHODS = {name: name for name, system in SYSTEMS.items() if system.needs == ("lidar",)} | {
     "gicp": "small_gicp"
@@ -19,61 +27,100 @@ METHODS = {name: name for name, system in SYSTEMS.items() if system.needs == ("l
 """Names on the command line, and the systems that they mean: those that need nothing but sweeps."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class BagScans:
     """Sweeps of one topic of a bag, as runners of systems read them.
 
     Args:
-        bag: ROS 1 or ROS 2 bag.
-        topic: Topic of the point clouds, fields x, y, z, time.
+        bag: A bag as `open_bag` takes it.
+        topic: Topic of the point clouds; None: the only one.
+        times: What is known of the times of points.
         progress: Told of every scan that is done.
     """
 
     bag: Path
-    topic: str
+    topic: str | None
+    times: ScanTimes = field(default_factory=ScanTimes)
     progress: Progress | None = None
+    stamps_ns: list[int] = field(default_factory=list, init=False)
+    """Times of the first points of the scans that were read [ns]."""
+    spans_s: list[float] = field(default_factory=list, init=False)
+    """Times of their last points after that [s]."""
 
     def scans(self) -> Iterator[Scan]:
-        """All sweeps.
+        """All sweeps that have points.
 
         Raises:
-            EvaluationError: the bag is damaged, or a cloud lacks a field.
+            EvaluationError: the bag is damaged or has no such topic, or a cloud lacks a field.
         """
-        for number, (count, scan) in enumerate(read_scans(self.bag, self.topic), start=1):
-            yield scan
+        number = 0
+        for number, (count, scan) in enumerate(read_scans(self.bag, self.topic, self.times), start=1):
+            if len(scan.points_xyz_m):
+                self.stamps_ns.append(scan.stamp_ns)
+                self.spans_s.append(float(scan.time_s.max()))
+                yield scan
             if self.progress is not None:
                 self.progress(number, count)
+        if empty := number - len(self.stamps_ns):
+            _LOG.warning("%s: %d of %d clouds have no points and are left out", self.bag, empty, number)
+
+    @property
+    def has_times(self) -> bool:
+        """Whether the points have times."""
+        return any(self.spans_s)
+
+    @property
+    def sweep_s(self) -> float:
+        """Length of a sweep [s]: the median interval, or the time up to its last point where that is another.
+
+        Raises:
+            EvaluationError: there are less than two scans.
+        """
+        if len(self.stamps_ns) < 2:
+            raise EvaluationError(f"{self.bag} has no two point clouds; name another topic or a longer bag")
+        interval_s = median(after - before for before, after in pairwise(self.stamps_ns)) / 1e9
+        span_s = median(self.spans_s)
+        # A sensor that turns all the time leaves out no more than the returns of a few columns.
+        return span_s if self.has_times and not 0.9 < span_s / interval_s < 1.1 else interval_s
 
 
 def run_odometry(
-    bag: Path, method: str, topic: str, progress: Callable[[float, float], None] | None = None
+    bag: Path,
+    method: str,
+    topic: str | None = None,
+    progress: Progress | None = None,
+    *,
+    times: ScanTimes | None = None,
 ) -> Trajectory:
     """Poses of the LiDAR that a system estimates from a bag, at the instants of sweeps that they belong to.
 
+    Without times of points nothing corrects the motion during a sweep, whose middle such clouds show best.
+
     Args:
-        bag: ROS 1 or ROS 2 bag.
+        bag: A file of ROS 1, MCAP or SQLite, or the folder of a bag of ROS 2.
         method: Name of one of `METHODS`.
-        topic: Topic of the point clouds, fields x, y, z, time.
-        progress: Told after every scan how many seconds of how many are done.
+        topic: Topic of the point clouds; None: ``/lidar/points`` if it is there, else the only one.
+        progress: Told after every scan how many of how many are done.
+        times: What is known of the times of points; None: what the clouds themselves show.
 
     Raises:
-        ConfigError: there is no such method.
+        ConfigError: there is no such method, or no such unit of time.
         MissingDependencyError: its library is not installed.
         EvaluationError: the bag is damaged or has no such topic.
     """
     if method not in METHODS:
         raise ConfigError(unknown_name("method", method, METHODS))
-    sweep_s = sweep_of(bag, topic)
-
-    def tell(done: int, count: int) -> None:
-        if progress is not None:
-            progress(done * sweep_s, count * sweep_s)
-
     system = SYSTEMS[METHODS[method]]
     if system.missing:
         raise MissingDependencyError(system.missing)
     module, function = system.runner.split(":")
-    found = getattr(import_module(module), function)(BagScans(bag, topic, tell), FrameClock())
-    offset_ns = round(system.instant * sweep_s * 1e9)
-    stamps, poses = [stamp + offset_ns for stamp, _ in found], [T for _, T in found]
-    return trajectory_of(stamps, poses, method, bag, topic)
+    source = BagScans(bag, topic, times or ScanTimes(), progress)
+    found = getattr(import_module(module), function)(source, FrameClock())
+    offset_ns = round((system.instant if source.has_times else MIDDLE) * source.sweep_s * 1e9)
+    T_world_lidar = np.stack([T for _, T in found])
+    return Trajectory(
+        stamp_ns=np.array([stamp_ns + offset_ns for stamp_ns, _ in found], np.int64),
+        position_m=T_world_lidar[:, :3, 3].copy(),
+        quat_xyzw=matrix_to_quat(T_world_lidar[:, :3, :3]),
+        name=method,
+    )

@@ -9,9 +9,11 @@ from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import hypothesis.strategies as st
+import numpy as np
 import yaml
 from robustness.command_lines import command_lines
 from robustness.mutations import Splices, attributes, damages, lines, spliced, trees
@@ -24,7 +26,8 @@ from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.weather.schedule import weather_of
 from recorder.cli.main import main
-from recorder.dataset.scans import read_scans
+from recorder.dataset.clouds import cloud_of_fields
+from recorder.dataset.scans import read_scans, scans_of
 from recorder.episode.actor_messages import ACTORS
 from recorder.episode.episode import Episode
 from recorder.episode.header import _checksum
@@ -73,6 +76,7 @@ def targets(seeds: Seeds, work: Path) -> dict[str, Callable[[], Target]]:
         "OpenDRIVE map": _map,
         "TUM trajectory": lambda: _tum(seeds, work),
         "bag": lambda: _bag(seeds, work),
+        "point cloud": _point_cloud,
         "command line": lambda: _command_line(seeds, work),
     }
 
@@ -183,6 +187,37 @@ def _bag(seeds: Seeds, work: Path) -> Target:
             pass
 
     return damages(seed), read
+
+
+def _point_cloud() -> Target:
+    """Clouds whose fields, sizes and byte order contradict each other and their bytes."""
+    small = st.integers(0, 12)
+    whole = st.one_of(small, small, small, st.sampled_from([40, 2**16, 2**31, 2**32 - 1]))
+    names = st.sampled_from(["x", "y", "z", "time", "t", "ring", "intensity", "label", "", "é"])
+    field = st.builds(SimpleNamespace, name=names, offset=whole, datatype=st.integers(0, 9), count=whole)
+    good = [
+        SimpleNamespace(name=n, offset=4 * k, datatype=7, count=1) for k, n in enumerate(("x", "y", "z", "t"))
+    ]
+    cloud = st.builds(
+        SimpleNamespace,
+        header=st.builds(SimpleNamespace, stamp=st.builds(SimpleNamespace, sec=whole, nanosec=whole)),
+        fields=st.lists(field, max_size=3).flatmap(lambda drawn: st.permutations([*drawn, *good])),
+        is_bigendian=st.booleans(),
+        height=st.one_of(st.just(1), whole),
+        width=whole,
+        point_step=st.one_of(st.just(16), st.just(20), whole),
+        row_step=whole,
+        data=st.binary(min_size=8, max_size=64).map(lambda part: np.frombuffer(part * 40, np.uint8)),
+    )
+
+    def read(messages: list[Any]) -> None:
+        clouds = ((k, cloud_of_fields(message)) for k, message in enumerate(messages))
+        for scan in scans_of(clouds, "drawn"):
+            assert np.isfinite(scan.points_xyz_m).all()
+            assert len(scan.time_s) == len(scan.points_xyz_m)
+            assert np.isfinite(scan.time_s).all()
+
+    return st.lists(cloud, min_size=1, max_size=3), read
 
 
 def _command_line(seeds: Seeds, work: Path) -> Target:

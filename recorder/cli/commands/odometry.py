@@ -3,6 +3,7 @@
 Examples:
   carlaloc odometry data/Town03/ClearNoon_dynamic/ClearNoon_dynamic.bag --out estimate.tum
   carlaloc odometry run.bag --method gicp --topic /velodyne_points --out gicp.tum
+  carlaloc odometry run_0.mcap --time-field t --time-unit us --out estimate.tum
 """
 
 from __future__ import annotations
@@ -16,20 +17,30 @@ from recorder.cli.progress import Progress
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc odometry`."""
-    parser.add_argument("bag", type=input_path, help="bag with point clouds")
+    parser.add_argument("bag", type=input_path, help="bag with point clouds: .bag, .mcap, .db3, or a folder")
     parser.add_argument("--out", type=OutputFile(".tum", ".txt"), required=True, help="TUM file to write")
     parser.add_argument("--method", default="kiss_icp", help="kiss_icp, genz_icp or gicp (default: kiss_icp)")
-    parser.add_argument("--topic", default="/lidar/points", help="default: /lidar/points")
+    parser.add_argument("--topic", help="topic of the clouds (default: /lidar/points, else the only one)")
+    parser.add_argument(
+        "--time-field", metavar="NAME", help="field with the times of points, or none; else by its name"
+    )
+    parser.add_argument(
+        "--time-unit", choices=("s", "ms", "us", "ns"), help="unit of that field; else by what it shows"
+    )
     force_option(parser, "an older trajectory")
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the method."""
+    from recorder.dataset.scans import ScanTimes
     from recorder.evaluation.trajectory_files import write_tum
     from recorder.slam.bag_odometry import run_odometry
 
-    with Progress(arguments.method) as progress:
-        trajectory = run_odometry(arguments.bag, arguments.method, arguments.topic, progress.update)
+    times = ScanTimes(field=arguments.time_field, unit=arguments.time_unit)
+    with Progress(arguments.method, unit="scans") as progress:
+        trajectory = run_odometry(
+            arguments.bag, arguments.method, arguments.topic, progress.update, times=times
+        )
     path = write_tum(arguments.out, trajectory)
     return {
         "out": str(path),

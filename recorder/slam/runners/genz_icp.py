@@ -1,4 +1,4 @@
-"""GenZ-ICP (Lee et al., RA-L 2025; MIT licence), motion-compensated."""
+"""GenZ-ICP (Lee et al., RA-L 2025; MIT licence), motion-compensated where points have times."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
     poses: list[StampedPose] = []
     for scan in sequence.scans():
         with clock.frame():
-            odometry.register_frame(scan.points_xyz_m, scan.time_s)
+            odometry.register_frame(scan.points_xyz_m, scan.deskew_time_s)
         poses.append((scan.stamp_ns, np.array(odometry.last_pose)))
     return poses

@@ -1,4 +1,4 @@
-"""KISS-ICP (Vizzo et al., RA-L 2023; MIT licence), motion-compensated."""
+"""KISS-ICP (Vizzo et al., RA-L 2023; MIT licence), motion-compensated where points have times."""
 
 from __future__ import annotations
 
@@ -23,6 +23,6 @@ def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
     poses: list[StampedPose] = []
     for scan in sequence.scans():
         with clock.frame():
-            odometry.register_frame(scan.points_xyz_m, scan.time_s)
+            odometry.register_frame(scan.points_xyz_m, scan.deskew_time_s)
         poses.append((scan.stamp_ns, np.array(odometry.last_pose)))
     return poses
