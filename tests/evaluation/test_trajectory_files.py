@@ -15,9 +15,10 @@ from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry import transforms
+from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory import Trajectory
-from recorder.evaluation.trajectory_files import read_trajectory, write_tum
+from recorder.evaluation.trajectory_files import write_tum
 
 EPOCH_NS = 1_672_531_200_000_000_000
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry.transforms import transform
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.trajectory_files import read_trajectory
+from recorder.dataset.trajectories import read_trajectory
 from recorder.slam.system import FrameClock, StampedPose
 
 _PATHS: dict[str, Callable[[SlamSequence], Path]] = {

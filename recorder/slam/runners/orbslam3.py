@@ -25,7 +25,7 @@ from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.transforms import transform
 from recorder.dataset.readings import StereoPair
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.trajectory_files import read_trajectory
+from recorder.dataset.trajectories import read_trajectory
 from recorder.slam.system import FrameClock, StampedPose
 
 PYTHON, VOCABULARY = "CARLALOC_ORBSLAM3_PYTHON", "CARLALOC_ORBSLAM3_VOCABULARY"
