@@ -94,7 +94,10 @@ def read_bag(path: Path, topic: str | None = None) -> Trajectory:
 
 def _chosen(path: Path, reader: AnyReader, topic: str | None) -> str:
     types = {c.topic: c.msgtype for c in reader.connections if c.msgcount}
-    groups = [sorted(t for t, kind in types.items() if kind in kinds and not t.endswith("tf_static")) for kinds in _KINDS]
+    groups = [
+        sorted(t for t, kind in types.items() if kind in kinds and not t.endswith("tf_static"))
+        for kinds in _KINDS
+    ]
     known = [t for group in groups for t in group]
     if topic is not None:
         if (name := topic.partition(":")[0]) not in known:
@@ -106,13 +109,17 @@ def _chosen(path: Path, reader: AnyReader, topic: str | None) -> str:
     if len(fitting) > 1:
         raise EvaluationError(f"{path} has several topics with poses; choose by --topic: {', '.join(known)}")
     if len(known) > 1:
-        _LOG.warning("%s: poses of %s are read; --topic takes another of %s", path, fitting[0], ", ".join(known))
+        _LOG.warning(
+            "%s: poses of %s are read; --topic takes another of %s", path, fitting[0], ", ".join(known)
+        )
     return fitting[0]
 
 
 def _read(types: dict[str, str]) -> str:
     """What is read, and what a bag has."""
-    read = ", ".join(kind.replace("/msg/", "/") for kinds in _KINDS for kind in kinds[:4] if kind != TF_TYPES[1])
+    read = ", ".join(
+        kind.replace("/msg/", "/") for kinds in _KINDS for kind in kinds[:4] if kind != TF_TYPES[1]
+    )
     has = ", ".join(sorted({kind.replace("/msg/", "/") for kind in types.values()})) or "no messages"
     return f"read are {read}; the bag has {has}"
 
@@ -143,7 +150,9 @@ def _path_rows(path: Path, reader: AnyReader, topic: str) -> list[Row]:
     rows = _rows_of(last)
     if len(rows) > 1 and len({row[0] for row in rows}) == 1:
         _LOG.warning(
-            "%s: poses on %s have no stamps; of each message the last pose is taken, at its header's", path, topic
+            "%s: poses on %s have no stamps; of each message the last pose is taken, at its header's",
+            path,
+            topic,
         )
         return [
             (stamp_ns(message), *_rows_of(message)[-1][1:])

@@ -37,7 +37,7 @@ def read_tree(path: Path, reader: AnyReader, topic: str, frames: str = "") -> Tr
         path: The bag.
         reader: Opened.
         topic: Topic of the transforms; fixed ones are taken from its neighbour ``…_static``.
-        frames: ``PARENT.CHILD``; empty: of the frame that goes farthest, in the frame above all, with a warning.
+        frames: ``PARENT.CHILD``; empty: the frame that goes farthest, in the frame above all, with a warning.
 
     Raises:
         EvaluationError: there is no such frame, or none below the other.
@@ -51,7 +51,11 @@ def read_tree(path: Path, reader: AnyReader, topic: str, frames: str = "") -> Tr
         child = max(moving, key=lambda frame: tree[frame][1].length_m)
         frames = f"{_above(tree, child)[-1]}.{child}"
         _LOG.warning(
-            "%s: %s:%s is read; --topic takes another of %s", path, topic, frames, ", ".join(sorted(pairs)[:9])
+            "%s: %s:%s is read; --topic takes another of %s",
+            path,
+            topic,
+            frames,
+            ", ".join(sorted(pairs)[:9]),
         )
     if frames not in pairs:
         raise EvaluationError(f"{path}: {unknown_name('pair of frames PARENT.CHILD', frames, pairs)}")

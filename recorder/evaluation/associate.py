@@ -127,7 +127,7 @@ def _interpolated(dense: Trajectory, other: Trajectory, max_gap_ns: int) -> tupl
 
 
 def _beyond_gap(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> tuple[int, int] | None:
-    """Poses of the shorter trajectory, within the time of the other, without a near partner; how far theirs is.
+    """Poses of the shorter trajectory, within the time of the other, that have no near partner.
 
     Returns:
         Their number, and the longest time to a partner [ns]; None: there is none.

@@ -128,8 +128,8 @@ def evaluate(
     values = {metric: errors(metric, true, aligned, delta=delta) for metric in metrics}
     if roll_open and Metric.APE_ROTATION in values:
         _LOG.warning(
-            "the way of '%s' is nearly straight: the alignment does not see the roll about it, so that the rotation "
-            "error is given behind the roll that fits attitudes best", truth.name,
+            "the way of '%s' is nearly straight: the alignment does not see the roll about it, so that the "
+            "rotation error is given behind the roll that fits attitudes best", truth.name,
         )  # fmt: skip
         values[Metric.APE_ROTATION] = errors(Metric.APE_ROTATION, true, rolled(true, aligned))
     return EvaluationResult(
@@ -138,7 +138,9 @@ def evaluate(
         alignment=alignment,
         association=association,
         transform=transform,
-        expected=max(len(true), _expected(truth, estimate, association)) if expected is None else max(expected, 1),
+        expected=max(len(true), _expected(truth, estimate, association))
+        if expected is None
+        else max(expected, 1),
         values=values,
         statistics={metric: Statistics.of(v) for metric, v in values.items()},
         segments=segment_errors(true, aligned),

@@ -28,7 +28,7 @@ def in_order(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xy
     Raises:
         EvaluationError: no pose is finite, a quaternion is far from unit length, or the file holds two runs.
     """
-    finite = np.isfinite(position_m).all(axis=1) & np.isfinite(quat_xyzw).all(axis=1)
+    finite: NDArray[np.bool_] = np.isfinite(np.hstack([position_m, quat_xyzw])).all(axis=1)
     if not finite.any():
         raise EvaluationError(f"{path} holds only poses that are not finite")
     if not finite.all():
@@ -37,7 +37,8 @@ def in_order(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xy
         stamp_ns, position_m, quat_xyzw = stamp_ns[finite], position_m[finite], quat_xyzw[finite]
     if not np.all(np.abs(position_m) < _POSITION_MAX_M):
         raise EvaluationError(f"{path} holds a position beyond {_POSITION_MAX_M:g} m; give metres")
-    norm = np.sqrt(np.sum(quat_xyzw**2, axis=1, keepdims=True))
+    with np.errstate(over="ignore"):
+        norm = np.sqrt(np.sum(quat_xyzw**2, axis=1, keepdims=True))
     if not np.all(wrong := np.abs(norm - 1.0) < 0.01):
         raise EvaluationError(
             f"{path} holds a quaternion that is not of length 1 (pose {int(np.argmin(wrong)) + 1}); "

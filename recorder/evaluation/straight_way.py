@@ -17,7 +17,7 @@ _ERROR_MIN = 0.02
 
 
 def roll_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
-    """Whether a fit of positions leaves the roll about the way open: it is a line, or as narrow as the errors.
+    """Whether a fit of positions leaves the roll about the way open: it is a line, or narrow beside errors.
 
     Args:
         truth: True poses, one per pair.

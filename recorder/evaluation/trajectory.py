@@ -94,4 +94,3 @@ class Trajectory:
             position_m=self.position_m + transforms.quat_rotate(self.quat_xyzw, lever),
             quat_xyzw=transforms.quat_multiply(self.quat_xyzw, transforms.matrix_to_quat(T[:3, :3])),
         )
-

@@ -31,7 +31,11 @@ _LOG = logging.getLogger(__name__)
 
 
 def read_text_trajectory(
-    path: str | Path, *, times: Path | None = None, quaternion: str | None = None, time_unit: str | None = None
+    path: str | Path,
+    *,
+    times: Path | None = None,
+    quaternion: str | None = None,
+    time_unit: str | None = None,
 ) -> Trajectory:
     """Read a trajectory from a text file, of whatever columns.
 
@@ -100,7 +104,9 @@ def _named(table: TextTable) -> PoseColumns | None:
     )
 
 
-def _poses(table: TextTable, columns: PoseColumns, quaternion: str | None, time_unit: str | None) -> Trajectory:
+def _poses(
+    table: TextTable, columns: PoseColumns, quaternion: str | None, time_unit: str | None
+) -> Trajectory:
     unit = time_unit or _unit(table, columns.stamp, columns.time_unit)
     stamps, pose = table.read(
         (*columns.position, *columns.attitude),
@@ -177,7 +183,9 @@ def _times(
     stamps, _ = table.read((), "a time", stamp=0, decimals=DECIMALS[unit])
     every = np.array_equal(frames, np.arange(len(frames)))
     if (every and len(stamps) != len(frames)) or frames.min() < 0 or frames.max() >= len(stamps):
-        raise EvaluationError(f"{path} has {len(frames)} poses, {beside} {len(stamps)} times; give equally many")
+        raise EvaluationError(
+            f"{path} has {len(frames)} poses, {beside} {len(stamps)} times; give equally many"
+        )
     return stamps[frames]
 
 

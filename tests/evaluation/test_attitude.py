@@ -32,7 +32,7 @@ def test_a_straight_way_leaves_the_roll_open_to_positions_but_not_to_attitudes(
     result = evaluate(truth, estimate)
     assert result.statistics[Metric.APE_TRANSLATION].rmse < 0.005
     assert attitude_errors_deg(result.truth, result.estimate).max() < 1e-5
-    # The alignment itself is that of positions, with any roll; its direction is known to a millimetre in 50 m.
+    # The alignment itself is that of positions, with any roll; its direction is right to 1 mm in 50 m.
     assert errors(Metric.APE_ROTATION, result.truth, result.estimate).max() > 5.0
     assert result.roll_from_attitudes
     assert result.statistics[Metric.APE_ROTATION].max < 0.002

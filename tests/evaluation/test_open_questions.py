@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from evaluation.test_dressings import DRESSINGS, MATRIX, NUMBER, S, XYZW, P, drive, estimated, table
+from shared_fixtures.readings.pose_tables import DRESSINGS, MATRIX, NUMBER, XYZW, P, S, estimated, table
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry import transforms
@@ -91,7 +91,11 @@ def test_neighbours_turn_alike_in_both_orders_and_only_the_way_tells_them_apart(
 def test_units_of_whole_stamps(scale: str, start_s: float, step_s: float) -> None:
     """Clocks since 1970, 1980 or the start of a machine, 1 to 200 Hz."""
     per_s = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[scale]
-    stamps = np.round((start_s + step_s * np.arange(50)) * per_s) if scale != "s" else start_s + step_s * np.arange(50)
+    stamps = (
+        np.round((start_s + step_s * np.arange(50)) * per_s)
+        if scale != "s"
+        else start_s + step_s * np.arange(50)
+    )
     assert unit_of_stamps(stamps) == scale
 
 
@@ -108,7 +112,10 @@ def test_a_unit_by_name_counts_unless_it_is_absurd() -> None:
         (table(S, P, header="# time x y z"), "line 2 is not 'time tx ty tz qx qy qz qw'"),
         (table(S, P, by=",", header="time,x,y,z"), "names no qx qy qz qw or roll pitch yaw"),
         (table(S, P, XYZW, by=",", header="time,lat,lon,alt,qx,qy,qz,qw"), "names no x y z;"),
-        (table(S, P, XYZW, by=",", header="time,x [mm],y [mm],z [mm],qx,qy,qz,qw"), "names no x y z in metres"),
+        (
+            table(S, P, XYZW, by=",", header="time,x [mm],y [mm],z [mm],qx,qy,qz,qw"),
+            "names no x y z in metres",
+        ),
         (table(S, P, XYZW, by=",", header="time,x,y,z,qx,qy,qz"), "has not the 8 columns of its rows"),
         (table(S, P, XYZW, header="this is a trajectory of mine"), "has not the 8 columns"),
         (table(S, P, XYZW) + "1672531250.0 1 2\n", "line 401 is not"),
@@ -126,7 +133,9 @@ def test_matrices_that_mirror_or_scale_are_named(tmp_path: Path, caplog: pytest.
     (tmp_path / "times.txt").write_text("\n".join(S))
 
     def kitti(factor: np.ndarray, digits: int = 17) -> Path:
-        return _written(tmp_path, table([[f"{v:.{digits}g}" for v in row] for row in (MATRIX * factor).tolist()]))
+        return _written(
+            tmp_path, table([[f"{v:.{digits}g}" for v in row] for row in (MATRIX * factor).tolist()])
+        )
 
     with pytest.raises(EvaluationError, match=r"left-handed: the matrix of pose 1 mirrors"):
         read_text_trajectory(kitti(np.tile([1.0, 1.0, -1.0, 1.0], 3)))
@@ -149,7 +158,10 @@ def _sparse(offset_ns: int) -> tuple[Trajectory, Trajectory]:
         position = 20.0 * np.stack([np.sin(angle), 1.0 - np.cos(angle), 0.1 * np.sin(3 * angle)], axis=1)
         zero = np.zeros_like(angle)
         return Trajectory(
-            stamp_ns=stamp_ns, position_m=position, quat_xyzw=transforms.rpy_to_quat(zero, zero, angle), name=name
+            stamp_ns=stamp_ns,
+            position_m=position,
+            quat_xyzw=transforms.rpy_to_quat(zero, zero, angle),
+            name=name,
         )
 
     start = 1_672_531_200 * 10**9
@@ -157,7 +169,9 @@ def _sparse(offset_ns: int) -> tuple[Trajectory, Trajectory]:
     return truth, circle(start + np.arange(200, dtype=np.int64) * 10**8, "estimate")
 
 
-def test_sparse_truth_is_paired_by_the_options_that_the_refusal_names(caplog: pytest.LogCaptureFixture) -> None:
+def test_sparse_truth_is_paired_by_the_options_that_the_refusal_names(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     truth, estimate = _sparse(37_000_000)
     with pytest.raises(EvaluationError, match=r"pair them by --interpolate, or by --max-gap 0\.037"):
         evaluate(truth, estimate)
@@ -170,7 +184,7 @@ def test_sparse_truth_is_paired_by_the_options_that_the_refusal_names(caplog: py
     assert (between.matched, between.expected) == (19, 19)
     # A chord of 0.1 s at 4 m/s lies c²/8r = 1 mm from a circle of 20 m, and as much from the wave on it.
     assert between.statistics[Metric.APE_TRANSLATION].max < 0.002
-    assert near.statistics[Metric.APE_TRANSLATION].max > 0.05
+    assert near.statistics[Metric.APE_TRANSLATION].max > 0.03
     assert interpolation(estimate, truth)[0] is Association.INTERPOLATED
 
 

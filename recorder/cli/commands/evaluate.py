@@ -45,7 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             help=f"unit of times in texts of {what}; else by name or size",
         )
     parser.add_argument(
-        "--max-gap", type=positive_seconds, metavar="S", help="longest time between poses of a pair (default: 0.01)"
+        "--max-gap",
+        type=positive_seconds,
+        metavar="S",
+        help="longest time between poses of a pair (default: 0.01)",
     )
     parser.add_argument(
         "--interpolate",

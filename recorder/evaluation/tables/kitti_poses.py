@@ -6,6 +6,7 @@ import logging
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
@@ -24,10 +25,11 @@ def matrix_place(sample: Array) -> int | None:
     if count not in (12, 13, 16, 17):
         return None
     begin = count % 4
-    rows = sample[np.isfinite(sample).all(axis=1), begin:]
-    R = rows.reshape(len(rows), -1, 4)[:, :3, :3]
-    size = np.cbrt(np.abs(np.linalg.det(R)))[:, None, None]
-    like = np.abs(R @ R.transpose(0, 2, 1) - size**2 * np.eye(3)).max(axis=(1, 2)) < 0.2 * size[:, 0, 0] ** 2
+    rows = sample[_finite(sample), begin:]
+    R = rows.reshape(-1, count // 4, 4)[:, :3, :3]
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.cbrt(np.linalg.det(R) ** 2)[:, None, None]
+        like = np.abs(R @ R.transpose(0, 2, 1) - square * np.eye(3)).max(axis=(1, 2)) < 0.2 * square[:, 0, 0]
     if count >= 16:
         like &= np.abs(rows[:, 12:] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) < 1e-6
     return begin if len(rows) and np.mean(like) > 0.5 else None
@@ -41,15 +43,18 @@ def poses_of(path: Path, matrices: Array) -> tuple[Array, Array]:
     Raises:
         EvaluationError: a matrix mirrors, scales or shears.
     """
-    finite = np.isfinite(matrices).all(axis=(1, 2))
+    finite = _finite(matrices.reshape(len(matrices), -1))
     # Rows that are left out later need a rotation all the same.
     R = np.where(finite[:, None, None], matrices[:, :, :3], np.eye(3))
-    if np.any(mirrored := np.linalg.det(R) < 0):
+    with np.errstate(over="ignore", invalid="ignore"):
+        mirrored = np.linalg.det(R) < 0
+    if np.any(mirrored):
         raise EvaluationError(
             f"{path} is left-handed: the matrix of pose {int(np.argmax(mirrored)) + 1} mirrors (determinant "
             "below 0); negate one axis of the world and the same one of the body"
         )
-    deviation = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        deviation = np.nan_to_num(np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)), nan=np.inf)
     worst = int(np.argmax(deviation))
     if deviation[worst] > _DEVIATION_MAX:
         raise EvaluationError(
@@ -63,3 +68,8 @@ def poses_of(path: Path, matrices: Array) -> tuple[Array, Array]:
     U, _, Vt = np.linalg.svd(R)
     quat = matrix_to_quat(U @ Vt)
     return matrices[:, :, 3], np.where(finite[:, None], quat, np.nan)
+
+
+def _finite(rows: Array) -> NDArray[np.bool_]:
+    finite: NDArray[np.bool_] = np.isfinite(rows).all(axis=1)
+    return finite

@@ -17,7 +17,7 @@ _OTHERS = {
     "w", "omega", "gyro", "b", "bias", "bg", "ba", "bw", "cov", "covariance", "std", "sigma", "var", "err",
     "error", "mag", "gravity",
 }  # fmt: skip
-"""What an x, y or z may be of. The last such word of a name counts; of letters, which may be frames, the first."""
+"""What x, y, z may be of. The last such word of a name counts; of letters, which may be frames, the first."""
 _TIMES = ("timestamps", "t", "ts", "epoch")
 _UNITS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),

@@ -136,20 +136,12 @@ def read_table(path: Path) -> TextTable:
         EvaluationError: the file is missing, no text or without a row.
     """
     lines = _head(path)
-    header: str | None = None
-    title: str | None = None
-    for begin, line in enumerate(lines):
-        stripped = line.strip()
-        if stripped.startswith(_COMMENTS):
-            header = stripped.lstrip("#%/ \t")
-        elif stripped and (title is not None or any(map(_is_number, re.split(r"[,;\s]+", stripped)))):
-            break
-        elif stripped:
-            header = title = stripped
-    else:
+    begin, header, title = _beginning(lines)
+    if begin == len(lines):
         raise EvaluationError(f"{path} holds no pose")
-    separator, decimal_comma = _separator(stripped)
-    words = _words(stripped, separator, decimal_comma=decimal_comma)
+    first = lines[begin].strip()
+    separator, decimal_comma = _separator(first)
+    words = _words(first, separator, decimal_comma=decimal_comma)
     rows = (
         _words(line.strip(), separator, decimal_comma=decimal_comma)
         for line in lines[begin : begin + _SAMPLE_ROWS]
@@ -177,6 +169,21 @@ def _head(path: Path) -> list[str]:
     except OSError:
         pass
     return read_text(path, "trajectory", EvaluationError).split("\n")
+
+
+def _beginning(lines: Sequence[str]) -> tuple[int, str | None, str | None]:
+    """Lines before the first row, the header nearest to it, and the one that is no comment."""
+    header: str | None = None
+    title: str | None = None
+    for number, line in enumerate(lines):
+        stripped = line.strip()
+        if stripped.startswith(_COMMENTS):
+            header = stripped.lstrip("#%/ \t")
+        elif stripped and (title is not None or any(map(_is_number, re.split(r"[,;\s]+", stripped)))):
+            return number, header, title
+        elif stripped:
+            header = title = stripped
+    return len(lines), header, title
 
 
 def _separator(line: str) -> tuple[str | None, bool]:
@@ -220,4 +227,3 @@ def _number(word: str) -> float:
 
 def _is_number(word: str) -> bool:
     return not np.isnan(_number(word)) or word.lower() == "nan"
-
