@@ -28,7 +28,7 @@ def in_order(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xy
     Raises:
         EvaluationError: no pose is finite, a quaternion is far from unit length, or the file holds two runs.
     """
-    finite: NDArray[np.bool_] = np.isfinite(np.hstack([position_m, quat_xyzw])).all(axis=1)
+    finite: NDArray[np.bool_] = np.all(np.isfinite(np.hstack([position_m, quat_xyzw])), axis=1)
     if not finite.any():
         raise EvaluationError(f"{path} holds only poses that are not finite")
     if not finite.all():

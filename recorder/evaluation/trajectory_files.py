@@ -116,6 +116,8 @@ def _poses(
         nanosecond=columns.nanosecond,
     )
     position_m, attitude = pose[:, :3], pose[:, 3:]
+    if quaternion is not None and quaternion != (columns.order or quaternion):
+        _LOG.warning("%s: its header names what attitudes are; --quaternion is not applied", table.path)
     if columns.order == "rpy":
         quat = _from_turns(table.path, attitude, columns.angle_unit)
     else:
@@ -153,8 +155,8 @@ def _from_turns(path: Path, turns: Array, unit: str | None) -> Array:
     if unit not in ("deg", "rad"):
         unit = "deg" if np.nanmax(np.abs(turns), initial=0.0) > 2.1 * np.pi else "rad"
         _LOG.warning(
-            "%s: roll, pitch and yaw are read as %s, by their size; Rz(yaw) Ry(pitch) Rx(roll)", path,
-            "degrees" if unit == "deg" else "radians",
+            "%s: roll, pitch and yaw are read as %s, by their size, and as Rz(yaw) Ry(pitch) Rx(roll); name "
+            "them yaw_deg or yaw_rad in the header", path, "degrees" if unit == "deg" else "radians",
         )  # fmt: skip
     return rpy_to_quat(*(np.radians(turns) if unit == "deg" else turns).T)
 

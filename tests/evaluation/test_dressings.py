@@ -10,11 +10,18 @@ from shared_fixtures.readings.pose_tables import DRESSINGS, EPOCH_NS, S, drive, 
 
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.metrics import Metric
+from recorder.evaluation.tables import text_table
 from recorder.evaluation.trajectory_files import read_text_trajectory, write_tum
 
 
+@pytest.mark.parametrize("is_long", [False, True])
 @pytest.mark.parametrize("name", DRESSINGS)
-def test_every_dressing_scores_the_same(tmp_path: Path, name: str) -> None:
+def test_every_dressing_scores_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, is_long: bool
+) -> None:
+    """Long files are read by Arrow where it can."""
+    if is_long:
+        monkeypatch.setattr(text_table, "_LONG_BYTES", 0)
     file, text = DRESSINGS[name]
     (tmp_path / file).write_text(text, encoding="utf-8", newline="")
     (tmp_path / "times.txt").write_text("\n".join(S))

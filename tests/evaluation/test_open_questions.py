@@ -41,6 +41,7 @@ def _written(folder: Path, text: str, name: str = "a.txt") -> Path:
         ("TUM with lost poses", "1 of 401 poses are not finite"),
         ("TUM, each pose written twice", "400 of 800 poses share a stamp"),
         ("TUM backwards", "sorted"),
+        ("TUM with few digits", "too few digits"),
         ("angles in radians", "radians, by their size"),
     ],
 )
@@ -48,7 +49,9 @@ def test_only_what_is_open_is_reported(
     tmp_path: Path, caplog: pytest.LogCaptureFixture, dressing: str, words: str | None
 ) -> None:
     (tmp_path / "times.txt").write_text("\n".join(S))
-    read_text_trajectory(_written(tmp_path, DRESSINGS[dressing][1], DRESSINGS[dressing][0]))
+    few = ("a.tum", table([f"{float(s):g}" for s in S], P, XYZW))
+    name, text = DRESSINGS.get(dressing, few)
+    read_text_trajectory(_written(tmp_path, text, name))
     if words is None:
         assert caplog.text == ""
     else:
@@ -110,6 +113,7 @@ def test_a_unit_by_name_counts_unless_it_is_absurd() -> None:
     [
         (table(S, P, XYZW) + table(S, P, XYZW), "2 runs: stamps jump back by 39.9 s after pose 400"),
         (table(S, P, header="# time x y z"), "line 2 is not 'time tx ty tz qx qy qz qw'"),
+        (table(NUMBER, P, XYZW, by=",", header="num,x,y,z,qx,qy,qz,qw"), "names no time;"),
         (table(S, P, by=",", header="time,x,y,z"), "names no qx qy qz qw or roll pitch yaw"),
         (table(S, P, XYZW, by=",", header="time,lat,lon,alt,qx,qy,qz,qw"), "names no x y z;"),
         (

@@ -47,19 +47,17 @@ def poses_of(path: Path, matrices: Array) -> tuple[Array, Array]:
     # Rows that are left out later need a rotation all the same.
     R = np.where(finite[:, None, None], matrices[:, :, :3], np.eye(3))
     with np.errstate(over="ignore", invalid="ignore"):
-        mirrored = np.linalg.det(R) < 0
-    if np.any(mirrored):
-        raise EvaluationError(
-            f"{path} is left-handed: the matrix of pose {int(np.argmax(mirrored)) + 1} mirrors (determinant "
-            "below 0); negate one axis of the world and the same one of the body"
-        )
-    with np.errstate(over="ignore", invalid="ignore"):
         deviation = np.nan_to_num(np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)), nan=np.inf)
     worst = int(np.argmax(deviation))
     if deviation[worst] > _DEVIATION_MAX:
         raise EvaluationError(
             f"{path} holds a matrix that is no rotation (pose {worst + 1}: R R^T differs from 1 by "
             f"{deviation[worst]:.2g}); give rotations without scale"
+        )
+    if np.any(mirrored := np.linalg.det(R) < 0):
+        raise EvaluationError(
+            f"{path} is left-handed: the matrix of pose {np.flatnonzero(mirrored)[0] + 1} mirrors "
+            "(determinant below 0); negate one axis of the world and the same one of the body"
         )
     if deviation[worst] > _ROUNDING_MAX:
         _LOG.warning(
@@ -71,5 +69,5 @@ def poses_of(path: Path, matrices: Array) -> tuple[Array, Array]:
 
 
 def _finite(rows: Array) -> NDArray[np.bool_]:
-    finite: NDArray[np.bool_] = np.isfinite(rows).all(axis=1)
+    finite: NDArray[np.bool_] = np.all(np.isfinite(rows), axis=1)
     return finite

@@ -129,7 +129,7 @@ def columns_by_name(texts: Sequence[str], sample: Array) -> PoseColumns | str:
     missing = [
         what
         for what, found in (
-            ("a time", stamp is not None),
+            ("time", stamp is not None),
             ("x y z", bool(positions)),
             ("qx qy qz qw or roll pitch yaw", bool(quaternions or numbered or turns)),
         )

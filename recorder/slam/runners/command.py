@@ -62,7 +62,7 @@ def run_command(
             raise EvaluationError(
                 f"{words[0]} ended well, but wrote no {'{out}' if topic is None else '{out_bag}'}"
             )
-        found = read_trajectory(out, topic=topic)
+        found = read_trajectory(out, topic=topic, quaternion="xyzw")
     poses = transform(found.position_m, found.quat_xyzw)
     return list(zip(found.stamp_ns.tolist(), poses, strict=True))
 
