@@ -1,6 +1,7 @@
 """Public names of the package, lent when asked for: the page docs/api.md explains them."""
 
 from recorder.dataset.layout import FORMATS as FORMATS
+from recorder.dataset.trajectories import read_trajectory as read_trajectory
 from recorder.devices.base import Device as Device
 from recorder.devices.registry import DEVICES as DEVICES
 from recorder.doctor import examine as examine
@@ -26,7 +27,6 @@ from recorder.evaluation.evaluate import EvaluationResult as EvaluationResult
 from recorder.evaluation.evaluate import evaluate as evaluate
 from recorder.evaluation.metrics import Metric as Metric
 from recorder.evaluation.trajectory import Trajectory as Trajectory
-from recorder.evaluation.trajectory_files import read_trajectory as read_trajectory
 from recorder.evaluation.trajectory_files import read_tum as read_tum
 from recorder.evaluation.trajectory_files import write_tum as write_tum
 from recorder.replaying.replay import ReplayConfig as ReplayConfig

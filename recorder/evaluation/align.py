@@ -52,7 +52,7 @@ def align(truth: Trajectory, estimate: Trajectory, alignment: Alignment) -> Simi
         alignment: What may be fitted.
 
     Raises:
-        EvaluationError: too few poses, or all on a point or line, so that the rotation is not determined.
+        EvaluationError: too few poses, or all on a point, so that the rotation is not determined.
     """
     if alignment is Alignment.NONE:
         return Similarity(R=np.eye(3), t=np.zeros(3))
@@ -71,7 +71,8 @@ def umeyama(x_m: Array, y_m: Array, *, with_scale: bool = False, name: str = "")
     """Rotation, shift and scale that map x to y with the least squares.
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns",
-    IEEE TPAMI 13 (1991), equations 34–43.
+    IEEE TPAMI 13 (1991), equations 34–43. Of points on a line the rotation about it is any one; no distance
+    between partners depends on it.
 
     Args:
         x_m: Points [m], shape (N, 3).
@@ -80,17 +81,16 @@ def umeyama(x_m: Array, y_m: Array, *, with_scale: bool = False, name: str = "")
         name: What the points are called in an error.
 
     Raises:
-        EvaluationError: the points do not determine a rotation.
+        EvaluationError: the points do not spread.
     """
     mean_x, mean_y = x_m.mean(axis=0), y_m.mean(axis=0)
     dx, dy = x_m - mean_x, y_m - mean_y
     U, d, Vt = np.linalg.svd(dy.T @ dx / len(x_m))
-    # Of two singular values the rounding error is about that of the coordinates squared.
-    extent = max(float(np.abs(x_m).max()), float(np.abs(y_m).max()), 1e-300)
-    floor = max(1e-10 * d[0], 64 * np.finfo(np.float64).eps * extent * float(np.sqrt(d[0])))
-    if not np.isfinite(d).all() or d[1] <= floor:
+    # A spread of rounding errors alone is a point.
+    point_m = 64 * np.finfo(np.float64).eps * max(float(np.abs(x_m).max()), float(np.abs(y_m).max()))
+    if not np.isfinite(d).all() or min(np.abs(dx).max(), np.abs(dy).max()) <= point_m:
         raise EvaluationError(
-            f"the poses of '{name}' lie on a point or a line; their alignment is not determined. "
+            f"the poses of '{name}' or the truth lie on a point; their alignment is not determined. "
             "Use a longer stretch or no alignment"
         )
     sign = np.array([1.0, 1.0, np.sign(np.linalg.det(U) * np.linalg.det(Vt))])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import math
 from enum import Enum
 
 import numpy as np
@@ -12,6 +14,7 @@ from recorder.evaluation.trajectory import Trajectory
 
 MAX_GAP_NS = 10_000_000
 """Poses further apart in time do not belong together [ns]; evo's default."""
+_LOG = logging.getLogger(__name__)
 
 
 class Association(Enum):
@@ -19,6 +22,7 @@ class Association(Enum):
 
     NEAREST = "nearest in time"
     INTERPOLATED = "truth interpolated at the estimate's stamps"
+    ESTIMATE_INTERPOLATED = "estimate interpolated at the truth's stamps"
 
 
 def associate(
@@ -34,22 +38,57 @@ def associate(
         truth: Where the frame was.
         estimate: Where a system says it was.
         method: How poses are paired.
-        max_gap_ns: Longest time between two poses of a pair, or between an estimate and each of the
-            two true poses that it is interpolated from [ns].
+        max_gap_ns: Longest time between two poses of a pair, or between a pose and each of the two that its
+            partner is interpolated from [ns].
 
     Raises:
         EvaluationError: no pair was found.
     """
     if method is Association.NEAREST:
         pair = _nearest(truth, estimate, max_gap_ns)
-    else:
+    elif method is Association.INTERPOLATED:
         pair = _interpolated(truth, estimate, max_gap_ns)
+    else:
+        between, matched = _interpolated(estimate, truth, max_gap_ns)
+        pair = matched, between
     if not len(pair[0]):
         raise EvaluationError(
             f"no pose of '{estimate.name}' lies within {max_gap_ns / 1e6:g} ms of one of '{truth.name}' "
-            f"({_span(estimate)} and {_span(truth)}); {_next_step(truth, estimate)}"
+            f"({_span(estimate)} and {_span(truth)}); {_next_step(truth, estimate, max_gap_ns)}"
         )
+    if method is Association.NEAREST:
+        _warn_of_gaps(truth, estimate, pair, max_gap_ns)
     return pair
+
+
+def _warn_of_gaps(
+    truth: Trajectory, estimate: Trajectory, pair: tuple[Trajectory, Trajectory], max_gap_ns: int
+) -> None:
+    names = f"'{estimate.name}' and '{truth.name}'"
+    widest_ns = int(np.abs(pair[0].stamp_ns - pair[1].stamp_ns).max())
+    if widest_ns > MAX_GAP_NS:
+        _LOG.warning(
+            "%s: poses of a pair lie up to %g ms apart; the motion meanwhile counts as error, less with "
+            "--interpolate", names, widest_ns / 1e6,
+        )  # fmt: skip
+    count, apart_ns = _beyond_gap(truth, estimate, max_gap_ns) or (0, 0)
+    if count > len(pair[0]):
+        _LOG.warning(
+            "%s: %d pairs within %g ms, but %d poses without a partner; %s",
+            names, len(pair[0]), max_gap_ns / 1e6, count, _wider(apart_ns),
+        )  # fmt: skip
+
+
+def interpolation(truth: Trajectory, estimate: Trajectory) -> tuple[Association, int]:
+    """Which of two trajectories to interpolate, the one of the higher rate, and over what gaps [ns]."""
+    intervals = [
+        int(np.median(np.diff(trajectory.stamp_ns))) if len(trajectory) > 1 else 0
+        for trajectory in (truth, estimate)
+    ]
+    # Of equal rates the truth's, which is smooth.
+    of_truth = intervals[0] <= 1.1 * intervals[1]
+    gap_ns = max(MAX_GAP_NS, intervals[0 if of_truth else 1] * 3 // 2)
+    return (Association.INTERPOLATED if of_truth else Association.ESTIMATE_INTERPOLATED), gap_ns
 
 
 def _nearest(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> tuple[Trajectory, Trajectory]:
@@ -74,26 +113,51 @@ def _nearest_index(sorted_ns: NDArray[np.int64], wanted_ns: NDArray[np.int64]) -
     return np.where(left_is_nearer, left, right)
 
 
-def _interpolated(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> tuple[Trajectory, Trajectory]:
-    after = np.searchsorted(truth.stamp_ns, estimate.stamp_ns)
-    exact = truth.stamp_ns[np.minimum(after, len(truth) - 1)] == estimate.stamp_ns
+def _interpolated(dense: Trajectory, other: Trajectory, max_gap_ns: int) -> tuple[Trajectory, Trajectory]:
+    after = np.searchsorted(dense.stamp_ns, other.stamp_ns)
+    exact = dense.stamp_ns[np.minimum(after, len(dense) - 1)] == other.stamp_ns
     before = np.where(exact, after, after - 1)
-    inside = (before >= 0) & (after < len(truth))
-    before, after = np.clip(before, 0, len(truth) - 1), np.clip(after, 0, len(truth) - 1)
-    early = estimate.stamp_ns - truth.stamp_ns[before]
-    late = truth.stamp_ns[after] - estimate.stamp_ns
+    inside = (before >= 0) & (after < len(dense))
+    before, after = np.clip(before, 0, len(dense) - 1), np.clip(after, 0, len(dense) - 1)
+    early = other.stamp_ns - dense.stamp_ns[before]
+    late = dense.stamp_ns[after] - other.stamp_ns
     rows = np.flatnonzero(inside & (early <= max_gap_ns) & (late <= max_gap_ns))
-    matched = estimate.take(rows)
-    return truth.at(matched.stamp_ns), matched
+    matched = other.take(rows)
+    return dense.at(matched.stamp_ns), matched
 
 
-def _next_step(truth: Trajectory, estimate: Trajectory) -> str:
+def _beyond_gap(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> tuple[int, int] | None:
+    """Poses of the shorter trajectory, within the time of the other, that have no near partner.
+
+    Returns:
+        Their number, and the longest time to a partner [ns]; None: there is none.
+    """
+    few, many = (estimate, truth) if len(truth) >= len(estimate) else (truth, estimate)
+    wanted = few.stamp_ns[(few.stamp_ns >= many.stamp_ns[0]) & (few.stamp_ns <= many.stamp_ns[-1])]
+    gap = np.abs(many.stamp_ns[_nearest_index(many.stamp_ns, wanted)] - wanted)
+    far = gap[gap > max_gap_ns]
+    return (len(far), int(far.max())) if len(far) else None
+
+
+def _next_step(truth: Trajectory, estimate: Trajectory, max_gap_ns: int) -> str:
     if not (len(truth) and len(estimate)):
         return "give trajectories with poses"
     apart_ns = max(truth.stamp_ns[0] - estimate.stamp_ns[-1], estimate.stamp_ns[0] - truth.stamp_ns[-1])
-    if apart_ns <= 0:
-        return "check the stamps"
-    return f"the stamps lie {apart_ns / 1e9:.6g} s apart; use --time-offset search"
+    if apart_ns > 0:
+        return f"the stamps lie {apart_ns / 1e9:.6g} s apart; use --time-offset search"
+    missing = _beyond_gap(truth, estimate, max_gap_ns)
+    return _wider(missing[1]) if missing else "check the stamps"
+
+
+def _wider(apart_ns: int) -> str:
+    """The options that pair poses up to some time apart [ns]."""
+    return f"pair them by --interpolate, or by --max-gap {_rounded_up_s(apart_ns):g}"
+
+
+def _rounded_up_s(value_ns: int) -> float:
+    """The time in seconds, two digits, not below it."""
+    unit = 10.0 ** (math.floor(math.log10(max(value_ns, 1))) - 1)
+    return float(f"{math.ceil(value_ns / unit) * unit * 1e-9:.3g}")
 
 
 def _span(trajectory: Trajectory) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,7 +14,10 @@ from carlaloc_env.core.errors import EvaluationError
 from recorder.evaluation.align import Alignment, Similarity, align
 from recorder.evaluation.associate import MAX_GAP_NS, Association, associate
 from recorder.evaluation.metrics import Metric, SegmentError, Statistics, errors, segment_errors
+from recorder.evaluation.straight_way import roll_is_open, rolled
 from recorder.evaluation.trajectory import Trajectory
+
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,6 +42,9 @@ class EvaluationResult:
     """Their summaries."""
     segments: tuple[SegmentError, ...]
     """Drift over segments of the path (KITTI)."""
+    roll_from_attitudes: bool = False
+    """Whether the way is so straight that positions leave the roll about it open: the absolute rotation error
+    is that behind the roll which fits attitudes best."""
 
     @property
     def matched(self) -> int:
@@ -55,6 +62,7 @@ class EvaluationResult:
             "truth": self.truth.name,
             "estimate": self.estimate.name,
             "alignment": self.alignment.value,
+            "roll_from_attitudes": self.roll_from_attitudes,
             "association": self.association.value,
             "matched": self.matched,
             "expected": self.expected,
@@ -116,21 +124,33 @@ def evaluate(
         )
     transform = align(true, paired, alignment)
     aligned = transform.apply(paired)
+    roll_open = alignment in (Alignment.SE3, Alignment.SIM3) and roll_is_open(true, aligned)
     values = {metric: errors(metric, true, aligned, delta=delta) for metric in metrics}
+    if roll_open and Metric.APE_ROTATION in values:
+        _LOG.warning(
+            "the way of '%s' is nearly straight: the alignment does not see the roll about it, so that the "
+            "rotation error is given behind the roll that fits attitudes best", truth.name,
+        )  # fmt: skip
+        values[Metric.APE_ROTATION] = errors(Metric.APE_ROTATION, true, rolled(true, aligned))
     return EvaluationResult(
         truth=true,
         estimate=aligned,
         alignment=alignment,
         association=association,
         transform=transform,
-        expected=max(len(true), _expected(truth, estimate)) if expected is None else max(expected, 1),
+        expected=max(len(true), _expected(truth, estimate, association))
+        if expected is None
+        else max(expected, 1),
         values=values,
         statistics={metric: Statistics.of(v) for metric, v in values.items()},
         segments=segment_errors(true, aligned),
+        roll_from_attitudes=roll_open,
     )
 
 
-def _expected(truth: Trajectory, estimate: Trajectory) -> int:
+def _expected(truth: Trajectory, estimate: Trajectory, association: Association) -> int:
     # Whole intervals: a system that gives a pose at the end of each sweep has none at the beginning.
     interval_s = float(np.median(np.diff(estimate.stamp_ns))) * 1e-9 if len(estimate) > 1 else 0.0
-    return int(truth.duration_s / interval_s + 0.001) if interval_s > 0 else 1
+    count = int(truth.duration_s / interval_s + 0.001) if interval_s > 0 else 1
+    # Only between true poses there are more pairs than true poses.
+    return count if association is Association.INTERPOLATED else min(count, len(truth))

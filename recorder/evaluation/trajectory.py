@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry import transforms
-
-_POSITION_MAX_M = 1e9
-"""Positions beyond are no trajectory of this world [m]."""
-_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,25 +94,3 @@ class Trajectory:
             position_m=self.position_m + transforms.quat_rotate(self.quat_xyzw, lever),
             quat_xyzw=transforms.quat_multiply(self.quat_xyzw, transforms.matrix_to_quat(T[:3, :3])),
         )
-
-
-def in_order(path: Path, stamp_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> Trajectory:
-    """The trajectory of what a file holds: sorted, with a warning; of poses of one time the last one counts.
-
-    Raises:
-        EvaluationError: a position is not finite, or a quaternion far from unit length.
-    """
-    if not np.all(np.abs(position_m) < _POSITION_MAX_M):
-        raise EvaluationError(f"{path} holds a position that is not finite or beyond {_POSITION_MAX_M:g} m")
-    if np.any(np.diff(stamp_ns) < 0):
-        _LOG.warning("%s: the poses are not in the order of their times; sorted", path)
-    order = np.argsort(stamp_ns, kind="stable")
-    # Some systems write a pose twice when they correct it.
-    order = order[np.append(np.diff(stamp_ns[order]) > 0, True)]
-    quat = quat_xyzw[order]
-    norm = np.sqrt(np.sum(quat**2, axis=1, keepdims=True))
-    if not np.all(np.abs(norm - 1.0) < 0.01):
-        raise EvaluationError(f"{path} holds a quaternion that is not of length 1; the order is x y z w")
-    return Trajectory(
-        stamp_ns=stamp_ns[order], position_m=position_m[order].copy(), quat_xyzw=quat / norm, name=path.stem
-    )

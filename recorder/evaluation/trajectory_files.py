@@ -1,53 +1,77 @@
-"""Files of trajectories: TUM, KITTI, EuRoC's table and bags, told apart by what they hold."""
+"""Files of trajectories as text: TUM, EuRoC's table, KITTI's matrices and tables with named columns."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from decimal import Decimal, InvalidOperation
-from itertools import takewhile
+import logging
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.errors import EvaluationError, unknown_name
 from carlaloc_env.core.files.atomic_write import atomic_write
-from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.core.geometry.transforms import matrix_to_quat
-from recorder.evaluation.trajectory import Trajectory, in_order
+from carlaloc_env.core.geometry.transforms import rpy_to_quat
+from recorder.evaluation.pose_order import in_order
+from recorder.evaluation.tables.kitti_poses import matrix_place, poses_of
+from recorder.evaluation.tables.pose_columns import PoseColumns, columns_by_name, columns_by_place, has_units
+from recorder.evaluation.tables.quaternion_order import WXYZ, XYZW, as_xyzw, order_by_motion
+from recorder.evaluation.tables.stamp_units import DECIMALS, unit_of_stamps
+from recorder.evaluation.tables.text_table import TextTable, read_table
+from recorder.evaluation.trajectory import Trajectory
 
-_NANOSECONDS_FROM = 10**14
-"""Larger stamps are nanoseconds: as seconds they would lie three million years ahead."""
-_LONG_BYTES = 500_000
-"""Shorter files are not worth the loading of Arrow."""
-_POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
+_TUM = PoseColumns(
+    stamp=0, position=(1, 2, 3), attitude=(4, 5, 6, 7), form="time tx ty tz qx qy qz qw", order=XYZW
+)
+_EUROC_COLUMNS = 17
+_FRAMES_MAX = 1e7
+"""Whole numbers before matrices are numbers of frames below this, else times."""
+_UNIT_NAMES = {"s": "seconds", "ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+_LOG = logging.getLogger(__name__)
 
 
-def read_trajectory(path: str | Path, *, times: Path | None = None, topic: str | None = None) -> Trajectory:
-    """Read a trajectory of any known kind.
+def read_text_trajectory(
+    path: str | Path,
+    *,
+    times: Path | None = None,
+    quaternion: str | None = None,
+    time_unit: str | None = None,
+) -> Trajectory:
+    """Read a trajectory from a text file, of whatever columns.
+
+    A header's names decide which column is what. Without one, rows are a time, a position and a quaternion, a
+    running number perhaps before them, or KITTI's matrices. What the file leaves open is taken as it is
+    likeliest, with a warning.
 
     Args:
-        path: TUM ("time tx ty tz qx qy qz qw"), KITTI (twelve numbers a line), EuRoC
-            ("ns, px, py, pz, qw, qx, qy, qz, …"), or a ROS 1 or ROS 2 bag.
-        times: Times [s] of KITTI's poses, one a line; None: ``times.txt`` beside the file.
-        topic: Topic of a bag; None: its only one with poses.
+        path: The file.
+        times: Times of KITTI's poses, one a line; None: ``times.txt`` beside the file.
+        quaternion: ``xyzw`` or ``wxyz``, where no header tells; None: by form and motion.
+        time_unit: ``s``, ``ms``, ``us`` or ``ns``; None: by the header, else by size.
 
     Raises:
         EvaluationError: the file is missing, damaged or of no such kind.
     """
-    path = Path(path)
-    if path.is_dir() or path.suffix in (".bag", ".mcap", ".db3"):
-        from recorder.evaluation.trajectory_bags import read_bag
-
-        return read_bag(path, topic)
-    if path.suffix != ".csv" and (regular := _long_tum(path)) is not None:
-        return regular
-    rows = _rows(path)
-    count = len(rows[0][1])
-    if count == 12:
-        return _kitti(path, rows, times)
-    return _poses(path, rows, w_first=count != 8 or path.suffix == ".csv")
+    for kind, given, known in (("quaternion", quaternion, (XYZW, WXYZ)), ("time unit", time_unit, DECIMALS)):
+        if given is not None and given not in known:
+            raise EvaluationError(unknown_name(kind, given, known))
+    table = read_table(Path(path))
+    columns = _named(table)
+    if columns is None:
+        begin = matrix_place(table.sample)
+        if begin is None and table.count == 12 and not has_units(table.sample[:, 4:8]):
+            begin = 0
+        if begin is not None:
+            return _matrices(table, begin, times, time_unit)
+        columns = columns_by_place(table.sample)
+    if columns is None:
+        raise EvaluationError(
+            f"{table.path} line {table.begin + 1} is not '{_TUM.form}'; give a TUM, KITTI or EuRoC file, or "
+            "name the columns in a header"
+        )
+    if columns.note:
+        _LOG.warning("%s: %s", table.path, columns.note)
+    return _poses(table, columns, quaternion, time_unit)
 
 
 def read_tum(path: str | Path) -> Trajectory:
@@ -59,90 +83,112 @@ def read_tum(path: str | Path) -> Trajectory:
     Raises:
         EvaluationError: the file is missing or a line is not such a line.
     """
-    path = Path(path)
-    regular = _long_tum(path)
-    return regular if regular is not None else _poses(path, _rows(path), w_first=False)
-
-
-def _long_tum(path: Path) -> Trajectory | None:
-    """A long TUM file, by Arrow's reader, twenty times as fast as ours and as exact.
-
-    Returns:
-        None: the file is short, Arrow is not installed, or not every line is eight numbers with one blank
-        between them and a time in seconds with at most nine decimals.
-    """
-    try:
-        if path.stat().st_size < _LONG_BYTES:
-            return None
-        from pyarrow import csv, decimal128, float64
-
-        with path.open("rb") as file:
-            comments = sum(1 for _ in takewhile(lambda line: line.startswith(b"#"), file))
-        types = {"time": decimal128(28, 9), **dict.fromkeys(_POSE, float64())}
-        table = csv.read_csv(
-            path,
-            read_options=csv.ReadOptions(column_names=list(types), skip_rows=comments),
-            parse_options=csv.ParseOptions(delimiter=" "),
-            convert_options=csv.ConvertOptions(column_types=types, null_values=[]),
+    table = read_table(Path(path))
+    if table.count != 8 or table.title is not None:
+        raise EvaluationError(
+            f"{path} line {table.begin + 1} is not '{_TUM.form}'; give a TUM, KITTI or EuRoC file"
         )
-    except (ImportError, OSError, ValueError):
+    return _poses(table, _TUM, None, None)
+
+
+def _named(table: TextTable) -> PoseColumns | None:
+    """Columns by the names of a header; None: there is none, or it is a comment of other things."""
+    found = None if table.names is None else columns_by_name(table.names, table.sample)
+    if isinstance(found, PoseColumns):
+        return found
+    if table.title is None:
         return None
-    # A decimal is an integer of 128 bits: low half, high half.
-    low, high = np.frombuffer(table["time"].combine_chunks().buffers()[1], dtype=np.int64).reshape(-1, 2).T
-    if high.any() or (low < 0).any():
-        return None
-    pose = np.stack([table[name].to_numpy() for name in _POSE], axis=1)
-    return in_order(path, low.copy(), pose[:, :3], pose[:, 3:])
+    lacking = f"names no {found}" if found else f"has not the {table.count} columns of its rows"
+    raise EvaluationError(
+        f"{table.path}: its header '{table.title}' {lacking}; name columns time, x, y, z, qx, qy, qz, qw"
+    )
 
 
-Row = tuple[int, list[str]]
-"""Number of a line, and its words."""
+def _poses(
+    table: TextTable, columns: PoseColumns, quaternion: str | None, time_unit: str | None
+) -> Trajectory:
+    unit = time_unit or _unit(table, columns.stamp, columns.time_unit)
+    stamps, pose = table.read(
+        (*columns.position, *columns.attitude),
+        columns.form,
+        stamp=columns.stamp,
+        decimals=DECIMALS[unit],
+        nanosecond=columns.nanosecond,
+    )
+    position_m, attitude = pose[:, :3], pose[:, 3:]
+    if quaternion is not None and quaternion != (columns.order or quaternion):
+        _LOG.warning("%s: its header names what attitudes are; --quaternion is not applied", table.path)
+    if columns.order == "rpy":
+        quat = _from_turns(table.path, attitude, columns.angle_unit)
+    else:
+        order = columns.order or quaternion or _order(table, unit, position_m, attitude)
+        quat = as_xyzw(attitude, order)
+    return in_order(table.path, stamps, position_m, quat)
 
 
-def _rows(path: Path) -> list[Row]:
-    text = read_text(path, "trajectory", EvaluationError)
-    split = [
-        (number, line.replace(",", " ").split()) for number, line in enumerate(text.splitlines(), start=1)
-    ]
-    rows = [(number, words) for number, words in split if words and not words[0].startswith("#")]
-    if not rows:
-        raise EvaluationError(f"{path} holds no pose")
-    return rows
+def _unit(table: TextTable, stamp: int, named: str | None) -> str:
+    unit = unit_of_stamps(table.sample[:, stamp], named)
+    if unit != (named or "s"):
+        _LOG.warning(
+            "%s: stamps are read as %s, by their size; --time-unit sets it", table.path, _UNIT_NAMES[unit]
+        )
+    return unit
 
 
-def _poses(path: Path, rows: Sequence[Row], *, w_first: bool) -> Trajectory:
-    form = "time tx ty tz " + ("qw qx qy qz" if w_first else "qx qy qz qw")
-    stamps: list[int] = []
-    values: list[list[float]] = []
-    for number, words in rows:
-        try:
-            stamps.append(_nanoseconds(words[0]))
-            values.append([float(word) for word in words[1:8]])
-        except (ValueError, InvalidOperation, OverflowError):
-            values.append([])
-        if len(values[-1]) != 7 or (not w_first and len(words) != 8):
-            raise EvaluationError(f"{path} line {number} is not '{form}'; give a TUM, KITTI or EuRoC file")
-    table = np.array(values)
-    quat = table[:, [4, 5, 6, 3]] if w_first else table[:, 3:]
-    return in_order(path, np.array(stamps, dtype=np.int64), table[:, :3], quat)
+def _order(table: TextTable, unit: str, position_m: Array, quat: Array) -> str:
+    """Order of quaternions that nothing names: that of the form, unless the motion shows the other one."""
+    commas = table.separator in (",", ";", ", ")
+    euroc = commas and (unit == "ns" or table.count == _EUROC_COLUMNS)
+    tum = not commas
+    by_form = WXYZ if euroc else XYZW
+    by_motion = order_by_motion(position_m, quat)
+    order = by_motion or by_form
+    if not (tum or euroc) or order != by_form:
+        why = "the body then goes one way in its own frame" if by_motion else "the motion shows no order"
+        _LOG.warning(
+            "%s: quaternions are read as %s, since %s; --quaternion sets it", table.path, " ".join(order), why
+        )
+    return order
 
 
-def _kitti(path: Path, rows: Sequence[Row], times: Path | None) -> Trajectory:
-    times = times or path.with_name("times.txt")
-    if not times.exists():
+def _from_turns(path: Path, turns: Array, unit: str | None) -> Array:
+    if unit not in ("deg", "rad"):
+        unit = "deg" if np.nanmax(np.abs(turns), initial=0.0) > 2.1 * np.pi else "rad"
+        _LOG.warning(
+            "%s: roll, pitch and yaw are read as %s, by their size, and as Rz(yaw) Ry(pitch) Rx(roll); name "
+            "them yaw_deg or yaw_rad in the header", path, "degrees" if unit == "deg" else "radians",
+        )  # fmt: skip
+    return rpy_to_quat(*(np.radians(turns) if unit == "deg" else turns).T)
+
+
+def _matrices(table: TextTable, begin: int, times: Path | None, time_unit: str | None) -> Trajectory:
+    form = "r11 r12 r13 tx r21 … tz"
+    lead = table.sample[:, 0]
+    if begin and not (np.all(lead == np.round(lead)) and np.max(np.abs(lead)) < _FRAMES_MAX):
+        unit = time_unit or _unit(table, 0, None)
+        stamps, rows = table.read(range(1, 13), f"time {form}", stamp=0, decimals=DECIMALS[unit])
+    else:
+        frames, rows = table.read(range(begin, begin + 12), form, stamp=0 if begin else None)
+        stamps = _times(table.path, times, time_unit, frames if begin else np.arange(len(rows)))
+    return in_order(table.path, stamps, *poses_of(table.path, rows.reshape(-1, 3, 4)))
+
+
+def _times(
+    path: Path, times: Path | None, time_unit: str | None, frames: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Times [ns] of frames, from a file that has one for each."""
+    beside = times or path.with_name("times.txt")
+    if not beside.exists():
         raise EvaluationError(f"{path} has KITTI's poses, which have no times; give --times times.txt")
-    try:
-        stamps = [_nanoseconds(words[0]) for _, words in _rows(times)]
-        matrices = np.array([[float(word) for word in words] for _, words in rows])
-    except (ValueError, InvalidOperation, OverflowError) as error:
-        raise EvaluationError(f"{path}: {error}; give twelve numbers a line") from error
-    if len(stamps) != len(rows) or matrices.shape != (len(rows), 12):
-        raise EvaluationError(f"{path} has {len(rows)} poses, {times} {len(stamps)} times; give equally many")
-    matrices = matrices.reshape(-1, 3, 4)
-    R = matrices[:, :, :3]
-    if not np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=0.01):
-        raise EvaluationError(f"{path} holds a matrix that is no rotation; give KITTI's poses")
-    return in_order(path, np.array(stamps, dtype=np.int64), matrices[:, :, 3], matrix_to_quat(R))
+    table = read_table(beside)
+    unit = time_unit or _unit(table, 0, None)
+    stamps, _ = table.read((), "a time", stamp=0, decimals=DECIMALS[unit])
+    every = np.array_equal(frames, np.arange(len(frames)))
+    if (every and len(stamps) != len(frames)) or frames.min() < 0 or frames.max() >= len(stamps):
+        raise EvaluationError(
+            f"{path} has {len(frames)} poses, {beside} {len(stamps)} times; give equally many"
+        )
+    return stamps[frames]
 
 
 def tum_text(unix_ns: NDArray[np.int64], position_m: Array, quat_xyzw: Array) -> str:
@@ -166,11 +212,3 @@ def write_tum(path: str | Path, trajectory: Trajectory) -> Path:
     with atomic_write(path, EvaluationError) as part:
         part.write_text(text, encoding="utf-8")
     return path
-
-
-def _nanoseconds(text: str) -> int:
-    value = Decimal(text)
-    stamp_ns = round(value if abs(value) >= _NANOSECONDS_FROM else value * 1_000_000_000)
-    if not -(2**63) <= stamp_ns < 2**63:
-        raise OverflowError(f"{text} is no time")
-    return stamp_ns

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.rosbag1 import Writer as Bag1
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Bag2
-from rosbags.typesys import Stores, get_typestore
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry import transforms
+from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.evaluate import evaluate
 from recorder.evaluation.trajectory import Trajectory
-from recorder.evaluation.trajectory_files import read_trajectory, write_tum
+from recorder.evaluation.trajectory_files import write_tum
 
 EPOCH_NS = 1_672_531_200_000_000_000
 
@@ -91,65 +87,6 @@ def test_euroc_table_as_evo_reads_it(tmp_path: Path) -> None:
     theirs = evo.read_euroc_csv_trajectory(str(tmp_path / "data.csv"))
     np.testing.assert_allclose(read.position_m, theirs.positions_xyz)
     np.testing.assert_allclose(read.quat_xyzw[:, [3, 0, 1, 2]], theirs.orientations_quat_wxyz, atol=1e-12)
-
-
-def _odometry(store: Any, stamp_ns: int, p: list[float], q: list[float], seq: dict[str, int]) -> Any:
-    types = store.types
-    header = types["std_msgs/msg/Header"](
-        stamp=types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9),
-        frame_id="map",
-        **seq,
-    )
-    pose = types["geometry_msgs/msg/Pose"](
-        position=types["geometry_msgs/msg/Point"](*p), orientation=types["geometry_msgs/msg/Quaternion"](*q)
-    )
-    zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-    return types["nav_msgs/msg/Odometry"](
-        header=header,
-        child_frame_id="base_link",
-        pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36)),
-        twist=types["geometry_msgs/msg/TwistWithCovariance"](
-            twist=types["geometry_msgs/msg/Twist"](linear=zero, angular=zero), covariance=np.zeros(36)
-        ),
-    )
-
-
-def _bag(path: Path, topics: tuple[str, ...], *, ros2: bool) -> Path:
-    store = get_typestore(Stores.ROS2_HUMBLE if ros2 else Stores.ROS1_NOETIC)
-    kind, truth = "nav_msgs/msg/Odometry", drive()
-    bag: Any = Bag2(path, version=9, storage_plugin=StoragePlugin.MCAP) if ros2 else Bag1(path)
-    with bag:
-        for topic in topics:
-            connection = bag.add_connection(topic, kind, typestore=store)
-            for stamp, p, q in zip(
-                truth.stamp_ns.tolist(), truth.position_m.tolist(), truth.quat_xyzw.tolist(), strict=True
-            ):
-                message = _odometry(store, stamp, p, q, {} if ros2 else {"seq": 0})
-                data = store.serialize_cdr(message, kind) if ros2 else store.serialize_ros1(message, kind)
-                bag.write(connection, stamp, data)
-    return path
-
-
-@pytest.mark.parametrize("ros2", [False, True])
-def test_odometry_of_bags(tmp_path: Path, ros2: bool) -> None:
-    path = _bag(tmp_path / ("one" if ros2 else "one.bag"), ("/odometry",), ros2=ros2)
-    same(read_trajectory(path), drive())
-    with pytest.raises(EvaluationError, match="did you mean '/odometry'"):
-        read_trajectory(path, topic="/odometri")
-
-
-def test_bag_with_several_topics_asks_for_one(tmp_path: Path) -> None:
-    path = _bag(tmp_path / "two.bag", ("/a", "/b"), ros2=False)
-    with pytest.raises(EvaluationError, match="--topic: /a, /b"):
-        read_trajectory(path)
-    same(read_trajectory(path, topic="/b"), drive())
-
-
-def test_damaged_bag_is_named(tmp_path: Path) -> None:
-    path = _bag(tmp_path / "one.bag", ("/odometry",), ros2=False)
-    path.write_bytes(path.read_bytes()[:2000])
-    with pytest.raises(EvaluationError, match=r"one\.bag"):
-        read_trajectory(path)
 
 
 @pytest.mark.parametrize("first", [0, 1])

@@ -87,9 +87,9 @@ def damages(draw: st.DrawFn, seed: bytes) -> Splices:
 
 
 @st.composite
-def lines(draw: st.DrawFn, seed: str) -> str:
+def lines(draw: st.DrawFn, seed: str, by: str = " ") -> str:
     """The text with some words of its lines replaced, and lines doubled, swapped or dropped."""
-    rows = [line.split() for line in seed.splitlines()]
+    rows = [line.split(by) for line in seed.splitlines()]
     for _ in range(draw(st.integers(1, 6))):
         row = draw(st.integers(0, len(rows) - 1))
         kind = draw(st.sampled_from(["word", "word", "cut", "double", "swap", "drop"]))
@@ -105,7 +105,7 @@ def lines(draw: st.DrawFn, seed: str) -> str:
         elif len(rows) > 1:
             del rows[row]
     start = draw(st.sampled_from(["", "", "", "\ufeff", "# c\n", "\n\n"]))
-    return start + "\n".join(" ".join(words) for words in rows)
+    return start + "\n".join(by.join(words) for words in rows)
 
 
 @st.composite

@@ -17,6 +17,8 @@ import numpy as np
 import yaml
 from robustness.command_lines import command_lines
 from robustness.mutations import Splices, attributes, damages, lines, spliced, trees
+from shared_fixtures.readings.pose_bags import PATH, POSES, TF, Messages
+from shared_fixtures.readings.pose_tables import DRESSINGS, S, drive
 
 from carlaloc_env.core.errors import CarlaLocError
 from carlaloc_env.rigs.presets import rig_by_name
@@ -28,6 +30,7 @@ from carlaloc_env.weather.schedule import weather_of
 from recorder.cli.main import main
 from recorder.dataset.clouds import cloud_of_fields
 from recorder.dataset.scans import read_scans, scans_of
+from recorder.dataset.trajectories import read_trajectory
 from recorder.episode.actor_messages import ACTORS
 from recorder.episode.episode import Episode
 from recorder.episode.header import _checksum
@@ -75,8 +78,11 @@ def targets(seeds: Seeds, work: Path) -> dict[str, Callable[[], Target]]:
         "town.toml": _town_toml,
         "OpenDRIVE map": _map,
         "TUM trajectory": lambda: _tum(seeds, work),
+        "table of poses": lambda: _poses(work, "MCD", "bagpy"),
+        "KITTI poses": lambda: _poses(work, "a time and a matrix", "KITTI-360"),
         "bag": lambda: _bag(seeds, work),
         "point cloud": _point_cloud,
+        "bag of poses": lambda: _pose_bag(seeds, work),
         "command line": lambda: _command_line(seeds, work),
     }
 
@@ -176,6 +182,37 @@ def _tum(seeds: Seeds, work: Path) -> Target:
         evaluate(truth, read_tum(path))
 
     return lines(seeds.tum.read_text()), read
+
+
+def _poses(work: Path, *dressings: str) -> Target:
+    (work / "times.txt").write_text("\n".join(S))
+    path, truth = work / "poses.csv", drive()
+
+    def read(text: str) -> None:
+        path.write_text(text, encoding="utf-8", errors="surrogatepass")
+        evaluate(truth, read_trajectory(path))
+
+    heads = ["\n".join(DRESSINGS[name][1].splitlines()[:40]) for name in dressings]
+    by = {text: "," if "," in text else " " for text in heads}
+    return st.one_of(*(lines(text, by=by[text]) for text in heads)), read
+
+
+def _pose_bag(seeds: Seeds, work: Path) -> Target:
+    """A path that grows, and a tree of frames, from which one is chosen by the topic."""
+    make, path, truth = Messages(ros2=False), work / "poses.bag", read_tum(seeds.tum)
+    poses = make.poses(POSES[1], truth)
+    few = [("/path", PATH, at, make.path(at, poses[:at])) for at in (3, 30, 41)]
+    links = [("/tf", TF, *link) for link in make.links(truth, "map", "base_link")]
+    path.unlink(missing_ok=True)
+    seed = make.write(path, [*few, *links]).read_bytes()
+
+    def read(drawn: tuple[Splices, str]) -> None:
+        path.write_bytes(spliced(seed, drawn[0]))
+        evaluate(truth, read_trajectory(path, topic=drawn[1]))
+
+    return st.tuples(
+        damages(seed), st.sampled_from([None, "/path", "/tf", "/tf:map.base_link", "/tf:a.b", ":"])
+    ), read
 
 
 def _bag(seeds: Seeds, work: Path) -> Target:

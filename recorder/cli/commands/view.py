@@ -87,10 +87,11 @@ def _episode(arguments: argparse.Namespace, out: Path) -> str:
 def _sequence(arguments: argparse.Namespace, out: Path) -> str:
     from recorder.dataset.layout import sequence_at
     from recorder.dataset.sequence import SlamSequence
+    from recorder.dataset.trajectories import read_trajectory
     from recorder.evaluation.associate import Association
     from recorder.evaluation.evaluate import evaluate
     from recorder.evaluation.path_errors import PathErrors
-    from recorder.evaluation.trajectory_files import read_trajectory, read_tum
+    from recorder.evaluation.trajectory_files import read_tum
     from recorder.view.sequence_view import record_sequence
 
     sequence = SlamSequence(sequence_at(arguments.what).path)

@@ -12,7 +12,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry.transforms import transform
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.trajectory_files import read_trajectory
+from recorder.dataset.trajectories import read_trajectory
 from recorder.slam.system import FrameClock, StampedPose
 
 _PATHS: dict[str, Callable[[SlamSequence], Path]] = {
@@ -62,7 +62,7 @@ def run_command(
             raise EvaluationError(
                 f"{words[0]} ended well, but wrote no {'{out}' if topic is None else '{out_bag}'}"
             )
-        found = read_trajectory(out, topic=topic)
+        found = read_trajectory(out, topic=topic, quaternion="xyzw")
     poses = transform(found.position_m, found.quat_xyzw)
     return list(zip(found.stamp_ns.tolist(), poses, strict=True))
 

@@ -25,7 +25,7 @@ from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.geometry.transforms import transform
 from recorder.dataset.readings import StereoPair
 from recorder.dataset.sequence import SlamSequence
-from recorder.evaluation.trajectory_files import read_trajectory
+from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.system import FrameClock, StampedPose
 
 PYTHON, VOCABULARY = "CARLALOC_ORBSLAM3_PYTHON", "CARLALOC_ORBSLAM3_VOCABULARY"
@@ -64,7 +64,7 @@ def _run(sequence: SlamSequence, clock: FrameClock, *, inertial: bool) -> list[S
             raise EvaluationError("ORB-SLAM3 never started: " + ("too little moves" if inertial else "lost"))
         if not out.is_file():
             raise EvaluationError("ORB-SLAM3 lost its map and kept none: it wrote no trajectory")
-        found = read_trajectory(out)
+        found = read_tum(out)
     poses = transform(found.position_m, found.quat_xyzw)
     return list(zip(found.stamp_ns.tolist(), poses, strict=True))
 

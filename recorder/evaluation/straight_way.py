@@ -1,0 +1,56 @@
+"""The roll about a nearly straight way, which positions do not show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.geometry import transforms
+from recorder.evaluation.trajectory import Trajectory
+
+_NARROW, _LINE = 0.05, 1e-4
+"""Width of a way, against its length, below which it is nearly straight, and below which it is a line."""
+_ERROR_MIN = 0.02
+"""Position errors above this part of the width turn an alignment by a degree and more."""
+
+
+def roll_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
+    """Whether a fit of positions leaves the roll about the way open: it is a line, or narrow beside errors.
+
+    Args:
+        truth: True poses, one per pair.
+        aligned: Their partners, laid over them.
+    """
+    length, width = _extents(truth.position_m)[0]
+    width = min(width, _extents(aligned.position_m)[0][1])
+    error = float(np.sqrt(np.mean(np.sum((aligned.position_m - truth.position_m) ** 2, axis=1))))
+    return width < _LINE * length or (width < _NARROW * length and error > _ERROR_MIN * width)
+
+
+def rolled(truth: Trajectory, aligned: Trajectory) -> Trajectory:
+    """The estimate with its attitudes turned about the true way so that they fit best.
+
+    The roll maximises Σ tr(R_truthᵀ R_roll R_est), the chordal measure of `fit_attitudes`, over turns about
+    one axis.
+
+    Args:
+        truth: True poses, one per pair.
+        aligned: Their partners, laid over them.
+    """
+    axis = _extents(truth.position_m)[1]
+    true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, aligned))
+    M = np.einsum("nij,nkj->ik", own, true)
+    sine = float(np.sum(axis * (M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0])))
+    cosine = float(np.trace(M) - axis @ M @ axis)
+    turn = transforms.rotvec_to_quat(np.arctan2(sine, cosine) * axis)
+    return replace(aligned, quat_xyzw=transforms.quat_multiply(turn, aligned.quat_xyzw))
+
+
+def _extents(position_m: Array) -> tuple[tuple[float, float], Array]:
+    """Spread along a way and beside it [m], and its direction, shape (3,)."""
+    from_mean = position_m - position_m.mean(axis=0)
+    values, vectors = np.linalg.eigh(from_mean.T @ from_mean / len(position_m))
+    spread = np.sqrt(np.maximum(values, 0.0))
+    return (float(spread[2]), float(spread[1])), vectors[:, 2]

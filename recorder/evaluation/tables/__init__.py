@@ -1,0 +1,1 @@
+"""Tables of poses as text: their columns, units and order, by what stands in them."""
