@@ -58,7 +58,7 @@ class DrivingWorld:
 
     def __init__(self, town: Town, traffic: TrafficConfig, *, friction: float = 1.0) -> None:
         if town.route is None:
-            raise ConfigError(f"town '{town.name}' has no route; add [route] points to its town.toml")
+            raise ConfigError(_why_no_route(town))
         self.town = town if traffic.parked_cars else without_movables(town)
         self.route: Route = town.route
         self.traffic_config = traffic
@@ -103,17 +103,19 @@ class DrivingWorld:
         self._ego.reset(start.position_m[0], float(start.heading_rad[0]))
         self._traffic = TrafficWorld(self.town.network, self.traffic_config, self._tables)
         self.timeline = Timeline(self._traffic.catalog)
+        self.state = self._ego.state()
+        # Before anybody is told: traffic that does not fit is refused here.
+        first = self._traffic.reset(self._ego_view())
         if listener is not None:
             listener.on_start(self._traffic.catalog)
         self._road = RoadAhead(self.town.network, self.route)
         self._tick = 0
         self._step = 0
         self._contacts: list[Contact] = []
-        self.state = self._ego.state()
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
         self._append_tick(_PARKED)
         self._notify_tick(_PARKED)
-        self._add_step(self._traffic.reset(self._ego_view()))
+        self._add_step(first)
         self._add_step(self._traffic.step(self._ego_view()))
         self.tick(_PARKED)
         self._road.start(self.state.position_m)
@@ -219,6 +221,12 @@ class DrivingWorld:
 
     def _ego_view(self) -> EgoView:
         return ego_view(self.state.position_m, self.state.heading_rad, self.state.speed_mps)
+
+
+def _why_no_route(town: Town) -> str:
+    if any(lane.type == "driving" for lane in town.network.lanes):
+        return f"town '{town.name}' has no route; add [route] points to its town.toml"
+    return f"town '{town.name}' has no lane of type driving, so nothing can drive there; take another map"
 
 
 def ego_view(position_m: NDArray[np.float64], heading_rad: float, speed_mps: float) -> EgoView:
