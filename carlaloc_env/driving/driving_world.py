@@ -58,7 +58,7 @@ class DrivingWorld:
 
     def __init__(self, town: Town, traffic: TrafficConfig, *, friction: float = 1.0) -> None:
         if town.route is None:
-            raise ConfigError(_why_no_route(town))
+            raise ConfigError(f"town '{town.name}' has no route; add [route] points to its town.toml")
         self.town = town if traffic.parked_cars else without_movables(town)
         self.route: Route = town.route
         self.traffic_config = traffic
@@ -221,12 +221,6 @@ class DrivingWorld:
 
     def _ego_view(self) -> EgoView:
         return ego_view(self.state.position_m, self.state.heading_rad, self.state.speed_mps)
-
-
-def _why_no_route(town: Town) -> str:
-    if any(lane.type == "driving" for lane in town.network.lanes):
-        return f"town '{town.name}' has no route; add [route] points to its town.toml"
-    return f"town '{town.name}' has no lane of type driving, so nothing can drive there; take another map"
 
 
 def ego_view(position_m: NDArray[np.float64], heading_rad: float, speed_mps: float) -> EgoView:

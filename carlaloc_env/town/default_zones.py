@@ -35,8 +35,8 @@ _STEP_M = 10.0
 def road_kind(road: Road) -> str:
     """Kind of zone that suits a road: by its type, limit, lanes and sidewalks."""
     lanes = [lane for section in road.sections for lane in section.lanes]
-    stated = [record.limit_mps for own in (road, *lanes) for record in own.speeds]
-    limit = max(stated, default=0.0)
+    stated = [*road.speeds, *(record for lane in lanes for record in lane.speeds)]
+    limit = max((record.limit_mps for record in stated), default=0.0)
     widest = max(sum(lane.type == "driving" for lane in section.lanes) for section in road.sections)
     walked = any(lane.type in ("sidewalk", "walking") for lane in lanes)
     # Hard shoulders are lanes of type stop.

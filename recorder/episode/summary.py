@@ -81,13 +81,13 @@ def summarise(episode: Episode) -> EpisodeSummary:
     position = episode.ego["position_m"]
     driven_m = driven_distance_m(episode)
     closure_m = closure_deg = None
+    closed = False
     if len(position):
         closure_m = float(np.linalg.norm(position[-1] - position[0]))
         yaw = quat_to_rpy(episode.ego["quat_xyzw"][[0, -1]])[:, 2]
         closure_deg = float(np.degrees(abs(wrap_angle(yaw[1] - yaw[0]))))
+        closed = driven_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
     walkers = int(np.count_nonzero(episode.header.catalog.tag == Tag.PEDESTRIAN))
-    closed = closure_m is not None and closure_deg is not None and driven_m > 50.0
-    closed = closed and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
     table_m = episode.header.route.get("table_length_m")
     loop = bool(episode.header.route.get("closed"))
     counts = Counter(event.kind for event in episode.events)

@@ -63,7 +63,7 @@ def test_every_road_lies_in_the_zone_that_it_asks_for(tmp_path: Path) -> None:
     """Straight roads 400 m apart: each is the nearest one to its own surroundings."""
     network = _map(tmp_path, EXPECTED)
     config = choose_zones(network, TownConfig())
-    areas = zone_areas(config, shapely.box(-500.0, -500.0, 1000.0, 4000.0))
+    areas = zone_areas(config, shapely.box(-500.0, -500.0, 1000.0, 6000.0))
     for number, row in enumerate(EXPECTED):
         middle = shapely.Point(200.0, 400.0 * number)
         (kind,) = {kind for kind, area in areas if shapely.contains(area, middle)}
