@@ -22,6 +22,8 @@ def traffic_counts(network: LaneNetwork, asked: TrafficCounts) -> tuple[int, int
 
     Maps without sidewalks get no walkers; small maps get fewer vehicles.
     """
+    if asked.vehicles is not None and asked.walkers is not None:
+        return asked.vehicles, asked.walkers
     tables = network.tables
     least_m = np.minimum.reduceat(tables.width_m, tables.first) if network.lanes else tables.width_m
     lanes_m = sidewalks_m = 0.0
