@@ -103,17 +103,19 @@ class DrivingWorld:
         self._ego.reset(start.position_m[0], float(start.heading_rad[0]))
         self._traffic = TrafficWorld(self.town.network, self.traffic_config, self._tables)
         self.timeline = Timeline(self._traffic.catalog)
+        self.state = self._ego.state()
+        # Before anybody is told: traffic that does not fit is refused here.
+        first = self._traffic.reset(self._ego_view())
         if listener is not None:
             listener.on_start(self._traffic.catalog)
         self._road = RoadAhead(self.town.network, self.route)
         self._tick = 0
         self._step = 0
         self._contacts: list[Contact] = []
-        self.state = self._ego.state()
         self._speeds: deque[float] = deque([self.state.speed_mps], maxlen=STEP_TICKS + 1)
         self._append_tick(_PARKED)
         self._notify_tick(_PARKED)
-        self._add_step(self._traffic.reset(self._ego_view()))
+        self._add_step(first)
         self._add_step(self._traffic.step(self._ego_view()))
         self.tick(_PARKED)
         self._road.start(self.state.position_m)

@@ -159,7 +159,13 @@ class _TownCache:
     def _build_roads(self) -> TownRoads:
         from carlaloc_env.town.road_building import build_roads
 
-        return build_roads(self.xodr(), self.config, self.seed)
+        roads = build_roads(self.xodr(), self.config, self.seed)
+        if not any(lane.type == "driving" for lane in roads.network.lanes):
+            source = self._source.source
+            raise MapError(
+                f"{source} has no lane of type driving, so nothing can drive there; take another map"
+            )
+        return roads
 
     def _build_outline(self) -> TownOutline:
         # What is seen is kept at once, too: it would be built again for whoever looks next.

@@ -90,14 +90,14 @@ class RouteConfig:
 class TrafficCounts:
     """How many others there are when the traffic is dynamic."""
 
-    vehicles: int = 50
-    """Number of vehicles besides the ego."""
-    walkers: int = 10
-    """Number of walkers."""
+    vehicles: int | None = None
+    """Number of vehicles besides the ego; None: 50, fewer on small maps."""
+    walkers: int | None = None
+    """Number of walkers; None: 10, fewer where sidewalks are short, none without."""
 
     def __post_init__(self) -> None:
         for name, count in (("vehicles", self.vehicles), ("walkers", self.walkers)):
-            if count < 0:
+            if count is not None and count < 0:
                 raise ConfigError(f"{name} is {count}; give 0 or more")
 
 
@@ -110,7 +110,8 @@ class SignalTiming:
     main_green_s: float | None = None
     """Green of phases that let main streets pass, those of the route [s]; None: like `green_s`."""
     left_green_s: float = 7.0
-    """Green of phases that hold protected left turns alone, at most `green_s` [s]."""
+    """Green of phases that hold protected left turns alone, at most `green_s` [s]; in left-hand traffic right
+    turns."""
     yellow_s: float = 3.0
     """Yellow after green [s]."""
     all_red_s: float = 2.0

@@ -23,6 +23,10 @@ RANGE_M = 130.0
 HIGHWAY_MPS, RURAL_MPS, QUIET_MPS = 80.0 / 3.6 - 0.1, 54.0 / 3.6, 30.0 / 3.6 + 0.1
 """Limits from which roads are highways, from which two-lane roads lead through the country, and up to
 which streets are quiet [m/s]."""
+QUIET_TYPES = ("townPlayStreet", "townPrivate", "lowSpeed")
+"""Types of quiet streets."""
+TOWN_TYPES = ("town", "townExpressway", "townCollector", "townArterial", "townLocal", *QUIET_TYPES)
+"""Types of roads in towns."""
 SUBURB = 1.15
 """Small streets farther from the middle than this many times the mean distance are residential."""
 _STEP_M = 10.0
@@ -30,21 +34,23 @@ _STEP_M = 10.0
 
 def road_kind(road: Road) -> str:
     """Kind of zone that suits a road: by its type, limit, lanes and sidewalks."""
-    limit = max((record.limit_mps for record in road.speeds), default=0.0)
     lanes = [lane for section in road.sections for lane in section.lanes]
+    stated = [*road.speeds, *(record for lane in lanes for record in lane.speeds)]
+    limit = max((record.limit_mps for record in stated), default=0.0)
     widest = max(sum(lane.type == "driving" for lane in section.lanes) for section in road.sections)
     walked = any(lane.type in ("sidewalk", "walking") for lane in lanes)
-    if road.type == "motorway" or limit >= HIGHWAY_MPS:
+    # Hard shoulders are lanes of type stop.
+    if road.type == "motorway" or limit >= HIGHWAY_MPS or any(lane.type == "stop" for lane in lanes):
         return "highway"
     if widest <= 2 and (not walked or limit >= RURAL_MPS or road.type == "rural"):
         return "rural"
     if not walked:
-        return "industrial"
+        return "industrial" if road.type in TOWN_TYPES or 0.0 < limit < RURAL_MPS else "highway"
     if widest >= 6:
         return "skyscraper"
     if widest >= 4:
         return "downtown"
-    quiet = 0.0 < limit <= QUIET_MPS or road.type in ("townPlayStreet", "townPrivate", "lowSpeed")
+    quiet = 0.0 < limit <= QUIET_MPS or road.type in QUIET_TYPES
     return "residential" if quiet else "small_town"
 
 

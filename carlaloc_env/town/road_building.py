@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.default_traffic import choose_traffic
 from carlaloc_env.town.default_zones import choose_zones
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -16,9 +15,8 @@ from carlaloc_env.town.town_roads import TownRoads, relief_on
 
 
 def choose_config(xodr: OpenDrive, name: str) -> TownConfig:
-    """Zones and traffic for a map whose owner has given none."""
-    smooth = build_network(xodr)
-    return choose_traffic(smooth, choose_zones(smooth, TownConfig(name=name)))
+    """Zones for a map whose owner has given none."""
+    return choose_zones(build_network(xodr), TownConfig(name=name))
 
 
 def build_roads(xodr: OpenDrive, config: TownConfig, seed: int) -> TownRoads:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.town.config import SignalTiming
+from carlaloc_env.town.default_traffic import traffic_counts
 from carlaloc_env.traffic.tables.vehicle_state import DriverParameters
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ class TrafficConfig:
     random_right_lanechange_percentage: float = 0.0
     """Chance in every two seconds that a driver changes to the right for no reason [%]."""
     keep_right_rule_percentage: float = 20.0
-    """Percentage of drivers who prefer the right lane [%]."""
+    """Percentage of drivers who prefer the lane at the kerb, the left one in left-hand traffic [%]."""
     ignore_lights_percentage: float = 0.0
     """Chance that a driver takes no notice of the lights of a junction [%]."""
     ignore_signs_percentage: float = 0.0
@@ -89,7 +90,7 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
     """Traffic of a town at a level.
 
     Args:
-        town: The town; its town.toml counts vehicles and walkers.
+        town: The town; its town.toml counts vehicles and walkers, or the map has room for so many.
         level: ``dynamic`` (all of it), ``static`` (none but parked cars), ``empty`` (not even these) or a
             fraction, e.g. ``0.5``; followed, if wanted, by options of `TrafficConfig`:
             ``"dynamic,ignore_lights_percentage=20"``. Or a mapping with those options and ``level``.
@@ -104,10 +105,10 @@ def traffic_of_town(town: Town, level: str | float | Mapping[str, Any], seed: in
     for name in options:
         if name not in _OPTIONS:
             raise ConfigError(unknown_name("traffic option", name, _OPTIONS))
-    counts = town.config.traffic
+    vehicles, walkers = traffic_counts(town.network, town.config.traffic)
     settings: dict[str, Any] = {
-        "vehicles": round(fraction * counts.vehicles),
-        "walkers": round(fraction * counts.walkers),
+        "vehicles": round(fraction * vehicles),
+        "walkers": round(fraction * walkers),
         "seed": seed,
         "parked_cars": level != "empty",
         "timing": town.config.signals,

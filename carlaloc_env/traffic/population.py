@@ -24,7 +24,7 @@ _HEAVY_TOP_MPS = 25.0
 _CYCLIST_MPS = (15.0 / 3.6, 22.0 / 3.6)
 """Least and greatest desired speed of cyclists [m/s]: 15 to 22 km/h."""
 _CYCLE_EDGE_M = 0.75
-"""Distance of cyclists from the right edge of their lane [m]."""
+"""Distance of cyclists from the edge of their lane at the kerb [m]."""
 
 
 def draw_vehicles(config: TrafficConfig) -> tuple[list[str], NDArray[np.uint8]]:
@@ -53,7 +53,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
     acceleration = draw.uniform(1.8, 2.6, count)
     change_s = np.clip(draw.normal(4.6, 0.8, count), 3.0, 7.0)
     cyclist = draw.uniform(*_CYCLIST_MPS, count)
-    keeps_right = draw.random(count) < 0.01 * config.keep_right_rule_percentage
+    keeps_to_kerb = draw.random(count) < 0.01 * config.keep_right_rule_percentage
     slower = 1.0 - 0.01 * config.global_percentage_speed_difference
     distance = config.distance_to_leading_vehicle
     ego = EgoView(position_m=(0.0, 0.0, 0.0), heading_rad=0.0, speed_mps=0.0)
@@ -81,7 +81,7 @@ def draw_drivers(names: list[str], config: TrafficConfig) -> Drivers:
         ),
         braking_mps2=with_ego(np.where(heavy | bicycle, 1.5, np.where(motorcycle, 2.5, 2.0)), 2.0),
         change_s=with_ego(np.where(two_wheels, 3.0, change_s), 4.0),
-        keeps_right=with_ego(np.where(keeps_right | bicycle, 0.2, 0.0), 0.0),
+        keeps_to_kerb=with_ego(np.where(keeps_to_kerb | bicycle, 0.2, 0.0), 0.0),
         edge_distance_m=with_ego(np.where(bicycle, _CYCLE_EDGE_M, 0.0), 0.0),
     )
 

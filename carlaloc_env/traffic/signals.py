@@ -18,8 +18,8 @@ from carlaloc_env.traffic.stop_lines import StopLines, stop_lines, travel_times_
 from carlaloc_env.traffic.tables.demand import MAIN_STREET_DEMAND, lane_demand
 from carlaloc_env.traffic.tables.lane_tables import Roads
 
-_LEFT_RAD = 0.5
-"""Change of heading along a junction lane from which it is a left turn [rad]."""
+_TURN_RAD = 0.5
+"""Change of heading along a junction lane from which it is a turn [rad]."""
 
 
 class SignalState(IntEnum):
@@ -162,7 +162,7 @@ def _main_heads(network: LaneNetwork, route: Route, demand: Array | None) -> set
         for index, head in enumerate(network.signals)
         if head.lanes
         and max(demand[lane] for lane in head.lanes) > 0.5 * MAIN_STREET_DEMAND
-        and not all(_turns_left(network, lane) for lane in head.junction_lanes)
+        and not all(_turns_across(network, lane) for lane in head.junction_lanes)
     }
 
 
@@ -184,18 +184,20 @@ def _green_durations(
     for phase in range(1 + max(phases)):
         numbers = [k for k, own in zip(heads, phases, strict=True) if own == phase]
         lanes = [lane for k in numbers for lane in network.signals[k].junction_lanes]
-        left = bool(lanes) and all(_turns_left(network, lane) for lane in lanes)
+        across = bool(lanes) and all(_turns_across(network, lane) for lane in lanes)
         if main.intersection(numbers):
             durations.append(timing.main_green_s or timing.green_s)
         else:
-            durations.append(min(timing.left_green_s, timing.green_s) if left else timing.green_s)
+            durations.append(min(timing.left_green_s, timing.green_s) if across else timing.green_s)
     return durations if len(durations) > 1 else [*durations, timing.green_s]
 
 
-def _turns_left(network: LaneNetwork, lane: int) -> bool:
-    tables = network.tables
+def _turns_across(network: LaneNetwork, lane: int) -> bool:
+    """Whether a lane turns across the oncoming traffic: left, and right where traffic keeps to the left."""
+    tables, kerb_side = network.tables, network.lanes[lane].kerb_side
     first, count = int(tables.first[lane]), int(tables.count[lane])
-    return bool(tables.heading_rad[first + count - 1] - tables.heading_rad[first] > _LEFT_RAD)
+    turn = tables.heading_rad[first + count - 1] - tables.heading_rad[first]
+    return bool(-kerb_side * turn > _TURN_RAD)
 
 
 def _axis(network: LaneNetwork, index: int) -> str:

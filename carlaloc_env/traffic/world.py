@@ -53,7 +53,9 @@ class TrafficWorld:
         keep_clear = np.array([ego.position_m]) if ego is not None else np.zeros((0, 3))
         lane, station = self._tables.starting_positions(config.seed, keep_clear)
         if len(lane) < config.vehicles:
-            raise ConfigError(f"{config.vehicles} vehicles do not fit on this map; at most {len(lane)} do")
+            raise ConfigError(
+                f"{config.vehicles} vehicles do not fit here; give --traffic dynamic,vehicles={len(lane)}"
+            )
         self._vehicles.reset(lane[: config.vehicles], station[: config.vehicles])
         self._walkers = Walkers(
             self._tables.walker_network,

@@ -40,10 +40,10 @@ class EpisodeSummary:
     """Distance driven [m], summed over ticks in the plane."""
     route_m: float | None
     """Distance along the route [m]; None where the file does not have it: it is edited or cut off."""
-    closure_m: float
-    """Distance between first and last position [m]."""
-    closure_deg: float
-    """Difference between first and last heading [deg]."""
+    closure_m: float | None
+    """Distance between first and last position [m]; None where nothing was driven."""
+    closure_deg: float | None
+    """Difference between first and last heading [deg]; None where nothing was driven."""
     loop_closed: bool
     """Whether the drive ends where it began, after more than 50 m."""
     vehicles: int
@@ -80,13 +80,14 @@ def summarise(episode: Episode) -> EpisodeSummary:
     """Figures of an episode."""
     position = episode.ego["position_m"]
     driven_m = driven_distance_m(episode)
-    closure_m, closure_deg = float("nan"), float("nan")
+    closure_m = closure_deg = None
+    closed = False
     if len(position):
         closure_m = float(np.linalg.norm(position[-1] - position[0]))
         yaw = quat_to_rpy(episode.ego["quat_xyzw"][[0, -1]])[:, 2]
         closure_deg = float(np.degrees(abs(wrap_angle(yaw[1] - yaw[0]))))
+        closed = driven_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
     walkers = int(np.count_nonzero(episode.header.catalog.tag == Tag.PEDESTRIAN))
-    closed = driven_m > 50.0 and closure_m < LOOP_CLOSED_M and closure_deg < LOOP_CLOSED_DEG
     table_m = episode.header.route.get("table_length_m")
     loop = bool(episode.header.route.get("closed"))
     counts = Counter(event.kind for event in episode.events)

@@ -24,7 +24,9 @@ SIGNAL: Rgb = (255, 40, 60)
 LAMP: Rgb = (255, 236, 150)
 STRIP_PX = 64
 """Height of the strip below the map [px]."""
-_BAR_M = (10, 20, 50, 100, 200, 500)
+_BAR_M = (1, 2, 5, 10, 20, 50, 100, 200, 500)
+_BAR_ROOM_PX = 140
+"""Width that stays free for the scale [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,8 +95,6 @@ def _strip(town: Town, spawn_points: int, width_px: int, px_per_m: float) -> U8:
     """Name, scale and the meaning of the colours, in a strip below the map."""
     strip = np.full((STRIP_PX, width_px, 3), 24, np.uint8)
     font, base = cv2.FONT_HERSHEY_SIMPLEX, STRIP_PX // 2 + 7
-    cv2.putText(strip, town.name, (16, base + 3), font, 1.0, (255, 255, 255), 2, cv2.LINE_AA)
-    x = 40 + cv2.getTextSize(town.name, font, 1.0, 2)[0][0]
     length = "no route" if town.route is None else f"route {town.route.length_m:.0f} m"
     signals = len(np.unique(town.outline.lenses.signal))
     rows: tuple[tuple[str, Rgb], ...] = (
@@ -104,10 +104,16 @@ def _strip(town: Town, spawn_points: int, width_px: int, px_per_m: float) -> U8:
         (f"{signals} traffic lights", SIGNAL),
         (f"{len(town.outline.lamps_m)} street lamps", LAMP),
     )
-    for text, colour in rows:
+    widths_px = [40 + cv2.getTextSize(text, font, 0.58, 1)[0][0] for text, _ in rows]
+    name = town.name
+    while cv2.getTextSize(name, font, 1.0, 2)[0][0] > width_px - sum(widths_px) - 40 - _BAR_ROOM_PX:
+        name = name[:-1]
+    cv2.putText(strip, name, (16, base + 3), font, 1.0, (255, 255, 255), 2, cv2.LINE_AA)
+    x = 40 + cv2.getTextSize(name, font, 1.0, 2)[0][0]
+    for (text, colour), own_px in zip(rows, widths_px, strict=True):
         cv2.circle(strip, (x, base - 6), 7, colour, -1, cv2.LINE_AA)
         cv2.putText(strip, text, (x + 16, base), font, 0.58, (255, 255, 255), 1, cv2.LINE_AA)
-        x += 40 + cv2.getTextSize(text, font, 0.58, 1)[0][0]
+        x += own_px
     bar_m = max((m for m in _BAR_M if m * px_per_m < width_px - x - 60), default=_BAR_M[0])
     end = width_px - 24
     begin = end - round(bar_m * px_per_m)

@@ -36,7 +36,7 @@ def test_configuration_keeps_what_the_file_says() -> None:
     assert config.geo == GeoReference(latitude_deg=49.0, longitude_deg=8.4)
     assert config.zones[0].kind == "park"
     assert config.features[0].size == (30.0,)
-    assert config.traffic.vehicles == 50
+    assert config.traffic.vehicles is None
     assert config.signals == SignalTiming(green_s=12.0, left_green_s=5.5)
 
 

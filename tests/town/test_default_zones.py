@@ -30,6 +30,9 @@ EXPECTED = (
     ("town", 50, 4, True, "downtown"),
     ("town", 30, 2, True, "residential"),
     ("town", 50, 4, False, "industrial"),
+    ("unknown", 50, 4, False, "industrial"),
+    ("unknown", 70, 4, False, "highway"),
+    ("rural", 60, 3, False, "highway"),
 )
 """Type, limit [km/h], driving lanes, sidewalk, and the zone that such a road asks for."""
 
@@ -60,7 +63,7 @@ def test_every_road_lies_in_the_zone_that_it_asks_for(tmp_path: Path) -> None:
     """Straight roads 400 m apart: each is the nearest one to its own surroundings."""
     network = _map(tmp_path, EXPECTED)
     config = choose_zones(network, TownConfig())
-    areas = zone_areas(config, shapely.box(-500.0, -500.0, 1000.0, 4000.0))
+    areas = zone_areas(config, shapely.box(-500.0, -500.0, 1000.0, 6000.0))
     for number, row in enumerate(EXPECTED):
         middle = shapely.Point(200.0, 400.0 * number)
         (kind,) = {kind for kind, area in areas if shapely.contains(area, middle)}
@@ -84,3 +87,15 @@ def test_unknown_limits_count_as_a_street(tmp_path: Path) -> None:
     assert road_kind(fast) == "highway"
     empty = LaneSection(s_m=0.0, end_m=road.length_m, lanes=(LaneRecord(id=-1, type="sidewalk"),))
     assert road_kind(replace(bare, sections=(empty,))) == "small_town"
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_silent_roads_are_told_by_their_lanes(tmp_path: Path, stop: bool) -> None:
+    """Without type and limit, wide roads without sidewalks are motorways, and so are hard shoulders."""
+    road = _map(tmp_path, (("unknown", 50, 2 if stop else 4, False, ""),)).xodr.roads[0]
+    (section,) = road.sections
+    silent = replace(road, type="unknown", speeds=())
+    shoulder = (LaneRecord(id=-9, type="stop"),) if stop else ()
+    assert (
+        road_kind(replace(silent, sections=(replace(section, lanes=section.lanes + shoulder),))) == "highway"
+    )

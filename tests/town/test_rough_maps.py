@@ -12,8 +12,8 @@ import shapely
 
 from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.physics.params import VehicleParams
-from carlaloc_env.town.config import TownConfig
-from carlaloc_env.town.default_traffic import choose_traffic
+from carlaloc_env.town.config import TrafficCounts
+from carlaloc_env.town.default_traffic import traffic_counts
 from carlaloc_env.town.ground.flush_sidewalks import BELOW_M, lower_walks
 from carlaloc_env.town.ground.lane_strips import KERB_M, road_strips
 from carlaloc_env.town.lanes.build_network import build_network
@@ -182,7 +182,8 @@ def test_wide_turns_stay_in_the_middle() -> None:
 
 def test_traffic_suits_the_map() -> None:
     """No walkers where there is no sidewalk, and few vehicles on 83 m of lane."""
-    counts = choose_traffic(corner(6.0, 3.5), TownConfig()).traffic
-    assert counts.walkers == 0
-    assert counts.vehicles <= 1
-    assert choose_traffic(crossing(0.0), TownConfig()).traffic.walkers == 6
+    vehicles, walkers = traffic_counts(corner(6.0, 3.5), TrafficCounts())
+    assert walkers == 0
+    assert vehicles <= 1
+    assert traffic_counts(crossing(0.0), TrafficCounts())[1] == 6
+    assert traffic_counts(crossing(0.0), TrafficCounts(vehicles=9)) == (9, 6)

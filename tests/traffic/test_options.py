@@ -158,7 +158,8 @@ def test_ignored_signs_are_not_stopped_at(tables: TrafficTables) -> None:
 
 def test_options_come_with_the_level() -> None:
     """A level in words may carry options; a mapping says the same."""
-    town: Any = SimpleNamespace(config=TownConfig.from_toml(find_town("Town03").with_name("town.toml")))
+    config = TownConfig.from_toml(find_town("Town03").with_name("town.toml"))
+    town: Any = SimpleNamespace(config=config, network=None)
     text = traffic_of_town(town, "0.5,ignore_lights_percentage=20,auto_lane_change=false", 7)
     same = traffic_of_town(
         town, {"level": 0.5, "ignore_lights_percentage": 20.0, "auto_lane_change": False}, 7

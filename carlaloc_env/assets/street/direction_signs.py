@@ -6,6 +6,8 @@ signs (RWBA 2000) and the catalogue of traffic signs (Zeichen 450).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from carlaloc_env.assets.modelling.primitives import Look, box, placed, quad, tube
@@ -72,10 +74,10 @@ def verge_sign(*names: int, width_m: float = BOARD_M[0]) -> Mesh:
 
 
 def cantilever(reach_m: float, first: int, second: int, third: int, low_m: float = 0.0) -> Mesh:
-    """Post beside the road with an arm over its right lanes (+y for those who come) and two boards.
+    """Post beside the road with an arm over its lanes and two boards.
 
     Args:
-        reach_m: How far the arm reaches [m].
+        reach_m: How far the arm reaches along −y, over the road in right-hand traffic [m]; below 0 along +y.
         first: Row of `STREET_NAMES` on the board of the through lanes.
         second: Row on the board at the post, where the exit is.
         third: The row below it.
@@ -87,14 +89,15 @@ def cantilever(reach_m: float, first: int, second: int, third: int, low_m: float
         box(_STEEL, (0.8, 0.8, 0.16), (-0.25, 0.0, 0.08)),
     ]
     for dz in (0.4, 1.6):
-        parts.append(box(_STEEL, (0.18, reach_m, 0.18), (-0.25, -0.5 * reach_m, z + dz)))
-    for k in range(int(reach_m / 1.3)):
+        parts.append(box(_STEEL, (0.18, abs(reach_m), 0.18), (-0.25, -0.5 * reach_m, z + dz)))
+    bay = math.copysign(1.3, reach_m)
+    for k in range(int(abs(reach_m) / 1.3)):
         ends = (z + 0.4, z + 1.6) if k % 2 else (z + 1.6, z + 0.4)
         parts.append(
-            tube(_STEEL, [(-0.25, -1.3 * k, ends[0]), (-0.25, -1.3 * (k + 1), ends[1])], 0.05, 5, caps=False)
+            tube(_STEEL, [(-0.25, -bay * k, ends[0]), (-0.25, -bay * (k + 1), ends[1])], 0.05, 5, caps=False)
         )
     near, far = 0.32 * reach_m, 0.78 * reach_m
-    width = min(BOARD_M[0], 0.44 * reach_m)
+    width = min(BOARD_M[0], 0.44 * abs(reach_m))
     for names, y in (((second, third), near), ((first,), far)):
         parts.append(placed(direction_board(*names, width_m=width), (-0.08, -y, z + 1.0)))
     return merge(parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +31,18 @@ def traffic_light(
 
     Args:
         head_count: Heads with three lenses each.
-        arm_m: Length of a mast arm along −y (over the road, for right-hand traffic) [m]; 0 = post only.
+        arm_m: Length of a mast arm along −y, over the road in right-hand traffic [m]; below 0 along +y, as in
+            left-hand traffic; 0 = post only.
         head_bottom_m: Height of the heads' lower edge [m]; 5.2 on an arm, 2.5 on a post when left out.
 
     Returns:
         The mesh with dark lenses, and the lens poses (head, lens, 4, 4): lenses red, yellow, green
         (state = lens + 1), x out of the lens.
     """
-    if arm_m > 0:
+    if arm_m:
         post_m, arm_z = 6.6, 5.9
         on_arm = max(head_count - 1, 1)
-        spots = [(0.0, -arm_m + 0.35 + 3.2 * k) for k in range(on_arm)]
+        spots = [(0.0, math.copysign(1.0, arm_m) * (-abs(arm_m) + 0.35 + 3.2 * k)) for k in range(on_arm)]
         bottoms = [5.2 if head_bottom_m is None else head_bottom_m] * on_arm
         if head_count > 1:
             spots.append((0.24, 0.0))
@@ -107,7 +109,7 @@ def _mast(post_m: float, arm_z_m: float, arm_m: float) -> list[Mesh]:
         tube(POST, arm, [0.10, 0.075, 0.05], 10),
         _foot(0.28),
         box(_CASE, (0.5, 0.4, 1.1), (-0.45, 0.25, 0.55))
-        if arm_m > 7
+        if abs(arm_m) > 7
         else box(_CASE, (0.12, 0.2, 0.3), (-0.2, 0, 1.2)),
     ]
 

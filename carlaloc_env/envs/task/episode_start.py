@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.errors import ConfigError, MapError, unknown_name
+from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import lanes_that_go_on
 from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.town import Town
@@ -19,10 +20,13 @@ OPTIONS = ("route", "spawn", "goal", "weather", "traffic")
 ROUTES = ("town", "random")
 """Routes by name: the town's own, and one drawn by the seed."""
 RANDOM_ROUTE_M = (100.0, 600.0)
-"""Lengths between which random routes lie [m]."""
-_TRIES = 200
+"""Lengths between which random routes lie, where the map has room for them [m]."""
+_TRIES, _SHORT_TRIES = 200, 40
+"""Draws for such a route, and then for one as long as a smaller map allows."""
 _LANE_LEAST_M = 20.0
-"""Shorter lanes are no place to begin or to end at [m]."""
+"""Shorter lanes are no place to begin or to end at, where others are [m]."""
+_SHORTEST_M = 2.0
+"""No route is shorter [m]."""
 
 Point = tuple[float, float]
 """East and north [m]."""
@@ -105,33 +109,41 @@ def _own_route(town: Town) -> Route:
 
 
 def _random_route(town: Town, rng: np.random.Generator, spawn: Point | None) -> Route:
-    """A route between two places on lanes, of a length within `RANDOM_ROUTE_M`."""
+    """A route between two places on lanes, of a length within `RANDOM_ROUTE_M`, or else shorter."""
     network = town.network
     onward = lanes_that_go_on(network)
     usable = onward if onward.any() else np.array([lane.type == "driving" for lane in network.lanes])
-    lanes = [
-        lane.index
-        for lane in network.lanes
-        if usable[lane.index] and lane.junction_id is None and lane.length_m > _LANE_LEAST_M
-    ]
-    if not lanes:
-        raise ConfigError(f"town '{town.name}' has no lane of {_LANE_LEAST_M:g} m to begin a random route on")
-    lengths = network.tables.length_m
-    for _ in range(_TRIES):
-        pair = rng.choice(lanes, 2)
-        stations = rng.uniform(0.05, 0.95, 2) * lengths[pair]
-        places = network.pose(pair, stations).position_m[:, :2].tolist()
-        begin, end = (spawn or tuple(places[0])), tuple(places[1])
-        away = float(np.hypot(begin[0] - end[0], begin[1] - end[1]))
-        if not 0.3 * RANDOM_ROUTE_M[0] < away < RANDOM_ROUTE_M[1]:
-            continue
-        try:
-            route = plan_route(network, [begin, end], for_car=True)
-        except MapError:
-            continue
-        if RANDOM_ROUTE_M[0] <= route.length_m <= RANDOM_ROUTE_M[1]:
-            return route
-    raise ConfigError(f"no random route of {RANDOM_ROUTE_M[0]:g} to {RANDOM_ROUTE_M[1]:g} m in '{town.name}'")
+    plain = [lane.index for lane in network.lanes if usable[lane.index] and lane.junction_id is None]
+    lanes = [lane for lane in plain if network.lanes[lane].length_m > _LANE_LEAST_M] or plain
+    shorter: Route | None = None
+    for least_m, tries in ((RANDOM_ROUTE_M[0], _TRIES), (_SHORTEST_M, _SHORT_TRIES)):
+        for _ in range(tries if lanes else 0):
+            route = _drawn_route(network, lanes, rng, spawn, least_m)
+            if route is not None and route.length_m >= RANDOM_ROUTE_M[0]:
+                return route
+            if route is not None and (shorter is None or route.length_m > shorter.length_m):
+                shorter = route
+    if shorter is None:
+        raise ConfigError(f"no random route of up to {RANDOM_ROUTE_M[1]:g} m in '{town.name}'; give points")
+    return shorter
+
+
+def _drawn_route(
+    network: LaneNetwork, lanes: list[int], rng: np.random.Generator, spawn: Point | None, least_m: float
+) -> Route | None:
+    """A route between two places that are drawn, None where it is shorter than asked, or too long."""
+    pair = rng.choice(lanes, 2)
+    stations = rng.uniform(0.05, 0.95, 2) * network.tables.length_m[pair]
+    places = network.pose(pair, stations).position_m[:, :2].tolist()
+    begin, end = (spawn or tuple(places[0])), tuple(places[1])
+    away = float(np.hypot(begin[0] - end[0], begin[1] - end[1]))
+    if not 0.3 * least_m < away < RANDOM_ROUTE_M[1]:
+        return None
+    try:
+        route = plan_route(network, [begin, end], for_car=True)
+    except MapError:
+        return None
+    return route if least_m <= route.length_m <= RANDOM_ROUTE_M[1] else None
 
 
 def _points(route: object) -> tuple[Point, ...]:

@@ -70,6 +70,12 @@ class Strip:
     """Lane edges on the road surface, world [m], shape (B, N, 3)."""
     raised_m: Array
     """Height of each lane above the road surface at its left and right edge [m], shape (B − 1, 2, N)."""
+    left_hand_traffic: bool
+    """Whether traffic keeps to the left."""
+
+    def forward(self, lane: int) -> bool:
+        """Whether traffic on a lane of the strip runs with growing s."""
+        return (self.lanes[lane].id < 0) != self.left_hand_traffic
 
     def kind(self, lane: int) -> str:
         """What a lane of the strip is: roadway, sidewalk, median or none."""
@@ -172,6 +178,7 @@ def _strip(road: Road, number: int, section: int, surface: RoadSurface) -> Strip
         t_m=t,
         edges_m=edges,
         raised_m=_raised(lanes, ids, s, surface),
+        left_hand_traffic=road.left_hand_traffic,
     )
 
 

@@ -38,6 +38,12 @@ class RoadEdge:
     road_type: str
     """Type of the road in the map."""
 
+    @property
+    def traffic(self) -> Array:
+        """Unit vectors along which the traffic beside the edge drives, shape (N, 2)."""
+        along = np.stack([-self.right[:, 1], self.right[:, 0]], axis=-1)
+        return -along if self.strip.left_hand_traffic else along
+
 
 def road_edges(strips: Sequence[Strip], roads: Sequence[Road], levels: Levels) -> list[RoadEdge]:
     """Both edges of every strip outside junctions that is longer than 3 m."""

@@ -38,6 +38,11 @@ class Lane:
     speed_limit_mps: float
     """Lowest limit on the lane."""
 
+    @property
+    def kerb_side(self) -> int:
+        """Side on which the kerb lies for its driver: −1 right, 1 left where traffic keeps to the left."""
+        return -1 if (self.lane_id < 0) == self.forward else 1
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SignalHead:

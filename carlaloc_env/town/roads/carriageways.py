@@ -110,7 +110,7 @@ def _shade(strip: Strip, lane: int, s: Array, *, loose: bool) -> Array:
     """Brightness of a driving lane at stations (R,) and in its columns, shape (R, C)."""
     shade = np.tile(TRACK_BARE if loose else TRACK_SHADE, (len(s), 1))
     if not loose:
-        stop = strip.s_m[-1] if strip.lanes[lane].id < 0 else strip.s_m[0]
+        stop = strip.s_m[-1] if strip.forward(lane) else strip.s_m[0]
         near = np.clip(1.0 - np.abs(s - stop) / OIL_M, 0.0, 1.0)
         shade[:, len(TRACKS) // 2] += (OIL_SHADE - shade[:, len(TRACKS) // 2]) * near
     return shade

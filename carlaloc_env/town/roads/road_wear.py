@@ -198,7 +198,7 @@ def _tyre_marks(
     bands: _Bands, strip: Strip, lane: int, draw: np.random.Generator, material: Material
 ) -> None:
     """Pairs of dark streaks where cars brake before the road's end."""
-    ahead = strip.lanes[lane].id < 0
+    ahead = strip.forward(lane)
     for _ in range(int(draw.poisson(TYRE_MARKS))):
         length, gone = float(draw.uniform(5.0, 14.0)), float(draw.uniform(1.0, TYRE_MARK_M - 14.0))
         far = strip.s_m[-1] - gone if ahead else strip.s_m[0] + gone

@@ -15,6 +15,8 @@ ROUTE_LENGTH_M = 1000.0
 """Length sought."""
 _STARTS = 12
 _POINT_ROOM_M, _END_ROOM_M = 15.0, 5.0
+_LOOP_SHARES = (0.25, 0.5, 0.75)
+"""Places on a lane that leads back into itself through which a loop is planned."""
 _BACK_RAD, _LEAST_RADIUS_M = 2.4, 4.0
 
 
@@ -43,6 +45,7 @@ def choose_route(network: LaneNetwork, length_m: float = ROUTE_LENGTH_M) -> Rout
 
     It begins on one of the longest lanes and turns, wherever it can, into the lane least driven; where all
     roads lead out of the map, it takes those on which most is to come. Turns on the spot are left to others.
+    A map that is nothing but one lane that leads back into itself has a loop.
     """
     driving = np.array([lane.type == "driving" for lane in network.lanes], dtype=bool)
     easy = driving & ~_turns_on_the_spot(network)
@@ -64,7 +67,17 @@ def choose_route(network: LaneNetwork, length_m: float = ROUTE_LENGTH_M) -> Rout
             best = route
         if best is not None and best.length_m > 0.98 * length_m:
             break
-    return best
+    return best or next(filter(None, (_loop(network, start.index) for start in starts[:_STARTS])), None)
+
+
+def _loop(network: LaneNetwork, lane: int) -> Route | None:
+    """The shortest way round from a lane to itself."""
+    at = np.array(_LOOP_SHARES) * network.lanes[lane].length_m
+    places = network.pose(np.full(len(at), lane), at).position_m
+    try:
+        return plan_route(network, [(float(x), float(y)) for x, y, _ in places], loop=True, for_car=True)
+    except MapError:
+        return None
 
 
 def _turns_on_the_spot(network: LaneNetwork) -> NDArray[np.bool_]:
@@ -122,12 +135,15 @@ def _planned(network: LaneNetwork, lanes: list[int], length_m: float, *, whole: 
         for lane in lanes
         if network.lanes[lane].junction_id is None and network.lanes[lane].length_m > _POINT_ROOM_M
     ]
+    if whole and not through:
+        through = lanes
     if len(through) < (1 if whole else 2):
         return None
     middle = np.array([0.5 * network.lanes[lane].length_m for lane in through])
     if whole:
+        ends = np.minimum(_END_ROOM_M, 0.5 * middle[[0, -1]])
         through = [through[0], *through, through[-1]]
-        middle = np.concatenate([[_END_ROOM_M], middle, [2.0 * middle[-1] - _END_ROOM_M]])
+        middle = np.concatenate([ends[:1], middle, 2.0 * middle[-1:] - ends[1:]])
     places = network.pose(np.array(through), middle).position_m
     points = [(float(x), float(y)) for x, y, _ in places]
     try:

@@ -165,7 +165,7 @@ def _park_lane(
             continue
         if shapely.dwithin(crosswalks, shapely.Point(*spots[1][:2]), CROSSWALK_M):
             continue
-        ahead = (spots[2] - spots[0]) * (-1.0 if strip.lanes[lane].id > 0 else 1.0)
+        ahead = (spots[2] - spots[0]) * (1.0 if strip.forward(lane) else -1.0)
         cars.put(spots[1], float(elementary.arctan2(ahead[1], ahead[0])), draw)
 
 
@@ -183,7 +183,7 @@ def park_on_verges(
         if edge.sidewalk or edge.limit_mps > SLOWEST_MPS or edge.road_type == "motorway":
             continue
         draw = rng.stream(seed, f"verge/{edge.name}")
-        kinds = _kinds(zones, edge.line_m)
+        kinds, traffic = _kinds(zones, edge.line_m), edge.traffic
         for row in np.arange(int(JUNCTION_M), len(edge.line_m) - int(JUNCTION_M), int(SPACE_M) + 1):
             chance = draw.random()
             if edge.state[row] != State.GROUND:
@@ -191,7 +191,7 @@ def park_on_verges(
             if chance > VERGES.get(kinds[row], 0.0):
                 continue
             xy = edge.line_m[row, :2] + edge.right[row] * (VERGE_M + 1.05)
-            yaw = float(elementary.arctan2(edge.right[row, 0], -edge.right[row, 1]))
+            yaw = float(elementary.arctan2(traffic[row, 1], traffic[row, 0]))
             if shapely.dwithin(blocked, rectangle(xy, yaw, 6.0, 2.05), 0.12):
                 continue
             cars.put(np.array([*xy, float(ground.height(xy[None])[0]) - 0.03]), yaw, draw)

@@ -77,9 +77,10 @@ def _beside_lanes(network: LaneNetwork, head: SignalHead) -> Array:
     if not head.lanes or near.distance_m[0] > 0.5 * network.width_m(near.lane, near.station_m)[0]:
         return place
     pose = network.pose(np.array(head.lanes[:1]), np.array(head.stop_station_m[:1]))
-    right = np.array([elementary.sin(pose.heading_rad[0]), -elementary.cos(pose.heading_rad[0])])
+    left = np.array([-elementary.sin(pose.heading_rad[0]), elementary.cos(pose.heading_rad[0])])
+    kerb = network.lanes[head.lanes[0]].kerb_side * left
     away = np.arange(0.0, _FARTHEST_POST_M, 0.25)
-    for side in (right, -right):
+    for side in (kerb, -kerb):
         places: Array = place + away[:, None] * side
         near = network.nearest(places)
         free = near.distance_m > 0.5 * network.width_m(near.lane, near.station_m) + _POST_ROOM_M
@@ -90,15 +91,16 @@ def _beside_lanes(network: LaneNetwork, head: SignalHead) -> Array:
 
 
 def _arm(network: LaneNetwork, head: SignalHead, T: Array) -> tuple[float, int]:
-    """Length of the mast arm [m] and number of heads, from the lanes that the light speaks to."""
+    """Length of the mast arm [m], as `traffic_light` takes it, and number of heads, from its lanes."""
     if not head.lanes:
         return 0.0, 1
     stops = network.pose(np.array(head.lanes), np.array(head.stop_station_m)).position_m
-    # The arm reaches along −y of the post; the lanes' distance there is what it must span.
-    reach = float(np.max(np.sum((stops - T[:3, 3]) * -T[:3, 1], axis=1)))
+    # The arm reaches from the kerb over the road; the lanes' distance there is what it must span.
+    kerb_side = network.lanes[head.lanes[0]].kerb_side
+    reach = float(np.max(np.sum((stops - T[:3, 3]) * (kerb_side * T[:3, 1]), axis=1)))
     if reach < SHORTEST_ARM_M or len(head.lanes) < 2:
         return 0.0, 1
-    return min(reach + 0.3, LONGEST_ARM_M), min(len(head.lanes), 2) + 1
+    return -kerb_side * min(reach + 0.3, LONGEST_ARM_M), min(len(head.lanes), 2) + 1
 
 
 def _kind(item: StaticSign) -> tuple[str, str | None] | None:

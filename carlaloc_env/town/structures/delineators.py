@@ -30,7 +30,7 @@ def delineator_feet(
 ) -> tuple[Array, Array]:
     """Feet (N, 3) [m] of posts, and the direction of the traffic on their side [rad].
 
-    Both sides of a road have them; of a road of one direction the right side alone. Their distances go on
+    Both sides of a road have them; of a road of one direction the kerb side alone. Their distances go on
     from one section of a road to the next.
 
     Args:
@@ -57,8 +57,8 @@ def delineator_feet(
         rows, xy = rows[free], xy[free]
         if len(rows):
             feet.append(np.column_stack([xy, ground.height(xy) - 0.05]))
-            # Traffic keeps to the right: it comes along the line, whose free side is on its right.
-            yaws.append(elementary.arctan2(edge.right[rows, 0], -edge.right[rows, 1]))
+            traffic = edge.traffic[rows]
+            yaws.append(elementary.arctan2(traffic[:, 1], traffic[:, 0]))
     return np.concatenate(feet), np.concatenate(yaws)
 
 
@@ -77,13 +77,15 @@ def spacing_m(line_m: Array) -> Array:
 
 
 def against_traffic(edge: RoadEdge) -> bool:
-    """Whether the road is of one direction and the edge lies on its left, where the median or a gore is."""
-    forward = {lane.id < 0 for lane in edge.strip.lanes if lane.type == "driving"}
-    return len(forward) == 1 and edge.name.endswith("left") == forward.pop()
+    """Whether the road is of one direction and the edge lies at its median or gore, not at its kerb."""
+    strip = edge.strip
+    forward = {strip.forward(k) for k, lane in enumerate(strip.lanes) if lane.type == "driving"}
+    on_left = edge.name.endswith("left")
+    return len(forward) == 1 and (on_left == forward.pop()) != strip.left_hand_traffic
 
 
 def _in_driving_order(edges: Sequence[RoadEdge]) -> list[RoadEdge]:
-    """Sections of each road in the order in which traffic on the edge's side meets them."""
+    """Sections of each road in the order in which the edge's line meets them."""
     return sorted(
         edges,
         key=lambda e: (

@@ -36,7 +36,7 @@ SHORT_ADVANCE_M = 700.0
 SMALL_M, POST_M, LARGE_M = 1.1, 1.6, 3.6
 """Distances of markers, of cantilevers' posts and of the middles of boards from the road's edge [m]."""
 GORE_AWAY_M, GORE_CLEAR_M, GORE_BOARD_M = (2.0, 3.0, 4.0), 1.8, 2.6
-"""The gore's board: places left of the ramp, distance of its middle from both roads, and width [m]."""
+"""The gore's board: places beside the ramp, distance of its middle from both roads, and width [m]."""
 ARM_M = 9.5
 """How far a cantilever reaches over the road [m]."""
 LIFT_M = 1.2
@@ -57,7 +57,7 @@ class Exit:
     ramp: int
     """Lane of the ramp inside the junction."""
     through: int
-    """Rightmost driving lane before it."""
+    """Driving lane before it that is nearest to the kerb."""
 
 
 def exits(network: LaneNetwork) -> list[Exit]:
@@ -78,7 +78,7 @@ def exits(network: LaneNetwork) -> list[Exit]:
         ]
         goes_on = any(_is_fast(network.lanes[k]) for other in others for k in other.successors)
         if goes_on and abs(transforms.wrap_angle(ends[1] - ends[0])) < _PARTING_RAD:
-            found.append(Exit(ramp=lane.index, through=_rightmost(network, before[0]).index))
+            found.append(Exit(ramp=lane.index, through=_at_kerb(network, before[0]).index))
     return found
 
 
@@ -107,8 +107,9 @@ def add_exit_signs(
             spot = place.beside(way, distance, POST_M)
             if spot is not None:
                 feet.append(spot.foot_m)
-                make = partial(cantilever, ARM_M, *names, low_m=spot.rise_m)
-                spot.put(props, ("cantilever", *names, spot.rise_m), make)
+                arm_m = -network.lanes[way.through].kerb_side * ARM_M
+                make = partial(cantilever, arm_m, *names, low_m=spot.rise_m)
+                spot.put(props, ("cantilever", arm_m, *names, spot.rise_m), make)
         for distance in MARKERS_M:
             spot = place.beside(way, distance, SMALL_M)
             if spot is not None:
@@ -156,18 +157,19 @@ class _Placer:
                 return None
             pose = self._network.pose([lane], [station])
             heading, at = float(pose.heading_rad[0]), pose.position_m[0]
-            right = np.array([elementary.sin(heading), -elementary.cos(heading)])
-            line = at[:2] + np.arange(1.0, _WIDEST_M, _STEP_M)[:, None] * right
+            left = np.array([-elementary.sin(heading), elementary.cos(heading)])
+            kerb = self._network.lanes[lane].kerb_side * left
+            line = at[:2] + np.arange(1.0, _WIDEST_M, _STEP_M)[:, None] * kerb
             off = shapely.distance(self._paved, shapely.points(line)) > 0.05
             if not off.any():
                 continue
-            edge = line[np.argmax(off)] - 0.5 * _STEP_M * right
-            foot = edge + away_m * right
+            edge = line[np.argmax(off)] - 0.5 * _STEP_M * kerb
+            foot = edge + away_m * kerb
             z = float(self._floor(foot[None])[0])
             if self._is_free(foot, away_m) and abs(at[2] - z) < LIFT_M:
                 rise = max(round(float(at[2]) - z, 1), 0.0)
                 return _Spot(foot_m=np.append(foot, z - 0.05), yaw_rad=heading + np.pi, rise_m=rise)
-            foot = edge + 0.5 * WALL_M * right
+            foot = edge + 0.5 * WALL_M * kerb
             if away_m < LARGE_M and self._is_on_parapet(foot):
                 top = float(at[2]) + PARAPET_M - 0.02
                 return _Spot(foot_m=np.append(foot, top), yaw_rad=heading + np.pi, rise_m=-PARAPET_M)
@@ -181,9 +183,10 @@ class _Placer:
             station = np.arange(0.0, info.length_m, 1.0)
             pose = self._network.pose([lane] * len(station), station)
             left = np.stack([-elementary.sin(pose.heading_rad), elementary.cos(pose.heading_rad)], axis=-1)
+            inward = -info.kerb_side * left
             half = 0.5 * self._network.width_m([lane] * len(station), station)
             for away in GORE_AWAY_M:
-                xy = pose.position_m[:, :2] + (half + away)[:, None] * left
+                xy = pose.position_m[:, :2] + (half + away)[:, None] * inward
                 z = self._floor(xy)
                 free = shapely.distance(self._paved, shapely.points(xy)) > GORE_CLEAR_M
                 free &= np.abs(pose.position_m[:, 2] - z) < LIFT_M
@@ -217,12 +220,12 @@ class _Placer:
                 return lane, info.length_m - left
             left -= info.length_m
             # The deceleration lane begins somewhere; its neighbour comes from farther.
-            while not info.predecessors and info.left is not None:
-                info = network.lanes[info.left]
+            while not info.predecessors and (inner := _beside(info, -info.kerb_side)) is not None:
+                info = network.lanes[inner]
             before = [k for k in info.predecessors if _is_fast(network.lanes[k])]
             if not before or left > 2.0 * ADVANCE_M:
                 return None, 0.0
-            lane = _rightmost(network, network.lanes[before[0]]).index
+            lane = _at_kerb(network, network.lanes[before[0]]).index
             ahead = {network.lanes[k].road_id for k in _alongside(network, network.lanes[lane])}
             if network.lanes[lane].junction_id is None and len(ahead) > 1:
                 return None, 0.0
@@ -244,10 +247,15 @@ def _alongside(network: LaneNetwork, lane: Lane) -> list[int]:
     return found
 
 
-def _rightmost(network: LaneNetwork, lane: Lane) -> Lane:
-    while lane.right is not None:
-        lane = network.lanes[lane.right]
+def _at_kerb(network: LaneNetwork, lane: Lane) -> Lane:
+    while (outer := _beside(lane, lane.kerb_side)) is not None:
+        lane = network.lanes[outer]
     return lane
+
+
+def _beside(lane: Lane, side: int) -> int | None:
+    """Lane of the same direction on a side: −1 right, 1 left."""
+    return lane.left if side > 0 else lane.right
 
 
 def _names(network: LaneNetwork, way: Exit, number: int) -> tuple[int, int, int]:

@@ -49,7 +49,13 @@ def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, lan
         Feet of the billboards [m], shape (K, 3).
     """
     boards: list[Array] = []
-    for name, line, _ in frontages([strip for strip in land.strips if strip.junction_id is None]):
+    lines = [
+        (strip.left_hand_traffic, *own)
+        for strip in land.strips
+        if strip.junction_id is None
+        for own in frontages([strip])
+    ]
+    for left_hand_traffic, name, line, _ in lines:
         if len(line) < 20:
             continue
         even = densify(line, 1.0)
@@ -63,7 +69,7 @@ def line_highways(raised: MeshBuilder, solid: MeshBuilder, props: PropField, lan
             kind = KINDS[int(draw.integers(len(KINDS)))]
             part = even[at : end + 1]
             _stretch(kind, raised, solid, props, land, part, draw)
-            _board(props, land, part, boards, draw)
+            _board(props, land, part, boards, draw, left_hand_traffic=left_hand_traffic)
             at = end
     return np.array(boards).reshape(-1, 3)
 
@@ -168,7 +174,15 @@ def _bank(out: MeshBuilder, land: Land, line: Array, right: Array, draw: np.rand
     return np.asarray(land.on_ground(foot[ok]) + np.column_stack([np.zeros((ok.sum(), 2)), level[ok] - 0.1]))
 
 
-def _board(props: PropField, land: Land, line: Array, boards: list[Array], draw: np.random.Generator) -> None:
+def _board(
+    props: PropField,
+    land: Land,
+    line: Array,
+    boards: list[Array],
+    draw: np.random.Generator,
+    *,
+    left_hand_traffic: bool,
+) -> None:
     """At most one billboard on a stretch, turned towards those who come."""
     row = len(line) // 2
     right = rights(line)[row]
@@ -178,7 +192,7 @@ def _board(props: PropField, land: Land, line: Array, boards: list[Array], draw:
     if any(np.hypot(*(foot - other)[:2]) < BILLBOARD_STEP_M for other in boards):
         return
     boards.append(foot)
-    # Traffic on the right keeps the free side on its right; it comes from behind the line's direction.
-    yaw = elementary.arctan2(-right[1], -right[0]) + 0.9
+    # Traffic on the right comes along the line, whose free side is on its right; on the left, against it.
+    yaw = elementary.arctan2(-right[1], -right[0]) + (-0.9 if left_hand_traffic else 0.9)
     variant = int(draw.integers(0, 8))
     props.put(("billboard", variant), partial(billboard, variant), foot[None], yaw)

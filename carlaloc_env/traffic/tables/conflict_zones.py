@@ -24,8 +24,9 @@ _CLEAR_M = 2.9
 """Centre lines closer than this share a zone: two swept widths of 2.2 m and a margin [m]."""
 CROSSING, MERGING, PARTING = 0, 1, 2
 """Kinds of zones: the lanes cross, end in the same lane, or begin in the same lane."""
-RANK_MINOR, RANK_LEFT, RANK_RIGHT, RANK_STRAIGHT = 0, 1, 2, 3
-"""Ranks of junction lanes: the higher goes first."""
+RANK_MINOR, RANK_ACROSS, RANK_KERB, RANK_STRAIGHT = 0, 1, 2, 3
+"""Ranks of junction lanes, the higher goes first: behind a sign, turning across the oncoming traffic, turning
+to the kerb's side, straight on."""
 STOP_LINE_M = 1.0
 """Where no signal says so, drivers stop this far before the junction [m]."""
 _TURN_RAD = 0.5
@@ -140,8 +141,8 @@ def find_rules(network: LaneNetwork, junction: Index, turn_rad: Array, after: Li
     rank = np.zeros(len(heads), np.int64)
     slower = _slower_approaches(network, junction, before)
     for lane in np.flatnonzero(junction >= 0).tolist():
-        turn = turn_rad[lane]
-        rank[lane] = RANK_STRAIGHT if abs(turn) < _TURN_RAD else RANK_RIGHT if turn < 0 else RANK_LEFT
+        turn = network.lanes[lane].kerb_side * turn_rad[lane]
+        rank[lane] = RANK_STRAIGHT if abs(turn) < _TURN_RAD else RANK_KERB if turn > 0 else RANK_ACROSS
         if minor[lane] or (lane in slower and not heads[lane]):
             rank[lane] = RANK_MINOR
     return Rules(rank, np.maximum(stop, 0.0), stopping, heads)

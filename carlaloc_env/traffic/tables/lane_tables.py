@@ -36,6 +36,8 @@ class Lanes:
     """Lane to the left with the same direction, −1 = none."""
     right: Index
     """Lane to the right with the same direction, −1 = none."""
+    kerb_side: Array
+    """Side on which the kerb lies for its driver: −1 right, 1 left where traffic keeps to the left."""
     turn_rad: Array
     """Change of heading along the lane [rad], −π…π."""
     lasting: Flags
@@ -150,6 +152,7 @@ def build_roads(network: LaneNetwork, demand: Array) -> Roads:
         junction=links.junction,
         left=links.left,
         right=links.right,
+        kerb_side=[lane.kerb_side for lane in network.lanes],
         turn_rad=turn,
         lasting=lasting,
         leaves=leaves,

@@ -17,6 +17,8 @@ class WalkerPaths:
     """SIDEWALK or CROSSWALK."""
     length_m: Array
     """Length [m]."""
+    own_side: Array
+    """Side on which walkers keep: −1 right, 1 left where traffic keeps to the left."""
     demand: Array
     """How much more often walkers choose it than one in a side street."""
     row_first: Index

@@ -37,6 +37,7 @@ _KERB_M = 0.2
 class _Line(NamedTuple):
     points_m: Array
     width_m: Array
+    own_side: int
 
 
 def build_walker_network(network: LaneNetwork, roads: Roads) -> WalkerNetwork:
@@ -56,7 +57,7 @@ def build_walker_network(network: LaneNetwork, roads: Roads) -> WalkerNetwork:
         points = np.array([a_point, crosswalk.start_m, crosswalk.end_m, b_point])
         lead = float(np.hypot(*(points[1] - points[0])[:2]))
         across = float(np.hypot(*(points[2] - points[1])[:2]))
-        lines.append(_resampled(points, crosswalk.width_m))
+        lines.append(_resampled(points, crosswalk.width_m, lines[a].own_side))
         landing.append((a, b))
         landing_m.append((a_m, b_m))
         kerbs.append((lead, lead + across))
@@ -72,7 +73,7 @@ def _sidewalks(network: LaneNetwork) -> list[_Line]:
             rows = slice(
                 int(tables.first[lane.index]), int(tables.first[lane.index] + tables.count[lane.index])
             )
-            lines.append(_Line(tables.position_m[rows], tables.width_m[rows]))
+            lines.append(_Line(tables.position_m[rows], tables.width_m[rows], lane.kerb_side))
     return lines
 
 
@@ -103,12 +104,12 @@ def _stations(points_m: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(np.hypot(step[:, 0], step[:, 1]))])
 
 
-def _resampled(points_m: Array, width_m: float) -> _Line:
+def _resampled(points_m: Array, width_m: float, own_side: int) -> _Line:
     station = _stations(points_m)
     count = max(2, int(np.ceil(station[-1] / STEP_M)) + 1)
     at = np.linspace(0.0, station[-1], count)
     line = np.stack([np.interp(at, station, points_m[:, k]) for k in range(3)], axis=-1)
-    return _Line(line, np.full(count, width_m))
+    return _Line(line, np.full(count, width_m), own_side)
 
 
 def _packed(
@@ -141,6 +142,7 @@ def _packed(
         count,
         kind=[CROSSWALK if number >= 0 else SIDEWALK for number in numbers],
         length_m=[own[-1] for own in station],
+        own_side=[line.own_side for line in lines],
         demand=np.ones(count),
         row_first=row_first[:-1],
         row_count=np.diff(row_first),

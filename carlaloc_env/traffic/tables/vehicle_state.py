@@ -47,10 +47,10 @@ class Drivers:
     """Comfortable braking [m/s²]."""
     change_s: Array
     """Time that a lane change takes [s]."""
-    keeps_right: Array
-    """Gain that the driver sees in the right lane [m/s²]."""
+    keeps_to_kerb: Array
+    """Gain that the driver sees in the lane nearer to the kerb [m/s²]."""
     edge_distance_m: Array
-    """Where in the lane the vehicle drives: distance from the right edge [m], 0 = in the middle."""
+    """Where in the lane the vehicle drives: distance from the edge at the kerb [m], 0 = in the middle."""
 
 
 class DriverParameters(NamedTuple):

@@ -24,7 +24,7 @@ class WalkerState:
     sense: Index
     """1 towards its end, −1 towards its start."""
     side_m: Array
-    """Distance right of the path's middle at which it likes to walk [m]."""
+    """Distance from the path's middle at which it likes to walk, on the `own_side` of the path [m]."""
     position_m: Annotated[Array, 3]
     """Position of the feet, world [m], (W, 3)."""
     velocity_mps: Annotated[Array, 2]

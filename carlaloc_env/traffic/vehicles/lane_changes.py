@@ -213,7 +213,7 @@ def _incentive_side(
         if not parameters.auto_lane_change:
             continue
         gain = mobil_incentive(occupancy, roads, drivers, fleet, v, target) - THRESHOLD_MPS2
-        gain += drivers.keeps_right[v] * (1.0 if side < 0 else -1.0)
+        gain += drivers.keeps_to_kerb[v] * roads.lane.kerb_side[lane] * side
         if fleet.desired_side[v] == side:
             gain += _HYSTERESIS_MPS2
         if gain > best_gain and is_safe(occupancy, roads, drivers, fleet, v, target, False):

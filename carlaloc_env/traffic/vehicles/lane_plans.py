@@ -14,10 +14,10 @@ _TURN_RAD = 0.5
 """Change of heading from which a junction lane is a turn [rad]."""
 _U_TURN_RAD = 2.6
 """Change of heading from which it is a U-turn [rad]."""
-_LEFT_WEIGHT = 0.4
-"""How often drivers turn left, straight on = 1."""
-_RIGHT_WEIGHT = 0.6
-"""How often they turn right."""
+_ACROSS_WEIGHT = 0.4
+"""How often drivers turn across the oncoming traffic, straight on = 1."""
+_KERB_WEIGHT = 0.6
+"""How often they turn to the kerb's side."""
 _U_TURN_WEIGHT = 0.05
 """How often they make a U-turn."""
 _CROWDED = 0.15
@@ -68,7 +68,7 @@ def choose_goal(roads: Roads, density: Array, lane: int, station_m: float, unifo
             if changes > 0 and (stay or room < ROOM_PER_CHANGE_M * changes):
                 continue
             weight = 1.0 / (1.0 + changes)
-            weight *= _turn_weight(roads.lane.turn_rad[goal])
+            weight *= _turn_weight(roads.lane.kerb_side[goal] * roads.lane.turn_rad[goal])
             exit_lane = (
                 roads.after[roads.lane.after_first[goal]]
                 if (roads.lane.after_first[goal] < roads.lane.after_end[goal])
@@ -92,12 +92,12 @@ def choose_goal(roads: Roads, density: Array, lane: int, station_m: float, unifo
 
 @compiled
 def _turn_weight(turn_rad: float) -> float:
-    """How often a turn is chosen, straight on = 1."""
+    """How often a turn is chosen that is positive towards the kerb, straight on = 1."""
     if abs(turn_rad) > _U_TURN_RAD:
         return _U_TURN_WEIGHT
-    if turn_rad > _TURN_RAD:
-        return _LEFT_WEIGHT
-    return _RIGHT_WEIGHT if turn_rad < -_TURN_RAD else 1.0
+    if turn_rad < -_TURN_RAD:
+        return _ACROSS_WEIGHT
+    return _KERB_WEIGHT if turn_rad > _TURN_RAD else 1.0
 
 
 @compiled

@@ -60,8 +60,8 @@ def move_laterally(roads: Roads, drivers: Drivers, fleet: Fleet, count: int) -> 
 
 @compiled
 def _lane_position(roads: Roads, drivers: Drivers, v: int, lane: int, station_m: float) -> float:
-    """Where in its lane a vehicle usually drives: in the middle, or near the right edge [m]."""
+    """Where in its lane a vehicle usually drives: in the middle, or near the edge at the kerb [m]."""
     edge = drivers.edge_distance_m[v]
     if edge <= 0.0:
         return 0.0
-    return float(min(0.0, edge - 0.5 * width_at(roads, lane, station_m)))
+    return float(-roads.lane.kerb_side[lane] * min(0.0, edge - 0.5 * width_at(roads, lane, station_m)))

@@ -34,13 +34,14 @@ def move(
     row = _row(walker_network, path, walkers.station_m[w] + sense * _AHEAD_M)
     c, s = walker_network.row.tangent[row, 0], walker_network.row.tangent[row, 1]
     room = max(0.5 * walker_network.row.width_m[row] - RADIUS_M - 0.1, 0.0)
-    side = min(walkers.side_m[w], room) * sense
+    own_side = walker_network.path.own_side[path]
+    side = min(walkers.side_m[w], room) * sense * -own_side
     ahead = sense * _AHEAD_M - (_station_of(walker_network, path, row) - walkers.station_m[w])
     gx = walker_network.row.position_m[row, 0] + ahead * c + side * s - x
     gy = walker_network.row.position_m[row, 1] + ahead * s - side * c - y
     far = np.sqrt(gx * gx + gy * gy) + 1e-6
     gx, gy = gx / far, gy / far
-    px, py, slow = _others(walkers, w, gx, gy)
+    px, py, slow = _others(walkers, w, gx, gy, own_side)
     if vehicle_ahead(walkers, boxes, w, gx, gy):
         desired_mps = 0.0
     desired_mps *= slow
@@ -106,12 +107,14 @@ def _keep_on_path(walker_network: WalkerNetwork, walkers: WalkerState, w: int, x
 
 
 @compiled
-def _others(walkers: WalkerState, w: int, gx: float, gy: float) -> tuple[float, float, float]:
+def _others(
+    walkers: WalkerState, w: int, gx: float, gy: float, own_side: float
+) -> tuple[float, float, float]:
     """Push of other walkers [m/s²], (x, y), and the fraction of speed left when one walks right ahead.
 
     A simple social force after Helbing & Molnár, "Social force model for pedestrian dynamics",
     Phys. Rev. E 51 (1995): repulsion that falls with distance, half as strong from behind, and a
-    step to the right for those who meet head on.
+    step to the own side (−1 right, 1 left) for those who meet head on.
     """
     px, py, slow = 0.0, 0.0, 1.0
     x, y = walkers.position_m[w, 0], walkers.position_m[w, 1]
@@ -125,8 +128,8 @@ def _others(walkers: WalkerState, w: int, gx: float, gy: float) -> tuple[float, 
         near = 1.0 - far / _PUSH_M
         ahead = -(dx * gx + dy * gy) / far
         force = _PUSH_MPS2 * near * near * (1.0 if ahead > 0.0 else 0.5)
-        px += force * (dx / far + (0.6 * gy if ahead > 0.5 else 0.0))
-        py += force * (dy / far - (0.6 * gx if ahead > 0.5 else 0.0))
+        px += force * (dx / far + (-0.6 * own_side * gy if ahead > 0.5 else 0.0))
+        py += force * (dy / far - (-0.6 * own_side * gx if ahead > 0.5 else 0.0))
         along = walkers.velocity_mps[o, 0] * gx + walkers.velocity_mps[o, 1] * gy
         if ahead > 0.8 and far < 2.6 * RADIUS_M and along > -0.1 and o < w:
             slow = min(slow, 0.3)

@@ -31,7 +31,7 @@ class Walkers:
     """All walkers of the traffic.
 
     Speeds are drawn from N(1.34, 0.26) m/s (Helbing & Molnár 1995, after Weidmann). Walkers keep to
-    the right of the sidewalk, cross at crosswalks and turn where a sidewalk ends.
+    the right of the sidewalk, or to the left as cars do, cross at crosswalks and turn where a sidewalk ends.
     """
 
     def __init__(
@@ -69,14 +69,18 @@ class Walkers:
         )
         usable = np.flatnonzero((path.kind == SIDEWALK) & (path.length_m > 10.0) & (wide > _LEAST_WIDTH_M))
         if count and not len(usable):
-            raise ConfigError(f"{count} walkers, but the map has no sidewalk; ask for 0 walkers")
+            raise ConfigError(
+                f"{count} walkers, but no sidewalk on the map; give --traffic dynamic,walkers=0"
+            )
         slots = [
             (int(k), _END_ROOM_M + slot * _START_GAP_M)
             for k in usable
             for slot in range(int((path.length_m[k] - 2 * _END_ROOM_M) // _START_GAP_M) + 1)
         ]
         if count > len(slots):
-            raise ConfigError(f"{count} walkers do not fit on the sidewalks; ask for at most {len(slots)}")
+            raise ConfigError(
+                f"{count} walkers do not fit on the sidewalks; give --traffic dynamic,walkers={len(slots)}"
+            )
         draw = rng.stream(self.seed, "traffic/walkers")
         demand = path.demand[np.array([k for k, _ in slots], np.int64)]
         chosen = weighted_order(draw, demand)[:count]
@@ -90,7 +94,7 @@ class Walkers:
         )
         tangent = self.walker_network.row.tangent[rows]
         room = np.maximum(0.5 * self.walker_network.row.width_m[rows] - 0.4, 0.0)
-        lateral_offset = np.minimum(state.side_m, room) * state.sense
+        lateral_offset = np.minimum(state.side_m, room) * state.sense * -path.own_side[state.path]
         state.position_m[...] = self.walker_network.row.position_m[rows]
         state.position_m[:, 0] += lateral_offset * tangent[:, 1]
         state.position_m[:, 1] -= lateral_offset * tangent[:, 0]

@@ -62,8 +62,9 @@ def show(result: dict[str, Any]) -> None:
     route = "" if result["route_m"] is None else f", {result['route_m']:.1f} m along the route"
     print(f"  drive      {result['duration_s']:.1f} s by {result['device']}")
     print(f"  distance   {result['driven_m']:.1f} m driven{route}")
-    ends = f"ends {result['closure_m']:.1f} m and {result['closure_deg']:.1f}° from where it began"
-    print(f"  loop       {'closed' if result['loop_closed'] else 'open'}: {ends}")
+    if result["closure_m"] is not None:
+        ends = f"ends {result['closure_m']:.1f} m and {result['closure_deg']:.1f}° from where it began"
+        print(f"  loop       {'closed' if result['loop_closed'] else 'open'}: {ends}")
     print(f"  actors     {result['vehicles']} vehicles, {result['walkers']} walkers, seed {result['seed']}")
     broken = ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in result["violations"].items())
     print(f"  collisions {result['collisions']}; rules broken: {broken or 'none'}")

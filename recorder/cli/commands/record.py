@@ -39,7 +39,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=OutputFile(EPISODE_SUFFIX), help="episode to write, e.g. drive.mcap")
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else the route")
     parser.add_argument("--seed", type=seed, default=0, help="seed of traffic and scripted driver")
-    parser.add_argument("--traffic", default="dynamic", help="dynamic, static, empty or a fraction")
+    parser.add_argument(
+        "--traffic",
+        default="dynamic",
+        help="dynamic, static, empty or a fraction, with options: dynamic,walkers=0",
+    )
     parser.add_argument("--weather", default="ClearNoon", help="weather in the window, or a schedule.yaml")
     parser.add_argument(
         "--window",

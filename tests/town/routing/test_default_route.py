@@ -21,6 +21,10 @@ ROAD = (
     '<lane id="0" type="none"/></center><right><lane id="-1" type="driving"><link>{}</link>'
     '<width sOffset="0" a="3.2" b="0" c="0" d="0"/></lane></right></laneSection></lanes></road>'
 )
+LANE = (
+    '<center><lane id="0" type="none"/></center><right><lane id="-1" type="driving"><link>{}</link>'
+    '<width sOffset="0" a="3.2" b="0" c="0" d="0"/></lane></right>'
+)
 
 
 @pytest.mark.parametrize("path", MAPS)
@@ -82,3 +86,24 @@ def test_turns_on_the_spot_are_left_out(radius_m: float, kink_deg: float, passed
     assert route is not None
     roads = {network.lanes[lane].road_id for lane in np.unique(route.lane)}
     assert ("2" in roads) == passed
+
+
+def straight(*lengths_m: float) -> LaneNetwork:
+    """A straight road of some lane sections."""
+    lane = LANE.format("".join(f'<{end} id="-1"/>' for end in ("predecessor", "successor")))
+    starts = np.cumsum([0.0, *lengths_m])
+    sections = "".join(f'<laneSection s="{s}">{lane}</laneSection>' for s in starts[:-1])
+    return build_network(
+        f'<OpenDRIVE><header revMajor="1" revMinor="4"/><road id="1" length="{starts[-1]}" junction="-1">'
+        f'<planView><geometry s="0" x="0" y="0" hdg="0" length="{starts[-1]}"><line/></geometry></planView>'
+        f"<lanes>{sections}</lanes></road></OpenDRIVE>".encode()
+    )
+
+
+@pytest.mark.parametrize("lengths_m", [(30.0,), (10.0, 10.0, 10.0), (12.0,)])
+def test_short_roads_are_driven_almost_whole(lengths_m: tuple[float, ...]) -> None:
+    """From at most 5 m after the beginning to as much before the end."""
+    route = choose_route(straight(*lengths_m))
+    assert route is not None
+    assert not route.closed
+    assert 0.5 * sum(lengths_m) <= route.length_m <= sum(lengths_m)
