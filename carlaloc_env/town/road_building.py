@@ -32,7 +32,7 @@ def build_roads(xodr: OpenDrive, config: TownConfig, seed: int) -> TownRoads:
     levels = road_levels(xodr.roads, config)
     network = build_network(xodr, relief_on(seed, levels))
     # Else the map's own reference, else the equator at Greenwich's meridian.
-    geo = config.geo or xodr.geodetic_origin() or GeoReference(latitude_deg=0.0, longitude_deg=0.0)
+    geo = config.geo or xodr.geo or GeoReference(latitude_deg=0.0, longitude_deg=0.0)
     return TownRoads(network=network, levels=levels, route=_route(network, config), geo=geo)
 
 
