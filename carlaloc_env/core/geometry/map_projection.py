@@ -28,9 +28,9 @@ _STEP_M = 10.0
 class ProjectedReference(GeoReference):
     """Where a projected world lies on the Earth.
 
-    World x and y are metres of the projection, turned and shifted, so that they run along its grid, not to true
-    east and north; world z is a height: a flat map stays level everywhere. Latitude, longitude and height are
-    those of the world's origin.
+    World x and y are metres of the projection, turned and shifted, so that they run along its grid, not to
+    true east and north; world z is a height: a flat map stays level everywhere. Latitude, longitude and
+    height are those of the world's origin.
     """
 
     projection: str

@@ -133,7 +133,7 @@ class LaneLinks:
                     continue
                 road = self._xodr.roads[incoming]
                 for end, link in self._ends(road):
-                    if link is not None and link.element_id == junction.id:
+                    if link and link.element_type == "junction" and link.element_id == junction.id:
                         contact = connection.contact or self._nearer_end(incoming, end, connecting)
                         a, b = self._section(incoming, end), self._section(connecting, contact)
                         self._meet(a, end, b, contact, connection.line)
@@ -147,7 +147,11 @@ class LaneLinks:
 
     def _meet(self, a: tuple[int, int], end_a: End, b: tuple[int, int], end_b: End, line: int) -> None:
         ours, theirs = self._cars(*a), self._cars(*b)
-        if not ours or not theirs or any(y in self.successors[x] + self.predecessors[x] for x in ours for y in theirs):
+        if (
+            not ours
+            or not theirs
+            or any(y in self.successors[x] + self.predecessors[x] for x in ours for y in theirs)
+        ):
             return
         here, width_m = self._lane_ends(ours, end_a)
         there, _ = self._lane_ends(theirs, end_b)

@@ -23,8 +23,13 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 """Byte-order marks, the longer first."""
-_BARE = ((b"<\0\0\0", "utf-32-le"), (b"\0\0\0<", "utf-32-be"), (b"<\0", "utf-16-le"), (b"\0<", "utf-16-be"))
-"""First bytes of wide encodings without a mark."""
+_BARE = {
+    (True, False, False, False): "utf-32-le",
+    (False, False, False, True): "utf-32-be",
+    (True, False, True, False): "utf-16-le",
+    (False, True, False, True): "utf-16-be",
+}
+"""Wide encodings without a mark, by which of the first four bytes are not 0."""
 _DECLARED = re.compile(rb"""^\s*<\?xml[^>]*?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
 _DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
 _PAIRS = re.compile(rb"(?:[\xa1-\xf7][\xa1-\xfe])+")
@@ -87,9 +92,9 @@ def _text(data: bytes) -> tuple[str, str | None]:
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(encoding, "replace"), None
-    for start, encoding in _BARE:
-        if data.lstrip(b" \t\r\n").startswith(start):
-            return data.decode(encoding, "replace"), None
+    wide = _BARE.get(tuple(byte != 0 for byte in data[:4]))
+    if wide is not None:
+        return data.decode(wide, "replace"), None
     declared = _DECLARED.match(data)
     stated = declared[1].decode() if declared else "UTF-8"
     try:

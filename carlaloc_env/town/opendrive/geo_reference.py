@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -64,7 +65,9 @@ def read_geo_reference(
         return None
     text = f"EPSG:{text}" if text.isdigit() else " ".join(_VERTICAL.sub("", text).split())
     try:
-        reference, remark = _projected(text, _offset(document, header), document.written_by_sumo, roads, shift_m)
+        reference, remark = _projected(
+            text, _offset(document, header), document.written_by_sumo, roads, shift_m
+        )
     except ConfigError as error:
         reference, remark = _centred(text, shift_m), str(error)
     if remark is not None:
@@ -99,21 +102,26 @@ def _projected(
     Raises:
         ConfigError: PROJ cannot read the text, or it does not suit the map but names a centre.
     """
-    readings = {1.0: None, -1.0: "its <offset> has the sign of SUMO", 0.0: "its <offset> is in the roads already"}
+    readings: dict[float, str | None] = {
+        1.0: None,
+        -1.0: "its <offset> has the sign of SUMO",
+        0.0: "its <offset> is in the roads already",
+    }
     if offset == _Offset():
         readings = {1.0: None}
     elif by_sumo:
         readings = {-1.0: None, 1.0: "its <offset> has the sign of the standard"}
     middle = np.median([(road.geometry[0].x_m, road.geometry[0].y_m) for road in roads], axis=0)
-    found = {sign: _placed(text, offset, sign, shift_m) for sign in readings}
     area = area_of_use(text)
     for sign, remark in readings.items():
-        if area is None or _inside(area, found[sign].enu_to_geodetic([*middle, 0.0])):
-            return found[sign], remark or _scale(found[sign])
+        with suppress(ConfigError):
+            found = _placed(text, offset, sign, shift_m)
+            if area is None or _inside(area, found.enu_to_geodetic([*middle, 0.0])):
+                return found, remark or _scale(found)
     if "+proj=utm" in text and len(set(_CENTRE.findall(text))) == 2:
         raise ConfigError(f"the map does not lie in the zone of {text[:100]}, which names a centre")
-    first = next(iter(readings))
-    return found[first], f"the map lies outside the area of {text[:100]}; {_ADVICE}"
+    found = _placed(text, offset, next(iter(readings)), shift_m)
+    return found, f"the map lies outside the area of {text[:100]}; {_ADVICE}"
 
 
 def _placed(text: str, offset: _Offset, sign: float, shift_m: tuple[float, float]) -> ProjectedReference:

@@ -43,9 +43,7 @@ def near_origin(document: Document, roads: Sequence[Road]) -> tuple[list[Road], 
 
 
 def _shifted(road: Road, x_m: float, y_m: float) -> Road:
-    return replace(
-        road, geometry=tuple(replace(g, x_m=g.x_m - x_m, y_m=g.y_m - y_m) for g in road.geometry)
-    )
+    return replace(road, geometry=tuple(replace(g, x_m=g.x_m - x_m, y_m=g.y_m - y_m) for g in road.geometry))
 
 
 def _reach_m(road: Road) -> float:

@@ -6,6 +6,7 @@ from carlaloc_env.town.opendrive.records import (
     CornerLocal,
     CornerRoad,
     Outline,
+    Passage,
     RoadObject,
     SignalRecord,
     SignalReference,
@@ -38,10 +39,24 @@ def read_signal_references(document: Document, road: Element) -> tuple[SignalRef
 
 
 def read_objects(document: Document, road: Element, length_m: float) -> tuple[RoadObject, ...]:
-    """All ``<object>`` of a road in file order; tunnels and bridges are noted, since none is built."""
-    for e in (*road.findall("objects/tunnel"), *road.findall("objects/bridge")):
-        document.note(e, "is not built: the road is drawn without it")
+    """All ``<object>`` of a road in file order."""
     return tuple(document.each(road.findall("objects/object"), lambda e: _object(document, e, length_m)))
+
+
+def read_passages(document: Document, road: Element) -> tuple[Passage, ...]:
+    """All ``<tunnel>`` and ``<bridge>`` of a road."""
+
+    def read(e: Element) -> Passage:
+        return Passage(
+            kind="tunnel" if e.tag == "tunnel" else "bridge",
+            id=e.get("id", ""),
+            s_m=document.number(e, "s", 0.0),
+            length_m=document.length(e, "length", 0.0),
+            line=document.line(e),
+        )
+
+    elements = [*road.findall("objects/tunnel"), *road.findall("objects/bridge")]
+    return tuple(document.each(elements, read))
 
 
 def _near(document: Document, element: Element, s_m: float, t_m: float, length_m: float) -> None:

@@ -1,4 +1,4 @@
-"""Reads an OpenDRIVE file into `OpenDrive`; what cannot be used is left out, with a note by element, id, line."""
+"""Reads an OpenDRIVE file into `OpenDrive`; what cannot be used is left out with a note on the place."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ from carlaloc_env.town.opendrive.map_shift import near_origin
 from carlaloc_env.town.opendrive.ordering_notes import note_order
 from carlaloc_env.town.opendrive.read_geometry import read_cubics, read_plan_view, read_shapes
 from carlaloc_env.town.opendrive.read_lanes import read_sections, read_speed
-from carlaloc_env.town.opendrive.read_objects import read_objects, read_signal_references, read_signals
+from carlaloc_env.town.opendrive.read_objects import (
+    read_objects,
+    read_passages,
+    read_signal_references,
+    read_signals,
+)
 from carlaloc_env.town.opendrive.records import (
     Connection,
     Controller,
@@ -132,6 +137,7 @@ def _road(document: Document, element: Element, ids: _Ids) -> Road:
         objects=read_objects(document, element, length),
         signals=read_signals(document, element, length),
         signal_references=read_signal_references(document, element),
+        passages=read_passages(document, element),
         line=document.line(element),
     )
 
@@ -183,9 +189,7 @@ def _junction(document: Document, element: Element) -> Junction:
     # Connections of virtual junctions may name no roads.
     virtual = element.get("type") == "virtual"
     connections = [
-        e
-        for e in element.findall("connection")
-        if not virtual or (_connecting(e) and e.get("incomingRoad"))
+        e for e in element.findall("connection") if not virtual or (_connecting(e) and e.get("incomingRoad"))
     ]
     return Junction(
         id=document.text(element, "id"),

@@ -255,6 +255,17 @@ class RoadObject:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Passage:
+    """A stretch of a road that the file calls a tunnel or bridge."""
+
+    kind: Literal["tunnel", "bridge"]
+    id: str
+    s_m: float
+    length_m: float
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Road:
     """One road: reference line, profiles, cross-sections and furniture."""
 
@@ -276,6 +287,7 @@ class Road:
     objects: tuple[RoadObject, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
     signal_references: tuple[SignalReference, ...] = ()
+    passages: tuple[Passage, ...] = ()
     line: int = 0
 
 
