@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TypeVar
 
 from carlaloc_env.town.opendrive.read_geometry import read_cubics
@@ -38,6 +39,8 @@ def read_sections(document: Document, road: Element, length_m: float) -> tuple[L
     for n, (s, k) in enumerate(starts):
         end = starts[n + 1][0] if n + 1 < len(starts) else max(length_m, s)
         sections.append(_section(document, elements[k], s, end))
+    # What begins late holds from the road's start.
+    sections[0] = replace(sections[0], s_m=0.0)
     return tuple(sections)
 
 

@@ -13,7 +13,8 @@ TMERC = "+proj=tmerc +lat_0=48.0 +lon_0=11.5 +k=1 +x_0={} +y_0={} +datum=WGS84 +
 MUNICH = (48.1485463, 11.5679498)
 """x = 691 000 m, y = 5 336 000 m of UTM zone 32."""
 WKT = (
-    'PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],'
+    'PROJCS["WGS 84 / UTM zone 32N",GEOGCS["WGS 84",DATUM["WGS_1984",'
+    'SPHEROID["WGS 84",6378137,298.257223563]],'
     'PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],'
     'PARAMETER["latitude_of_origin",0],PARAMETER["central_meridian",9],PARAMETER["scale_factor",0.9996],'
     'PARAMETER["false_easting",500000],PARAMETER["false_northing",0],UNIT["metre",1]]'
