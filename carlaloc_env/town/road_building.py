@@ -37,8 +37,9 @@ def build_roads(xodr: OpenDrive, config: TownConfig, seed: int) -> TownRoads:
     network = build_network(xodr, relief_on(seed, levels))
     types = sorted({lane.type for lane in network.lanes})
     if "driving" not in types:
+        known = ", ".join(types[:8])
         raise MapError(
-            f"{xodr.source}: no lane is of type driving, so no car can drive there; it has {', '.join(types[:8])}"
+            f"{xodr.source}: no lane is of type driving, so no car can drive there; it has {known}"
         )
     # Else the map's own reference, else the equator at Greenwich's meridian.
     geo = config.geo or xodr.geo or GeoReference(latitude_deg=0.0, longitude_deg=0.0)

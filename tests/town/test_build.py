@@ -121,7 +121,7 @@ def test_what_is_odd_about_a_map_is_told(tmp_path: Path, caplog: pytest.LogCaptu
 
 def test_a_map_that_no_car_can_drive_on_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bus.xodr").write_text(ROAD.replace('"driving"', '"restricted"'))
-    with pytest.raises(MapError, match="no lane is of type driving.*restricted"):
+    with pytest.raises(MapError, match=r"no lane is of type driving.*restricted"):
         load_town(tmp_path / "bus.xodr", cache_dir=tmp_path / "cache")
 
 

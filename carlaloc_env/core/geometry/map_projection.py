@@ -98,7 +98,7 @@ def projected_reference(
     if not (math.isfinite(lat) and math.isfinite(lon)):
         raise ConfigError(f"x={x_m:.0f}, y={y_m:.0f} lies outside the projection {projection[:200]}")
     # One step along grid north, seen from the plane that touches at the origin.
-    ahead = _unprojected(projection, np.array(x_m), np.array(y_m + _STEP_M))
+    ahead = [float(v) for v in _unprojected(projection, np.array(x_m), np.array(y_m + _STEP_M))]
     east, north, _ = GeoReference(latitude_deg=lat, longitude_deg=lon).geodetic_to_enu([*ahead, 0.0])
     return ProjectedReference(
         latitude_deg=lat,

@@ -217,7 +217,7 @@ def clearance_problems(network: LaneNetwork) -> list[Row]:
     roads = network.xodr.roads
     return [
         (
-            "error",
+            "warning",
             "road",
             roads[a].id,
             roads[a].line,
@@ -231,10 +231,12 @@ def clearance_problems(network: LaneNetwork) -> list[Row]:
 def passage_problems(network: LaneNetwork) -> list[Row]:
     """Tunnels and bridges of the file that are not built, since no road crosses above or below them."""
     rows: list[Row] = []
+    if not any(road.passages for road in network.xodr.roads):
+        return rows
     points = network.tables.position_m
-    tree = cKDTree(points[:, :2]) if any(road.passages for road in network.xodr.roads) else None
+    tree = cKDTree(points[:, :2])
     for n, road in enumerate(network.xodr.roads):
-        for passage in road.passages if tree is not None else ():
+        for passage in road.passages:
             s = np.linspace(passage.s_m, passage.s_m + min(passage.length_m, road.length_m), 64)
             line = network.surface.position(np.full(len(s), n), s, np.zeros(len(s)))
             near = tree.query_ball_point(line[:, :2], PASSAGE_M)

@@ -23,15 +23,10 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 """Byte-order marks, the longer first."""
-_BARE = {
-    (True, False, False, False): "utf-32-le",
-    (False, False, False, True): "utf-32-be",
-    (True, False, True, False): "utf-16-le",
-    (False, True, False, True): "utf-16-be",
-}
+_BARE = {"1000": "utf-32-le", "0001": "utf-32-be", "1010": "utf-16-le", "0101": "utf-16-be"}
 """Wide encodings without a mark, by which of the first four bytes are not 0."""
-_DECLARED = re.compile(rb"""^\s*<\?xml[^>]*?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
-_DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
+_DECLARED = re.compile(rb"""<\?xml\s[^>]*?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
+_DECLARATION = re.compile(r"<\?xml\s[^>]*\?>")
 _PAIRS = re.compile(rb"(?:[\xa1-\xf7][\xa1-\xfe])+")
 _HIGH = re.compile(rb"[\x80-\xff]+")
 _WIDER = {"gb2312": "gb18030", "gbk": "gb18030", "iso8859-1": "cp1252"}
@@ -92,10 +87,10 @@ def _text(data: bytes) -> tuple[str, str | None]:
     for mark, encoding in _MARKS:
         if data.startswith(mark):
             return data[len(mark) :].decode(encoding, "replace"), None
-    wide = _BARE.get(tuple(byte != 0 for byte in data[:4]))
+    wide = _BARE.get("".join("1" if byte else "0" for byte in data[:4]))
     if wide is not None:
         return data.decode(wide, "replace"), None
-    declared = _DECLARED.match(data)
+    declared = _DECLARED.search(data[:1024])
     stated = declared[1].decode() if declared else "UTF-8"
     try:
         codec = codecs.lookup(stated).name

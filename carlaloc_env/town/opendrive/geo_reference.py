@@ -64,6 +64,7 @@ def read_geo_reference(
         document.note(at, "has no <geoReference>, so the world's origin is taken at 0° N, 0° E")
         return None
     text = f"EPSG:{text}" if text.isdigit() else " ".join(_VERTICAL.sub("", text).split())
+    reference: GeoReference | None
     try:
         reference, remark = _projected(
             text, _offset(document, header), document.written_by_sumo, roads, shift_m

@@ -66,30 +66,26 @@ class Document:
             raise MapError(f"{self.name}: line 1: a DTD is not allowed in a map; remove it")
         _without_namespace(root)
         if str(root.tag).lower() != "opendrive":
-            line = root.sourceline or 1
-            raise MapError(
-                f"{self.name}: line {line}: root element is <{str(root.tag)[:60]}>, not <OpenDRIVE>; "
-                "give an OpenDRIVE (.xodr) file"
-            )
+            found = f"root element is <{str(root.tag)[:60]}>, not <OpenDRIVE>"
+            if root.find("road/planView") is None:
+                line = root.sourceline or 1
+                raise MapError(f"{self.name}: line {line}: {found}; give an OpenDRIVE (.xodr) file")
+            self._note_whole(f"its {found}")
         root.tag = "OpenDRIVE"
         return root
 
     def _mended(self, data: bytes, fault: str) -> Element:
-        """What libxml2 makes of a file that is whole but has a slip inside; others are refused."""
+        """What libxml2 makes of a file with a slip, or of the roads and junctions before an early end."""
         whole = re.search(rb"</(\w+:)?OpenDRIVE\s*>\s*$", data[-4096:]) is not None
-        root = etree.fromstring(data, _parser(recover=True)) if whole else None
+        ends = [found.end() for found in re.finditer(rb"</(\w+:)?(road|junction)\s*>", data)]
+        root = etree.fromstring(data if whole else data[: ends[-1]], _parser(recover=True)) if ends else None
         if root is None:
             raise MapError(f"{self.name} is not well-formed XML: {fault}; repair or export it again")
-        self.notes.append(
-            Note(
-                severity="error",
-                element="OpenDRIVE",
-                id="",
-                line=1,
-                message=f"is not well-formed XML: {fault}; the rest is read",
-            )
-        )
+        self._note_whole(f"is not well-formed XML: {fault}; the rest is read")
         return root
+
+    def _note_whole(self, message: str) -> None:
+        self.notes.append(Note(severity="error", element="OpenDRIVE", id="", line=1, message=message))
 
     def note(self, element: Element, message: str, severity: Severity = "warning") -> None:
         """Remembers what is odd about an element."""

@@ -63,6 +63,19 @@ def test_roots(root: str, space: str) -> None:
     assert read_opendrive(ring_map(root=root, space=space).encode()).roads == PLAIN.roads
 
 
+def test_a_comment_before_the_declaration() -> None:
+    text = "<!-- made by hand -->\n" + declared("gb2312") + ring_map(name="环路")
+    xodr = read_opendrive(text.encode("gb2312"))
+    assert xodr.roads[0].name == "环路"
+    assert [note.element for note in xodr.notes] == ["header"]
+
+
+def test_a_root_of_another_name_with_roads_is_told() -> None:
+    xodr = read_opendrive(ring_map(root="Roads").encode())
+    assert xodr.roads == PLAIN.roads
+    assert [n.severity for n in xodr.notes if "root element is <Roads>" in n.message] == ["error"]
+
+
 def test_elements_of_other_schemas_are_no_roads() -> None:
     text = ring_map(space='xmlns="http://www.opendrive.org" xmlns:x="urn:x"', header="<x:offset x='nan'/>")
     assert len(read_opendrive(text.encode()).notes) == 1
@@ -98,9 +111,13 @@ def test_names_of_files(tmp_path: Path, file: str, name: str) -> None:
 
 
 def test_a_slip_inside_a_whole_file_is_told_and_the_rest_read() -> None:
-    """A bare & in a name; but what ends early is refused, since nobody knows what is missing."""
+    """A bare & in a name; of a file that ends early, the roads and junctions that are whole."""
     xodr = read_opendrive(joined_map().replace('name="J"', 'name="A & B"').encode())
     assert (len(xodr.roads), len(xodr.junctions)) == (3, 1)
     assert [n.severity for n in xodr.notes if "not well-formed" in n.message] == ["error"]
+    cut = joined_map().encode()
+    early = read_opendrive(cut[: cut.index(b'<road name="" length="20"') + 300])
+    assert [road.id for road in early.roads] == ["1", "2"]
+    assert [n.severity for n in early.notes if "not well-formed" in n.message] == ["error"]
     with pytest.raises(MapError, match="not well-formed"):
-        read_opendrive(joined_map().encode()[:-20])
+        read_opendrive(cut[:200])
