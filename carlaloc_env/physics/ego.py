@@ -228,8 +228,8 @@ class EgoCar:
         feet = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
         ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in feet]
         low_m = float(wanted_m[2]) - 4.0
-        # The front wheels of a car on a slope of 1 in 1 stand higher than most of what hangs over roads.
-        for above_m in (2.0, 3.5):
+        # On slopes of 1 in 1 the front wheels stand higher; what hangs over roads leaves 4.5 m free.
+        for above_m in (2.0, 4.4):
             high_m = float(wanted_m[2]) + above_m
             hits = [highest_below(self._world.ground, float(x), float(y), high_m, low_m) for x, y in ground]
             if all(number >= 0 for number, _ in hits):
