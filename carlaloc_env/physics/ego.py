@@ -227,9 +227,14 @@ class EgoCar:
         s, c = sin_cos(heading_rad)
         feet = [(w["x"] + p.cog_x_m, w["y"]) for w in self._wheels]
         ground = [(wanted_m[0] + c * x - s * y, wanted_m[1] + s * x + c * y) for x, y in feet]
-        high_m, low_m = float(wanted_m[2]) + 2.0, float(wanted_m[2]) - 4.0
-        hits = [highest_below(self._world.ground, float(x), float(y), high_m, low_m) for x, y in ground]
-        if any(number < 0 for number, _ in hits):
+        low_m = float(wanted_m[2]) - 4.0
+        # On slopes of 1 in 1 the front wheels stand higher; what hangs over roads leaves 4.5 m free.
+        for above_m in (2.0, 4.4):
+            high_m = float(wanted_m[2]) + above_m
+            hits = [highest_below(self._world.ground, float(x), float(y), high_m, low_m) for x, y in ground]
+            if all(number >= 0 for number, _ in hits):
+                break
+        else:
             raise ConfigError(
                 f"no road under the ego at ({wanted_m[0]:.1f}, {wanted_m[1]:.1f}, {wanted_m[2]:.1f}) m; "
                 "start it on a driving lane"

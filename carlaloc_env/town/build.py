@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from functools import cached_property, partial
 from pathlib import Path
@@ -23,6 +24,11 @@ from carlaloc_env.town.town_hash import town_hash
 from carlaloc_env.town.town_roads import TownRoads
 from carlaloc_env.town.town_scenery import TownOutline, TownScenery
 
+_log = logging.getLogger(__name__)
+_PLACE = ("geoReference", "offset", "header")
+"""Elements that tell where a map lies."""
+_WHOLE = ("OpenDRIVE", *_PLACE)
+"""Elements that concern a whole map."""
 KEPT_FILES = 10
 """Cached files kept of each town: its hash, outline, scenery, roads and traffic tables, of two versions."""
 
@@ -159,13 +165,20 @@ class _TownCache:
     def _build_roads(self) -> TownRoads:
         from carlaloc_env.town.road_building import build_roads
 
-        roads = build_roads(self.xodr(), self.config, self.seed)
-        if not any(lane.type == "driving" for lane in roads.network.lanes):
-            source = self._source.source
-            raise MapError(
-                f"{source} has no lane of type driving, so nothing can drive there; take another map"
+        self._tell()
+        return build_roads(self.xodr(), self.config, self.seed)
+
+    def _tell(self) -> None:
+        """What is odd about the map as a whole, a line each, and how much more there is."""
+        notes = self.xodr().notes
+        whole = [n for n in notes if n.element in _WHOLE and not (n.element in _PLACE and self.config.geo)]
+        for note in whole:
+            _log.warning("%s: %s", self._source.source, note.message)
+        rest = sum(note.element not in _WHOLE for note in notes)
+        if rest:
+            _log.warning(
+                "%s: %d places are odd; list them by: carlaloc maps check FILE", self._source.source, rest
             )
-        return roads
 
     def _build_outline(self) -> TownOutline:
         # What is seen is kept at once, too: it would be built again for whoever looks next.

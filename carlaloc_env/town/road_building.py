@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.town.default_zones import choose_zones
@@ -26,11 +27,20 @@ def build_roads(xodr: OpenDrive, config: TownConfig, seed: int) -> TownRoads:
         xodr: The map.
         config: What `town.toml` says, or what was chosen in its place.
         seed: Number from which their relief is drawn.
+
+    Raises:
+        MapError: No lane is for cars.
     """
     levels = road_levels(xodr.roads, config)
     network = build_network(xodr, relief_on(seed, levels))
+    types = sorted({lane.type for lane in network.lanes})
+    if "driving" not in types:
+        known = ", ".join(types[:8])
+        raise MapError(
+            f"{xodr.source}: no lane is of type driving, so no car can drive there; it has {known}"
+        )
     # Else the map's own reference, else the equator at Greenwich's meridian.
-    geo = config.geo or xodr.geodetic_origin() or GeoReference(latitude_deg=0.0, longitude_deg=0.0)
+    geo = config.geo or xodr.geo or GeoReference(latitude_deg=0.0, longitude_deg=0.0)
     return TownRoads(network=network, levels=levels, route=_route(network, config), geo=geo)
 
 

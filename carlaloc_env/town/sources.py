@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import importlib.resources
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import MapError, unknown_name
 from carlaloc_env.core.files.array_cache import content_hash
-from carlaloc_env.core.names import check_name
+from carlaloc_env.core.names import is_name
+from carlaloc_env.town.opendrive.file_text import MAP_SUFFIXES
 
+NAME_LIMIT = 80
+"""Longest name of a town that is called after its file; names of kept files hold more than it."""
+_SUFFIX = re.compile(r"\.[^.]+(\.gz)?$")
 ALIASES = {"Town10HD": "Town10"}
 """Other names of towns."""
 
@@ -61,18 +66,16 @@ def identify_town(name_or_path: str | Path) -> TownId:
 
     Raises:
         MapError: The town is unknown or its file cannot be read.
-        ConfigError: Its file's or folder's name cannot be a town's.
     """
     source = _source(name_or_path)
     beside = source.with_name("town.toml")
     toml = beside if source.name == "town.xodr" and beside.is_file() else None
-    name = source.absolute().parent.name if source.name == "town.xodr" else source.stem
     try:
         parts = (source.read_bytes(), toml.read_bytes() if toml is not None else b"")
     except OSError as error:
         raise MapError(f"cannot read {error.filename}: {error.strerror}; give another map") from error
     return TownId(
-        name=check_name("town", name),
+        name=_name_of(source),
         source_hash=content_hash(*parts),
         source=source,
         toml=toml,
@@ -81,7 +84,7 @@ def identify_town(name_or_path: str | Path) -> TownId:
 
 def _source(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
-    if path.suffix == ".xodr":
+    if path.name.lower().endswith(MAP_SUFFIXES) or (path.suffix and path.is_file()):
         if not path.is_file():
             raise MapError(
                 f"there is no file {path}; give the path of an OpenDRIVE file or the name of a town"
@@ -90,6 +93,13 @@ def _source(name_or_path: str | Path) -> Path:
     if path.is_dir() and (path / "town.xodr").is_file():
         return path / "town.xodr"
     return find_town(str(name_or_path))
+
+
+def _name_of(source: Path) -> str:
+    """A town's name by that of its folder or file: other characters become ``_``, what is too long is cut."""
+    stem = source.absolute().parent.name if source.name == "town.xodr" else _SUFFIX.sub("", source.name)
+    name = re.sub(r"[^A-Za-z0-9_.-]", "_", stem)[:NAME_LIMIT]
+    return name if is_name(name) else "map"
 
 
 def _map_folders() -> list[Path]:

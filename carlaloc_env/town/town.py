@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.road.road_profile import Roughness
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.town.config import TownConfig
@@ -37,6 +38,11 @@ class Town:
     def network(self) -> LaneNetwork:
         """Lanes, signals and crosswalks."""
         return self.roads.network
+
+    @property
+    def geo(self) -> GeoReference:
+        """Where the world lies on the Earth."""
+        return self.roads.geo
 
     @property
     def route(self) -> Route | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from carlaloc_env.core.files.array_cache import Arrays
 from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geometry.map_projection import ProjectedReference
 from carlaloc_env.road.road_profile import LevelGrid, Relief
 from carlaloc_env.town.lanes import network_arrays
 from carlaloc_env.town.lanes.build_lanes import road_map
@@ -37,6 +38,9 @@ def to_arrays(roads: TownRoads) -> Arrays:
     geo = roads.geo
     arrays = {f"network/{name}": value for name, value in network_arrays.to_arrays(roads.network).items()}
     arrays["geo"] = np.array([geo.latitude_deg, geo.longitude_deg, geo.height_m])
+    if isinstance(geo, ProjectedReference):
+        arrays["geo/grid"] = np.array([geo.x_m, geo.y_m, geo.turn_rad, geo.azimuth_rad])
+        arrays["geo/projection"] = np.frombuffer(geo.projection.encode(), np.uint8)
     if roads.levels is not None:
         table = roads.levels.table
         arrays |= {
@@ -58,7 +62,6 @@ def from_arrays(arrays: Arrays, read: Callable[[], OpenDrive], seed: int) -> Tow
         read: Reads their map when it is asked for.
         seed: Number from which their relief was drawn.
     """
-    geo = arrays["geo"].tolist()
     level = _below(arrays, "levels/")
     # Copies: compiled functions take arrays of a file, which nobody can write to, for another type.
     levels = (
@@ -77,7 +80,24 @@ def from_arrays(arrays: Arrays, read: Callable[[], OpenDrive], seed: int) -> Tow
         network=network,
         levels=levels,
         route=Route(**plain) if plain else None,
-        geo=GeoReference(latitude_deg=geo[0], longitude_deg=geo[1], height_m=geo[2]),
+        geo=_geo(arrays),
+    )
+
+
+def _geo(arrays: Arrays) -> GeoReference:
+    latitude, longitude, height = arrays["geo"].tolist()
+    if "geo/grid" not in arrays:
+        return GeoReference(latitude_deg=latitude, longitude_deg=longitude, height_m=height)
+    x, y, turn, azimuth = arrays["geo/grid"].tolist()
+    return ProjectedReference(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=height,
+        projection=arrays["geo/projection"].tobytes().decode(),
+        x_m=x,
+        y_m=y,
+        turn_rad=turn,
+        azimuth_rad=azimuth,
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from shared_fixtures.worlds.ring_maps import ring_map
 
 from recorder.cli.main import main
 
@@ -103,6 +104,28 @@ def test_maps(tmp_path: Path, capfd: Capture) -> None:
     lines = csv.read_text(encoding="utf-8").splitlines()
     assert lines[0] == "road_id,section,lane_id,s,x,y,z,heading"
     assert len(lines) > 1000
+
+
+def test_maps_check_ends_with_1_for_what_hinders_driving(tmp_path: Path, capfd: Capture) -> None:
+    """Warnings end with 0, or with 1 for authors; kinds are printed once, all are in the JSON."""
+    path = tmp_path / "ring.xodr"
+    records = "".join(f'<elevation s="{s}" a="0" b="0" c="0" d="0"/>' for s in (0, 20, 10, 5))
+    path.write_text(
+        ring_map(more=f"<elevationProfile>{records}</elevationProfile>", link=" "), encoding="utf-8"
+    )
+    assert main(["maps", "check", str(path)]) == 0
+    lines = capfd.readouterr().out.splitlines()
+    (kind,) = [line for line in lines if "ascending order" in line]
+    assert "(2 of this kind; --all lists them)" in kind
+    assert sum("is a dead end" in line for line in lines) == 1
+    assert main(["maps", "check", str(path), "--all"]) == 0
+    assert sum("ascending order" in line for line in capfd.readouterr().out.splitlines()) == 2
+    report = run_json(capfd, "maps", "check", str(path), "--strict", code=1)["report"]
+    assert {problem["severity"] for problem in report["problems"]} == {"warning"}
+    assert report["origin"] == {"latitude_deg": 0, "longitude_deg": 0, "height_m": 0, "azimuth_deg": 0}
+    path.write_text(ring_map().replace('"driving"', '"restricted"'), encoding="utf-8")
+    report = run_json(capfd, "maps", "check", str(path), code=1)["report"]
+    assert any("no lane is of type driving" in problem["message"] for problem in report["problems"])
 
 
 def test_doctor_finds_what_works_here(capfd: Capture) -> None:

@@ -101,6 +101,30 @@ def test_a_flipped_bit_in_the_cache_is_noticed(folder: Path, tmp_path: Path, kin
     assert _bytes(load_town(folder, cache_dir=tmp_path / "cache")) == _bytes(first)
 
 
+def test_what_is_odd_about_a_map_is_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A map in absolute coordinates is moved, in a line; what is odd below is counted in another."""
+    reference = "<geoReference>EPSG:32632</geoReference>"
+    text = ROAD.replace('name="small"/>', f'name="small">{reference}</header>').replace('id="2"', 'id="two"')
+    text = text.replace('x="0" y="0"', 'x="691000" y="5336000"').replace(
+        'x="50" y="0"', 'x="691050" y="5336000"'
+    )
+    (tmp_path / "far.xodr").write_text(text)
+    town = load_town(tmp_path / "far.xodr", cache_dir=tmp_path / "cache")
+    told = [record.getMessage() for record in caplog.records if "far.xodr" in record.getMessage()]
+    assert len(told) == 2
+    assert "x=691000, y=5336000" in told[0]
+    assert "1 places are odd" in told[1]
+    found = town.geo.enu_to_geodetic([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(found, [48.1485463, 11.5679498, 1.0], atol=1e-7)
+    assert np.abs(town.network.tables.position_m[:, :2]).max() < 200.0
+
+
+def test_a_map_that_no_car_can_drive_on_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "bus.xodr").write_text(ROAD.replace('"driving"', '"restricted"'))
+    with pytest.raises(MapError, match=r"no lane is of type driving.*restricted"):
+        load_town(tmp_path / "bus.xodr", cache_dir=tmp_path / "cache")
+
+
 def test_meshes_are_read_when_somebody_looks(folder: Path, tmp_path: Path) -> None:
     """And made again where their file has been damaged since the town was loaded."""
     first = load_town(folder, cache_dir=tmp_path / "cache")

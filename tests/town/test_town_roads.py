@@ -67,6 +67,18 @@ def test_kept_roads_are_those_made_anew(name: str, tmp_path: Path) -> None:
     assert again.network.sidewalks == anew.network.sidewalks
 
 
+def test_kept_roads_know_their_projection(tmp_path: Path) -> None:
+    reference = "<geoReference>EPSG:32632</geoReference><offset x='691000' y='5336000' z='520' hdg='0.1'/>"
+    head = HEAD.replace("/>", f">{reference}</header>")
+    xodr = read_opendrive(f"{head}{SMALL['street']}</OpenDRIVE>".encode())
+    anew = build_roads(xodr, TownConfig(), SEED)
+    again = kept(anew, None, tmp_path / "roads.lanes")
+    assert again.geo == anew.geo == xodr.geo
+    point = [[10.0, 20.0, 3.0]]
+    assert np.array_equal(again.geo.enu_to_geodetic(point), anew.geo.enu_to_geodetic(point))
+    assert again.geo.enu_to_geodetic(point)[0, 2] == 523.0
+
+
 def test_smooth_roads_stay_smooth(tmp_path: Path) -> None:
     anew, _ = made("street", roughness=0.0)
     again = kept(anew, None, tmp_path / "roads.lanes")

@@ -54,6 +54,10 @@ class GeoReference:
         rotation = transforms.from_rotation(T[:3, :3].T)
         return transforms.apply(rotation, np.asarray(ecef_m, dtype=np.float64) - T[:3, 3])
 
+    def covariance_enu(self, covariance_m2: Array) -> Array:
+        """Covariance [m²] (3, 3) about true east, north, up of one about world axes."""
+        return covariance_m2
+
     def _T_ecef_enu(self) -> Array:
         lat, lon = np.radians(self.latitude_deg), np.radians(self.longitude_deg)
         sl, cl, so, co = elementary.sin(lat), elementary.cos(lat), elementary.sin(lon), elementary.cos(lon)

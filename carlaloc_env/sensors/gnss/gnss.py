@@ -241,7 +241,7 @@ class GnssSensor(Sensor):
             latitude_deg=float(fix[0]),
             longitude_deg=float(fix[1]),
             altitude_m=float(fix[2]),
-            covariance_enu_m2=covariance,
+            covariance_enu_m2=self._world.geo.covariance_enu(covariance),
             has_fix=found,
             solution=solution,
             satellites=count,

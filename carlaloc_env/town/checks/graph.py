@@ -11,20 +11,21 @@ from scipy.sparse.csgraph import connected_components
 
 from carlaloc_env.core import elementary
 from carlaloc_env.core.geometry.transforms import wrap_angle
-from carlaloc_env.town.checks.problem import Row, Severity
+from carlaloc_env.town.checks.problem import Row
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.lanes.topology import DRIVABLE_TYPES
-from carlaloc_env.town.opendrive.records import OpenDrive, Road
+from carlaloc_env.town.opendrive.records import OpenDrive, Road, Severity
 
 LINK_BOUNDS = (
-    ("gap", "m", 1e-3, 0.1),
-    ("heading", "rad", 1e-3, 0.05),
-    ("height", "m", 1e-3, 0.05),
-    ("width", "m", 1e-3, 0.3),
-    ("slope", "", 0.01, 0.05),
+    ("gap", "m", 1e-3, 1.0),
+    ("heading", "rad", 1e-3, 0.5),
+    ("height", "m", 1e-3, 0.2),
+    ("width", "m", 1e-3, np.inf),
+    ("slope", "", 0.01, np.inf),
     ("curvature", "1/m", 0.01, np.inf),
 )
-"""What is compared where one lane follows another: name, unit, bound of a warning, of an error."""
+"""What is compared where one lane follows another: name, unit, bound of a warning, of an error, which
+no car drives over."""
 
 
 def link_problems(network: LaneNetwork) -> list[Row]:
@@ -75,11 +76,10 @@ def reciprocity_problems(xodr: OpenDrive) -> list[Row]:
             other = roads[link.element_id]
             if road.junction_id is None and not _answers(other, link.contact, road.id, end):
                 message = f"links to road {other.id}, which does not link back"
-                rows.append(("error", "road", road.id, road.line, message))
+                rows.append(("warning", "road", road.id, road.line, message))
             if link.contact is None:
-                rows.append(
-                    ("error", "road", road.id, road.line, f"its link to road {other.id} has no contactPoint")
-                )
+                message = f"its link to road {other.id} has no contactPoint"
+                rows.append(("warning", "road", road.id, road.line, message))
         rows += _section_links(road)
     for junction in xodr.junctions:
         if junction.type == "direct":
@@ -102,7 +102,7 @@ def reciprocity_problems(xodr: OpenDrive) -> list[Row]:
                     message = f"lane link {start} → {to}: lane {to} of road {through.id} does not link back"
                     rows.append(
                         (
-                            "error",
+                            "warning",
                             "connection",
                             f"{connection.id} of junction {junction.id}",
                             connection.line,
@@ -129,7 +129,7 @@ def _section_links(road: Road) -> list[Row]:
                 message = (
                     f"does not link back to lane {other} of the section {'before' if other == a else 'after'}"
                 )
-                rows.append(("error", "lane", f"{silent.id} of road {road.id}", silent.line, message))
+                rows.append(("warning", "lane", f"{silent.id} of road {road.id}", silent.line, message))
     return rows
 
 
@@ -144,18 +144,23 @@ def graph_problems(network: LaneNetwork) -> list[Row]:
     """Dead ends, lanes that nothing leads to, links at zero width, and unreachable parts."""
     rows: list[Row] = []
     driving = [lane for lane in network.lanes if lane.type == "driving"]
+    if not driving:
+        types = ", ".join(sorted({lane.type for lane in network.lanes})[:8])
+        rows.append(
+            ("error", "OpenDRIVE", "", 1, f"no lane is of type driving, so no car can drive ({types})")
+        )
     for lane in driving:
         label, line = _label(network, lane.index), _line(network, lane.index)
         ends = network.width_m([lane.index, lane.index], [0.0, lane.length_m])
         beside = lane.left is not None or lane.right is not None
         if not lane.successors and not (ends[1] < 0.5 and beside):
-            rows.append(("error", "lane", label, line, "is a dead end: no lane follows"))
+            rows.append(("warning", "lane", label, line, "is a dead end: no lane follows"))
         if not lane.predecessors and not (ends[0] < 0.5 and beside):
             rows.append(("warning", "lane", label, line, "cannot be entered: no lane leads to it"))
         if lane.length_m > 0.1 and (
             (ends[0] < 1e-3 and lane.predecessors) or (ends[1] < 1e-3 and lane.successors)
         ):
-            rows.append(("error", "lane", label, line, "is linked at an end where it has no width"))
+            rows.append(("warning", "lane", label, line, "is linked at an end where it has no width"))
     apart = _unreachable(network)
     if apart:
         largest = Counter(lane.road_id for lane in driving if lane.index in apart)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
-Severity = Literal["error", "warning"]
-"""error: vehicles or readers will meet it; warning: worth a look."""
+from carlaloc_env.town.opendrive.records import Severity
+
 Row = tuple[Severity, str, str, int, str]
 """Values of a `Problem`, in the order of its fields."""
 

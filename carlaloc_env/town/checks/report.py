@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import math
+import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,9 +15,16 @@ import numpy as np
 from carlaloc_env.core.errors import MapError
 from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.output_paths import check_output_file
+from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geometry.map_projection import ProjectedReference
 from carlaloc_env.town.checks.graph import graph_problems, link_problems, reciprocity_problems
 from carlaloc_env.town.checks.problem import Problem, Row
-from carlaloc_env.town.checks.roads import clearance_problems, plan_view_problems, road_problems
+from carlaloc_env.town.checks.roads import (
+    clearance_problems,
+    passage_problems,
+    plan_view_problems,
+    road_problems,
+)
 from carlaloc_env.town.checks.signals import signal_problems
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
@@ -23,6 +33,8 @@ from carlaloc_env.town.opendrive.records import OpenDrive
 
 CSV_SUFFIXES = (".csv",)
 """What tables may be called."""
+_NUMBER = re.compile(r"[-+]?\d[\w.+-]*")
+"""Numbers and ids in messages."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +54,10 @@ class MapReport:
     signals: int
     signs: int
     crosswalks: int
+    origin: dict[str, float]
+    """The world's origin: latitude, longitude [deg], height [m], and azimuth of world y from north [deg]."""
+    shift_m: tuple[float, float]
+    """The world's origin in the coordinates of the file."""
     extent_min_m: tuple[float, float, float]
     """Lowest x, y, z of all driving lanes."""
     extent_max_m: tuple[float, float, float]
@@ -76,12 +92,13 @@ def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
             for n in xodr.notes
         ),
         *(
-            Problem(severity="error", element=b.element, id=b.id, line=b.line, message=b.message)
+            Problem(severity=b.severity, element=b.element, id=b.id, line=b.line, message=b.message)
             for b in network.broken_links
         ),
         *_problems(road_problems(xodr, network)),
         *_problems(plan_view_problems(xodr, network)),
         *_problems(clearance_problems(network)),
+        *_problems(passage_problems(network)),
         *_problems(link_problems(network)),
         *_problems(reciprocity_problems(xodr)),
         *_problems(graph_problems(network)),
@@ -105,10 +122,34 @@ def report(xodr: OpenDrive, network: LaneNetwork) -> MapReport:
         signals=len(network.signals),
         signs=len(network.static_signs),
         crosswalks=len(network.crosswalks),
+        origin=_origin(xodr.geo),
+        shift_m=xodr.shift_m,
         extent_min_m=(float(low[0]), float(low[1]), float(low[2])),
         extent_max_m=(float(high[0]), float(high[1]), float(high[2])),
         problems=tuple(sorted(found, key=lambda p: (p.severity, p.line))),
     )
+
+
+def grouped(problems: Sequence[Problem]) -> list[tuple[Problem, int]]:
+    """The first of all problems that differ in numbers and names alone, and how many there are of each."""
+    first: dict[tuple[str, str, str], Problem] = {}
+    counts: Counter[tuple[str, str, str]] = Counter()
+    for problem in problems:
+        key = (problem.severity, problem.element, _NUMBER.sub("#", problem.message))
+        first.setdefault(key, problem)
+        counts[key] += 1
+    return [(problem, counts[key]) for key, problem in first.items()]
+
+
+def _origin(geo: GeoReference | None) -> dict[str, float]:
+    geo = geo or GeoReference(latitude_deg=0.0, longitude_deg=0.0)
+    azimuth = geo.azimuth_rad if isinstance(geo, ProjectedReference) else 0.0
+    return {
+        "latitude_deg": geo.latitude_deg,
+        "longitude_deg": geo.longitude_deg,
+        "height_m": geo.height_m,
+        "azimuth_deg": math.degrees(azimuth),
+    }
 
 
 def _problems(rows: Sequence[Row]) -> list[Problem]:

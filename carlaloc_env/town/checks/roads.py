@@ -6,17 +6,17 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from carlaloc_env.core.geometry.transforms import wrap_angle
-from carlaloc_env.town.checks.problem import Row, Severity
+from carlaloc_env.town.checks.problem import Row
 from carlaloc_env.town.lanes.lane_network import CLEARANCE_M, LaneNetwork
-from carlaloc_env.town.opendrive.records import OpenDrive, Road
+from carlaloc_env.town.opendrive.records import OpenDrive, Road, Severity
 
 GAP_M = 1e-6
 """Gaps in a reference line from which it is warned of [m]."""
-GAP_ERROR_M = 0.01
-"""Gaps and lengths that are errors [m]."""
+GAP_ERROR_M = 0.1
+"""Gaps that are errors [m]."""
 HEADING_RAD = 1e-6
 """Kinks of a reference line from which it is warned of [rad]."""
-HEADING_ERROR_RAD = 0.01
+HEADING_ERROR_RAD = 0.05
 """Kinks that are errors [rad]."""
 CURVATURE_JUMP_RADPM = 0.01
 """Jumps of curvature from which it is warned of [1/m]."""
@@ -26,6 +26,10 @@ POLYNOMIAL_LENGTH_M = 1e-3
 """The same of polynomial pieces, whose length is integrated [m]."""
 MIN_RADIUS_M = 6.0
 """Narrowest radius that vehicles drive [m]."""
+WIDTH_ERROR_M = 0.05
+"""Widths below 0 that are errors, not rounding [m]."""
+PASSAGE_M = 6.0
+"""Roads that come this near to a road's line in the plane pass over or under it [m]."""
 GRADE = 0.12
 """Steepest grade of a road."""
 
@@ -37,19 +41,11 @@ def road_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
     for road in xodr.roads:
         total = sum(g.length_m for g in road.geometry)
         if abs(total - road.length_m) > LENGTH_M:
-            severity: Severity = "error" if abs(total - road.length_m) > GAP_ERROR_M else "warning"
             message = f"length is {road.length_m:g} m, its geometry adds up to {total:.9g} m"
-            rows.append((severity, "road", road.id, road.line, message))
+            rows.append(("warning", "road", road.id, road.line, message))
         if road.id in junctions:
-            rows.append(
-                (
-                    "error",
-                    "road",
-                    road.id,
-                    road.line,
-                    "shares its id with a junction, which breaks CARLA's graph",
-                )
-            )
+            message = "shares its id with a junction, which breaks CARLA's graph"
+            rows.append(("warning", "road", road.id, road.line, message))
         if road.junction_id is not None and road.junction_id not in junctions:
             rows.append(
                 (
@@ -70,17 +66,13 @@ def _section_problems(road: Road) -> list[Row]:
     for section in road.sections:
         if section.lane(0) is None:
             rows.append(("error", "laneSection", f"of road {road.id}", section.line, "has no centre lane"))
-        if section.s_m >= road.length_m > 0.0:
-            rows.append(
-                (
-                    "error",
-                    "laneSection",
-                    f"of road {road.id}",
-                    section.line,
-                    f"s={section.s_m:g} lies beyond the road",
-                )
-            )
         for lane in section.lanes:
+            for mark in lane.road_marks:
+                if mark.s_offset_m > section.end_m - section.s_m:
+                    message = f"sOffset={mark.s_offset_m:g} lies beyond the section, so it is not drawn"
+                    rows.append(
+                        ("warning", "roadMark", f"of lane {lane.id} of road {road.id}", lane.line, message)
+                    )
             if lane.id != 0 and not lane.widths and not lane.borders:
                 rows.append(("error", "lane", f"{lane.id} of road {road.id}", lane.line, "has no width"))
     return rows
@@ -111,7 +103,8 @@ def _lane_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
         line = network.surface.edges.lanes[lane.index].line
         label = f"{lane.lane_id} of road {lane.road_id}"
         if narrow[lane.index] < -1e-6:
-            rows.append(("error", "lane", label, line, f"its width falls to {narrow[lane.index]:.4g} m"))
+            severity: Severity = "error" if narrow[lane.index] < -WIDTH_ERROR_M else "warning"
+            rows.append((severity, "lane", label, line, f"its width falls to {narrow[lane.index]:.4g} m"))
         if lane.type != "driving" or lane.length_m < 0.1:
             continue
         if bend[lane.index] > 1.0 / MIN_RADIUS_M * 1.001:
@@ -140,7 +133,7 @@ def plan_view_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
             if abs(s[1] - s[0]) > 1e-6:
                 rows.append(
                     (
-                        "error",
+                        "error" if abs(s[1] - s[0]) > GAP_ERROR_M else "warning",
                         "geometry",
                         label,
                         following.line,
@@ -224,7 +217,7 @@ def clearance_problems(network: LaneNetwork) -> list[Row]:
     roads = network.xodr.roads
     return [
         (
-            "error",
+            "warning",
             "road",
             roads[a].id,
             roads[a].line,
@@ -233,6 +226,29 @@ def clearance_problems(network: LaneNetwork) -> list[Row]:
         )
         for (a, b), rise_m in sorted(found.items())
     ]
+
+
+def passage_problems(network: LaneNetwork) -> list[Row]:
+    """Tunnels and bridges of the file that are not built, since no road crosses above or below them."""
+    rows: list[Row] = []
+    if not any(road.passages for road in network.xodr.roads):
+        return rows
+    points = network.tables.position_m
+    tree = cKDTree(points[:, :2])
+    for n, road in enumerate(network.xodr.roads):
+        for passage in road.passages:
+            s = np.linspace(passage.s_m, passage.s_m + min(passage.length_m, road.length_m), 64)
+            line = network.surface.position(np.full(len(s), n), s, np.zeros(len(s)))
+            near = tree.query_ball_point(line[:, :2], PASSAGE_M)
+            rise = np.concatenate([points[own, 2] - at[2] for own, at in zip(near, line, strict=True)])
+            built = rise > CLEARANCE_M if passage.kind == "tunnel" else rise < -CLEARANCE_M
+            if not built.any():
+                message = "is not built: no road passes over it"
+                if passage.kind == "bridge":
+                    message = "is built only over a zone of water: no road passes under it"
+                label = f"{passage.id} of road {road.id}"
+                rows.append(("warning", passage.kind, label, passage.line, message))
+    return rows
 
 
 def _linked(network: LaneNetwork) -> set[tuple[int, int]]:

@@ -8,8 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from carlaloc_env.core.array_types import Array
 from carlaloc_env.town.opendrive.lane_boundaries import LaneEdges
-from carlaloc_env.town.opendrive.records import Connection, Junction, OpenDrive, Road, RoadLink
+from carlaloc_env.town.opendrive.records import Connection, Junction, OpenDrive, Road, RoadLink, Severity
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
 DRIVABLE_TYPES = frozenset(
@@ -22,12 +23,13 @@ End = Literal["start", "end"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrokenLink:
-    """A link in the file that leads nowhere."""
+    """A link in the file that leads nowhere, or one that is missing."""
 
     element: str
     id: str
     line: int
     message: str
+    severity: Severity = "error"
 
 
 class LaneLinks:
@@ -57,6 +59,7 @@ class LaneLinks:
         for junction in xodr.junctions:
             for connection in junction.connections:
                 self._follow_connection(junction, connection)
+        self._join_unlinked()
 
     def _follow_sections(self, n: int, road: Road) -> None:
         for k, (section, following) in enumerate(zip(road.sections, road.sections[1:], strict=False)):
@@ -112,6 +115,73 @@ class LaneLinks:
                 message += f"onto lane {to} of road {connection.connecting_road}"
                 self._report("connection", connection.id, connection.line, message)
 
+    def _join_unlinked(self) -> None:
+        """Lanes that meet where the file joins their roads or sections but states no lane link at all."""
+        for n, road in enumerate(self._xodr.roads):
+            for k, section in enumerate(road.sections[1:], start=1):
+                self._meet((n, k - 1), "end", (n, k), "start", section.line)
+            for end, link in self._ends(road):
+                target = self._road.get(link.element_id) if link and link.element_type == "road" else None
+                if link is not None and target is not None:
+                    contact = link.contact or self._nearer_end(n, end, target)
+                    self._meet(self._section(n, end), end, self._section(target, contact), contact, road.line)
+        for junction in self._xodr.junctions:
+            for connection in junction.connections:
+                incoming = self._road.get(connection.incoming_road)
+                connecting = self._road.get(connection.connecting_road)
+                if incoming is None or connecting is None or connection.lane_links:
+                    continue
+                road = self._xodr.roads[incoming]
+                for end, link in self._ends(road):
+                    if link and link.element_type == "junction" and link.element_id == junction.id:
+                        contact = connection.contact or self._nearer_end(incoming, end, connecting)
+                        a, b = self._section(incoming, end), self._section(connecting, contact)
+                        self._meet(a, end, b, contact, connection.line)
+
+    @staticmethod
+    def _ends(road: Road) -> tuple[tuple[End, RoadLink | None], tuple[End, RoadLink | None]]:
+        return ("start", road.predecessor), ("end", road.successor)
+
+    def _section(self, road: int, end: End) -> tuple[int, int]:
+        return road, 0 if end == "start" else len(self._xodr.roads[road].sections) - 1
+
+    def _meet(self, a: tuple[int, int], end_a: End, b: tuple[int, int], end_b: End, line: int) -> None:
+        ours, theirs = self._cars(*a), self._cars(*b)
+        if (
+            not ours
+            or not theirs
+            or any(y in self.successors[x] + self.predecessors[x] for x in ours for y in theirs)
+        ):
+            return
+        here, width_m = self._lane_ends(ours, end_a)
+        there, _ = self._lane_ends(theirs, end_b)
+        for x, point, width in zip(ours, here, width_m, strict=True):
+            gap = there - point
+            near = np.flatnonzero(np.sqrt(np.sum(gap * gap, axis=1)) < 0.5 * width)
+            fits = [theirs[k] for k in near if self._flows(x, end_a, theirs[k], end_b)]
+            if len(fits) == 1 and self._link(x, end_a, fits[0], end_b):
+                lanes = self._edges.lanes
+                other = f"lane {lanes[fits[0]].id} of road {self._xodr.roads[b[0]].id}"
+                message = f"has no lane link to {other}, the only one that it meets, which is taken"
+                label = f"{lanes[x].id} of road {self._xodr.roads[a[0]].id}"
+                self._report("lane", label, line, message, "warning")
+
+    def _cars(self, road: int, section: int) -> list[int]:
+        """Lanes of a section that cars drive on."""
+        lanes = self._xodr.roads[road].sections[section].lanes
+        return [
+            self._edges.index[road, section, lane.id]
+            for lane in lanes
+            if lane.id and lane.type in DRIVABLE_TYPES
+        ]
+
+    def _lane_ends(self, lanes: list[int], end: End) -> tuple[Array, Array]:
+        """Centres (M, 3) and widths (M,) of lanes at one end [m]."""
+        sections = [self._edges.sections[n] for n in lanes]
+        s = np.array([section.s_m if end == "start" else section.end_m for section in sections])
+        own = np.array(lanes)
+        return self._surface.lane_centre(own, s).position_m, self._edges.width(own, s)
+
     def _touching(self, road: int, lane_id: int, junction_id: str) -> Iterator[tuple[End, int]]:
         """The lane at those ends of a road that lie at the junction."""
         r = self._xodr.roads[road]
@@ -151,11 +221,9 @@ class LaneLinks:
 
     def _link(self, a: int, end_a: End, b: int, end_b: End) -> bool:
         """Joins two lanes where the ends and their traffic allow; False if they do not."""
-        leaves_a = self._forward[a] == (end_a == "end")
-        leaves_b = self._forward[b] == (end_b == "end")
-        if leaves_a == leaves_b:
+        if not self._flows(a, end_a, b, end_b):
             return False
-        source, target = (a, b) if leaves_a else (b, a)
+        source, target = (a, b) if self._forward[a] == (end_a == "end") else (b, a)
         lanes = self._edges.lanes
         if (lanes[source].type in DRIVABLE_TYPES) == (lanes[target].type in DRIVABLE_TYPES):
             if target not in self.successors[source]:
@@ -163,6 +231,10 @@ class LaneLinks:
             if source not in self.predecessors[target]:
                 self.predecessors[target].append(source)
         return True
+
+    def _flows(self, a: int, end_a: End, b: int, end_b: End) -> bool:
+        """Whether traffic leaves one of two lanes and enters the other where these ends meet."""
+        return (self._forward[a] == (end_a == "end")) != (self._forward[b] == (end_b == "end"))
 
     def _for_cars(self, *lanes: tuple[int, int, int]) -> bool:
         """True if all those (road, section, id) are drivable; section −1 asks any section of the road."""
@@ -182,5 +254,9 @@ class LaneLinks:
         gaps = np.hypot(line.x_m[1:] - line.x_m[0], line.y_m[1:] - line.y_m[0])
         return "start" if gaps[0] <= gaps[1] else "end"
 
-    def _report(self, element: str, label: str, line: int, message: str) -> None:
-        self.broken.append(BrokenLink(element=element, id=label, line=line, message=message))
+    def _report(
+        self, element: str, label: str, line: int, message: str, severity: Severity = "error"
+    ) -> None:
+        self.broken.append(
+            BrokenLink(element=element, id=label, line=line, message=message, severity=severity)
+        )

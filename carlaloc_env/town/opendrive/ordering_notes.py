@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from carlaloc_env.town.opendrive.records import Note
-from carlaloc_env.town.opendrive.xml_document import Document, Element
+from carlaloc_env.town.opendrive.xml_document import Document, Element, ElementError
 
 ROAD_RECORDS = (
     ("planView/geometry", True),
@@ -17,29 +14,24 @@ ROAD_RECORDS = (
 """Path of the records and whether the first must begin at s = 0."""
 
 
-def record_notes(document: Document, road: Element) -> Iterator[Note]:
-    """Notes for one road: descending s, and first records that leave the road's start open."""
-    label = road.get("id", "")
+def note_order(document: Document, road: Element) -> None:
+    """Notes descending s in one road's records, and first records that leave the road's start open."""
     for path, from_zero in ROAD_RECORDS:
-        yield from _sequence(document, road.findall(path), "s", from_zero, f"road {label}")
+        _sequence(document, road.findall(path), "s", from_zero)
     for section in road.findall("lanes/laneSection"):
         for lane in section.iter("lane"):
-            place = f"lane {lane.get('id', '')} of road {label}"
-            yield from _sequence(document, lane.findall("width"), "sOffset", True, place)
+            _sequence(document, lane.findall("width"), "sOffset", True)
 
 
-def _sequence(
-    document: Document, elements: list[Element], name: str, from_zero: bool, place: str
-) -> Iterator[Note]:
+def _sequence(document: Document, elements: list[Element], name: str, from_zero: bool) -> None:
     last = None
     for element in elements:
-        s = document.number(element, name, 0.0)
-        problem = None
+        try:
+            s = document.number(element, name, 0.0)
+        except ElementError:
+            continue
         if last is None and from_zero and abs(s) > 1e-9:
-            problem = f"first record begins at {name}={s:g}; begin at 0"
+            document.note(element, f"first record begins at {name}={s:g}; begin at 0")
         elif last is not None and s < last:
-            problem = f"{name}={s:g} after {last:g}; write records in ascending order"
-        if problem is not None:
-            line = document.line(element)
-            yield Note(severity="error", element=str(element.tag), id=place, line=line, message=problem)
+            document.note(element, f"{name}={s:g} after {last:g}; write records in ascending order")
         last = s

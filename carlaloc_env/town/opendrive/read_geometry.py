@@ -8,6 +8,8 @@ from dataclasses import replace
 from carlaloc_env.town.opendrive.records import GEOMETRY_KINDS, Cubic, Geometry, ShapeRecord
 from carlaloc_env.town.opendrive.xml_document import Document, Element
 
+PROJECTED_LIMIT = 1.0e8
+"""Coordinates beyond this are those of no projection of the Earth [m]."""
 COEFFICIENT_LIMIT = 1.0e12
 """Polynomial coefficients beyond this are refused; real files reach 1e9 on pieces of 1e-7 m."""
 CURVATURE_LIMIT_RADPM = 1.0e4
@@ -17,35 +19,40 @@ SPIRAL_TURN_LIMIT_RAD = 30.0
 
 
 def read_plan_view(document: Document, road: Element) -> tuple[Geometry, ...]:
-    """All ``<geometry>`` of a road in ascending s."""
+    """All ``<geometry>`` of a road in ascending s, without pieces of no length."""
     elements = road.findall("planView/geometry")
     if not elements:
         document.fail(road, "has no <planView> with a <geometry>", "add its reference line")
-    return tuple(sorted((_geometry(document, e) for e in elements), key=lambda g: g.s_m))
+    pieces = sorted((_geometry(document, e) for e in elements), key=lambda g: g.s_m)
+    long = tuple(g for g in pieces if g.length_m > 0.0)
+    if len(long) < len(pieces):
+        document.note(road, f"{len(pieces) - len(long)} of its {len(pieces)} <geometry> have length 0")
+    return long or tuple(pieces[:1])
 
 
 def read_cubics(
     document: Document, elements: Iterable[Element], s_name: str = "s", *, start_m: float = 0.0
 ) -> tuple[Cubic, ...]:
     """Records a, b, c, d in ascending s, with `start_m` added to s; without repeats of one s."""
-    records = []
-    for element in elements:
+
+    def read(element: Element) -> Cubic:
         s = document.number(element, s_name, 0.0 if s_name == "sOffset" else None) + start_m
-        coefficients = [document.number(element, k, 0.0, limit=COEFFICIENT_LIMIT) for k in "abcd"]
-        records.append(Cubic(s, *coefficients))
-    return tuple(sorted(records, key=lambda record: record.s_m))
+        return Cubic(s, *(document.number(element, k, 0.0, limit=COEFFICIENT_LIMIT) for k in "abcd"))
+
+    return tuple(sorted(document.each(elements, read), key=lambda record: record.s_m))
 
 
 def read_shapes(document: Document, road: Element) -> tuple[ShapeRecord, ...]:
     """Lateral shapes of a road, ascending in s, then t."""
-    records = [
-        ShapeRecord(
-            document.number(e, "s"),
-            document.number(e, "t"),
-            *(document.number(e, k, 0.0, limit=COEFFICIENT_LIMIT) for k in "abcd"),
+
+    def read(element: Element) -> ShapeRecord:
+        return ShapeRecord(
+            document.number(element, "s"),
+            document.number(element, "t"),
+            *(document.number(element, k, 0.0, limit=COEFFICIENT_LIMIT) for k in "abcd"),
         )
-        for e in road.findall("lateralProfile/shape")
-    ]
+
+    records = document.each(road.findall("lateralProfile/shape"), read)
     return tuple(sorted(records, key=lambda record: (record.s_m, record.t_m)))
 
 
@@ -55,8 +62,9 @@ def _geometry(document: Document, element: Element) -> Geometry:
         document.fail(element, "holds no line, arc, spiral, poly3 or paramPoly3", "add one")
     place = Geometry(
         s_m=document.number(element, "s"),
-        x_m=document.number(element, "x"),
-        y_m=document.number(element, "y"),
+        # Coordinates of a map projection, which the reader moves near the origin, are large.
+        x_m=document.number(element, "x", limit=PROJECTED_LIMIT),
+        y_m=document.number(element, "y", limit=PROJECTED_LIMIT),
         heading_rad=document.number(element, "hdg"),
         length_m=document.length(element, "length"),
         kind="line",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import TypeVar
 
 from carlaloc_env.town.opendrive.read_geometry import read_cubics
 from carlaloc_env.town.opendrive.records import (
@@ -18,6 +20,8 @@ from carlaloc_env.town.opendrive.xml_document import Document, Element
 
 LANES_PER_SECTION_LIMIT = 256
 """Sections with more lanes are refused."""
+Record = TypeVar("Record", SpeedRecord, LaneHeight, LaneMaterial)
+"""Records from a station on."""
 MPS_PER_UNIT = {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704}
 """Metres per second of each unit of speed that OpenDRIVE knows."""
 
@@ -28,10 +32,15 @@ def read_sections(document: Document, road: Element, length_m: float) -> tuple[L
     if not elements:
         document.fail(road, "has no <laneSection>", "add its lanes")
     starts = sorted(((document.number(e, "s"), k) for k, e in enumerate(elements)))
+    while len(starts) > 1 and starts[-1][0] >= length_m > 0.0:
+        s, k = starts.pop()
+        document.note(elements[k], f"s={s:g} lies beyond the road, so it is left out", "error")
     sections = []
     for n, (s, k) in enumerate(starts):
         end = starts[n + 1][0] if n + 1 < len(starts) else max(length_m, s)
         sections.append(_section(document, elements[k], s, end))
+    # What begins late holds from the road's start.
+    sections[0] = replace(sections[0], s_m=0.0)
     return tuple(sections)
 
 
@@ -54,35 +63,33 @@ def _section(document: Document, element: Element, s: float, end: float) -> Lane
     ]
     if len(found) > LANES_PER_SECTION_LIMIT:
         document.fail(element, f"has {len(found)} lanes", f"keep to {LANES_PER_SECTION_LIMIT}")
-    lanes = [_lane(document, lane, s) for lane in found]
     seen: set[int] = set()
-    for lane, source in zip(lanes, found, strict=True):
+
+    def read(source: Element) -> LaneRecord:
+        lane = _lane(document, source, s)
         if lane.id in seen:
             document.fail(source, "repeats a lane id of its section", "give it another id")
         seen.add(lane.id)
-    lanes.sort(key=lambda lane: -lane.id)
+        return lane
+
+    lanes = sorted(document.each(found, read), key=lambda lane: -lane.id)
     return LaneSection(s_m=s, end_m=end, lanes=tuple(lanes), line=document.line(element))
 
 
 def _lane(document: Document, element: Element, start_m: float) -> LaneRecord:
-    speeds = [
-        SpeedRecord(document.number(e, "sOffset", 0.0) + start_m, read_speed(document, e))
-        for e in element.findall("speed")
-    ]
-    heights = [
-        LaneHeight(
-            document.number(e, "sOffset", 0.0) + start_m,
-            document.number(e, "inner", 0.0),
-            document.number(e, "outer", 0.0),
-        )
-        for e in element.findall("height")
-    ]
-    materials = [
-        LaneMaterial(
-            document.number(e, "sOffset", 0.0) + start_m, " ".join(e.get("surface", "").lower().split())
-        )
-        for e in element.findall("material")
-    ]
+    def at(e: Element) -> float:
+        return document.number(e, "sOffset", 0.0) + start_m
+
+    def speed(e: Element) -> SpeedRecord:
+        return SpeedRecord(at(e), read_speed(document, e))
+
+    def height(e: Element) -> LaneHeight:
+        return LaneHeight(at(e), document.number(e, "inner", 0.0), document.number(e, "outer", 0.0))
+
+    def material(e: Element) -> LaneMaterial:
+        return LaneMaterial(at(e), " ".join(e.get("surface", "").lower().split()))
+
+    marks = document.each(element.findall("roadMark"), lambda e: _mark(document, e))
     return LaneRecord(
         id=document.integer(element, "id", limit=10_000),
         type=element.get("type", "none") or "none",
@@ -91,18 +98,27 @@ def _lane(document: Document, element: Element, start_m: float) -> LaneRecord:
         successors=_links(document, element, "successor"),
         widths=read_cubics(document, element.findall("width"), "sOffset", start_m=start_m),
         borders=read_cubics(document, element.findall("border"), "sOffset", start_m=start_m),
-        road_marks=tuple(
-            sorted((_mark(document, e) for e in element.findall("roadMark")), key=lambda m: m.s_offset_m)
-        ),
-        speeds=tuple(sorted(speeds, key=lambda r: r.s_m)),
-        heights=tuple(sorted(heights, key=lambda r: r.s_m)),
-        materials=tuple(sorted(materials, key=lambda r: r.s_m)),
+        road_marks=tuple(sorted(marks, key=lambda m: m.s_offset_m)),
+        speeds=_by_s(document.each(element.findall("speed"), speed)),
+        heights=_by_s(document.each(element.findall("height"), height)),
+        materials=_by_s(document.each(element.findall("material"), material)),
         line=document.line(element),
     )
 
 
+def _by_s(records: list[Record]) -> tuple[Record, ...]:
+    return tuple(sorted(records, key=lambda record: record.s_m))
+
+
 def _links(document: Document, element: Element, name: str) -> tuple[int, ...]:
-    return tuple(document.integer(e, "id", limit=10_000) for e in element.findall(f"link/{name}"))
+    def read(e: Element) -> int | None:
+        if not e.get("id"):
+            document.note(e, "has no id, so no lane is linked there")
+            return None
+        return document.integer(e, "id", limit=10_000)
+
+    found = document.each(element.findall(f"link/{name}"), read)
+    return tuple(lane_id for lane_id in found if lane_id is not None)
 
 
 def _mark(document: Document, element: Element) -> RoadMark:

@@ -5,11 +5,9 @@ Lengths are metres, angles radians, speeds m/s. ``line`` is the line of the elem
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry.geodesy import GeoReference
 
 GeometryKind = Literal["line", "arc", "spiral", "poly3", "paramPoly3"]
@@ -17,12 +15,15 @@ GeometryKind = Literal["line", "arc", "spiral", "poly3", "paramPoly3"]
 GEOMETRY_KINDS: tuple[GeometryKind, ...] = get_args(GeometryKind)
 """All of them."""
 
+Severity = Literal["error", "warning"]
+"""error: data are wrong or left out, or cars cannot drive; warning: worth a look."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Note:
     """Something odd but usable that was met while reading."""
 
-    severity: Literal["error", "warning"]
+    severity: Severity
     element: str
     id: str
     line: int
@@ -254,6 +255,17 @@ class RoadObject:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Passage:
+    """A stretch of a road that the file calls a tunnel or bridge."""
+
+    kind: Literal["tunnel", "bridge"]
+    id: str
+    s_m: float
+    length_m: float
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Road:
     """One road: reference line, profiles, cross-sections and furniture."""
 
@@ -275,6 +287,7 @@ class Road:
     objects: tuple[RoadObject, ...] = ()
     signals: tuple[SignalRecord, ...] = ()
     signal_references: tuple[SignalReference, ...] = ()
+    passages: tuple[Passage, ...] = ()
     line: int = 0
 
 
@@ -330,20 +343,11 @@ class OpenDrive:
     revision: tuple[int, int]
     name: str
     vendor: str
-    geo_reference: str | None
-    offset: tuple[float, float, float, float]
-    """Shift x, y, z [m] and turn [rad] between the file and its projection (since 1.6)."""
+    geo: GeoReference | None
+    """Where the world lies on the Earth; None where the file does not say."""
+    shift_m: tuple[float, float]
+    """World origin in the file's coordinates x, y [m]; not 0 where these are far from their own origin."""
     roads: tuple[Road, ...]
     junctions: tuple[Junction, ...]
     controllers: tuple[Controller, ...]
     notes: tuple[Note, ...] = ()
-
-    def geodetic_origin(self) -> GeoReference | None:
-        """Origin of a transverse-Mercator geoReference; None if there is none in the file."""
-        if self.geo_reference is None:
-            return None
-        found = dict(re.findall(r"\+(lat_0|lon_0)=([-+0-9.eE]+)", self.geo_reference))
-        try:
-            return GeoReference(latitude_deg=float(found["lat_0"]), longitude_deg=float(found["lon_0"]))
-        except (KeyError, ValueError, ConfigError):
-            return None

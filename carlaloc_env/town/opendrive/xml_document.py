@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 from xml.parsers import expat
 
 from lxml import etree
 
 from carlaloc_env.core.errors import MapError
+from carlaloc_env.town.opendrive.file_text import decoded, read_bytes
+from carlaloc_env.town.opendrive.records import Note, Severity
 
-FILE_LIMIT_BYTES = 64 * 1024 * 1024
-"""Larger files are refused."""
 VALUE_LIMIT = 1.0e6
 """Coordinates and lengths beyond this are refused [m]."""
 
 Element = Any
 """An ``lxml.etree._Element``; lxml has no types of its own."""
+T = TypeVar("T")
+"""A record."""
+
+
+class ElementError(MapError):
+    """One element of a map cannot be used; the rest of the map may be."""
+
+    def __init__(self, document: Document, element: Element, problem: str, advice: str) -> None:
+        self.element, self.problem, self.advice = element, problem, advice
+        where = f"{document.name}: line {document.line(element)}: {describe(element)}"
+        super().__init__(f"{where} {problem}; {advice}")
 
 
 class Document:
-    """A parsed XML file and the reading of its attributes."""
+    """A parsed XML file, the reading of its attributes, and notes on what was odd."""
 
     def __init__(self, source: Path | bytes) -> None:
         """Parses a file or its bytes.
@@ -30,55 +43,76 @@ class Document:
             MapError: The file cannot be read, is too large, holds a DTD, or is not well-formed.
         """
         self.name = source.name if isinstance(source, Path) else "<bytes>"
-        data = self._load(source)
+        self.notes: list[Note] = []
+        text, remark = decoded(read_bytes(source) if isinstance(source, Path) else source, self.name)
+        self.written_by_sumo = "SUMO netconvert" in text[:4096]
+        data = text.encode("utf-8", "replace")
         self.root: Element = self._parse(data)
         self._lines = _far_lines(data, self.root)
-
-    def _load(self, source: Path | bytes) -> bytes:
-        if isinstance(source, bytes):
-            data = source
-        else:
-            try:
-                with source.open("rb") as file:
-                    data = file.read(FILE_LIMIT_BYTES + 1)
-            except OSError as error:
-                raise MapError(f"cannot read {source}: {error.strerror or error}; check the path") from error
-        if len(data) > FILE_LIMIT_BYTES:
-            raise MapError(f"{self.name} is larger than {FILE_LIMIT_BYTES >> 20} MB; split the map")
-        return data
+        if remark is not None:
+            self.note(self.root, remark)
 
     def _parse(self, data: bytes) -> Element:
-        if b"\0" in data:
-            raise MapError(f"{self.name} is not UTF-8 text; save the map as UTF-8 XML")
         # libxml2 expands entities in attributes even when told not to resolve them, so none may exist.
         at = max(data.find(b"<!DOCTYPE"), data.find(b"<!ENTITY"))
         if at >= 0:
             line = data.count(b"\n", 0, at) + 1
             raise MapError(f"{self.name}: line {line}: a DTD or entity is not allowed in a map; remove it")
-        parser = etree.XMLParser(
-            resolve_entities=False,
-            no_network=True,
-            load_dtd=False,
-            huge_tree=False,
-            remove_comments=True,
-            remove_pis=True,
-        )
         try:
-            root = etree.fromstring(data, parser)
-        except (etree.XMLSyntaxError, ValueError, LookupError) as error:
-            text = " ".join(str(error).split()) or "empty"
-            raise MapError(
-                f"{self.name} is not well-formed XML: {text}; repair or export it again"
-            ) from error
+            root = etree.fromstring(data, _parser())
+        except (etree.XMLSyntaxError, ValueError) as error:
+            root = self._mended(data, " ".join(str(error).split()) or "empty")
         if root.getroottree().docinfo.internalDTD is not None:
             raise MapError(f"{self.name}: line 1: a DTD is not allowed in a map; remove it")
-        if root.tag != "OpenDRIVE":
-            line = root.sourceline or 1
-            raise MapError(
-                f"{self.name}: line {line}: root element is <{str(root.tag)[:60]}>, not <OpenDRIVE>; "
-                "give an OpenDRIVE (.xodr) file"
-            )
+        _without_namespace(root)
+        if str(root.tag).lower() != "opendrive":
+            found = f"root element is <{str(root.tag)[:60]}>, not <OpenDRIVE>"
+            if root.find("road/planView") is None:
+                line = root.sourceline or 1
+                raise MapError(f"{self.name}: line {line}: {found}; give an OpenDRIVE (.xodr) file")
+            self._note_whole(f"its {found}")
+        root.tag = "OpenDRIVE"
         return root
+
+    def _mended(self, data: bytes, fault: str) -> Element:
+        """What libxml2 makes of a file with a slip, or of the roads and junctions before an early end."""
+        whole = re.search(rb"</(\w+:)?OpenDRIVE\s*>\s*$", data[-4096:]) is not None
+        ends = [found.end() for found in re.finditer(rb"</(\w+:)?(road|junction)\s*>", data)]
+        root = etree.fromstring(data if whole else data[: ends[-1]], _parser(recover=True)) if ends else None
+        if root is None:
+            raise MapError(f"{self.name} is not well-formed XML: {fault}; repair or export it again")
+        self._note_whole(f"is not well-formed XML: {fault}; the rest is read")
+        return root
+
+    def _note_whole(self, message: str) -> None:
+        self.notes.append(Note(severity="error", element="OpenDRIVE", id="", line=1, message=message))
+
+    def note(self, element: Element, message: str, severity: Severity = "warning") -> None:
+        """Remembers what is odd about an element."""
+        label = element.get("id")
+        places = [label[:40]] if label is not None else []
+        self.notes.append(
+            Note(
+                severity=severity,
+                element=str(element.tag),
+                id=" of ".join([*places, *_places(element)]),
+                line=self.line(element),
+                message=message,
+            )
+        )
+
+    def each(self, elements: Iterable[Element], read: Callable[[Element], T]) -> list[T]:
+        """What can be read of some elements, in their order; a note on each that is left out."""
+        found = []
+        for element in elements:
+            try:
+                found.append(read(element))
+            except ElementError as error:
+                inner = error.element is not element
+                left_out = describe(element) if inner else "it"
+                message = f"{error.problem}, so {left_out} is left out; {error.advice}"
+                self.note(error.element, message, "error")
+        return found
 
     def line(self, element: Element) -> int:
         """Line of an element in the file, from 1."""
@@ -86,8 +120,8 @@ class Document:
         return found if found is not None else int(element.sourceline or 0)
 
     def fail(self, element: Element, problem: str, advice: str) -> NoReturn:
-        """Raises the one-line MapError for an element."""
-        raise MapError(f"{self.name}: line {self.line(element)}: {describe(element)} {problem}; {advice}")
+        """Raises the one-line error for an element."""
+        raise ElementError(self, element, problem, advice)
 
     def text(self, element: Element, name: str, default: str | None = None) -> str:
         """A string attribute; without default it must exist and not be empty."""
@@ -152,10 +186,34 @@ def _far_lines(data: bytes, root: Element) -> dict[Element, int]:
     return dict(zip(elements, lines, strict=True)) if len(elements) == len(lines) else {}
 
 
+def _parser(*, recover: bool = False) -> Any:
+    return etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=False,
+        remove_comments=True,
+        remove_pis=True,
+        recover=recover,
+    )
+
+
+def _without_namespace(root: Element) -> None:
+    """Takes the root's namespace off all elements that share it; those of other schemas keep theirs."""
+    prefix = str(root.tag).rpartition("}")[0] + "}"
+    if prefix != "}":
+        for element in root.iter(etree.Element):
+            element.tag = str(element.tag).removeprefix(prefix)
+
+
 def describe(element: Element) -> str:
-    """``<tag id="7"> in road 12``: an element and where it stands."""
+    """``<tag id="7"> of road 12``: an element and where it stands."""
     label = element.get("id")
     own = f'<{element.tag} id="{label[:40]}">' if label is not None else f"<{element.tag}>"
+    return " of ".join([own, *_places(element)])
+
+
+def _places(element: Element) -> list[str]:
     parent = element.getparent()
     places = []
     while parent is not None and parent.tag != "OpenDRIVE":
@@ -163,4 +221,4 @@ def describe(element: Element) -> str:
         if name is not None and parent.tag in ("road", "junction", "lane", "controller", "object", "signal"):
             places.append(f"{parent.tag} {name[:40]}")
         parent = parent.getparent()
-    return " of ".join([own, *places])
+    return places

@@ -30,6 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     check = actions.add_parser("check", parents=shared, help="problems of an OpenDRIVE file")
     check.add_argument("file", type=input_path, help="OpenDRIVE file")
     check.add_argument("--waypoints", type=positive_seconds, metavar="STEP_M", help="list waypoints [m]")
+    check.add_argument("--strict", action="store_true", help="end with 1 for warnings, too")
+    check.add_argument("--all", action="store_true", help="list every problem; else the first of its kind")
     check.add_argument("--csv", type=OutputFile(".csv"), metavar="OUT", help="where waypoints go (.csv)")
     force_option(check, "an older table")
 
@@ -50,13 +52,14 @@ def show(result: dict[str, Any]) -> None:
         print(result["out"])
     else:
         report = result["report"]
-        for problem in report["problems"]:
-            where = f"line {problem['line']}: <{problem['element']}> {problem['id']}"
-            print(f"{problem['severity']}: {where}: {problem['message']}")
+        print(*result["lines"], sep="\n", end="\n" if result["lines"] else "")
+        origin = report["origin"]
         print(
             f"{report['source']}: OpenDRIVE {report['revision']}, {report['roads']} roads, "
             f"{report['junctions']} junctions, {report['lane_km']:.2f} lane-km, "
-            f"{report['signals']} signals; {len(report['problems'])} problems"
+            f"{report['signals']} signals; origin {origin['latitude_deg']:.6f}° N, "
+            f"{origin['longitude_deg']:.6f}° E, world y {origin['azimuth_deg']:+.2f}° from true north; "
+            f"{result['errors']} errors, {len(report['problems']) - result['errors']} warnings"
         )
         if result["csv"]:
             print(result["csv"])
@@ -76,7 +79,7 @@ def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _check(arguments: argparse.Namespace) -> dict[str, Any]:
-    from carlaloc_env.town.checks.report import report, write_waypoints_csv
+    from carlaloc_env.town.checks.report import grouped, report, write_waypoints_csv
     from carlaloc_env.town.lanes.build_network import build_network
     from carlaloc_env.town.opendrive.reader import read_opendrive
 
@@ -87,8 +90,11 @@ def _check(arguments: argparse.Namespace) -> dict[str, Any]:
     found = report(xodr, network)
     if arguments.csv is not None:
         write_waypoints_csv(network, arguments.waypoints, arguments.csv, overwrite=arguments.force)
+    groups = [(p, 1) for p in found.problems] if arguments.all else grouped(found.problems)
     return {
         "report": found.as_dict(),
+        "lines": [f"{p} ({n} of this kind; --all lists them)" if n > 1 else str(p) for p, n in groups],
+        "errors": len(found.errors),
         "csv": str(arguments.csv) if arguments.csv is not None else None,
-        "failed": bool(found.errors),
+        "failed": bool(found.problems if arguments.strict else found.errors),
     }

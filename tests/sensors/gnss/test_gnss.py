@@ -3,11 +3,13 @@
 from typing import Any
 
 import numpy as np
+import pyproj
 import pytest
 from scipy.stats import chi2
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry.geodesy import GeoReference
+from carlaloc_env.core.geometry.map_projection import projected_reference
 from carlaloc_env.envs.observation import values_of
 from carlaloc_env.sensors.base import Mount
 from carlaloc_env.sensors.gnss.constellation import CONSTELLATIONS, dilution
@@ -56,6 +58,24 @@ def test_noise_is_in_metres_at_every_latitude(scenery: Any) -> None:
         moved.append(enu(world, GnssConfig().build(world).measure(drive, [STEP])))
     assert np.allclose(moved[0], moved[1], atol=1e-6)
     assert np.abs(moved[0]).max() > 0.1
+
+
+def test_projected_worlds_give_the_projection_and_covariances_about_true_north(scenery: Any) -> None:
+    """UTM in Munich: heights are kept, and the grid's axes are 1.9° off those of the covariance."""
+    world = scenery.world()
+    world.geo = projected_reference("EPSG:32632", 691_000.0, 5_336_000.0, height_m=519.0)
+    drive = scenery.drive(scenery.straight(5.0), 1.0)
+    config = GnssConfig(noise_enu_m=(1e-9, 2e-9, 3e-9), mount=Mount())
+    (fix,) = config.build(world).measure(drive, [STEP])
+    x, y, z = drive.ego_motion([STEP]).position_m[0]
+    grid = pyproj.Transformer.from_crs(4326, 32632, always_xy=True)
+    back = grid.transform(fix.longitude_deg, fix.latitude_deg)
+    assert back == pytest.approx((691_000.0 + x, 5_336_000.0 + y), abs=1e-5)
+    assert fix.altitude_m == pytest.approx(519.0 + z, abs=1e-7)
+    angle = world.geo.azimuth_rad
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(fix.covariance_enu_m2, R @ np.diag([1.0, 4.0, 9.0]) @ R.T * 1e-18, atol=1e-26)
 
 
 def test_negative_noise_is_refused() -> None:

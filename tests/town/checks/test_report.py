@@ -11,7 +11,8 @@ from scipy.integrate import quad
 from shared_fixtures.worlds.maps import CROSSING, VILLAGE, carla_map
 from shared_fixtures.worlds.plain_maps import PlainMap, PlainRoad
 
-from carlaloc_env.town.checks.report import MapReport, check_map, write_waypoints_csv
+from carlaloc_env.town.checks.problem import Problem
+from carlaloc_env.town.checks.report import MapReport, check_map, grouped, write_waypoints_csv
 from carlaloc_env.town.lanes.build_network import build_network
 
 TEXT = CROSSING.read_text(encoding="utf-8")
@@ -24,9 +25,10 @@ def check(tmp_path: pathlib.Path, text: str) -> MapReport:
 
 
 def test_sound_parts_are_not_accused() -> None:
-    """Besides its open ends, the crossing has no errors."""
+    """Roads that simply end are no errors."""
     found = check_map(CROSSING)
-    assert {p.message for p in found.errors} == {"is a dead end: no lane follows"}
+    assert found.errors == ()
+    assert "is a dead end: no lane follows" in {p.message for p in found.problems}
     assert (found.roads, found.junctions, found.signals, found.crosswalks) == (16, 1, 4, 4)
 
 
@@ -69,6 +71,19 @@ def test_fault_is_found(tmp_path: pathlib.Path, old: str, new: str, element: str
     # A connection is told at its own line, wherever the lane stands that does not answer.
     assert element == "connection" or min(abs(p.line - line) for p in found) <= 12
     assert "\n" not in str(found[0])
+
+
+def test_no_driving_lane_is_an_error(tmp_path: pathlib.Path) -> None:
+    found = check(tmp_path, TEXT.replace('type="driving"', 'type="restricted"'))
+    assert any("no lane is of type driving" in p.message and "restricted" in p.message for p in found.errors)
+
+
+def test_problems_of_one_kind_are_grouped() -> None:
+    """Numbers and names apart; severities and elements stay apart."""
+    rows = [("warning", "lane", 3, "step 0.1 m to road 7"), ("warning", "lane", 5, "step 2e-3 m to road 12b")]
+    rows += [("error", "lane", 6, "step 3 m to road 7"), ("warning", "lane", 7, "is a dead end")]
+    problems = [Problem(severity=s, element=e, id="", line=n, message=m) for s, e, n, m in rows]
+    assert [(p.line, n) for p, n in grouped(problems)] == [(3, 2), (6, 1), (7, 1)]
 
 
 def two_roads(rise_m: float) -> str:

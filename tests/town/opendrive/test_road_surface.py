@@ -10,7 +10,6 @@ import pytest
 from shared_fixtures.worlds.single_roads import H0, LANES, lane_points, road, to_world
 
 from carlaloc_env.town.lanes.build_network import build_network
-from carlaloc_env.town.opendrive.reader import read_opendrive
 from carlaloc_env.town.opendrive.road_surface import RoadSurface
 
 
@@ -166,20 +165,6 @@ def test_records_take_effect_at_their_s() -> None:
     assert at(9.999999) == 0.0
     assert at(10.0) == 1.0
     assert at(12.0) == 2.0
-
-
-def test_geo_reference_gives_the_origin() -> None:
-    head = (
-        b'<OpenDRIVE><header revMajor="1" revMinor="6"><geoReference>'
-        b"<![CDATA[+proj=tmerc +lat_0=48.5 +lon_0=9.25]]>"
-        b'</geoReference></header><road id="1" length="9" junction="-1"><planView>'
-        b'<geometry s="0" x="0" y="0" hdg="0" length="9"><line/></geometry></planView><lanes>'
-        + LANES.encode()
-        + b"</lanes></road></OpenDRIVE>"
-    )
-    origin = read_opendrive(head).geodetic_origin()
-    assert origin is not None
-    assert (origin.latitude_deg, origin.longitude_deg) == (48.5, 9.25)
 
 
 def test_lanes_beside_a_stretched_curve_keep_their_true_length() -> None:
