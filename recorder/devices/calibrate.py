@@ -128,7 +128,7 @@ def calibrate(kind: str, *, ask: Ask, inputs: Inputs | None = None, folder: Path
         _wait_for_rest(source, stick, rest, ask)
         right = _find_axis(source, stick, rest, "Turn fully RIGHT and hold.", ask)
         _wait_for_rest(source, stick, rest, ask)
-        taken = (left[0],)
+        taken: tuple[int, ...] = (left[0],)
         throttle = _find(source, stick, rest, "Press the THROTTLE fully and hold.", ask, taken)
         _wait_for_rest(source, stick, rest, ask)
         taken = (*taken, throttle[0]) if isinstance(throttle, tuple) else taken

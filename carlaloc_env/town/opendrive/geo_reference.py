@@ -61,8 +61,9 @@ def read_geo_reference(
     text = " ".join("".join(element.itertext()).split())[:TEXT_LIMIT] if element is not None else ""
     if not text:
         at = document.root if header is None else header
-        document.note(at, "has no <geoReference>, so the world's origin is taken at 0° N, 0° E")
-        return None
+        stated = _stated_centre(at, shift_m)
+        document.note(at, f"has no <geoReference>; the world's origin is taken at {place(stated)}")
+        return stated
     text = f"EPSG:{text}" if text.isdigit() else " ".join(_VERTICAL.sub("", text).split())
     reference: GeoReference | None
     try:
@@ -155,9 +156,22 @@ def _scale(reference: ProjectedReference) -> str | None:
 def _centred(text: str, shift_m: tuple[float, float]) -> GeoReference | None:
     """Plane that touches the Earth at the centre that an unreadable reference names, if it names one."""
     found = dict(_CENTRE.findall(text))
+    return _tangent(found.get("lat_0"), found.get("lon_0"), shift_m)
+
+
+def _stated_centre(header: Element, shift_m: tuple[float, float]) -> GeoReference | None:
+    """Plane that touches the Earth where headers of OpenDRIVE 1.3 and before say, 0° and 0° being no word."""
+    latitude, longitude = header.get("originLat"), header.get("originLong")
+    centre = _tangent(latitude, longitude, shift_m)
+    return None if centre is None or {float(latitude or 0), float(longitude or 0)} == {0.0} else centre
+
+
+def _tangent(
+    latitude: str | None, longitude: str | None, shift_m: tuple[float, float]
+) -> GeoReference | None:
     try:
-        centre = GeoReference(latitude_deg=float(found["lat_0"]), longitude_deg=float(found["lon_0"]))
-    except (KeyError, ValueError, ConfigError):
+        centre = GeoReference(latitude_deg=float(latitude or "-"), longitude_deg=float(longitude or "-"))
+    except (ValueError, ConfigError):
         return None
     if shift_m == (0.0, 0.0):
         return centre

@@ -142,3 +142,19 @@ def test_a_damaged_offset_is_left_out() -> None:
     xodr = placed(TMERC.format(0, 0), 'x="far" y="0"')
     assert origin(xodr) == pytest.approx((48.0, 11.5))
     assert "x='far'" in remarks(xodr)[0]
+
+
+@pytest.mark.parametrize(
+    ("stated", "where"),
+    [
+        ('originLat="48.5" originLong="9.25"', (48.5, 9.25)),
+        ('originLat="0.0" originLong="0.0"', None),
+        ('originLat="48.5"', None),
+        ('originLat="x" originLong="9"', None),
+    ],
+)
+def test_origins_of_old_headers(stated: str, where: tuple[float, float] | None) -> None:
+    """Attributes of OpenDRIVE 1.3 and before."""
+    xodr = read_opendrive(ring_map().replace("<header ", f"<header {stated} ", 1).encode())
+    assert (None if xodr.geo is None else origin(xodr)) == where
+    assert "no <geoReference>" in remarks(xodr)[0]
