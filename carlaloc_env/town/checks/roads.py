@@ -47,15 +47,8 @@ def road_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
             message = "shares its id with a junction, which breaks CARLA's graph"
             rows.append(("warning", "road", road.id, road.line, message))
         if road.junction_id is not None and road.junction_id not in junctions:
-            rows.append(
-                (
-                    "error",
-                    "road",
-                    road.id,
-                    road.line,
-                    f"belongs to junction {road.junction_id}, which does not exist",
-                )
-            )
+            message = f"belongs to junction {road.junction_id}, which does not exist"
+            rows.append(("warning", "road", road.id, road.line, message))
         rows += _section_problems(road)
         rows += _furniture_problems(road)
     return rows + _lane_problems(xodr, network)

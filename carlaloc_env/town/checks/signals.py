@@ -22,18 +22,18 @@ def signal_problems(xodr: OpenDrive, network: LaneNetwork) -> list[Row]:
         for reference in road.signal_references:
             if reference.id not in lines:
                 message = f"on road {road.id} names a signal that does not exist"
-                rows.append(("error", "signalReference", reference.id, reference.line, message))
+                rows.append(("warning", "signalReference", reference.id, reference.line, message))
     groups = {controller.id for controller in xodr.controllers}
     for controller in xodr.controllers:
         for label in controller.signal_ids:
             if label not in lines:
                 message = f"names signal {label}, which does not exist"
-                rows.append(("error", "controller", controller.id, controller.line, message))
+                rows.append(("warning", "controller", controller.id, controller.line, message))
     for junction in xodr.junctions:
         for member in junction.controllers:
             if member.id not in groups:
                 message = f"names controller {member.id}, which does not exist"
-                rows.append(("error", "junction", junction.id, junction.line, message))
+                rows.append(("warning", "junction", junction.id, junction.line, message))
     return rows + _head_problems(network, lines)
 
 

@@ -77,13 +77,13 @@ class LaneLinks:
             return
         if link.element_type == "junction":
             if link.element_id not in self._junction:
-                self._report(
-                    "road", road.id, road.line, f"links to junction {link.element_id}, which does not exist"
-                )
+                message = f"links to junction {link.element_id}, which does not exist"
+                self._report("road", road.id, road.line, message, "warning")
             return
         target = self._road.get(link.element_id)
         if target is None:
-            self._report("road", road.id, road.line, f"links to road {link.element_id}, which does not exist")
+            message = f"links to road {link.element_id}, which does not exist"
+            self._report("road", road.id, road.line, message, "warning")
             return
         contact = link.contact or self._nearer_end(n, end, target)
         k = 0 if end == "start" else len(road.sections) - 1
@@ -99,7 +99,7 @@ class LaneLinks:
         if incoming is None or connecting is None:
             name = connection.incoming_road if incoming is None else connection.connecting_road
             message = f"connection of junction {junction.id} names road {name}, which does not exist"
-            self._report("connection", connection.id, connection.line, message)
+            self._report("connection", connection.id, connection.line, message, "warning")
             return
         for start, to in connection.lane_links:
             if not any(

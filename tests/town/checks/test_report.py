@@ -78,6 +78,17 @@ def test_no_driving_lane_is_an_error(tmp_path: pathlib.Path) -> None:
     assert any("no lane is of type driving" in p.message and "restricted" in p.message for p in found.errors)
 
 
+def test_a_map_cut_out_of_a_larger_one_has_no_errors(tmp_path: pathlib.Path) -> None:
+    """Its roads name others that are not there, and so do its signals and controllers."""
+    text = TEXT.replace('signalId="103"', 'signalId="999"').replace(
+        'connectingRoad="1012"', 'connectingRoad="9"'
+    )
+    text = text.replace('<signalReference id="101"', '<signalReference id="77"')
+    found = check(tmp_path, text)
+    assert sum("does not exist" in problem.message for problem in found.problems) >= 3
+    assert found.errors == ()
+
+
 def test_problems_of_one_kind_are_grouped() -> None:
     """Numbers and names apart; severities and elements stay apart."""
     rows = [("warning", "lane", 3, "step 0.1 m to road 7"), ("warning", "lane", 5, "step 2e-3 m to road 12b")]
