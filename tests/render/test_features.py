@@ -43,12 +43,6 @@ def judge(features: Features) -> None:
     assert fog.depth_m <= np.log(2.0) / PRESETS["FoggyNoon"].extinction_per_m
 
 
-def test_orb_in_town03() -> None:
-    features = found("Town03", 12)
-    read("Town03", features)
-    judge(features)
-
-
 @pytest.mark.soak
 @pytest.mark.parametrize("town", known_towns())
 def test_orb_in_every_town(town: str) -> None:

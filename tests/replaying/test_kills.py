@@ -73,10 +73,15 @@ def finish(drive: StraightDrive, out: Path, whole: dict[str, str]) -> str:
     return done.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize(
+    ("number", "workers"),
+    [
+        (signal.SIGINT, 2),
+        *(pytest.param(*case, marks=pytest.mark.soak) for case in ((15, 1), (15, 2), (2, 1))),
+    ],
+)
 def test_asked_to_end_it_says_how_to_go_on(
-    number: signal.Signals,
+    number: int,
     workers: int,
     straight_drive: StraightDrive,
     whole: dict[str, str],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -72,9 +73,12 @@ def guard(work: Path, seeds: Seeds) -> Iterator[WriteGuard]:
 
 
 @pytest.fixture(autouse=True)
-def _nobody_there(work: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _nobody_there(work: Path, guard: WriteGuard, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Commands run in the folder that they may write into, without keyboard or screen."""
     monkeypatch.chdir(work)
+    # What is unpacked to be read lies there, too.
+    monkeypatch.setattr(tempfile, "tempdir", str(work))
+    guard.astray.clear()
     monkeypatch.delenv("DISPLAY", raising=False)
     with Path("/dev/null").open() as silence:
         monkeypatch.setattr(sys, "stdin", silence)

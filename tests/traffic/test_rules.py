@@ -208,5 +208,5 @@ def _side(frame: ActorFrame, point: NDArray[np.float64], heading: float) -> NDAr
 def test_too_many_vehicles_are_refused(network: LaneNetwork, tables: TrafficTables) -> None:
     """A number that does not fit is an error that says how many do."""
     world = TrafficWorld(network, TrafficConfig(vehicles=5000, walkers=0), tables)
-    with pytest.raises(ConfigError, match="at most"):
+    with pytest.raises(ConfigError, match=r"--traffic dynamic,vehicles=\d+$"):
         world.reset()

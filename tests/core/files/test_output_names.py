@@ -36,8 +36,8 @@ def test_hostile_names_are_refused_where_they_enter(name: str, tmp_path: Path) -
     if "/" not in name and "\0" not in name and len(name) < 200 and name not in ("", ".", ".."):
         file = tmp_path / f"{name}.xodr"
         file.write_text("<OpenDRIVE/>")
-        with pytest.raises(ConfigError, match="town"):
-            identify_town(file)
+        # A file may be called anything; the town is not.
+        assert is_name(identify_town(file).name)
 
 
 @given(st.text(max_size=12))

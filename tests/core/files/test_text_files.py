@@ -12,8 +12,8 @@ from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.town.config import TownConfig
 from carlaloc_env.weather.schedule import weather_of
+from recorder.dataset.trajectories import read_bag
 from recorder.devices.profile import known_profiles
-from recorder.evaluation.trajectory_bags import read_bag
 from recorder.evaluation.trajectory_files import read_tum
 
 READERS: dict[str, tuple[str, Callable[[Path], object]]] = {

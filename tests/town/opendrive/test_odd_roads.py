@@ -138,7 +138,9 @@ def test_one_malformed_connection(bad: str) -> None:
     network = build_network(joined_map(connection=good + bad).encode())
     one = next(n for n in network.lanes if n.road_id == "1")
     assert [network.lanes[n].road_id for n in one.successors] == ["3"]
-    assert [row[0] for row in told(network, "connection") + told(network, "laneLink")] == ["error"]
+    # A road that is not there is what a map cut out of a larger one names.
+    severity = "warning" if "77" in bad else "error"
+    assert [row[0] for row in told(network, "connection") + told(network, "laneLink")] == [severity]
 
 
 def test_one_malformed_road_among_three() -> None:
