@@ -175,5 +175,5 @@ def _tangent(
         return None
     if shift_m == (0.0, 0.0):
         return centre
-    latitude, longitude, height = centre.enu_to_geodetic([*shift_m, 0.0]).tolist()
-    return GeoReference(latitude_deg=latitude, longitude_deg=longitude, height_m=height)
+    at = centre.enu_to_geodetic([*shift_m, 0.0]).tolist()
+    return GeoReference(latitude_deg=at[0], longitude_deg=at[1], height_m=at[2])
