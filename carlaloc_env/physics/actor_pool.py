@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from carlaloc_env.core.clock import STEP_NS, TICK_S
 from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.physics.quiet_import import pybullet
-from carlaloc_env.timeline.timeline import JUMP_M, ActorCatalog, ActorFrame
+from carlaloc_env.timeline.timeline import ActorCatalog, ActorFrame, came_in_elsewhere
 
 MAX_BOXES = 32
 """Actors that exist in the collision world at once."""
@@ -161,8 +161,8 @@ def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], 
 def _velocity(frame: ActorFrame, i: int, following: ActorFrame | None) -> list[float]:
     if following is not None:
         change = [float(d) for d in following.position_m[i] - frame.position_m[i]]
-        # Who leaves the map, and comes in elsewhere, drives on to no place in between.
-        if max(map(abs, change)) <= JUMP_M:
+        # Who comes in elsewhere drives on to no place in between.
+        if not came_in_elsewhere(change, following.heading_rad[i] - frame.heading_rad[i]):
             return [d / (STEP_NS * 1e-9) for d in change]
     speed, heading, pitch = (float(a[i]) for a in (frame.speed_mps, frame.heading_rad, frame.pitch_rad))
     (sin_h, cos_h), (sin_p, cos_p) = sin_cos(heading), sin_cos(pitch)

@@ -64,8 +64,23 @@ def empty_catalog() -> ActorCatalog:
     )
 
 
-JUMP_M = 15.0
-"""Who moves farther within a step has left the map and come in elsewhere: nobody is in between [m]."""
+JUMP_M = 4.0
+"""Nothing moves farther within a step [m]: 80 m/s."""
+_STRIDE_M = 1.0
+"""Nothing turns round within a step in which it moves farther [m]."""
+
+
+def came_in_elsewhere(change_m: ArrayLike, turn_rad: ArrayLike) -> NDArray[np.bool_]:
+    """Whether actors have left the map within a step, and come in elsewhere: nobody is in between.
+
+    Args:
+        change_m: Change of position [m], shape (..., 3).
+        turn_rad: Change of heading [rad], shape (...).
+    """
+    far_m = np.abs(change_m).max(axis=-1, initial=0.0)
+    back = np.abs(wrap_angle(np.asarray(turn_rad, dtype=np.float64))) > 0.5 * np.pi
+    jumped: NDArray[np.bool_] = (far_m > JUMP_M) | ((far_m > _STRIDE_M) & back)
+    return jumped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,8 +208,9 @@ class Timeline:
             return a
         f = np.float32(fraction)
         change = b.position_m - a.position_m
-        if len(change) and np.abs(change).max() > JUMP_M:
-            b = _held(a, b)
+        away = came_in_elsewhere(change, b.heading_rad - a.heading_rad)
+        if away.any():
+            b = _held(a, b, away)
             change = b.position_m - a.position_m
         position = a.position_m + f * change
         return ActorFrame(
@@ -222,7 +238,7 @@ class Timeline:
         heading = np.array([frame.heading_rad for frame in frames], dtype=np.float64)
         pitch = np.array([frame.pitch_rad for frame in frames], dtype=np.float64)
         roll = np.array([frame.roll_rad for frame in frames], dtype=np.float64)
-        still = np.abs(np.diff(position, axis=0)).max(axis=-1, initial=0.0) > JUMP_M
+        still = came_in_elsewhere(np.diff(position, axis=0), np.diff(heading, axis=0))
         row = (step - first) * len(self.catalog) + index
         fraction = (stamps_ns % STEP_NS) / STEP_NS
 
@@ -265,9 +281,8 @@ class Timeline:
         return self._frames[step], following, (stamp_ns % STEP_NS) / STEP_NS
 
 
-def _held(a: ActorFrame, b: ActorFrame) -> ActorFrame:
-    """The later frame with those who left the map, and came in elsewhere, still where they were."""
-    stays = np.abs(b.position_m - a.position_m).max(axis=-1) > JUMP_M
+def _held(a: ActorFrame, b: ActorFrame, stays: NDArray[np.bool_]) -> ActorFrame:
+    """The later frame with some actors still where they were."""
     values = {name: (getattr(a, name), getattr(b, name)) for name in ActorFrame.__slots__}
     return ActorFrame(
         **{name: np.where(stays[:, None] if x.ndim > 1 else stays, x, y) for name, (x, y) in values.items()}

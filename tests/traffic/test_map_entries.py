@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.traffic_audit import NOBODY, overlapping_boxes
 from carlaloc_env.core.clock import STEP_NS
-from carlaloc_env.timeline.timeline import JUMP_M, Timeline
+from carlaloc_env.timeline.timeline import Timeline, came_in_elsewhere
 from carlaloc_env.town.lanes.build_network import build_network
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
 from carlaloc_env.town.routing.default_route import choose_route
@@ -37,7 +37,8 @@ def test_a_road_that_ends_has_traffic(road: LaneNetwork) -> None:
     frames = [world.reset()]
     frames += [world.step(NOBODY) for _ in range(2400)]
     place = np.array([frame.position_m for frame in frames])
-    jumped = np.abs(np.diff(place, axis=0)).max(axis=-1) > JUMP_M
+    heading = np.array([frame.heading_rad for frame in frames])
+    jumped = came_in_elsewhere(np.diff(place, axis=0), np.diff(heading, axis=0))
     assert jumped.sum() > 15
     after = place[1:][jumped]
     assert (np.minimum(np.abs(after[:, 0]), np.abs(after[:, 0] - 600.0)) < 8.0).all()
@@ -59,6 +60,26 @@ def test_nobody_is_between_two_places(road: LaneNetwork) -> None:
     np.testing.assert_allclose(timeline.actors_at(middle).position_m, wanted, atol=1e-4)
     poses = timeline.actor_poses(np.array([0, 1]), np.full(2, middle))
     np.testing.assert_allclose(poses.position_m, wanted, atol=1e-4)
+
+
+def test_nobody_turns_round_on_the_way_to_the_lane_beside(road: LaneNetwork) -> None:
+    """A car that came in beside where it had left swept over the road for a step, and hit others."""
+    world = TrafficWorld(road, TrafficConfig(vehicles=2, walkers=0, seed=3))
+    first = world.reset()
+    change = np.array([[-2.0, 3.5, 0.0], [2.0, 0.0, 0.0]], np.float32)
+    second = dataclasses.replace(
+        first,
+        position_m=first.position_m + change,
+        heading_rad=first.heading_rad + np.array([np.pi, 0.05], np.float32),
+    )
+    timeline = Timeline(world.catalog)
+    for frame in (first, second):
+        timeline.append_step(frame, np.zeros(0, np.uint8))
+    middle = timeline.actors_at(STEP_NS // 2)
+    assert middle.heading_rad - first.heading_rad == pytest.approx([0.0, 0.025], abs=1e-5)
+    np.testing.assert_allclose(middle.position_m[0], first.position_m[0])
+    poses = timeline.actor_poses(np.array([0, 1]), np.full(2, STEP_NS // 2))
+    assert poses.heading_rad - first.heading_rad == pytest.approx([0.0, 0.025], abs=1e-5)
 
 
 def test_a_route_takes_all_of_a_road_that_ends(road: LaneNetwork) -> None:
