@@ -86,3 +86,13 @@ def test_an_episode_without_a_tick_has_no_nan(tmp_path: Path, capsys: pytest.Cap
     assert not summary.loop_closed
     info.show(asdict(summary))
     assert "nan" not in capsys.readouterr().out
+
+
+def test_a_road_of_a_junction_that_is_not_there_is_driven_on(tmp_path: Path) -> None:
+    """As in a map cut out of a larger one."""
+    path = street(tmp_path, 40.0, (("driving", 3.5),))
+    path.write_text(path.read_text().replace('junction="-1"', 'junction="371"'))
+    env = CarlaLocEnv(map=path, rig="state", traffic="static")
+    env.reset(seed=1)
+    assert env.world.route.length_m > 20.0
+    env.close()

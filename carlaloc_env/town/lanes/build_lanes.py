@@ -90,6 +90,8 @@ def _lanes(
     xodr: OpenDrive, edges: LaneEdges, links: LaneLinks, tables: LaneTables, is_forward: Sequence[bool]
 ) -> tuple[Lane, ...]:
     lowest = np.minimum.reduceat(tables.speed_limit_mps, tables.first)
+    # Of a junction that is not in the file there is nothing but the road.
+    junctions = {junction.id for junction in xodr.junctions}
     lanes = []
     for n, lane in enumerate(edges.lanes):
         r, k = int(edges.road[n]), int(edges.section[n])
@@ -102,7 +104,7 @@ def _lanes(
                 lane_id=lane.id,
                 type=lane.type,
                 length_m=float(tables.length_m[n]),
-                junction_id=xodr.roads[r].junction_id,
+                junction_id=xodr.roads[r].junction_id if xodr.roads[r].junction_id in junctions else None,
                 forward=forward,
                 successors=tuple(links.successors[n]),
                 predecessors=tuple(links.predecessors[n]),
