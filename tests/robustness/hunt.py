@@ -24,7 +24,7 @@ from shared_fixtures.processes.lifecycles import Held
 
 from carlaloc_env.core.errors import CarlaLocError
 
-DEADLINE_S = 30
+DEADLINE_S = 120
 """Longest time for an answer [s]."""
 BLOCK = 1000
 """Inputs drawn by one call of hypothesis."""
