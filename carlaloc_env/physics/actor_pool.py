@@ -71,10 +71,10 @@ class ActorPool:
             self._give_back(actor)
         self._moving.clear()
         self._ticks = ticks
-        for actor, i in wanted.items():
+        velocities = _velocities(frame, near, following)
+        for (actor, i), velocity in zip(wanted.items(), velocities, strict=True):
             body = self._body_of(actor, catalog.size_m[i])
             centre, quat = _box_pose(frame, i, float(catalog.size_m[i, 2]))
-            velocity = _velocity(frame, i, following)
             self._place(body, centre, velocity, quat)
             if any(velocity):
                 self._moving.append((body, centre, velocity, quat))
@@ -158,12 +158,22 @@ def _box_pose(frame: ActorFrame, i: int, height_m: float) -> tuple[list[float], 
     return centre, quat_xyzw
 
 
-def _velocity(frame: ActorFrame, i: int, following: ActorFrame | None) -> list[float]:
-    if following is not None:
-        change = [float(d) for d in following.position_m[i] - frame.position_m[i]]
-        # Who comes in elsewhere drives on to no place in between.
-        if not came_in_elsewhere(change, following.heading_rad[i] - frame.heading_rad[i]):
-            return [d / (STEP_NS * 1e-9) for d in change]
+def _velocities(
+    frame: ActorFrame, index: NDArray[np.intp], following: ActorFrame | None
+) -> list[list[float]]:
+    """Velocities of some actors until the following step, or as they go now [m/s]."""
+    if following is None:
+        return [_velocity(frame, i) for i in index.tolist()]
+    change = following.position_m[index] - frame.position_m[index]
+    away = came_in_elsewhere(change, following.heading_rad[index] - frame.heading_rad[index])
+    # Who comes in elsewhere drives on to no place in between.
+    return [
+        _velocity(frame, i) if elsewhere else [d / (STEP_NS * 1e-9) for d in moved]
+        for i, elsewhere, moved in zip(index.tolist(), away.tolist(), change.tolist(), strict=True)
+    ]
+
+
+def _velocity(frame: ActorFrame, i: int) -> list[float]:
     speed, heading, pitch = (float(a[i]) for a in (frame.speed_mps, frame.heading_rad, frame.pitch_rad))
     (sin_h, cos_h), (sin_p, cos_p) = sin_cos(heading), sin_cos(pitch)
     return [speed * cos_p * cos_h, speed * cos_p * sin_h, speed * sin_p]

@@ -78,6 +78,8 @@ def came_in_elsewhere(change_m: ArrayLike, turn_rad: ArrayLike) -> NDArray[np.bo
         turn_rad: Change of heading [rad], shape (...).
     """
     far_m = np.abs(change_m).max(axis=-1, initial=0.0)
+    if not (far_m > _STRIDE_M).any():
+        return np.zeros(far_m.shape, dtype=np.bool_)
     back = np.abs(wrap_angle(np.asarray(turn_rad, dtype=np.float64))) > 0.5 * np.pi
     jumped: NDArray[np.bool_] = (far_m > JUMP_M) | ((far_m > _STRIDE_M) & back)
     return jumped

@@ -1,12 +1,10 @@
 """Mutated maps: the reader answers with a map or with a MapError, in time, and with nothing else."""
 
 import re
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import hypothesis.strategies as st
 from hypothesis import HealthCheck, given, settings
+from robustness.hunt import deadline
 from shared_fixtures.worlds.maps import CROSSING
 
 from carlaloc_env.core.errors import MapError
@@ -18,8 +16,6 @@ SEED = CROSSING.read_bytes()
 NUMBER = re.compile(rb'"(-?\d[\d.e+-]*)"')
 ATTRIBUTE = re.compile(rb' [A-Za-z]+="[^"]*"')
 ELEMENT = re.compile(rb"<(\w+)\b[^<>]*(?:/>|>)")
-DEADLINE_S = 120
-"""Stops what hangs; maps of a thousand kilometres take 17 s of processor time."""
 VALUES = [
     b"", b"0", b"-0", b"1", b"-1", b"2", b"100", b"-3", b"0.5", b"1e-300",
     b"-1e-9", b"1e5", b"999999", b"1e6",
@@ -31,24 +27,8 @@ RUNS = settings(
 )
 
 
-@contextmanager
-def deadline(seconds: int) -> Iterator[None]:
-    """Stops what hangs: raises TimeoutError after that time."""
-
-    def stop(*_: object) -> None:
-        raise TimeoutError(f"no answer within {seconds} s")
-
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
-
-
 def must_answer(data: bytes) -> None:
-    with deadline(DEADLINE_S):
+    with deadline():
         try:
             xodr = read_opendrive(data)
             network = build_network(xodr)
