@@ -8,32 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from shared_fixtures.readings.pose_bags import ODOMETRY, PATH, POSES, TF, Entry, Messages
+from shared_fixtures.readings.short_drive import EPOCH_NS, assert_same, drive
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry import transforms
 from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.trajectory import Trajectory
-
-EPOCH_NS = 1_672_531_200_000_000_000
-
-
-def drive(count: int = 60, step_ns: int = 100_000_000) -> Trajectory:
-    """A bend over a hill, 10 Hz."""
-    angle = np.linspace(0.0, 1.2, count)
-    return Trajectory(
-        stamp_ns=EPOCH_NS + np.arange(count, dtype=np.int64) * step_ns,
-        position_m=np.stack([20 * np.sin(angle), 20 - 20 * np.cos(angle), np.sin(3 * angle)], axis=-1),
-        quat_xyzw=transforms.rpy_to_quat(0.02 * angle, -0.1 * np.cos(3 * angle), angle),
-        name="drive",
-    )
-
-
-def same(read: Trajectory, true: Trajectory, *, atol: float = 1e-9) -> None:
-    assert read.stamp_ns.tolist() == true.stamp_ns.tolist()
-    np.testing.assert_allclose(read.position_m, true.position_m, atol=atol)
-    turn = np.abs(np.sum(read.quat_xyzw * true.quat_xyzw, axis=1))
-    np.testing.assert_allclose(turn, 1.0, atol=atol)
-
 
 ROS1 = Messages(ros2=False)
 
@@ -49,7 +29,7 @@ def test_every_type_of_pose(tmp_path: Path, kind: str, ros2: bool) -> None:
     path = make.write(
         tmp_path / ("one" if ros2 else "one.bag"), _stream("/odometry", kind, make.poses(kind, drive()))
     )
-    same(read_trajectory(path), drive())
+    assert_same(read_trajectory(path), drive())
     with pytest.raises(EvaluationError, match="did you mean '/odometry'"):
         read_trajectory(path, topic="/odometri")
 
@@ -61,7 +41,7 @@ def test_bag_with_several_topics_asks_for_one(tmp_path: Path) -> None:
     )
     with pytest.raises(EvaluationError, match="--topic: /a, /b"):
         read_trajectory(path)
-    same(read_trajectory(path, topic="/b"), drive())
+    assert_same(read_trajectory(path, topic="/b"), drive())
 
 
 def test_damaged_bag_is_named(tmp_path: Path) -> None:
@@ -83,7 +63,7 @@ def test_messages_without_stamps_get_those_of_recording(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     poses = ROS1.poses(POSES[1], drive(), stamped=False)
-    same(read_trajectory(ROS1.write(tmp_path / "a.bag", _stream("/pose", POSES[1], poses))), drive())
+    assert_same(read_trajectory(ROS1.write(tmp_path / "a.bag", _stream("/pose", POSES[1], poses))), drive())
     assert "have no stamps" in caplog.text
 
 
@@ -109,13 +89,13 @@ def test_the_last_path_counts_and_odometry_before_it(
         ("/path", PATH, EPOCH_NS, ROS1.path(0, wrong)),
         ("/path", PATH, EPOCH_NS + 1, ROS1.path(0, right)),
     ]
-    same(read_trajectory(ROS1.write(tmp_path / "a.bag", paths)), drive())
+    assert_same(read_trajectory(ROS1.write(tmp_path / "a.bag", paths)), drive())
     assert caplog.text == ""
     both = [*paths, *_stream("/odometry", ODOMETRY, ROS1.poses(ODOMETRY, drive().shifted(7)))]
     path = ROS1.write(tmp_path / "b.bag", both)
-    same(read_trajectory(path), drive().shifted(7))
+    assert_same(read_trajectory(path), drive().shifted(7))
     assert "poses of /odometry are read; --topic takes another of /odometry, /path" in caplog.text
-    same(read_trajectory(path, topic="/path"), drive())
+    assert_same(read_trajectory(path, topic="/path"), drive())
 
 
 @pytest.mark.parametrize("stamped", [True, False])
@@ -126,7 +106,7 @@ def test_paths_that_forget_and_paths_without_stamps(
     stamps = drive().stamp_ns.tolist()
     first = [0] * 60 if not stamped else [max(i - 4, 0) for i in range(60)]
     paths = [("/path", PATH, stamps[i] + 5, ROS1.path(stamps[i], poses[first[i] : i + 1])) for i in range(60)]
-    same(read_trajectory(ROS1.write(tmp_path / "a.bag", paths)), drive())
+    assert_same(read_trajectory(ROS1.write(tmp_path / "a.bag", paths)), drive())
     assert ("forget their beginning" if stamped else "of each message the last pose") in caplog.text
 
 
@@ -170,11 +150,11 @@ def _in_map(of: Trajectory) -> Trajectory:
 
 def test_a_tree_of_frames(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = _tree(tmp_path)
-    same(read_trajectory(path), _in_map(drive()))
+    assert_same(read_trajectory(path), _in_map(drive()))
     assert "/tf:map.base_link is read; --topic takes another of" in caplog.text
-    same(read_trajectory(path, topic="/tf:odom.base_link"), drive())
+    assert_same(read_trajectory(path, topic="/tf:odom.base_link"), drive())
     lidar = drive().of_sensor(transforms.transform((1.0, 0.0, 2.0), transforms.rpy_to_quat(0.1, 0.0, 1.0)))
-    same(read_trajectory(path, topic="/tf:map.lidar"), _in_map(lidar))
+    assert_same(read_trajectory(path, topic="/tf:map.lidar"), _in_map(lidar))
     with pytest.raises(EvaluationError, match=r"did you mean 'map\.base_link'"):
         read_trajectory(path, topic="/tf:map.base_lin")
 

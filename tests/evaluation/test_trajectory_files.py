@@ -7,47 +7,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared_fixtures.readings.short_drive import EPOCH_NS, assert_same, drive
 
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry import transforms
 from recorder.dataset.trajectories import read_trajectory
 from recorder.evaluation.evaluate import evaluate
-from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
-
-EPOCH_NS = 1_672_531_200_000_000_000
-
-
-def drive(count: int = 60, step_ns: int = 100_000_000) -> Trajectory:
-    """A bend over a hill, 10 Hz."""
-    angle = np.linspace(0.0, 1.2, count)
-    return Trajectory(
-        stamp_ns=EPOCH_NS + np.arange(count, dtype=np.int64) * step_ns,
-        position_m=np.stack([20 * np.sin(angle), 20 - 20 * np.cos(angle), np.sin(3 * angle)], axis=-1),
-        quat_xyzw=transforms.rpy_to_quat(0.02 * angle, -0.1 * np.cos(3 * angle), angle),
-        name="drive",
-    )
-
-
-def same(read: Trajectory, true: Trajectory, *, atol: float = 1e-9) -> None:
-    assert read.stamp_ns.tolist() == true.stamp_ns.tolist()
-    np.testing.assert_allclose(read.position_m, true.position_m, atol=atol)
-    turn = np.abs(np.sum(read.quat_xyzw * true.quat_xyzw, axis=1))
-    np.testing.assert_allclose(turn, 1.0, atol=atol)
 
 
 def test_tum_with_a_byte_order_mark(tmp_path: Path) -> None:
     path = write_tum(tmp_path / "a.tum", drive())
     marked = tmp_path / "bom.txt"
     marked.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
-    same(read_trajectory(marked), drive())
+    assert_same(read_trajectory(marked), drive())
 
 
 def test_unsorted_tum_is_sorted_with_a_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     lines = write_tum(tmp_path / "a.tum", drive()).read_text().splitlines()
     (tmp_path / "b.tum").write_text("\n".join([lines[0], *reversed(lines[1:])]))
     with caplog.at_level(logging.WARNING):
-        same(read_trajectory(tmp_path / "b.tum"), drive())
+        assert_same(read_trajectory(tmp_path / "b.tum"), drive())
     assert "sorted" in caplog.text
 
 
@@ -62,7 +42,7 @@ def test_kitti_as_evo_reads_it(tmp_path: Path) -> None:
         "\n".join(f"{(t - EPOCH_NS) / 1e9:.9f}" for t in truth.stamp_ns.tolist())
     )
     read = read_trajectory(tmp_path / "00.txt").shifted(EPOCH_NS)
-    same(read, truth)
+    assert_same(read, truth)
     theirs = evo.read_kitti_poses_file(str(tmp_path / "00.txt"))
     np.testing.assert_allclose(read.position_m, theirs.positions_xyz, atol=1e-9)
     wxyz = np.abs(np.sum(read.quat_xyzw[:, [3, 0, 1, 2]] * theirs.orientations_quat_wxyz, axis=1))
@@ -83,7 +63,7 @@ def test_euroc_table_as_evo_reads_it(tmp_path: Path) -> None:
     ]
     (tmp_path / "data.csv").write_text("#timestamp, p_RS_R_x [m], ...\n" + "\n".join(rows) + "\n")
     read = read_trajectory(tmp_path / "data.csv")
-    same(read, truth)
+    assert_same(read, truth)
     theirs = evo.read_euroc_csv_trajectory(str(tmp_path / "data.csv"))
     np.testing.assert_allclose(read.position_m, theirs.positions_xyz)
     np.testing.assert_allclose(read.quat_xyzw[:, [3, 0, 1, 2]], theirs.orientations_quat_wxyz, atol=1e-12)
