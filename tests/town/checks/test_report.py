@@ -14,6 +14,7 @@ from shared_fixtures.worlds.plain_maps import PlainMap, PlainRoad
 from carlaloc_env.town.checks.problem import Problem
 from carlaloc_env.town.checks.report import MapReport, check_map, grouped, write_waypoints_csv
 from carlaloc_env.town.lanes.build_network import build_network
+from carlaloc_env.town.sources import known_towns
 
 TEXT = CROSSING.read_text(encoding="utf-8")
 
@@ -71,6 +72,12 @@ def test_fault_is_found(tmp_path: pathlib.Path, old: str, new: str, element: str
     # A connection is told at its own line, wherever the lane stands that does not answer.
     assert element == "connection" or min(abs(p.line - line) for p in found) <= 12
     assert "\n" not in str(found[0])
+
+
+@pytest.mark.parametrize("town", known_towns())
+def test_our_towns_have_no_problems(town: str) -> None:
+    """Not even warnings, but for bridges over water, under which no road passes."""
+    assert {problem.element for problem in check_map(known_towns()[town]).problems} <= {"bridge"}
 
 
 def test_no_driving_lane_is_an_error(tmp_path: pathlib.Path) -> None:
