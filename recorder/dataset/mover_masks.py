@@ -36,20 +36,22 @@ def mover_masks(bag: Path, topic: str) -> Iterator[Mask]:
         bag: ROS 1 or ROS 2 bag.
         topic: Topic of images whose values are semantic tags.
     """
-    tags = np.array(sorted(DYNAMIC_TAGS), np.uint8)
-    rim = np.ones((2 * MARGIN_PX + 1, 2 * MARGIN_PX + 1), np.uint8)
     for message in messages(bag, topic):
         image = np.asarray(message.data).reshape(message.height, message.step)[:, : message.width]
-        movers = np.isin(image, tags).astype(np.uint8)
-        yield stamp_ns(message), cv2.dilate(movers, rim) > 0
+        yield stamp_ns(message), mask_of(image)
 
 
-def without_movers(
+def mask_of(tags: U8) -> NDArray[np.bool_]:
+    """Where an image of semantic tags shows movers, with a rim of `MARGIN_PX`, shape (H, W)."""
+    rim = np.ones((2 * MARGIN_PX + 1, 2 * MARGIN_PX + 1), np.uint8)
+    movers = np.isin(tags, np.array(sorted(DYNAMIC_TAGS), np.uint8)).astype(np.uint8)
+    return np.asarray(cv2.dilate(movers, rim) > 0)
+
+
+def pairs_without_movers(
     pairs: Iterator[StereoPair], left: Iterator[Mask], right: Iterator[Mask]
 ) -> Iterator[StereoPair]:
-    """Pairs in which movers are painted over in the tones around them, with the mask of the left image.
-
-    Systems that take no mask find little to hold on to in smooth paint; those that do get it.
+    """Pairs of `without_movers`, by masks that come in the order of time.
 
     Args:
         pairs: Pairs of images.
@@ -57,13 +59,17 @@ def without_movers(
         right: Masks of the right images.
     """
     for pair in pairs:
-        masks = [_of_stamp(found, pair.stamp_ns) for found in (left, right)]
-        yield replace(
-            pair,
-            left=painted_over(pair.left, masks[0]),
-            right=painted_over(pair.right, masks[1]),
-            left_mover=masks[0],
-        )
+        yield without_movers(pair, *(_of_stamp(found, pair.stamp_ns) for found in (left, right)))
+
+
+def without_movers(pair: StereoPair, left: NDArray[np.bool_], right: NDArray[np.bool_]) -> StereoPair:
+    """A pair in which movers are painted over in the tones around them, with the mask of the left image.
+
+    Systems that take no mask find little to hold on to in smooth paint; those that do get it.
+    """
+    return replace(
+        pair, left=painted_over(pair.left, left), right=painted_over(pair.right, right), left_mover=left
+    )
 
 
 def _of_stamp(masks: Iterator[Mask], stamp_ns: int) -> NDArray[np.bool_]:

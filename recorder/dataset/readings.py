@@ -1,13 +1,19 @@
-"""What systems read beside sweeps: inertial samples and stereo pairs."""
+"""What systems read, and the protocol of all that gives it: the files of a folder, or a drive."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import U8, Array
+
+if TYPE_CHECKING:
+    from recorder.dataset.scans import Scan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,3 +40,33 @@ class StereoPair:
     """Right image, shape (H, W)."""
     left_mover: NDArray[np.bool_] | None = None
     """Where the left image shows what moves by itself, painted over; None: nothing was. Shape (H, W)."""
+
+
+class Readings(Protocol):
+    """Sensor data of a sequence in the order of time.
+
+    All of it raises `EvaluationError` where the sequence has none of what is asked for.
+    """
+
+    @property
+    def bag(self) -> Path:
+        """A bag of it, of any format."""
+
+    @property
+    def euroc(self) -> Path:
+        """A folder ``mav0`` of it."""
+
+    def scan_count(self) -> int:
+        """Number of sweeps."""
+
+    def scans(self) -> Iterator[Scan]:
+        """All sweeps, labelled where there are labels."""
+
+    def imu_samples(self) -> Iterator[ImuSample]:
+        """All inertial samples."""
+
+    def image_stamps(self) -> NDArray[np.int64]:
+        """Unix times of the images of the left camera [ns], shape (N,)."""
+
+    def stereo_pairs(self, *, without_movers: bool) -> Iterator[StereoPair]:
+        """All pairs of grey images, on request with movers painted over."""

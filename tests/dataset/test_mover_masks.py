@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from carlaloc_env.core.array_types import U8
 from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.scene.semantic_tags import Tag
-from recorder.dataset.mover_masks import MARGIN_PX, mover_masks, painted_over, without_movers
+from recorder.dataset.mover_masks import MARGIN_PX, mover_masks, painted_over, pairs_without_movers
 from recorder.dataset.readings import StereoPair
 from recorder.slam.stereo_vo.odometry import StereoOdometry
 
@@ -62,7 +62,7 @@ def test_masks_of_other_times_are_refused() -> None:
     pair = StereoPair(stamp_ns=5, left=image, right=image)
     masks = [(4, np.zeros((HEIGHT, WIDTH), bool))]
     with pytest.raises(EvaluationError, match="no labelled image of 5"):
-        next(without_movers(iter([pair]), iter(masks), iter(masks)))
+        next(pairs_without_movers(iter([pair]), iter(masks), iter(masks)))
 
 
 def drive(*, masked: bool) -> float:
@@ -79,7 +79,7 @@ def drive(*, masked: bool) -> float:
         right[20:180, 40 - disparity : 280 - disparity] = car[body]
         pair = StereoPair(stamp_ns=k, left=left, right=right)
         if masked:
-            (pair,) = without_movers(iter([pair]), iter([(k, mask)]), iter([(k, mask)]))
+            (pair,) = pairs_without_movers(iter([pair]), iter([(k, mask)]), iter([(k, mask)]))
         odometry.add(pair)
     return float(odometry.pose[0, 3])
 
