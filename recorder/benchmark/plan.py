@@ -1,27 +1,33 @@
-"""What a benchmark runs: sequences found in a folder, and a job for each system, cloud and repetition."""
+"""What a benchmark runs: sequences of a folder or of drives, and a job for each system and repetition."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError
-from recorder.dataset.layout import sequences_below
+from carlaloc_env.rigs.rig import SensorRig
+from recorder.dataset.layout import SequenceFolder, sequences_below
+from recorder.dataset.manifest import SequenceDescription
 from recorder.dataset.sequence import RAW, SEGMENTED, SlamSequence
 from recorder.slam.system import System
+from recorder.streaming.drive import DriveConfig, DriveStream, describe_drives
 
 STATIC = ("static", "empty")
 """Levels of traffic without movers."""
+DRIVES = "drives"
+"""Folder of the descriptions of drives, below the benchmark's folder."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchmarkSequence:
-    """A sequence on the disk and its condition."""
+    """A sequence and its condition."""
 
     path: Path
-    """Its folder."""
+    """Its folder; of a drive that is read as it is made, it has all but the sensor data."""
     dataset: str
     """Folder of its dataset below the one that was searched; datasets of other noise seeds differ in it."""
     town: str
@@ -30,14 +36,22 @@ class BenchmarkSequence:
     """Name of the weather."""
     traffic: str
     """Name of the traffic level."""
-    movers: float
-    """Largest share of movers of its streams, 0–1."""
+    digest: str
+    """A text that is another one where its data are."""
+    stream: DriveStream | None = None
+    """What its sensor data are made of as they are read; None: they lie in the folder."""
     labelled: bool
     """Whether its clouds have labels."""
     masked: bool
     """Whether images of two cameras have labels."""
     weather_matters_to_lidar: bool
     """Whether sweeps differ from weather to weather."""
+
+    @property
+    def movers(self) -> float:
+        """Largest share of movers of its streams, 0–1; of a drive, known when it has been read."""
+        described = SequenceDescription.read(SequenceFolder(self.path))
+        return max(described.movers.values(), default=0.0)
 
     @property
     def key(self) -> str:
@@ -92,18 +106,51 @@ def find_sequences(folder: Path) -> list[BenchmarkSequence]:
 def _sequence(path: Path, root: Path) -> BenchmarkSequence:
     sequence = SlamSequence(path)
     described = sequence.description
-    lidars = sequence.rig.of_kind("lidar")
     return BenchmarkSequence(
         path=path,
         dataset=Path(os.path.relpath(path.parent.parent, root)).as_posix(),
         town=path.parent.name,
         weather=str(described.weather["name"]),
         traffic=str(described.traffic["name"]),
-        movers=max(described.movers.values(), default=0.0),
-        labelled=bool(lidars) and sequence.has_labelled_scans,
+        digest=hashlib.sha256(sequence.files.checksums.read_bytes()).hexdigest(),
+        labelled=bool(sequence.rig.of_kind("lidar")) and sequence.has_labelled_scans,
         masked=sum(name.startswith("semantic_") for name in described.samples) >= 2,
-        weather_matters_to_lidar=any(bool(getattr(lidar, "weather", False)) for lidar in lidars),
+        weather_matters_to_lidar=_weather_matters_to_lidar(sequence.rig),
     )
+
+
+def sequences_of(drives: DriveConfig, out: Path) -> list[BenchmarkSequence]:
+    """All conditions and seeds of some drives, each described below a folder.
+
+    Raises:
+        CarlaLocError: a drive cannot be read, or an option does not fit it.
+    """
+    return [_of_stream(stream, out / DRIVES) for stream in describe_drives(drives, out / DRIVES)]
+
+
+def _of_stream(stream: DriveStream, root: Path) -> BenchmarkSequence:
+    rig, path = stream.plan.rig, stream.folder.path
+    return BenchmarkSequence(
+        path=path,
+        dataset=path.parent.parent.relative_to(root).as_posix(),
+        town=path.parent.name,
+        weather=stream.condition.weather_name,
+        traffic=stream.condition.traffic.name,
+        digest=stream.digest,
+        stream=stream,
+        labelled=_labels(rig, "lidar") >= 1,
+        masked=_labels(rig, "camera") >= 2,
+        weather_matters_to_lidar=_weather_matters_to_lidar(rig),
+    )
+
+
+def _labels(rig: SensorRig, kind: str) -> int:
+    """Number of sensors of a kind that give semantic labels."""
+    return sum("semantic" in getattr(sensor, "outputs", ()) for sensor in rig.of_kind(kind))
+
+
+def _weather_matters_to_lidar(rig: SensorRig) -> bool:
+    return any(bool(getattr(lidar, "weather", False)) for lidar in rig.of_kind("lidar"))
 
 
 def plan_jobs(

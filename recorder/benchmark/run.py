@@ -1,4 +1,4 @@
-"""Runs a benchmark: jobs in processes on cores of their own, results kept as they come."""
+"""Runs a benchmark over folders or drives: systems in processes of their own, results kept as they come."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, MissingDependencyError, unknown_name
-from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs
+from carlaloc_env.core.files.last_line import last_line
+from recorder.benchmark.batches import batches_of, files_for, run_batch, runs_on_files
+from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
 from recorder.benchmark.score import ERRORS, Score, read_score, score_run, write_score
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW, SEGMENTED
 from recorder.evaluation.failure import FailRule
 from recorder.evaluation.path_errors import PathErrors
-from recorder.slam.supervisor import LOG, last_line, run_isolated
+from recorder.slam.supervisor import LOG, RunRecord, run_isolated
 from recorder.slam.systems import SYSTEMS, system_of
+from recorder.streaming.drive import DriveConfig
 
 AGAIN = ("failed", "all")
 """Which kept results may be made again."""
@@ -31,8 +34,8 @@ Progress = Callable[[int, int, str], None]
 class BenchmarkConfig:
     """What to run and how."""
 
-    data: Path
-    """Folder with sequences."""
+    data: Path | DriveConfig
+    """Folder with sequences, or drives that are read as they are made."""
     out: Path
     """Folder of the results; those that lie there already are not run again."""
     methods: tuple[str, ...] = ()
@@ -109,7 +112,8 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
         ConfigError: there is no sequence or no such system.
         MissingDependencyError: a system that was asked for is not installed.
     """
-    sequences = find_sequences(config.data)
+    data = config.data
+    sequences = find_sequences(data) if isinstance(data, Path) else sequences_of(data, config.out)
     words = config.methods or tuple(name for name, system in SYSTEMS.items() if system.is_installed)
     systems = [(word, system_of(word)) for word in words]
     for _, system in systems:
@@ -126,61 +130,100 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
         if kept is not None and not again:
             found[k] = kept
     reused = len(found)
-    _run_all(jobs, [k for k in range(len(jobs)) if k not in found], found, config, progress)
+    run = _Run(jobs, found, config, progress or _nobody)
+    run.all_of([k for k in range(len(jobs)) if k not in found])
     scores = [found[k] for k in range(len(jobs))]
     return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused, out=config.out)
 
 
-def _run_all(
-    jobs: Sequence[Job],
-    pending: list[int],
-    found: dict[int, Score],
-    config: BenchmarkConfig,
-    progress: Progress | None,
-) -> None:
-    cores = _cores()
-    share = len(cores) // config.workers
-    free = [cores[k * share : (k + 1) * share] for k in range(config.workers)]
-    lock, stop = threading.Lock(), threading.Event()
-
-    def work(k: int) -> int:
-        with lock:
-            mine = free.pop()
-        try:
-            found[k] = _run_one(jobs[k], config, mine, stop)
-        finally:
-            with lock:
-                free.append(mine)
-        return k
-
-    with ThreadPoolExecutor(config.workers) as pool:
-        try:
-            for future in as_completed([pool.submit(work, k) for k in pending]):
-                k = future.result()
-                score = found[k]
-                told = f"fail: {score.failed}" if score.failed else f"APE {score.ape_m:.3f} m"
-                if progress is not None:
-                    progress(len(found), len(jobs), f"{jobs[k].folder.relative_to('runs')}: {told}")
-        except BaseException:
-            stop.set()
-            pool.shutdown(cancel_futures=True)
-            raise
+def _nobody(done: int, total: int, told: str) -> None:
+    """Listen to no progress."""
 
 
-def _run_one(job: Job, config: BenchmarkConfig, cores: tuple[int, ...], stop: threading.Event) -> Score:
-    folder = config.out / job.folder
-    record = run_isolated(
-        job.method,
-        job.sequence.path,
-        folder,
-        cloud=job.cloud,
-        limit_s=60.0 + config.limit_per_second * _duration_s(job.sequence),
-        cores=cores,
-        stop=stop,
-    )
-    score = score_run(job, folder, record, config.rule)
-    write_score(folder, score, record, _fingerprint(job, config))
-    return score
+class _Run:
+    """Runs jobs, and keeps their scores as they come."""
+
+    def __init__(
+        self, jobs: Sequence[Job], found: dict[int, Score], config: BenchmarkConfig, progress: Progress
+    ) -> None:
+        self._jobs, self._found, self._config, self._progress = jobs, found, config, progress
+        self._cores, self._stop, self._lock = _cores(), threading.Event(), threading.Lock()
+
+    def all_of(self, pending: Sequence[int]) -> None:
+        """Run some jobs."""
+        of_folders = [k for k in pending if self._jobs[k].sequence.stream is None]
+        of_drives = [k for k in pending if self._jobs[k].sequence.stream is not None]
+        self._beside(of_folders)
+        self._batches([k for k in of_drives if not runs_on_files(self._jobs[k])])
+        for k in of_drives:
+            if runs_on_files(self._jobs[k]):
+                with files_for(self._jobs[k], self._config.out) as folder:
+                    self._alone(k, folder, self._cores)
+
+    def _beside(self, pending: Sequence[int]) -> None:
+        """Run jobs over folders, some at a time, each on its own cores."""
+        workers = self._config.workers
+        share = len(self._cores) // workers
+        free = [self._cores[k * share : (k + 1) * share] for k in range(workers)]
+
+        def work(k: int) -> None:
+            with self._lock:
+                mine = free.pop()
+            try:
+                self._alone(k, self._jobs[k].sequence.path, mine)
+            finally:
+                with self._lock:
+                    free.append(mine)
+
+        with ThreadPoolExecutor(workers) as pool:
+            try:
+                for future in as_completed([pool.submit(work, k) for k in pending]):
+                    future.result()
+            except BaseException:
+                self._stop.set()
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def _batches(self, pending: Sequence[int]) -> None:
+        """Run jobs over drives, batch by batch."""
+        numbers = {id(self._jobs[k]): k for k in pending}
+        for batch in batches_of([self._jobs[k] for k in pending]):
+            run_batch(
+                batch,
+                self._config.out,
+                cores=self._cores,
+                workers=self._config.workers,
+                limit_s=self._limit_s,
+                stop=self._stop,
+                ended=lambda job, record: self._ended(numbers[id(job)], record),
+            )
+
+    def _alone(self, k: int, folder: Path, cores: tuple[int, ...]) -> None:
+        job = self._jobs[k]
+        record = run_isolated(
+            job.method,
+            folder,
+            self._config.out / job.folder,
+            cloud=job.cloud,
+            limit_s=self._limit_s(job),
+            cores=cores,
+            stop=self._stop,
+        )
+        self._ended(k, record)
+
+    def _limit_s(self, job: Job) -> float:
+        return 60.0 + self._config.limit_per_second * _duration_s(job.sequence)
+
+    def _ended(self, k: int, record: RunRecord) -> None:
+        """Score a run, keep the score, and tell of it."""
+        job, config = self._jobs[k], self._config
+        folder = config.out / job.folder
+        score = score_run(job, folder, record, config.rule)
+        write_score(folder, score, record, _fingerprint(job, config))
+        told = f"fail: {score.failed}" if score.failed else f"APE {score.ape_m:.3f} m"
+        with self._lock:
+            self._found[k] = score
+            self._progress(len(self._found), len(self._jobs), f"{job.folder.relative_to('runs')}: {told}")
 
 
 def _duration_s(sequence: BenchmarkSequence) -> float:
@@ -194,9 +237,9 @@ def _duration_s(sequence: BenchmarkSequence) -> float:
 
 def _fingerprint(job: Job, config: BenchmarkConfig) -> str:
     """What a result depends on: the data, the system, its file and version, and the rule."""
-    data = SequenceFolder(job.sequence.path).checksums.read_bytes()
     source = Path(job.method).read_bytes() if job.method.endswith((".py", ".yaml", ".yml")) else b""
     facts = [
+        job.sequence.digest,
         repr(job.system),
         job.system.version,
         job.cloud,
@@ -206,7 +249,7 @@ def _fingerprint(job: Job, config: BenchmarkConfig) -> str:
     if job.system.file:
         given = Path(os.environ[job.system.file]).stat()
         facts.append(f"{given.st_size} {given.st_mtime_ns}")
-    return hashlib.sha256(data + source + "\n".join(facts).encode()).hexdigest()[:32]
+    return hashlib.sha256(source + "\n".join(facts).encode()).hexdigest()[:32]
 
 
 def _cores() -> tuple[int, ...]:

@@ -119,7 +119,7 @@ def score_run(job: Job, folder: Path, record: RunRecord, rule: FailRule) -> Scor
     except CarlaLocError as error:
         return Score(**known, failed=str(error))
     PathErrors.of(result, job.title).save(folder / ERRORS)
-    sensor = sequence.lidar if "lidar" in system.needs else sequence.stereo[0]
+    sensor = sequence.lidar if system.sensor == "lidar" else sequence.stereo[0]
     return Score(
         **known,
         failed=rule.why_failed(result),

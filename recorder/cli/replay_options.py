@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, names, positive_int, positive_seconds, seconds
+from recorder.cli.arguments import OutputFolder, names, positive_int, positive_seconds, seconds, seed
 
 
 def add_replay_options(
@@ -19,6 +19,42 @@ def add_replay_options(
         traffic: Default of ``--traffic``.
     """
     parser.add_argument("--out", type=OutputFolder(), required=True, help="folder of the dataset")
+    add_condition_options(parser, weathers=weathers, traffic=traffic)
+    parser.add_argument(
+        "--format",
+        type=names,
+        default=("rosbag1", "euroc"),
+        metavar="A,B",
+        help="rosbag1, rosbag1_lz4, rosbag1_bz2, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec, raw "
+        "(default: rosbag1,euroc)",
+    )
+    parser.add_argument(
+        "--topics",
+        default="standard",
+        help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full",
+    )
+    parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
+    parser.add_argument(
+        "--unit",
+        type=positive_seconds,
+        default=10.0,
+        metavar="S",
+        help="seconds of the drive that a worker makes at a time (default: 10)",
+    )
+    parser.add_argument("--no-preview", action="store_true", help="make no films")
+
+
+def add_condition_options(
+    parser: argparse._ActionsContainer, *, weathers: tuple[str, ...], traffic: tuple[str, ...]
+) -> None:
+    """Declare conditions, sensors and quality of images.
+
+    Args:
+        parser: Parser of the command, or a group of it.
+        weathers: Default of ``--weather``.
+        traffic: Default of ``--traffic``.
+    """
     parser.add_argument(
         "--weather",
         type=names,
@@ -42,45 +78,36 @@ def add_replay_options(
         default="paper",
         help="paper, flu, real, minimal, lidar, state, dsec, or a .yaml file (default: paper)",
     )
-    parser.add_argument(
-        "--format",
-        type=names,
-        default=("rosbag1", "euroc"),
-        metavar="A,B",
-        help="rosbag1, rosbag1_lz4, rosbag1_bz2, rosbag2, rosbag2_sqlite3, euroc, kitti, dsec, raw "
-        "(default: rosbag1,euroc)",
-    )
-    parser.add_argument(
-        "--topics",
-        default="standard",
-        help="topic profile of bags: standard, slam, paper, paper_seg, full, compact or compact_full",
-    )
     parser.add_argument("--quality", default="medium", help="low, medium or high")
-    parser.add_argument("--workers", type=positive_int, metavar="N", help="processes; else one per core")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
-    parser.add_argument(
-        "--unit",
-        type=positive_seconds,
-        default=10.0,
-        metavar="S",
-        help="seconds of the drive that a worker makes at a time (default: 10)",
-    )
-    parser.add_argument("--no-preview", action="store_true", help="make no films")
+
+
+def add_stretch_options(parser: argparse._ActionsContainer) -> None:
+    """Declare the stretch of a drive and the seed of its noise."""
+    parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin here [s]")
+    parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else to the end")
+    parser.add_argument("--seed", type=seed, help="seed of sensor noise; else the episode's")
+
+
+def condition_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Fields of `ReplayOptions` that `add_condition_options` gives."""
+    return {
+        "weathers": arguments.weather,
+        "traffic": arguments.traffic,
+        "rig": arguments.rig,
+        "quality": arguments.quality,
+        "lens_drops": arguments.lens_drops,
+        "leaf_wind_mps": arguments.leaf_wind,
+    }
 
 
 def replay_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """Fields of `ReplayOptions` that the options above give."""
     return {
-        "weathers": arguments.weather,
-        "traffic": arguments.traffic,
-        "rig": arguments.rig,
+        **condition_options(arguments),
         "formats": arguments.format,
         "topics": arguments.topics,
-        "quality": arguments.quality,
         "workers": arguments.workers,
         "cluster": arguments.cluster,
         "unit_s": arguments.unit,
         "preview": not arguments.no_preview,
-        "lens_drops": arguments.lens_drops,
-        "leaf_wind_mps": arguments.leaf_wind,
     }

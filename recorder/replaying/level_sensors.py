@@ -49,6 +49,7 @@ class LevelSensors:
     Args:
         recipe: What is made of the drive.
         level: The traffic level.
+        truth: Whether they measure the truth of the ego and of all objects, too.
 
     Raises:
         EpisodeError: the town is another one than was driven in.
@@ -56,8 +57,8 @@ class LevelSensors:
         RaycastError: rays cannot be cast here.
     """
 
-    def __init__(self, recipe: Recipe, level: TrafficLevel) -> None:
-        self.recipe, self.level = recipe, level
+    def __init__(self, recipe: Recipe, level: TrafficLevel, *, truth: bool = True) -> None:
+        self.recipe, self.level, self._has_truth = recipe, level, truth
         self._weathers = [condition.weather for condition in recipe.conditions_of(level)]
         episode = Episode.load(recipe.episode)
         self._timeline = level.select(episode.timeline())
@@ -71,7 +72,7 @@ class LevelSensors:
             quality=recipe.quality,
         )
         self._rig = recipe.rig.build(self._stage)
-        self._objects = _object_truth(recipe.rig, self._stage)
+        self._objects = _object_truth(recipe.rig, self._stage) if truth else objects_at
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -100,8 +101,14 @@ class LevelSensors:
 
     def measure(self, window_ns: tuple[int, int]) -> list[Measured]:
         """Samples with stamps in a window [ns], begin included, in their order."""
-        found = [*self._of_sensors(window_ns), *self._truth(window_ns)]
+        found = list(self._of_sensors(window_ns))
+        if self._has_truth:
+            found += self._truth(window_ns)
         return sorted(found, key=lambda one: one.order)
+
+    def reseed(self, seed: int) -> None:
+        """Measure with the noise of another seed from now on."""
+        self._stage.seed = seed
 
     def _of_sensors(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
         timeline, weathers = self._timeline, self._weathers

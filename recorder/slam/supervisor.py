@@ -11,18 +11,18 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from carlaloc_env.core.files.last_line import last_line
 from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 
 LOG = "log.txt"
 """File with all that a system prints."""
 _POLL_S = 0.05
-_ERROR_LINE = 300
-"""Longest text of an error that is kept [characters]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +62,7 @@ def run_isolated(
     limit_s: float,
     cores: tuple[int, ...] = (),
     stop: threading.Event | None = None,
+    feed: Connection | None = None,
 ) -> RunRecord:
     """Run a system over a sequence; its record says how it ended, whatever happens to it.
 
@@ -73,6 +74,7 @@ def run_isolated(
         limit_s: Longest time on the clock [s].
         cores: Cores that it may use; empty: all.
         stop: Ends the run when it is set.
+        feed: Connection to a feed, from which it reads in place of the folder; closed here when it has it.
 
     Raises:
         KeyboardInterrupt: it was stopped.
@@ -80,7 +82,13 @@ def run_isolated(
     out.mkdir(parents=True, exist_ok=True)
     for name in (ESTIMATE, FACTS, FRAMES):
         (out / name).unlink(missing_ok=True)
-    job = {"method": method, "sequence": str(sequence.resolve()), "cloud": cloud, "out": str(out.resolve())}
+    job = {
+        "method": method,
+        "sequence": str(sequence.resolve()),
+        "cloud": cloud,
+        "out": str(out.resolve()),
+        "feed": None if feed is None else feed.fileno(),
+    }
     (out / "job.json").write_text(json.dumps(job) + "\n", encoding="utf-8")
     threads = str(len(cores) or os.cpu_count() or 1)
     environment = {**os.environ, "OMP_NUM_THREADS": threads, "OPENBLAS_NUM_THREADS": threads}
@@ -92,7 +100,10 @@ def run_isolated(
             stderr=subprocess.STDOUT,
             env=environment,
             start_new_session=True,
+            pass_fds=() if feed is None else (feed.fileno(),),
         )
+        if feed is not None:
+            feed.close()
         if cores and hasattr(os, "sched_setaffinity"):
             os.sched_setaffinity(child.pid, cores)
         memory = _PeakMemory(child.pid)
@@ -200,13 +211,3 @@ def _record(out: Path, ended: _Ended, limit_s: float, cores: int) -> RunRecord:
         frame_median_s=float(np.median(times)) if len(times) else float("nan"),
         frame_p99_s=float(np.percentile(times, 99)) if len(times) else float("nan"),
     )
-
-
-def last_line(log: Path, *, but: str = "") -> str:
-    """Last line that a system printed and that an error, `but`, does not hold already; empty: none."""
-    try:
-        lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return ""
-    printed = [line.strip()[:_ERROR_LINE] for line in lines if line.strip()]
-    return next((line for line in reversed(printed) if line not in but), "")

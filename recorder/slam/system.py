@@ -115,6 +115,11 @@ class System:
         return metadata.version(self.package) if self.package else "own"
 
     @property
+    def sensor(self) -> str:
+        """What makes a frame: ``lidar`` or ``stereo``."""
+        return "lidar" if "lidar" in self.needs else "stereo"
+
+    @property
     def is_visual(self) -> bool:
         """Whether it reads images, so that weather and light matter to it."""
         return "stereo" in self.needs

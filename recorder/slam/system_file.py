@@ -70,8 +70,12 @@ class SystemFile:
 
     def run(self, sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
         """Poses that its command has written."""
-        sensor = "lidar" if "lidar" in self.needs else "stereo"
-        return run_command(sequence, clock, self.command, sensor=sensor, topic=self.topic)
+        return run_command(sequence, clock, self.command, sensor=self.system.sensor, topic=self.topic)
+
+
+def is_system_file(word: str) -> bool:
+    """Whether a word that names a system is such a file."""
+    return word.endswith((".yaml", ".yml"))
 
 
 def read_system_file(path: Path) -> SystemFile:

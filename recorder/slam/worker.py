@@ -9,6 +9,7 @@ import json
 import runpy
 import sys
 from importlib import import_module
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, cast
 
@@ -20,8 +21,9 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.system import FrameClock, Runner, StampedPose, System
-from recorder.slam.system_file import read_system_file
+from recorder.slam.system_file import is_system_file, read_system_file
 from recorder.slam.systems import system_of
+from recorder.streaming.feed_readings import FeedReadings
 
 ESTIMATE, FRAMES, FACTS = "estimate.tum", "frames.csv", "facts.json"
 """Files that it leaves: poses, times of frames, version and counts."""
@@ -42,17 +44,19 @@ def run_job(job: dict[str, Any]) -> None:
     """Feed a sequence to a system and write its poses, times and version.
 
     Args:
-        job: ``method``, ``sequence``, ``cloud`` and ``out``.
+        job: ``method``, ``sequence``, ``cloud``, ``out`` and ``feed``, the file descriptor of the connection
+            from which it reads in place of the sequence's folder, or None.
 
     Raises:
         CarlaLocError: the sequence lacks what the system needs, or the system gave no pose.
     """
     out = Path(job["out"])
     system = system_of(job["method"])
-    sequence = SlamSequence(Path(job["sequence"]), cloud=job["cloud"])
+    readings = None if job["feed"] is None else FeedReadings(Connection(job["feed"]))
+    sequence = SlamSequence(Path(job["sequence"]), cloud=job["cloud"], readings=readings)
     clock = FrameClock()
     poses = _runner(system, job["method"])(sequence, clock)
-    offset_ns = round(system.instant * sequence.lidar.sweep_ns) if "lidar" in system.needs else 0
+    offset_ns = round(system.instant * sequence.lidar.sweep_ns) if system.sensor == "lidar" else 0
     write_tum(out / ESTIMATE, _trajectory(poses, offset_ns, system))
     rows = [f"{w:.6f},{c:.6f}" for w, c in zip(clock.wall_s, clock.cpu_s, strict=True)]
     (out / FRAMES).write_text("\n".join(["wall [s],cpu [s]", *rows]) + "\n", encoding="utf-8")
@@ -62,7 +66,7 @@ def run_job(job: dict[str, Any]) -> None:
 
 
 def _runner(system: System, word: str) -> Runner:
-    if word.endswith((".yaml", ".yml")):
+    if is_system_file(word):
         return read_system_file(Path(word)).run
     module, name = system.runner.split(":")
     found = runpy.run_path(word)[name] if word.endswith(".py") else getattr(import_module(module), name)

@@ -49,6 +49,7 @@ class LidarSensor(Sensor):
         self.depends_on_weather = config.weather
         self._pattern = ScanPattern(config, world)
         self._echoes = EchoModel(config)
+        self._last_cast: tuple[Timeline, int, tuple[Index, Hits]] | None = None
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Padded rows: x, y, z [m], intensity; semantic: x, y, z [m], cos incidence, instance, tag."""
@@ -86,7 +87,7 @@ class LidarSensor(Sensor):
             # One number for every ray that is fired, so that a car in the way of some rays does not
             # change the noise of the others.
             drawn = beside.submit(white, self._world.seed, f"{config.name}/range", stamp_ns, config.rays)
-            rays, hits = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
+            rays, hits = self._cast(timeline, stamp_ns)
             noise = drawn.result()
         if not config.weather:
             clouds = self._clouds(stamp_ns, noise, rays, hits, self._echoes.strength(hits))
@@ -95,6 +96,14 @@ class LidarSensor(Sensor):
             self._clouds(stamp_ns, noise, *self._in_weather(timeline, stamp_ns, rays, hits, w))
             for w in weathers
         ]
+
+    def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Index, Hits]:
+        """Rays of a sweep and their hits; asked for again, as under another seed, they are not cast again."""
+        last = self._last_cast
+        if last is None or last[0] is not timeline or last[1] != stamp_ns:
+            cast = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
+            last = self._last_cast = timeline, stamp_ns, cast
+        return last[2]
 
     def _stream_names(self) -> dict[str, str]:
         names = {"cloud": self.config.name, "semantic": f"{self.config.name}_semantic"}

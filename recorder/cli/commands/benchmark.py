@@ -1,12 +1,14 @@
-"""Run SLAM systems over all sequences of a folder, and write tables and a report.
+"""Run SLAM systems over the sequences of a folder, or over drives, and write tables and a report.
 
 Examples:
   carlaloc benchmark data --out scores
+  carlaloc benchmark drive.mcap --weather ClearNoon,FoggyNoon --traffic static,dynamic --noise-seeds 3
   carlaloc benchmark data --out scores --methods kiss_icp,small_gicp --runs 3
   carlaloc benchmark data --out scores --methods my_system.py --fail-above 0.5
   carlaloc benchmark data --out scores --again failed
   carlaloc benchmark data --out scores --rerun
 
+Of a drive, sensor data are made while systems read them, and nothing of them is kept on the disk.
 Results are kept: a second call runs what is new, and what failed when --again says so. It ends with 1 when
 every run failed, or by --fail-above.
 """
@@ -16,17 +18,33 @@ from __future__ import annotations
 import argparse
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from carlaloc_env.core.errors import EvaluationError, MissingDependencyError
+from carlaloc_env.core.errors import EvaluationError, MissingDependencyError, UsageError
 from recorder.cli.arguments import OutputFolder, input_path, names, number, positive_int
 from recorder.cli.progress import Progress
+from recorder.cli.replay_options import add_condition_options, add_stretch_options, condition_options
+
+if TYPE_CHECKING:
+    from recorder.streaming.drive import DriveConfig
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc benchmark`."""
-    parser.add_argument("data", type=input_path, help="folder with sequences")
+    parser.add_argument(
+        "data", type=input_path, nargs="+", help="folder with sequences, or drives (.mcap), one or more"
+    )
     parser.add_argument("--out", type=OutputFolder(), help="results; else DATA-benchmark beside it")
+    group = parser.add_argument_group("of drives")
+    add_condition_options(group, weathers=("ClearNoon",), traffic=("dynamic",))
+    add_stretch_options(group)
+    group.add_argument(
+        "--noise-seeds",
+        type=positive_int,
+        default=1,
+        metavar="N",
+        help="runs of this and the next seeds of noise",
+    )
     parser.add_argument(
         "--methods",
         type=names,
@@ -55,8 +73,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
     from recorder.benchmark.tables import frame_of, write_tables
 
-    data: Path = arguments.data
-    out: Path = arguments.out or data.resolve().with_name(f"{data.resolve().name}-benchmark")
+    data = _data(arguments)
+    first: Path = arguments.data[0].resolve()
+    out: Path = arguments.out or first.with_name(f"{first.stem}-benchmark")
     config = BenchmarkConfig(
         data=data,
         out=out,
@@ -94,6 +113,32 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         ],
         "failed": bool(above),
     }
+
+
+def _data(arguments: argparse.Namespace) -> Path | DriveConfig:
+    """The folder, or the drives with their conditions.
+
+    Raises:
+        UsageError: folders and drives are mixed, or an option does not fit.
+    """
+    from recorder.replaying.plan import ReplayOptions
+    from recorder.streaming.drive import DriveConfig
+
+    given: list[Path] = arguments.data
+    drives = [path for path in given if path.suffix == ".mcap"]
+    if not drives and len(given) == 1:
+        return given[0]
+    if len(drives) != len(given):
+        raise UsageError("give one folder with sequences, or drives (.mcap) alone")
+    if arguments.rerun:
+        raise UsageError("--rerun shows sensor data, which drives leave nowhere; replay them into a dataset")
+    return DriveConfig(
+        episodes=tuple(given),
+        options=ReplayOptions(**condition_options(arguments), seed=arguments.seed),
+        noise_seeds=arguments.noise_seeds,
+        start_s=arguments.start,
+        duration_s=arguments.duration,
+    )
 
 
 def _check_tools() -> None:

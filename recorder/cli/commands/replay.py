@@ -12,9 +12,9 @@ from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from recorder.cli.arguments import input_path, positive_int, positive_seconds, seconds, seed
+from recorder.cli.arguments import input_path, positive_int, positive_seconds, seconds
 from recorder.cli.progress import Progress
-from recorder.cli.replay_options import add_replay_options, replay_options
+from recorder.cli.replay_options import add_replay_options, add_stretch_options, replay_options
 
 if TYPE_CHECKING:
     from recorder.replaying.plan import ReplayConfig
@@ -24,13 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc replay`."""
     parser.add_argument("episode", type=input_path, help="episode to replay (.mcap)")
     add_replay_options(parser, weathers=("ClearNoon",), traffic=("dynamic",))
-    parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin here [s]")
-    parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else to the end")
+    add_stretch_options(parser)
     parser.add_argument("--camera-start", type=seconds, metavar="S", help="pictures begin here [s]")
     parser.add_argument(
         "--camera-duration", type=positive_seconds, metavar="S", help="length of pictures [s]"
     )
-    parser.add_argument("--seed", type=seed, help="seed of sensor noise; else the episode's")
     parser.add_argument(
         "--noise-seeds",
         type=positive_int,

@@ -1,0 +1,211 @@
+"""A drive that is read as it is made: what it is, and the folder that describes it as a dataset's would.
+
+The folder has calibration, truth and descriptions, a few megabytes, and no sensor data.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+
+from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
+from carlaloc_env.core.files.atomic_write import atomic_write
+from carlaloc_env.rigs.rig import SensorRig
+from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
+from recorder.dataset.rig_parts import imu_of
+from recorder.episode.episode import Episode, open_episode
+from recorder.episode.traffic_level import traffic_level
+from recorder.replaying.conditions import Condition
+from recorder.replaying.plan import ReplayConfig, ReplayOptions, ReplayPlan, plan_replay
+from recorder.replaying.sequence_writers import write_shared
+from recorder.streaming.frames import FrameJob, sensors_for
+from recorder.writers.base import DEFAULT_EPOCH_NS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveStream:
+    """A drive under one condition, with the noise of one seed."""
+
+    plan: ReplayPlan
+    """The drive; its rig has what SLAM systems read."""
+    condition: Condition
+    """Weather and traffic."""
+
+    @property
+    def folder(self) -> SequenceFolder:
+        """Folder that describes it."""
+        return self.plan.drive.sequence(self.condition.name)
+
+    @property
+    def seed(self) -> int:
+        """Seed of its noise."""
+        return self.plan.recipe.seed
+
+    @property
+    def length_s(self) -> float:
+        """Length of the stretch [s]."""
+        first, end = self.plan.span_ns
+        return (end - first) / 1e9
+
+    @property
+    def digest(self) -> str:
+        """A text that is another one where any byte of the sensor data may be."""
+        request = self.plan.request
+        about = [request[name] for name in sorted(request) if not name.startswith(("set of", "length of"))]
+        return hashlib.sha256("\n".join([*about, repr(self.condition)]).encode()).hexdigest()
+
+    @property
+    def weather(self) -> int:
+        """Number of its weather among those of its traffic level."""
+        return self.plan.recipe.conditions_of(self.condition.traffic).index(self.condition)
+
+    def frame_job(self, sensor: str, *, masks: bool) -> FrameJob:
+        """What makes its frames, see `FrameJob`; other seeds may be added."""
+        plan = self.plan
+        imus = plan.rig.of_kind("imu")
+        return FrameJob(
+            recipe=replace(plan.recipe, rig=sensors_for(plan.rig, sensor, masks=masks)),
+            level=self.condition.traffic,
+            span_ns=plan.span_ns,
+            seeds=(self.seed,),
+            sensor=sensor,
+            imu=imu_of(plan.rig) if imus else None,
+        )
+
+    def alone(self, out: Path, *, sensor: str) -> ReplayConfig:
+        """The replay of this one condition into a dataset that programs read, with the sensors of a kind.
+
+        Args:
+            out: Folder of the dataset; the rig's file is written beside it.
+            sensor: ``lidar`` or ``stereo``.
+        """
+        config, condition = self.plan.config, self.condition
+        rig = sensors_for(self.plan.rig, sensor)
+        file = out.with_name("rig.yaml")
+        imus = self.plan.rig.of_kind("imu")
+        file.write_text(replace(rig, sensors=(*imus, *rig.sensors)).to_yaml(), encoding="utf-8")
+        return replace(
+            config,
+            out=out,
+            rig=str(file),
+            weathers=tuple(name for name in config.weathers if Path(name).stem == condition.weather_name),
+            traffic=tuple(text for text in config.traffic if traffic_level(text) == condition.traffic)[:1],
+            formats=("rosbag1",) if sensor == "lidar" else ("rosbag1", "euroc"),
+            seed=self.seed,
+            preview=False,
+            workers=None,
+        )
+
+    def tell_movers(self, shares: Mapping[str, float]) -> None:
+        """Write down the shares of movers of some streams, which making them has shown."""
+        found = SequenceDescription.read(self.folder)
+        _describe(self, {**found.movers, **shares})
+        list_drive(self.plan.config.out, self.plan.town.name, self.plan.origin)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveConfig:
+    """Which drives are read as they are made, and under which conditions."""
+
+    episodes: tuple[Path, ...]
+    """Drives."""
+    options: ReplayOptions
+    """Conditions, rig, quality; formats, workers and the like mean nothing here."""
+    noise_seeds: int = 1
+    """Number of seeds of noise, from that of the options on."""
+    start_s: float = 0.0
+    """Beginning of the stretch [s]."""
+    duration_s: float | None = None
+    """Length of the stretch [s]; None: to the end of the drive."""
+
+    def __post_init__(self) -> None:
+        names = [path.stem for path in self.episodes]
+        for name in names:
+            if names.count(name) > 1:
+                raise ConfigError(f"two drives are called {name}; rename one")
+
+
+def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
+    """Streams of all drives, seeds and conditions, described in folders ``DRIVE/seed<S>`` of `out`.
+
+    Raises:
+        ConfigError: an unknown rig, weather or level, or a stretch outside a drive.
+        EpisodeError: an episode cannot be read, or its map has changed since.
+        EvaluationError: the rig has nothing that a SLAM system reads.
+        WriterError: a folder describes another drive, rig or stretch.
+    """
+    options = {field.name: getattr(config.options, field.name) for field in fields(ReplayOptions)}
+    streams = []
+    for episode in config.episodes:
+        first = options["seed"]
+        if first is None:
+            first = open_episode(episode).header.seed
+        for seed in range(first, first + config.noise_seeds):
+            one = ReplayConfig(
+                **{**options, "seed": seed, "workers": 1},
+                episode=episode,
+                out=out / episode.stem / f"seed{seed}",
+                start_s=config.start_s,
+                duration_s=config.duration_s,
+            )
+            streams += describe_drive(one)
+    return streams
+
+
+def describe_drive(config: ReplayConfig) -> list[DriveStream]:
+    """Streams of a drive under all conditions of a replay, described in its folder `out`.
+
+    Raises:
+        ConfigError: an unknown rig, weather or level, or a stretch outside the drive.
+        EpisodeError: the episode cannot be read, or its map has changed since or must be given.
+        WriterError: the folder describes another drive, rig or stretch.
+    """
+    asked = plan_replay(config)
+    rig = _slam_rig(asked.rig)
+    recipe = asked.recipe
+    origin = drive_origin(
+        Episode.load(config.episode), rig, seed=recipe.seed, span_ns=asked.span_ns, topics=recipe.topics
+    )
+    plan = replace(asked, rig=rig, recipe=replace(recipe, rig=rig), origin=origin)
+    streams = [DriveStream(plan=plan, condition=condition) for condition in recipe.conditions]
+    if not has_drive(config.out, plan.town.name, origin):
+        write_shared(plan.drive, rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed)
+    missing = [stream for stream in streams if not stream.folder.description.exists()]
+    for stream in missing:
+        _describe(stream, {})
+    if missing:
+        list_drive(config.out, plan.town.name, origin)
+    return streams
+
+
+def _describe(stream: DriveStream, movers: Mapping[str, float]) -> None:
+    condition, file = stream.condition, stream.folder.description
+    file.parent.mkdir(parents=True, exist_ok=True)
+    description = SequenceDescription(
+        name=condition.name,
+        weather={"name": condition.weather_name, **condition.weather.to_mapping()},
+        traffic=asdict(condition.traffic),
+        rig=stream.plan.rig.name,
+        epoch_ns=DEFAULT_EPOCH_NS,
+        samples={},
+        movers=movers,
+    )
+    with atomic_write(file, WriterError) as part:
+        part.write_text(description.to_yaml(), encoding="utf-8")
+
+
+def _slam_rig(rig: SensorRig) -> SensorRig:
+    """The sensors of a rig that SLAM systems read: IMU, LiDAR, and a pair of cameras without depth.
+
+    Raises:
+        EvaluationError: there are none.
+    """
+    cameras = rig.of_kind("camera")[:2]
+    pair = cameras if len(cameras) == 2 else ()
+    kept = (*rig.of_kind("imu")[:1], *rig.of_kind("lidar")[:1], *pair)
+    if all(one.kind == "imu" for one in kept):
+        raise EvaluationError(f"rig '{rig.name}' has neither a LiDAR nor two cameras; choose another --rig")
+    return replace(rig, sensors=kept)

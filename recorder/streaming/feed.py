@@ -1,0 +1,184 @@
+"""The process that makes frames ahead and hands them to systems: ``python -m recorder.streaming.feed FILE``.
+
+Systems of a lane take turns: one has a frame in hand until it asks for the next, so that no two of them
+compete for the lane's cores and a frame's time is the system's own. Each is reached by a connection that the
+benchmark has made; one that ends, however it does, is left out from then on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
+from queue import Full, Queue
+
+from carlaloc_env.core.errors import CarlaLocError
+from recorder.episode.episode import Episode
+from recorder.streaming.frames import (
+    FrameJob,
+    FrameMaker,
+    Key,
+    frame_stamps_ns,
+    inertial_samples,
+)
+
+AHEAD = 8
+"""Frames that are made ahead."""
+SHARES = "movers.json"
+"""File with the share of movers of each labelled stream, written at the end."""
+NEXT, STAMPS, IMU = "next", "stamps", "imu"
+"""What systems ask for: the next frame (None: there is none), times of all frames, all inertial samples."""
+_LOOK_S = 0.2
+"""Time after which a maker looks again whether anybody still listens [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listener:
+    """A system that listens."""
+
+    connection: Connection
+    """Its connection."""
+    key: Key
+    """Version of the frames that it gets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeedJob:
+    """What a feed makes and for whom, as its process gets it."""
+
+    frames: FrameJob
+    """What it makes."""
+    lanes: tuple[tuple[tuple[int, Key], ...], ...]
+    """Systems by lane: file descriptor of the connection, and version of the frames."""
+    parent: int
+    """File descriptor of a connection to the benchmark; the feed ends when the other end does."""
+    out: Path
+    """Folder for `SHARES`."""
+
+
+class Feed:
+    """Hands frames to the listeners of some lanes while they are made.
+
+    Args:
+        job: What is made.
+        lanes: Listeners by lane.
+    """
+
+    def __init__(self, job: FrameJob, lanes: Sequence[Sequence[Listener]]) -> None:
+        self._job, self._lock = job, threading.Lock()
+        self._timeline = Episode.load(job.recipe.episode).timeline()
+        self._answers: dict[tuple[str, int], bytes] = {}
+        self._lanes = [_Lane(listeners, self._answer) for listeners in lanes]
+
+    def run(self) -> dict[str, float]:
+        """Make all frames; return the shares of movers, none if nobody listened to the end.
+
+        Raises:
+            CarlaLocError: a frame cannot be made.
+        """
+        maker = FrameMaker(self._job)
+        try:
+            for versions in maker:
+                packed = {key: bytes(ForkingPickler.dumps(frame)) for key, frame in versions.items()}
+                heard = [lane.put(packed) for lane in self._lanes]
+                if not any(heard):
+                    return {}
+            for lane in self._lanes:
+                lane.finish()
+            return maker.mover_shares()
+        finally:
+            maker.close()
+
+    def _answer(self, request: str, key: Key) -> bytes:
+        seed = key[1]
+        with self._lock:
+            if (request, seed) not in self._answers:
+                found = (
+                    frame_stamps_ns(self._job, self._timeline.end_ns)
+                    if request == STAMPS
+                    else inertial_samples(self._job, self._timeline, seed)
+                )
+                self._answers[request, seed] = bytes(ForkingPickler.dumps(found))
+            return self._answers[request, seed]
+
+
+class _Lane:
+    """Hands each frame to one listener after another."""
+
+    def __init__(self, listeners: Sequence[Listener], answer: Callable[[str, Key], bytes]) -> None:
+        self._listeners, self._answer = list(listeners), answer
+        self._frames: Queue[dict[Key, bytes] | None] = Queue(AHEAD)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def put(self, versions: dict[Key, bytes] | None) -> bool:
+        """Add a frame (None: the end) as soon as there is room; False: nobody listens any more."""
+        while self._thread.is_alive():
+            try:
+                self._frames.put(versions, timeout=_LOOK_S)
+                return True
+            except Full:
+                continue
+        return False
+
+    def finish(self) -> None:
+        """Tell all that there is no more, and wait until they have understood."""
+        self.put(None)
+        self._thread.join()
+
+    def _run(self) -> None:
+        while self._listeners:
+            versions = self._frames.get()
+            self._listeners = [one for one in self._listeners if self._give(one, versions)]
+            if versions is None:
+                return
+
+    def _give(self, listener: Listener, versions: dict[Key, bytes] | None) -> bool:
+        """Hand over a frame and wait until it has been worked on; False: the listener has ended."""
+        connection = listener.connection
+        try:
+            while (request := connection.recv()) != NEXT:
+                connection.send_bytes(self._answer(request, listener.key))
+            connection.send_bytes(_END if versions is None else versions[listener.key])
+            if versions is not None:
+                connection.poll(None)
+        except (EOFError, OSError):
+            return False
+        return True
+
+
+_END = bytes(ForkingPickler.dumps(None))
+"""What stands for a frame after the last."""
+
+
+def main(job_file: str) -> int:
+    """Run a `FeedJob`; what went wrong is the last line on stderr."""
+    job: FeedJob = pickle.loads(Path(job_file).read_bytes())
+    threading.Thread(target=_end_with, args=(Connection(job.parent),), daemon=True).start()
+    lanes = [[Listener(connection=Connection(fd), key=key) for fd, key in lane] for lane in job.lanes]
+    try:
+        shares = Feed(job.frames, lanes).run()
+    except CarlaLocError as error:
+        print(error, file=sys.stderr)  # noqa: T201
+        return 1
+    (job.out / SHARES).write_text(json.dumps(shares), encoding="utf-8")
+    return 0
+
+
+def _end_with(parent: Connection) -> None:
+    """End this process as soon as the benchmark has ended, however that came."""
+    with suppress(EOFError, OSError):
+        parent.recv()
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

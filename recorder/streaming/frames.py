@@ -1,0 +1,188 @@
+"""Makes the frames of a drive, sweeps or stereo pairs, for all seeds and weathers that share work.
+
+Rays are cast once for all seeds of noise, and geometry is drawn once for all weathers. What comes out is
+what a system reads from a dataset of the same drive, bit by bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.clock import STEP_NS, Schedule
+from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.samples import Image, Imu, PointCloud, SemanticImage
+from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
+from carlaloc_env.timeline.timeline import Timeline
+from recorder.dataset.mover_masks import mask_of
+from recorder.dataset.readings import ImuSample, StereoPair
+from recorder.dataset.rig_parts import lidar_of, stereo_of
+from recorder.dataset.scans import Scan
+from recorder.episode.traffic_level import TrafficLevel
+from recorder.replaying.level_sensors import LevelSensors, Measured
+from recorder.replaying.sample_counts import SampleCounts
+from recorder.replaying.units import Recipe
+from recorder.writers.base import DEFAULT_EPOCH_NS, grey
+
+Masks: TypeAlias = tuple[NDArray[np.bool_], NDArray[np.bool_]]
+"""Where the left and the right image show movers, each of shape (H, W)."""
+Frame: TypeAlias = "Scan | tuple[StereoPair, Masks | None]"
+"""What a system takes at a time: a sweep, or a pair of images and where they show movers."""
+Key: TypeAlias = tuple[int, int]
+"""Which version of a frame: number of its weather, and seed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameJob:
+    """Frames of a stretch of a drive under one traffic level."""
+
+    recipe: Recipe
+    """The drive and its conditions; its rig holds what `sensors_for` leaves."""
+    level: TrafficLevel
+    """Traffic; weathers are those that the recipe has with it."""
+    span_ns: tuple[int, int]
+    """First stamp and end (not included) [ns]."""
+    seeds: tuple[int, ...]
+    """Seeds of noise."""
+    sensor: str
+    """What makes a frame: ``lidar`` or ``stereo``."""
+    imu: ImuConfig | None
+    """The IMU beside it; None: there is none."""
+
+
+def sensors_for(rig: SensorRig, sensor: str, *, masks: bool = True) -> SensorRig:
+    """A rig with what frames need and nothing else.
+
+    Args:
+        rig: All sensors.
+        sensor: ``lidar`` or ``stereo``.
+        masks: Whether movers are to be known in images, where the cameras label them.
+
+    Raises:
+        EvaluationError: the rig has no such sensor.
+    """
+    if sensor == "lidar":
+        return replace(rig, sensors=(lidar_of(rig),))
+    wanted = ("rgb", "semantic") if masks else ("rgb",)
+    cameras = tuple(
+        replace(camera, outputs=tuple(output for output in camera.outputs if output in wanted))
+        for camera in stereo_of(rig)
+    )
+    return replace(rig, sensors=cameras)
+
+
+def frame_stamps_ns(job: FrameJob, end_ns: int) -> NDArray[np.int64]:
+    """Unix times of all frames [ns], shape (N,).
+
+    Args:
+        job: What is made.
+        end_ns: End of the drive, by which a sweep must be whole [ns].
+    """
+    rig, is_lidar = job.recipe.rig, job.sensor == "lidar"
+    rate_hz = lidar_of(rig).rate_hz if is_lidar else stereo_of(rig)[0].rate_hz
+    stamps = np.array(Schedule.from_hz(rate_hz).stamps_ns_in(*job.span_ns), np.int64)
+    if is_lidar:
+        stamps = stamps[stamps + lidar_of(rig).sweep_ns <= end_ns]
+    return DEFAULT_EPOCH_NS + stamps
+
+
+def inertial_samples(job: FrameJob, timeline: Timeline, seed: int) -> list[ImuSample]:
+    """All inertial samples of the stretch; none without an IMU."""
+    if job.imu is None:
+        return []
+    sensor = ImuSensor(job.imu, seed)
+    stamps = [stamp for stamp in sensor.schedule.stamps_ns_in(*job.span_ns) if stamp <= timeline.end_ns]
+    return [
+        ImuSample(
+            stamp_ns=DEFAULT_EPOCH_NS + sample.stamp_ns,
+            acceleration_mps2=sample.specific_force_mps2,
+            angular_velocity_radps=sample.angular_rate_radps,
+        )
+        for sample in sensor.measure(timeline, stamps)
+        if isinstance(sample, Imu)
+    ]
+
+
+class FrameMaker:
+    """Makes frames one after another.
+
+    Args:
+        job: What to make.
+
+    Raises:
+        EpisodeError: the town is another one than was driven in.
+        RenderError: pictures cannot be drawn here.
+        RaycastError: rays cannot be cast here.
+    """
+
+    def __init__(self, job: FrameJob) -> None:
+        self._job = job
+        self._sensors = LevelSensors(job.recipe, job.level, truth=False)
+        self._weathers = len(job.recipe.conditions_of(job.level))
+        self._counts = SampleCounts()
+
+    def __iter__(self) -> Iterator[dict[Key, Frame]]:
+        """All versions of each frame, in the order of time."""
+        first, end = self._job.span_ns
+        for _ in self._sensors.recall(self._job.span_ns):
+            pass
+        for begin in range(first, end, STEP_NS):
+            versions: dict[int, dict[Key, Frame]] = {}
+            for seed in self._job.seeds:
+                self._sensors.reseed(seed)
+                measured = self._sensors.measure((begin, min(begin + STEP_NS, end)))
+                for stamp, weather, frame in self._frames(measured):
+                    versions.setdefault(stamp, {})[weather, seed] = frame
+            yield from (versions[stamp] for stamp in sorted(versions))
+
+    def close(self) -> None:
+        """Give GPU memory back."""
+        self._sensors.close()
+
+    def mover_shares(self) -> dict[str, float]:
+        """Fraction of labelled points and pixels on movers so far, 0–1, by stream."""
+        return self._counts.shares()
+
+    def _frames(self, measured: list[Measured]) -> Iterator[tuple[int, int, Frame]]:
+        """Stamp, weather and frame of all that was measured in a window."""
+        by_stamp: dict[int, list[Measured]] = {}
+        for one in measured:
+            self._counts.count(one.sample)
+            by_stamp.setdefault(one.sample.stamp_ns, []).append(one)
+        frame_of: Callable[[list[Measured]], Frame] = _scan if self._job.sensor == "lidar" else self._pair
+        for stamp, found in by_stamp.items():
+            shared = [one for one in found if one.weather is None]
+            frame = None
+            for weather in range(self._weathers):
+                own = [one for one in found if one.weather == weather]
+                if frame is None or own:
+                    frame = frame_of(shared + own)
+                yield stamp, weather, frame
+
+    def _pair(self, measured: list[Measured]) -> tuple[StereoPair, Masks | None]:
+        samples = {one.sample.sensor: one.sample for one in measured}
+        left, right = (camera.name for camera in stereo_of(self._job.recipe.rig))
+        images = [samples[f"rgb_{name}"] for name in (left, right)]
+        labelled = [samples.get(f"semantic_{name}") for name in (left, right)]
+        greys = [grey(image) for image in images if isinstance(image, Image)]
+        pair = StereoPair(stamp_ns=DEFAULT_EPOCH_NS + images[0].stamp_ns, left=greys[0], right=greys[1])
+        masks = [mask_of(one.tag) for one in labelled if isinstance(one, SemanticImage)]
+        return pair, (masks[0], masks[1]) if len(masks) == 2 else None
+
+
+def _scan(measured: list[Measured]) -> Scan:
+    """A sweep as bags hold it: times in single precision, labels where there are some."""
+    clouds = [one.sample for one in measured if isinstance(one.sample, PointCloud)]
+    cloud = next((cloud for cloud in clouds if cloud.tag is not None), clouds[0])
+    return Scan(
+        stamp_ns=DEFAULT_EPOCH_NS + cloud.stamp_ns,
+        points_xyz_m=cloud.points_xyz_m.astype(np.float64),
+        time_s=(cloud.offset_ns * 1e-9).astype(np.float32).astype(np.float64),
+        ring=cloud.ring.astype(np.int64),
+        intensity=cloud.intensity.astype(np.float64),
+        tag=cloud.tag,
+    )
