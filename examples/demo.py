@@ -101,7 +101,7 @@ def _scores(data: Path, out: Path) -> tuple[Scores, Path]:
     workers = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
     config = BenchmarkConfig(data=data, out=out, methods=methods, workers=workers, clouds=(RAW,))
     with Progress("3/3 SLAM systems", unit="runs") as progress:
-        found = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
+        found = run_benchmark(config, progress.pieces)
     if any(score.coverage == 0.0 for score in found.scores):
         raise CarlaLocError(found.failures[0])
     scores: Scores = {SYSTEMS[name].title: {} for name in methods}

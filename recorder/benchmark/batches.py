@@ -1,37 +1,39 @@
 """Batches of runs over drives that are read as they are made: one feed for all that share its work.
 
 A batch has a process that makes the frames ahead, on cores of its own, and a lane for each worker, in which
-systems take turns frame by frame. A program that reads files gets a bag of its own, see `files_for`.
+systems take turns frame by frame. A program that reads files gets a bag of its own, see `run_on_files`.
 """
 
 from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
 from pathlib import Path
 
-from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import Job
-from recorder.dataset.layout import SequenceFolder
+from recorder.benchmark.results import keep, limit_s
+from recorder.benchmark.score import Score
+from recorder.dataset.layout import DatasetFolder
 from recorder.dataset.sequence import SEGMENTED
 from recorder.replaying.replay import replay
+from recorder.replaying.unit_work import STOP
 from recorder.slam.supervisor import RunRecord, run_isolated
-from recorder.slam.system_file import is_system_file
 from recorder.streaming.drive import DriveStream
 from recorder.streaming.frames import FrameJob, Key
 from recorder.streaming.run_feed import RunningFeed
 
 TOGETHER = 8
 """Most systems of a batch: each is a process with a map of its own in memory."""
-FEED, BAGS = "feed", "bags"
-"""Folders of a batch's feed and of bags for programs, below the benchmark's folder; emptied after each."""
-
-Ended = Callable[[Job, RunRecord], None]
-"""Told of each run that has ended."""
+FEEDS, BAGS = "feeds", "bags"
+"""Folders of feeds and of bags for programs, below the benchmark's folder; deleted at the end."""
+_LOOK_S = 0.5
+"""Time between two looks at how far a feed is [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,94 +85,111 @@ def _batch(jobs: Sequence[Job]) -> Batch:
     return Batch(frames=replace(frames, seeds=seeds), jobs=tuple(jobs))
 
 
-def run_batch(
-    batch: Batch,
-    out: Path,
-    *,
-    cores: Sequence[int],
-    workers: int,
-    limit_s: Callable[[Job], float],
-    stop: threading.Event,
-    ended: Ended,
-) -> None:
-    """Run a batch; a run that fails is a record like any other.
+def lacks(job: Job) -> str | None:
+    """Why the rig of a drive is none for a system; None: it is one."""
+    try:
+        stream_of(job).frame_job(job.system.sensor, masks=False)
+    except EvaluationError as error:
+        return str(error)
+    return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BatchWork:
+    """A batch, as a worker gets it."""
+
+    batch: Batch
+    """What to run."""
+    config: BenchmarkConfig
+    """The benchmark."""
+    folder: Path
+    """Folder of its feed, which is there."""
+
+
+def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
+    """Run a batch and keep its results; a run that fails is a result like any other.
 
     Args:
-        batch: What to run.
-        out: The benchmark's folder.
-        cores: Cores that may be used.
-        workers: Number of lanes.
-        limit_s: Longest time of a run on the clock, were it alone [s].
-        stop: Ends all runs when it is set.
-        ended: Told of each run, when the feed's shares of movers are written down.
+        work: What to do.
+        report: Told how much of the drive has been made [s].
+
+    Raises:
+        KeyboardInterrupt: it was asked to end.
     """
-    own, lanes = share_cores(cores, workers)
-    numbers = [range(lane, len(batch.jobs), workers) for lane in range(workers)]
-    keys = batch.keys
-    records: dict[int, RunRecord] = {}
-    with RunningFeed(batch.frames, [[keys[k] for k in lane] for lane in numbers], out / FEED, own) as feed:
+    batch, config = work.batch, work.config
+    own, lanes = share_cores(cores(), config.workers)
+    numbers = [range(lane, len(batch.jobs), config.workers) for lane in range(config.workers)]
+    keys, stop, fault = batch.keys, threading.Event(), None
+
+    def run(k: int, end: Connection) -> RunRecord:
+        job = batch.jobs[k]
+        return run_isolated(
+            job.method,
+            job.sequence.path,
+            config.out / job.folder,
+            cloud=job.cloud,
+            limit_s=limit_s(job, config) * len(batch.jobs),
+            cores=lanes[k % config.workers],
+            stop=stop,
+            feed=end,
+        )
+
+    asked = [[keys[k] for k in lane] for lane in numbers]
+    with RunningFeed(batch.frames, asked, work.folder, own) as feed:
         ends = {k: end for lane, found in zip(numbers, feed.connections, strict=True)
                 for k, end in zip(lane, found, strict=True)}  # fmt: skip
-
-        def work(k: int) -> None:
-            job = batch.jobs[k]
-            records[k] = run_isolated(
-                job.method,
-                job.sequence.path,
-                out / job.folder,
-                cloud=job.cloud,
-                limit_s=limit_s(job) * len(batch.jobs),
-                cores=lanes[k % workers],
-                stop=stop,
-                feed=ends[k],
-            )
-
         with ThreadPoolExecutor(len(batch.jobs)) as pool:
-            futures = [pool.submit(work, k) for k in range(len(batch.jobs))]
+            futures = [pool.submit(run, k, ends[k]) for k in range(len(batch.jobs))]
             try:
-                for future in futures:
-                    future.result()
+                while not all(future.done() for future in futures):
+                    report(feed.made_s(_LOOK_S))
+                    if (work.folder.parent / STOP).exists():
+                        raise KeyboardInterrupt
+                records = [future.result() for future in futures]
             except BaseException:
                 stop.set()
                 raise
         try:
-            shares, fault = feed.wait(), None
-        except CarlaLocError as error:
-            shares, fault = {}, str(error)
-    for stream in {stream_of(job).folder.path: stream_of(job) for job in batch.jobs}.values():
-        if shares:
-            stream.tell_movers(shares)
-    for k, job in enumerate(batch.jobs):
-        ended(job, records[k] if fault is None else replace(records[k], error=fault))
-    shutil.rmtree(out / FEED, ignore_errors=True)
+            stream_of(batch.jobs[0]).tell_movers(feed.wait())
+        except EvaluationError as error:
+            fault = str(error)
+    for job, record in zip(batch.jobs, records, strict=True):
+        # What has failed with the feed says nothing of the system.
+        failed = fault is not None and record.error is not None
+        keep(job, replace(record, error=fault) if failed else record, config, lasting=not failed)
 
 
-def share_cores(cores: Sequence[int], workers: int) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+def share_cores(found: Sequence[int], workers: int) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
     """Cores of the feed and of each lane; with fewer cores than lanes and feed, all share all."""
-    share = len(cores) // (workers + 1)
+    share = len(found) // (workers + 1)
     if not share:
-        return tuple(cores), [tuple(cores)] * workers
-    lanes = [tuple(cores[k * share : (k + 1) * share]) for k in range(workers)]
-    return tuple(cores[workers * share :]), lanes
+        return tuple(found), [tuple(found)] * workers
+    lanes = [tuple(found[k * share : (k + 1) * share]) for k in range(workers)]
+    return tuple(found[workers * share :]), lanes
 
 
-def runs_on_files(job: Job) -> bool:
-    """Whether a run's system is a program that reads files."""
-    return is_system_file(job.method)
-
-
-@contextmanager
-def files_for(job: Job, out: Path) -> Iterator[Path]:
-    """Folder of a sequence with a bag and images for programs, deleted afterwards.
+def run_on_files(job: Job, config: BenchmarkConfig) -> Score:
+    """Run a program over a bag and images of its own, which are deleted afterwards.
 
     Raises:
-        CarlaLocError: it cannot be made; a full disk is one line.
+        KeyboardInterrupt: it was asked to end.
     """
-    stream, folder = stream_of(job), out / BAGS
+    stream, folder = stream_of(job), config.out / BAGS
     shutil.rmtree(folder, ignore_errors=True)
     try:
         folder.mkdir(parents=True)
-        replay(stream.alone(folder / "data", sensor=job.system.sensor))
-        yield SequenceFolder(folder / "data" / job.sequence.town / job.sequence.path.name).path
+        data = folder / "data"
+        replay(stream.alone(data, sensor=job.system.sensor))
+        record = run_isolated(
+            job.method,
+            DatasetFolder(data).drive(job.sequence.town).sequence(job.sequence.path.name).path,
+            config.out / job.folder,
+            cloud=job.cloud,
+            limit_s=limit_s(job, config),
+            cores=cores(),
+        )
+        return keep(job, record, config)
+    except CarlaLocError as error:
+        return keep(job, RunRecord.of_error(str(error)), config, lasting=False)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

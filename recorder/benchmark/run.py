@@ -2,66 +2,31 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
+import shutil
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from carlaloc_env.core.errors import ConfigError, MissingDependencyError, unknown_name
+from carlaloc_env.core.errors import ConfigError, EvaluationError, MissingDependencyError
 from carlaloc_env.core.files.last_line import last_line
-from recorder.benchmark.batches import batches_of, files_for, run_batch, runs_on_files
+from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
+from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
-from recorder.benchmark.score import ERRORS, Score, read_score, score_run, write_score
-from recorder.dataset.layout import SequenceFolder
-from recorder.dataset.sequence import RAW, SEGMENTED
-from recorder.evaluation.failure import FailRule
+from recorder.benchmark.results import keep, limit_s, read_result
+from recorder.benchmark.score import ERRORS, Score
 from recorder.evaluation.path_errors import PathErrors
+from recorder.replaying.unit_work import STOP
+from recorder.replaying.workers import DaskCluster, Task, ThisProcess, Workers, progress_of, run_tasks
 from recorder.slam.supervisor import LOG, RunRecord, run_isolated
+from recorder.slam.system_file import is_system_file
 from recorder.slam.systems import SYSTEMS, system_of
-from recorder.streaming.drive import DriveConfig
 
-AGAIN = ("failed", "all")
-"""Which kept results may be made again."""
-Progress = Callable[[int, int, str], None]
-"""Told jobs done, jobs in all and the job that has ended."""
+__all__ = ["BenchmarkConfig", "BenchmarkResult", "Progress", "run_benchmark"]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BenchmarkConfig:
-    """What to run and how."""
-
-    data: Path | DriveConfig
-    """Folder with sequences, or drives that are read as they are made."""
-    out: Path
-    """Folder of the results; those that lie there already are not run again."""
-    methods: tuple[str, ...] = ()
-    """Names or files of systems; empty: all that are installed."""
-    runs: int = 1
-    """Repetitions, since systems are not deterministic."""
-    workers: int = 1
-    """Runs at a time, each on its own cores."""
-    clouds: tuple[str, ...] = (RAW, SEGMENTED)
-    """Which points LiDAR systems get."""
-    limit_per_second: float = 20.0
-    """Longest time of a run by the length of its sequence."""
-    rule: FailRule = field(default_factory=FailRule)
-    """When a run counts as failed."""
-    again: str | None = None
-    """Which kept results are made again: ``failed`` or ``all`` of them; None: none."""
-
-    def __post_init__(self) -> None:
-        cores = len(_cores())
-        if not 1 <= self.workers <= cores:
-            raise ConfigError(f"{self.workers} workers; this machine has {cores} cores, one run needs one")
-        for cloud in self.clouds:
-            if cloud not in (RAW, SEGMENTED):
-                raise ConfigError(f"no clouds '{cloud}'; choose from {RAW}, {SEGMENTED}")
-        if self.again not in (None, *AGAIN):
-            raise ConfigError(unknown_name("results", str(self.again), AGAIN))
+Progress = Callable[[float, int, str | None], None]
+"""Told jobs done, jobs in all, and the job that has ended, if one has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,18 +90,20 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
     config.out.mkdir(parents=True, exist_ok=True)
     found: dict[int, Score] = {}
     for k, job in enumerate(jobs):
-        kept = read_score(config.out / job.folder, _fingerprint(job, config))
-        again = config.again == "all" or (config.again == "failed" and kept and kept.failed is not None)
-        if kept is not None and not again:
-            found[k] = kept
+        kept = read_result(job, config)
+        if kept is None or not kept[1] or config.again == "all":
+            continue
+        if config.again != "failed" or kept[0].failed is None:
+            found[k] = kept[0]
     reused = len(found)
     run = _Run(jobs, found, config, progress or _nobody)
     run.all_of([k for k in range(len(jobs)) if k not in found])
-    scores = [found[k] for k in range(len(jobs))]
+    # How much of a drive moves is known when it has been read.
+    scores = [replace(found[k], movers=job.sequence.movers) for k, job in enumerate(jobs)]
     return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused, out=config.out)
 
 
-def _nobody(done: int, total: int, told: str) -> None:
+def _nobody(done: float, total: int, told: str | None) -> None:
     """Listen to no progress."""
 
 
@@ -147,112 +114,103 @@ class _Run:
         self, jobs: Sequence[Job], found: dict[int, Score], config: BenchmarkConfig, progress: Progress
     ) -> None:
         self._jobs, self._found, self._config, self._progress = jobs, found, config, progress
-        self._cores, self._stop, self._lock = _cores(), threading.Event(), threading.Lock()
+        self._numbers = {job.folder: k for k, job in enumerate(jobs)}
+        self._stop, self._lock = threading.Event(), threading.Lock()
 
     def all_of(self, pending: Sequence[int]) -> None:
         """Run some jobs."""
-        of_folders = [k for k in pending if self._jobs[k].sequence.stream is None]
-        of_drives = [k for k in pending if self._jobs[k].sequence.stream is not None]
-        self._beside(of_folders)
-        self._batches([k for k in of_drives if not runs_on_files(self._jobs[k])])
-        for k in of_drives:
-            if runs_on_files(self._jobs[k]):
-                with files_for(self._jobs[k], self._config.out) as folder:
-                    self._alone(k, folder, self._cores)
+        jobs = [self._jobs[k] for k in pending]
+        self._beside([job for job in jobs if job.sequence.stream is None])
+        of_drives = [job for job in jobs if job.sequence.stream is not None]
+        lacking = {job.folder: lack for job in of_drives if (lack := lacks(job)) is not None}
+        for job in of_drives:
+            if job.folder in lacking:
+                self._ended(job, keep(job, RunRecord.of_error(lacking[job.folder]), self._config))
+        of_drives = [job for job in of_drives if job.folder not in lacking]
+        self._batches([job for job in of_drives if not is_system_file(job.method)])
+        for job in of_drives:
+            if is_system_file(job.method):
+                self._ended(job, run_on_files(job, self._config))
 
-    def _beside(self, pending: Sequence[int]) -> None:
+    def _beside(self, jobs: Sequence[Job]) -> None:
         """Run jobs over folders, some at a time, each on its own cores."""
-        workers = self._config.workers
-        share = len(self._cores) // workers
-        free = [self._cores[k * share : (k + 1) * share] for k in range(workers)]
+        workers, found = self._config.workers, cores()
+        share = len(found) // workers
+        free = [found[k * share : (k + 1) * share] for k in range(workers)]
 
-        def work(k: int) -> None:
+        def work(job: Job) -> None:
             with self._lock:
                 mine = free.pop()
             try:
-                self._alone(k, self._jobs[k].sequence.path, mine)
+                record = run_isolated(
+                    job.method,
+                    job.sequence.path,
+                    self._config.out / job.folder,
+                    cloud=job.cloud,
+                    limit_s=limit_s(job, self._config),
+                    cores=mine,
+                    stop=self._stop,
+                )
+                self._ended(job, keep(job, record, self._config))
             finally:
                 with self._lock:
                     free.append(mine)
 
         with ThreadPoolExecutor(workers) as pool:
             try:
-                for future in as_completed([pool.submit(work, k) for k in pending]):
+                for future in as_completed([pool.submit(work, job) for job in jobs]):
                     future.result()
             except BaseException:
                 self._stop.set()
                 pool.shutdown(cancel_futures=True)
                 raise
 
-    def _batches(self, pending: Sequence[int]) -> None:
-        """Run jobs over drives, batch by batch."""
-        numbers = {id(self._jobs[k]): k for k in pending}
-        for batch in batches_of([self._jobs[k] for k in pending]):
-            run_batch(
-                batch,
-                self._config.out,
-                cores=self._cores,
-                workers=self._config.workers,
-                limit_s=self._limit_s,
-                stop=self._stop,
-                ended=lambda job, record: self._ended(numbers[id(job)], record),
-            )
+    def _batches(self, jobs: Sequence[Job]) -> None:
+        """Run jobs over drives, batch by batch, here or on a cluster."""
+        config = self._config
+        folder = config.out / FEEDS
+        if not jobs:
+            return
+        shutil.rmtree(folder, ignore_errors=True)
+        tasks = []
+        for number, batch in enumerate(batches_of(jobs)):
+            work = BatchWork(batch=batch, config=config, folder=(folder / f"{number}").resolve())
+            work.folder.mkdir(parents=True)
+            tasks.append(Task(run_batch, work, work.folder / "progress"))
+        workers: Workers = ThisProcess(self._look_at, lambda: None)
+        if config.cluster is not None:
+            workers = DaskCluster(config.cluster)
+        try:
+            run_tasks(tasks, workers, done=self._batch_ended, look=self._look)
+        except BaseException:
+            (folder / STOP).touch()
+            raise
+        shutil.rmtree(folder, ignore_errors=True)
 
-    def _alone(self, k: int, folder: Path, cores: tuple[int, ...]) -> None:
-        job = self._jobs[k]
-        record = run_isolated(
-            job.method,
-            folder,
-            self._config.out / job.folder,
-            cloud=job.cloud,
-            limit_s=self._limit_s(job),
-            cores=cores,
-            stop=self._stop,
+    def _batch_ended(self, task: Task) -> list[Task]:
+        for job in task.job.batch.jobs:
+            result = read_result(job, self._config)
+            if result is None:
+                raise EvaluationError(f"{self._config.out / job.folder} holds no result that can be read")
+            self._ended(job, result[0])
+        return []
+
+    def _look_at(self, task: Task, done_s: float) -> None:
+        self._tell({task: done_s})
+
+    def _look(self, tasks: Sequence[Task]) -> None:
+        self._tell({task: progress_of(task) for task in tasks})
+
+    def _tell(self, done_s: Mapping[Task, float]) -> None:
+        """Count of runs that are under way what has been made for them."""
+        part = sum(
+            len(task.job.batch.jobs) * done / task.job.batch.frames.length_s for task, done in done_s.items()
         )
-        self._ended(k, record)
+        self._progress(len(self._found) + part, len(self._jobs), None)
 
-    def _limit_s(self, job: Job) -> float:
-        return 60.0 + self._config.limit_per_second * _duration_s(job.sequence)
-
-    def _ended(self, k: int, record: RunRecord) -> None:
-        """Score a run, keep the score, and tell of it."""
-        job, config = self._jobs[k], self._config
-        folder = config.out / job.folder
-        score = score_run(job, folder, record, config.rule)
-        write_score(folder, score, record, _fingerprint(job, config))
+    def _ended(self, job: Job, score: Score) -> None:
+        """Take note of a score, and tell of it."""
         told = f"fail: {score.failed}" if score.failed else f"APE {score.ape_m:.3f} m"
         with self._lock:
-            self._found[k] = score
+            self._found[self._numbers[job.folder]] = score
             self._progress(len(self._found), len(self._jobs), f"{job.folder.relative_to('runs')}: {told}")
-
-
-def _duration_s(sequence: BenchmarkSequence) -> float:
-    """Length of the truth [s], by its first and last lines."""
-    with SequenceFolder(sequence.path).drive.truth("base_link").open("rb") as file:
-        file.readline()
-        first = float(file.readline().split()[0])
-        file.seek(max(file.seek(0, os.SEEK_END) - 1000, 0))
-        return float(file.read().splitlines()[-1].split()[0]) - first
-
-
-def _fingerprint(job: Job, config: BenchmarkConfig) -> str:
-    """What a result depends on: the data, the system, its file and version, and the rule."""
-    source = Path(job.method).read_bytes() if job.method.endswith((".py", ".yaml", ".yml")) else b""
-    facts = [
-        job.sequence.digest,
-        repr(job.system),
-        job.system.version,
-        job.cloud,
-        json.dumps(asdict(config.rule)),
-        f"{config.limit_per_second:g}",
-    ]
-    if job.system.file:
-        given = Path(os.environ[job.system.file]).stat()
-        facts.append(f"{given.st_size} {given.st_mtime_ns}")
-    return hashlib.sha256(source + "\n".join(facts).encode()).hexdigest()[:32]
-
-
-def _cores() -> tuple[int, ...]:
-    if hasattr(os, "sched_getaffinity"):
-        return tuple(sorted(os.sched_getaffinity(0)))
-    return tuple(range(os.cpu_count() or 1))

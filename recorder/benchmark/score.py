@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError
-from carlaloc_env.core.files.atomic_write import atomic_write
 from recorder.benchmark.plan import Job
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.align import attitude_errors_deg
@@ -23,10 +21,8 @@ from recorder.evaluation.trajectory_files import read_tum
 from recorder.slam.supervisor import RunRecord
 from recorder.slam.worker import ESTIMATE
 
-RESULT, ERRORS = "result.json", "errors.npz"
-"""Files of a run: its score, and errors of all of its poses."""
-_FORMAT = 4
-"""Changes when older results would be read wrongly."""
+ERRORS = "errors.npz"
+"""File with the errors of all poses of a run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,26 +136,3 @@ def _mean(weighted: list[tuple[float, int]]) -> float:
     """Mean of values by their weights; NaN if all of those are 0."""
     weight = sum(count for _, count in weighted)
     return sum(value * count for value, count in weighted) / weight if weight else float("nan")
-
-
-def write_score(folder: Path, score: Score, record: RunRecord, fingerprint: str) -> None:
-    """Keep a run's score, whole or not at all."""
-    document = {
-        "format": _FORMAT,
-        "fingerprint": fingerprint,
-        "score": score.to_mapping(),
-        "record": record.to_mapping(),
-    }
-    with atomic_write(folder / RESULT) as part:
-        part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-
-
-def read_score(folder: Path, fingerprint: str) -> Score | None:
-    """A score that was kept; None: there is none, or of another sequence, system or limit."""
-    try:
-        found = json.loads((folder / RESULT).read_text(encoding="utf-8"))
-        if found["format"] != _FORMAT or found["fingerprint"] != fingerprint:
-            return None
-        return Score(**found["score"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return None

@@ -81,21 +81,22 @@ class Progress:
         bar.set_postfix_str(note, refresh=False)
         bar.update(done - bar.n)
 
-    def note(self, done: int, total: int, told: str) -> None:
-        """Write of one of several pieces of work that has ended, in a line of its own.
+    def pieces(self, done: float, total: int, told: str | None) -> None:
+        """Take note of pieces of work, and write of one that has ended in a line of its own.
 
         Args:
-            done: Pieces done.
+            done: Pieces done, parts of those under way included.
             total: Pieces in all.
-            told: What is written of this one.
+            told: What is written of the one that has ended; None: none has.
 
         Raises:
             KeyboardInterrupt: the command was asked to end.
         """
         raise_again()
-        if self._is_terminal:
+        if told is None or self._is_terminal:
             self.update(done, total)
-        self._bar.write(f"{self._what}: {done} of {total}, {told}", file=self._stream)
+        if told is not None:
+            self._bar.write(f"{self._what}: {done:.0f} of {total}, {told}", file=self._stream)
 
 
 class _Lines:

@@ -42,11 +42,16 @@ class RunRecord:
     version: str = ""
     """Version of the system."""
     frames: int = 0
-    """Frames that it was fed with."""
+    """Frames of the sequence, whether it took them or not."""
     frame_median_s: float = float("nan")
     """Median time of a frame, reading left out [s]."""
     frame_p99_s: float = float("nan")
     """Time that 99 % of the frames stay below [s]."""
+
+    @classmethod
+    def of_error(cls, error: str) -> RunRecord:
+        """The record of a run that never began."""
+        return cls(error=error, wall_s=0.0, cpu_s=0.0, peak_memory_mb=float("nan"), cores=0)
 
     def to_mapping(self) -> dict[str, Any]:
         """The record as JSON values."""

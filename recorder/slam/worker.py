@@ -54,14 +54,14 @@ def run_job(job: dict[str, Any]) -> None:
     system = system_of(job["method"])
     readings = None if job["feed"] is None else FeedReadings(Connection(job["feed"]))
     sequence = SlamSequence(Path(job["sequence"]), cloud=job["cloud"], readings=readings)
-    clock = FrameClock()
+    clock, frames = FrameClock(), sequence.frames(system.sensor)
     poses = _runner(system, job["method"])(sequence, clock)
     offset_ns = round(system.instant * sequence.lidar.sweep_ns) if system.sensor == "lidar" else 0
     write_tum(out / ESTIMATE, _trajectory(poses, offset_ns, system))
     rows = [f"{w:.6f},{c:.6f}" for w, c in zip(clock.wall_s, clock.cpu_s, strict=True)]
     (out / FRAMES).write_text("\n".join(["wall [s],cpu [s]", *rows]) + "\n", encoding="utf-8")
     version = ", ".join([system.version, *clock.notes])
-    facts = {"version": version, "frames": len(clock.wall_s), "poses": len(poses)}
+    facts = {"version": version, "frames": frames, "poses": len(poses)}
     (out / FACTS).write_text(json.dumps(facts) + "\n", encoding="utf-8")
 
 

@@ -13,8 +13,15 @@ from pathlib import Path
 from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
 from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.layout import SequenceFolder
-from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
+from recorder.dataset.layout import DatasetFolder, SequenceFolder
+from recorder.dataset.manifest import (
+    DatasetManifest,
+    SequenceDescription,
+    drive_origin,
+    has_drive,
+    list_drive,
+    write_manifest,
+)
 from recorder.dataset.rig_parts import imu_of
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.traffic_level import traffic_level
@@ -43,12 +50,6 @@ class DriveStream:
     def seed(self) -> int:
         """Seed of its noise."""
         return self.plan.recipe.seed
-
-    @property
-    def length_s(self) -> float:
-        """Length of the stretch [s]."""
-        first, end = self.plan.span_ns
-        return (end - first) / 1e9
 
     @property
     def digest(self) -> str:
@@ -100,10 +101,17 @@ class DriveStream:
         )
 
     def tell_movers(self, shares: Mapping[str, float]) -> None:
-        """Write down the shares of movers of some streams, which making them has shown."""
-        found = SequenceDescription.read(self.folder)
-        _describe(self, {**found.movers, **shares})
-        list_drive(self.plan.config.out, self.plan.town.name, self.plan.origin)
+        """Write down the shares of movers of some streams, which are the same in all weathers and seeds."""
+        drives = self.plan.config.out.parent
+        for seed in sorted(drives.iterdir()) if shares else []:
+            folder = DatasetFolder(seed).drive(self.plan.town.name)
+            for condition in self.plan.recipe.conditions_of(self.condition.traffic):
+                file = folder.sequence(condition.name).description
+                if file.exists():
+                    found = SequenceDescription.read(folder.sequence(condition.name))
+                    _describe(self.plan, condition, file, {**found.movers, **shares})
+            manifest = DatasetManifest.read(seed)
+            write_manifest(seed, manifest.drives, manifest.recipe)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,6 +128,8 @@ class DriveConfig:
     """Beginning of the stretch [s]."""
     duration_s: float | None = None
     """Length of the stretch [s]; None: to the end of the drive."""
+    map: Path | str | None = None
+    """Map of the drives, name or file; None: the towns that the episodes name."""
 
     def __post_init__(self) -> None:
         names = [path.stem for path in self.episodes]
@@ -150,6 +160,7 @@ def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
                 out=out / episode.stem / f"seed{seed}",
                 start_s=config.start_s,
                 duration_s=config.duration_s,
+                map=config.map,
             )
             streams += describe_drive(one)
     return streams
@@ -175,20 +186,19 @@ def describe_drive(config: ReplayConfig) -> list[DriveStream]:
         write_shared(plan.drive, rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed)
     missing = [stream for stream in streams if not stream.folder.description.exists()]
     for stream in missing:
-        _describe(stream, {})
+        _describe(plan, stream.condition, stream.folder.description, {})
     if missing:
         list_drive(config.out, plan.town.name, origin)
     return streams
 
 
-def _describe(stream: DriveStream, movers: Mapping[str, float]) -> None:
-    condition, file = stream.condition, stream.folder.description
+def _describe(plan: ReplayPlan, condition: Condition, file: Path, movers: Mapping[str, float]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     description = SequenceDescription(
         name=condition.name,
         weather={"name": condition.weather_name, **condition.weather.to_mapping()},
         traffic=asdict(condition.traffic),
-        rig=stream.plan.rig.name,
+        rig=plan.rig.name,
         epoch_ns=DEFAULT_EPOCH_NS,
         samples={},
         movers=movers,

@@ -78,19 +78,23 @@ class Feed:
         self._answers: dict[tuple[str, int], bytes] = {}
         self._lanes = [_Lane(listeners, self._answer) for listeners in lanes]
 
-    def run(self) -> dict[str, float]:
+    def run(self, report: Callable[[float], None]) -> dict[str, float]:
         """Make all frames; return the shares of movers, none if nobody listened to the end.
+
+        Args:
+            report: Told of each frame how much of the drive has been made [s].
 
         Raises:
             CarlaLocError: a frame cannot be made.
         """
         maker = FrameMaker(self._job)
         try:
-            for versions in maker:
+            for done_s, versions in maker.frames():
                 packed = {key: bytes(ForkingPickler.dumps(frame)) for key, frame in versions.items()}
                 heard = [lane.put(packed) for lane in self._lanes]
                 if not any(heard):
                     return {}
+                report(done_s)
             for lane in self._lanes:
                 lane.finish()
             return maker.mover_shares()
@@ -162,10 +166,11 @@ _END = bytes(ForkingPickler.dumps(None))
 def main(job_file: str) -> int:
     """Run a `FeedJob`; what went wrong is the last line on stderr."""
     job: FeedJob = pickle.loads(Path(job_file).read_bytes())
-    threading.Thread(target=_end_with, args=(Connection(job.parent),), daemon=True).start()
+    parent = Connection(job.parent)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     lanes = [[Listener(connection=Connection(fd), key=key) for fd, key in lane] for lane in job.lanes]
     try:
-        shares = Feed(job.frames, lanes).run()
+        shares = Feed(job.frames, lanes).run(parent.send)
     except CarlaLocError as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 1

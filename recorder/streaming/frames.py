@@ -53,6 +53,11 @@ class FrameJob:
     imu: ImuConfig | None
     """The IMU beside it; None: there is none."""
 
+    @property
+    def length_s(self) -> float:
+        """Length of the stretch [s]."""
+        return (self.span_ns[1] - self.span_ns[0]) / 1e9
+
 
 def sensors_for(rig: SensorRig, sensor: str, *, masks: bool = True) -> SensorRig:
     """A rig with what frames need and nothing else.
@@ -125,8 +130,8 @@ class FrameMaker:
         self._weathers = len(job.recipe.conditions_of(job.level))
         self._counts = SampleCounts()
 
-    def __iter__(self) -> Iterator[dict[Key, Frame]]:
-        """All versions of each frame, in the order of time."""
+    def frames(self) -> Iterator[tuple[float, dict[Key, Frame]]]:
+        """How much of the stretch has been made [s], and all versions of a frame, in the order of time."""
         first, end = self._job.span_ns
         for _ in self._sensors.recall(self._job.span_ns):
             pass
@@ -137,7 +142,8 @@ class FrameMaker:
                 measured = self._sensors.measure((begin, min(begin + STEP_NS, end)))
                 for stamp, weather, frame in self._frames(measured):
                     versions.setdefault(stamp, {})[weather, seed] = frame
-            yield from (versions[stamp] for stamp in sorted(versions))
+            for stamp in sorted(versions):
+                yield (stamp - first) / 1e9, versions[stamp]
 
     def close(self) -> None:
         """Give GPU memory back."""

@@ -7,6 +7,7 @@ import os
 import pickle
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from multiprocessing import Pipe
@@ -35,7 +36,7 @@ class RunningFeed:
     def __init__(
         self, job: FrameJob, lanes: Sequence[Sequence[Key]], out: Path, cores: tuple[int, ...] = ()
     ) -> None:
-        self._out = out
+        self._out, self._made_s = out, 0.0
         out.mkdir(parents=True, exist_ok=True)
         pairs = [[Pipe() for _ in lane] for lane in lanes]
         self.connections: list[list[Connection]] = [[there for there, _ in lane] for lane in pairs]
@@ -71,6 +72,17 @@ class RunningFeed:
                 end.close()
         self._process.kill()
         self._process.wait()
+
+    def made_s(self, wait_s: float) -> float:
+        """How much of the drive has been made [s], after at most so much time."""
+        until = time.monotonic() + wait_s
+        try:
+            while self._parent.poll(max(until - time.monotonic(), 0.0)):
+                self._made_s = self._parent.recv()
+        except (EOFError, OSError):
+            # It has ended; whoever asks again and again must not do so without a pause.
+            time.sleep(wait_s)
+        return self._made_s
 
     def wait(self) -> dict[str, float]:
         """Wait until it has ended; return the share of movers of each labelled stream.

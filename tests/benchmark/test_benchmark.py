@@ -12,8 +12,8 @@ from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import ConfigError
 from recorder.benchmark.plan import find_sequences, plan_jobs
+from recorder.benchmark.results import RESULT
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
-from recorder.benchmark.score import RESULT
 from recorder.benchmark.tables import csv_text, frame_of, latex, markdown
 from recorder.cli.main import main
 from recorder.slam.systems import SYSTEMS

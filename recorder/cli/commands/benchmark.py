@@ -43,8 +43,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive_int,
         default=1,
         metavar="N",
-        help="runs of this and the next seeds of noise",
+        help="seeds of noise (default: 1)",
     )
+    group.add_argument("--map", help="map of the drives, where the episodes name none that is known")
+    group.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
     parser.add_argument(
         "--methods",
         type=names,
@@ -84,13 +86,14 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         workers=arguments.workers,
         clouds=arguments.clouds,
         again=arguments.again,
+        cluster=arguments.cluster,
     )
     if arguments.rerun:
         from recorder.view.recording import import_rerun
 
         import_rerun()  # missing, it is told now and not after hours
     with Progress("runs", unit="runs") as progress:
-        result = run_benchmark(config, lambda done, total, told: progress.note(done, total, told))
+        result = run_benchmark(config, progress.pieces)
     files = [*write_tables(frame_of(result.scores), out), write_page(result)]
     if arguments.rerun:
         from recorder.benchmark.recordings import write_recordings
@@ -138,6 +141,7 @@ def _data(arguments: argparse.Namespace) -> Path | DriveConfig:
         noise_seeds=arguments.noise_seeds,
         start_s=arguments.start,
         duration_s=arguments.duration,
+        map=arguments.map,
     )
 
 

@@ -1,0 +1,60 @@
+"""What a benchmark is asked for."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from recorder.dataset.sequence import RAW, SEGMENTED
+from recorder.evaluation.failure import FailRule
+from recorder.streaming.drive import DriveConfig
+
+AGAIN = ("failed", "all")
+"""Which kept results may be made again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchmarkConfig:
+    """What to run and how."""
+
+    data: Path | DriveConfig
+    """Folder with sequences, or drives that are read as they are made."""
+    out: Path
+    """Folder of the results; those that lie there already are not run again."""
+    methods: tuple[str, ...] = ()
+    """Names or files of systems; empty: all that are installed."""
+    runs: int = 1
+    """Repetitions, since systems are not deterministic."""
+    workers: int = 1
+    """Runs at a time, each on its own cores."""
+    cluster: str | None = None
+    """Address of a Dask scheduler whose workers run what reads drives; None: this machine."""
+    clouds: tuple[str, ...] = (RAW, SEGMENTED)
+    """Which points LiDAR systems get."""
+    limit_per_second: float = 20.0
+    """Longest time of a run by the length of its sequence."""
+    rule: FailRule = field(default_factory=FailRule)
+    """When a run counts as failed."""
+    again: str | None = None
+    """Which kept results are made again: ``failed`` or ``all`` of them; None: none."""
+
+    def __post_init__(self) -> None:
+        found = len(cores())
+        if not 1 <= self.workers <= found:
+            raise ConfigError(f"{self.workers} workers; this machine has {found} cores, one run needs one")
+        for cloud in self.clouds:
+            if cloud not in (RAW, SEGMENTED):
+                raise ConfigError(f"no clouds '{cloud}'; choose from {RAW}, {SEGMENTED}")
+        if self.again not in (None, *AGAIN):
+            raise ConfigError(unknown_name("results", str(self.again), AGAIN))
+        if self.cluster is not None and isinstance(self.data, Path):
+            raise ConfigError("a cluster runs what reads drives; give drives (.mcap), or no cluster")
+
+
+def cores() -> tuple[int, ...]:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return tuple(sorted(os.sched_getaffinity(0)))
+    return tuple(range(os.cpu_count() or 1))

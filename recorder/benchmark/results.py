@@ -1,0 +1,89 @@
+"""Results of runs on the disk: each is kept with what it depends on, and holds while that is the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+
+from carlaloc_env.core.files.atomic_write import atomic_write
+from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.plan import BenchmarkSequence, Job
+from recorder.benchmark.score import Score, score_run
+from recorder.dataset.layout import SequenceFolder
+from recorder.slam.supervisor import RunRecord
+
+RESULT = "result.json"
+"""File of a run with its score."""
+_FORMAT = 4
+"""Changes when older results would be read wrongly."""
+
+
+def keep(job: Job, record: RunRecord, config: BenchmarkConfig, *, lasting: bool = True) -> Score:
+    """Score a run that has ended and keep the score, whole or not at all.
+
+    Args:
+        job: The run.
+        record: How it ended.
+        config: The benchmark.
+        lasting: Whether the result says something of the system; if not, the same command runs it again.
+    """
+    folder = config.out / job.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    score = score_run(job, folder, record, config.rule)
+    document = {
+        "format": _FORMAT,
+        "fingerprint": fingerprint(job, config) if lasting else "",
+        "score": score.to_mapping(),
+        "record": record.to_mapping(),
+    }
+    with atomic_write(folder / RESULT) as part:
+        part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    return score
+
+
+def read_result(job: Job, config: BenchmarkConfig) -> tuple[Score, bool] | None:
+    """The score of a run, and whether it still holds: it is of this very sequence, system and limit.
+
+    None: there is none that can be read.
+    """
+    try:
+        found = json.loads((config.out / job.folder / RESULT).read_text(encoding="utf-8"))
+        if found["format"] != _FORMAT:
+            return None
+        return Score(**found["score"]), found["fingerprint"] == fingerprint(job, config)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def limit_s(job: Job, config: BenchmarkConfig) -> float:
+    """Longest time of a run on the clock [s]."""
+    return 60.0 + config.limit_per_second * _duration_s(job.sequence)
+
+
+def _duration_s(sequence: BenchmarkSequence) -> float:
+    """Length of the truth [s], by its first and last lines."""
+    with SequenceFolder(sequence.path).drive.truth("base_link").open("rb") as file:
+        file.readline()
+        first = float(file.readline().split()[0])
+        file.seek(max(file.seek(0, os.SEEK_END) - 1000, 0))
+        return float(file.read().splitlines()[-1].split()[0]) - first
+
+
+def fingerprint(job: Job, config: BenchmarkConfig) -> str:
+    """What a result depends on: the data, the system, its file and version, and the rule."""
+    source = Path(job.method).read_bytes() if job.method.endswith((".py", ".yaml", ".yml")) else b""
+    facts = [
+        job.sequence.digest,
+        repr(job.system),
+        job.system.version,
+        job.cloud,
+        json.dumps(asdict(config.rule)),
+        f"{config.limit_per_second:g}",
+    ]
+    if job.system.file:
+        given = Path(os.environ[job.system.file]).stat()
+        facts.append(f"{given.st_size} {given.st_mtime_ns}")
+    return hashlib.sha256(source + "\n".join(facts).encode()).hexdigest()[:32]

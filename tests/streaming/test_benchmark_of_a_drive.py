@@ -1,0 +1,292 @@
+"""A benchmark over a drive reads what a dataset of it would hold, whatever becomes of single systems."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from shared_fixtures.drives.straight_drives import RIG, StraightDrive
+from shared_fixtures.worlds.render_scenes import need_opengl
+
+from carlaloc_env.core.errors import CarlaLocError, EpisodeError
+from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.run import BenchmarkResult, run_benchmark
+from recorder.cli.main import main
+from recorder.replaying.plan import ReplayOptions
+from recorder.replaying.replay import replay
+from recorder.slam.worker import ESTIMATE
+from recorder.streaming.drive import DriveConfig
+
+pytest.importorskip("small_gicp", reason="the benchmark runs small_gicp")
+
+METHODS = ("small_gicp", "stereo_vo")
+CONDITIONS: dict[str, Any] = {"weathers": ("ClearNoon", "RainyNight"), "traffic": ("dynamic",)}
+LABELLED = RIG.replace("outputs: [rgb]", "outputs: [rgb, semantic]").replace("semantic, events]", "semantic]")
+OWN = """
+import os, signal, time
+import numpy as np
+from recorder.slam.system import System
+SYSTEM = System(
+    name="{name}", title="{name}", what="a test", needs=("lidar", "imu"), runner="x:run", frame="lidar"
+)
+def run(sequence, clock):
+    inertial = list(sequence.imu_samples())
+    assert len(inertial) == 200 and sequence.frames("lidar") == 20
+    poses = []
+    for scan in sequence.scans():
+        with clock.frame():
+            time.sleep(0.02)
+            {body}
+        T = np.eye(4)
+        T[0, 3] = 0.1 * len(poses) ** 2
+        poses.append((scan.stamp_ns, T))
+    return poses
+"""
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Both cameras have labels, so that pairs can be had without movers."""
+    need_opengl()
+    path = tmp_path_factory.mktemp("rig") / "rig.yaml"
+    path.write_text(LABELLED)
+    return path
+
+
+def drives(drive: StraightDrive, rig: Path, *, map: Path | None = None, noise_seeds: int = 1) -> DriveConfig:
+    """A second of the drive under two weathers."""
+    return DriveConfig(
+        episodes=(drive.episode,),
+        options=ReplayOptions(rig=str(rig), quality="low", **CONDITIONS),
+        noise_seeds=noise_seeds,
+        start_s=0.5,
+        duration_s=1.0,
+        map=map or drive.town,
+    )
+
+
+@pytest.fixture(scope="module")
+def streamed(
+    straight_drive: StraightDrive, rig: Path, tmp_path_factory: pytest.TempPathFactory
+) -> BenchmarkResult:
+    """Two systems over two seeds of noise."""
+    out = tmp_path_factory.mktemp("streamed")
+    data = drives(straight_drive, rig, noise_seeds=2)
+    return run_benchmark(BenchmarkConfig(data=data, out=out, methods=METHODS))
+
+
+@pytest.fixture(scope="module")
+def from_dataset(
+    straight_drive: StraightDrive, rig: Path, tmp_path_factory: pytest.TempPathFactory
+) -> BenchmarkResult:
+    """The same systems over a dataset of the drive's own seed."""
+    folder = tmp_path_factory.mktemp("dataset")
+    options = {"rig": str(rig), "quality": "low", "preview": False, "start_s": 0.5, "duration_s": 1.0}
+    replay(straight_drive.config(folder / "data", **CONDITIONS, **options))
+    return run_benchmark(BenchmarkConfig(data=folder / "data", out=folder / "out", methods=METHODS))
+
+
+def test_estimates_are_those_from_a_dataset(streamed: BenchmarkResult, from_dataset: BenchmarkResult) -> None:
+    """Byte for byte: raw and without movers, by day and in the rain at night."""
+    for job in from_dataset.jobs:
+        (same,) = [
+            one.folder
+            for one in streamed.jobs
+            if one.sequence.dataset == "drive/seed5" and one.folder.parts[-4:] == job.folder.parts[-4:]
+        ]
+        ours, theirs = ((r.out / f / ESTIMATE).read_bytes()
+                        for r, f in ((streamed, same), (from_dataset, job.folder)))  # fmt: skip
+        assert ours == theirs, job.folder
+    assert len(from_dataset.jobs) == 6  # sweeps are the same in all weathers
+    movers = {(score.weather, score.movers) for score in from_dataset.scores}
+    assert movers <= {(score.weather, score.movers) for score in streamed.scores}
+
+
+def test_another_seed_of_noise_is_another_estimate(streamed: BenchmarkResult) -> None:
+    found = {score.dataset: score.ape_m for score in streamed.scores if score.title == "small_gicp"}
+    assert set(found) == {"drive/seed5", "drive/seed6"}
+    assert len(set(found.values())) == 2
+
+
+def test_nothing_of_the_sensor_data_stays(streamed: BenchmarkResult) -> None:
+    files = [path for path in streamed.out.rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < 3_000_000
+    assert {path.name for path in streamed.out.iterdir()} == {"drives", "runs"}
+
+
+def test_the_same_command_runs_nothing_again(
+    streamed: BenchmarkResult, straight_drive: StraightDrive, rig: Path
+) -> None:
+    config = BenchmarkConfig(
+        data=drives(straight_drive, rig, noise_seeds=2), out=streamed.out, methods=METHODS
+    )
+    assert run_benchmark(config).reused == len(streamed.jobs)
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Systems of a user: one that moves, one that is killed, one that takes three sweeps and no more."""
+    folder = tmp_path_factory.mktemp("own")
+    bodies = {
+        "moves": "pass",
+        "killed": "len(poses) == 5 and os.kill(os.getpid(), signal.SIGKILL)",
+        "stops": "\n            if len(poses) == 3: break",
+    }
+    for name, body in bodies.items():
+        (folder / f"{name}.py").write_text(OWN.format(name=name, body=body))
+    return {name: str(folder / f"{name}.py") for name in bodies}
+
+
+def test_who_dies_or_stops_holds_nobody_up(
+    straight_drive: StraightDrive, rig: Path, own: dict[str, str], tmp_path: Path
+) -> None:
+    """Two lanes; the frames of each system that goes on are all there, and are timed alone."""
+    config = BenchmarkConfig(
+        data=drives(straight_drive, rig),
+        out=tmp_path,
+        methods=tuple(own.values()),
+        clouds=("raw",),
+        workers=2,
+    )
+    result = run_benchmark(config)
+    moves, killed, stops = result.scores
+    assert moves.coverage == 1.0
+    assert moves.frame_median_s == pytest.approx(0.02, abs=0.01)
+    assert "SIGKILL" in str(killed.failed)
+    assert stops.coverage == pytest.approx(3 / 19)
+
+
+def test_what_the_rig_lacks_is_a_row_and_the_rest_goes_on(
+    straight_drive: StraightDrive, own: dict[str, str], tmp_path: Path
+) -> None:
+    few = tmp_path / "few.yaml"
+    few.write_text("".join(LABELLED.partition("- kind: camera")[:1]))
+    config = BenchmarkConfig(
+        data=drives(straight_drive, few),
+        out=tmp_path / "out",
+        methods=(own["moves"], "stereo_vo"),
+        clouds=("raw",),
+    )
+    result = run_benchmark(config)
+    failed = {score.method: score.failed for score in result.scores}
+    assert "no lidar" not in str(failed["moves"])
+    assert failed["stereo_vo"] == "rig 'small' has 0 cameras; stereo needs two"
+
+
+def test_a_program_gets_files_that_are_deleted_afterwards(
+    straight_drive: StraightDrive, rig: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "slam.sh").write_text(
+        'cp "$2" "$(dirname $0)/seen.bag"; printf "0 0 0 0 0 0 0 1\\n" > "$1"\n'
+    )
+    (tmp_path / "slam.yaml").write_text(
+        "{name: mine, title: My SLAM, needs: [lidar], frame: lidar, "
+        'command: [sh, "{here}/slam.sh", "{out}", "{bag}"]}'
+    )
+    config = BenchmarkConfig(
+        data=drives(straight_drive, rig),
+        out=tmp_path / "out",
+        methods=(str(tmp_path / "slam.yaml"),),
+        clouds=("raw",),
+    )
+    run_benchmark(config)
+    assert (tmp_path / "seen.bag").read_bytes().startswith(b"#ROSBAG")
+    assert not (tmp_path / "out" / "bags").exists()
+
+
+def command(drive: StraightDrive, rig: Path, out: Path, *words: str) -> list[str]:
+    return [
+        "benchmark", str(drive.episode), "--map", str(drive.town), "--rig", str(rig), "--out", str(out),
+        "--clouds", "raw", "--start", "0.5", "--duration", "1", *words,
+    ]  # fmt: skip
+
+
+def test_bad_input_is_one_line(
+    straight_drive: StraightDrive, rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cases = {
+        ("--weather", "Fogy"): "FoggyNoon",
+        ("--traffic", "lots"): "lots",
+        ("--start", "99"): "the drive ends at 2 s",
+        ("--methods", "kiss_ipc"): "kiss_icp",
+        ("--rerun",): "replay them into a dataset",
+    }
+    for words, expected in cases.items():
+        assert main(command(straight_drive, rig, tmp_path / "out", *words)) != 0, words
+        (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("carlaloc")]
+        assert expected in line, line
+    shutil.copy(straight_drive.episode, tmp_path / "drive.mcap")
+    mixed = command(straight_drive, rig, tmp_path / "out")
+    assert main([*mixed[:1], str(tmp_path / "drive.mcap"), *mixed[1:]]) != 0
+    assert "two drives are called drive" in capsys.readouterr().err
+
+
+def test_a_drive_of_another_world_is_refused(
+    straight_drive: StraightDrive, rig: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "straight.xodr"
+    other.write_text(straight_drive.town.read_text().replace('a="3.5"', 'a="3.6"'))
+    config = BenchmarkConfig(
+        data=drives(straight_drive, rig, map=other), out=tmp_path / "out", methods=("small_gicp",)
+    )
+    why = "record it anew: carlaloc record"
+    with suppress(EpisodeError):  # where an earlier test has left the town in the cache
+        assert why in str(run_benchmark(config).scores[0].failed)
+    with pytest.raises(EpisodeError, match=why):
+        run_benchmark(config)
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="looks for processes in /proc")
+@pytest.mark.parametrize("who", ["benchmark", "feed"])
+def test_a_killed_process_leaves_no_orphan_and_the_same_command_goes_on(
+    who: str, straight_drive: StraightDrive, rig: Path, own: dict[str, str], tmp_path: Path
+) -> None:
+    """Without the benchmark all others end; without the feed its runs fail, and are run again."""
+    words = command(straight_drive, rig, tmp_path / "out", "--methods", own["moves"])
+    run = [sys.executable, "-m", "recorder.cli.main", *words]
+    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as first:
+        feed = _feed_below(first.pid)
+        others = _below(first.pid)
+        os.kill(first.pid if who == "benchmark" else feed, signal.SIGKILL)
+        printed = first.communicate(timeout=120)[1].decode()
+    until = time.monotonic() + 30
+    while any(Path(f"/proc/{pid}").exists() for pid in others):
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    if who == "feed":
+        assert first.returncode == 1
+        assert "the feed ended with -9" in printed
+    again = subprocess.run(run, capture_output=True, text=True, check=False)
+    assert "diverged" in again.stderr  # it ran, and says that this system is no good one
+
+
+def _below(pid: int) -> list[int]:
+    """Processes below one."""
+    tasks = Path(f"/proc/{pid}/task")
+    found = [int(n) for task in tasks.glob("*/children") for n in task.read_text().split()]
+    return found + [n for child in found for n in _below(child)]
+
+
+def _feed_below(pid: int) -> int:
+    """The feed below a process, when it has begun."""
+    until = time.monotonic() + 60
+    while time.monotonic() < until:
+        for child in _below(pid):
+            if b"recorder.streaming.feed" in Path(f"/proc/{child}/cmdline").read_bytes():
+                time.sleep(0.5)
+                return child
+        time.sleep(0.02)
+    raise AssertionError(f"no feed below process {pid}")
+
+
+def test_a_cluster_is_for_drives_alone(tmp_path: Path) -> None:
+    with pytest.raises(CarlaLocError, match="drives"):
+        BenchmarkConfig(data=tmp_path, out=tmp_path / "out", cluster="tcp://nobody:1")
