@@ -16,7 +16,7 @@ from carlaloc_env.rigs.presets import RIGS, rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.camera.config import CameraConfig
 
-SLOW = ("paper", "real", "flu")
+SLOW = ("paper", "real", "flu", "dsec")
 """Rigs whose pictures take ten seconds and more here."""
 IDS = sorted(name for name in gymnasium.registry if name.startswith("CarlaLoc-"))
 LARGE = ("Town04", "Town05", "Town06")

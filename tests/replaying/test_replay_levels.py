@@ -33,7 +33,7 @@ PARKED_OR_DRIVEN = [int(tag) for tag in DYNAMIC_TAGS if tag not in (Tag.PEDESTRI
 
 @pytest.fixture(scope="module")
 def sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """A second in a street with cars in its parking lanes, replayed at three levels."""
+    """Four tenths of a second in a street with cars in its parking lanes, replayed at three levels."""
     for needed in ("pybullet", "open3d", "moderngl"):
         pytest.importorskip(needed, reason=f"{needed} is not installed")
     folder = tmp_path_factory.mktemp("levels")
@@ -46,7 +46,7 @@ def sequences(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     rig.write_text(RIG)
     drive = folder / "drive.mcap"
     traffic = "dynamic,vehicles=8,walkers=0"
-    record(RecordConfig(map=str(town), out=drive, duration_s=1.0, seed=5, traffic=traffic))
+    record(RecordConfig(map=str(town), out=drive, duration_s=0.4, seed=5, traffic=traffic))
     result = replay(
         ReplayConfig(
             episode=drive,

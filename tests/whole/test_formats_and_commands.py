@@ -30,7 +30,8 @@ COMMANDS: dict[str, tuple[Callable[[SequenceFolder, Path, str], list[str]], set[
     ),
     "benchmark small_gicp": (
         lambda s, out, _: [
-            "benchmark", str(s.drive.dataset.path), "--methods", "small_gicp", "--out", str(out / "scores"),
+            "benchmark", str(s.drive.dataset.path), "--methods", "small_gicp", "--clouds", "raw",
+            "--out", str(out / "scores"),
         ],
         BAGS,
     ),
@@ -58,6 +59,9 @@ TRUTH = dict.fromkeys(FORMATS, ("base_link", "")) | {
 """Frame and place of the true poses that a format holds."""
 NEEDS = {"view": "rerun", "odometry": "small_gicp", "benchmark small_gicp": "small_gicp"}
 
+SLOW = {"benchmark small_gicp": ("rosbag1", "rosbag2", "kitti"), "benchmark stereo_vo": ("rosbag1", "euroc")}
+"""Commands that start a process of some seconds, and the formats that are no soak with them."""
+
 
 @pytest.fixture(scope="module")
 def whole(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactory) -> SequenceFolder:
@@ -67,7 +71,7 @@ def whole(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactor
     drive = RecordConfig(map=str(straight_drive.town), out=folder / "a.mcap", duration_s=5.1, traffic=traffic)
     config = straight_drive.config(
         folder / "data", episode=record(drive).path, rig=str(straight_drive.rig), formats=tuple(FORMATS),
-        topics="full", start_s=4.0, duration_s=1.0, preview=False,
+        topics="full", start_s=4.0, duration_s=1.0, unit_s=10.0, preview=False,
     )  # fmt: skip
     try:
         return SequenceFolder(replay(config).sequences[0])
@@ -100,8 +104,16 @@ def of_format(whole: SequenceFolder, tmp_path_factory: pytest.TempPathFactory) -
     return found
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        pytest.param(
+            name, command, marks=[pytest.mark.soak] * (command in SLOW and name not in SLOW[command])
+        )
+        for name in FORMATS
+        for command in COMMANDS
+    ],
+)
 def test_a_format_is_read_or_refused_in_one_line(
     name: str,
     command: str,

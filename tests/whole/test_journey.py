@@ -21,6 +21,21 @@ from recorder.dataset.manifest import DatasetManifest
 README = Path(__file__).parents[2] / "README.md"
 TOWNS = {"Town01": "East", "Town07": "West"}
 """Towns of README, and the small ones that stand for them."""
+SHORTER = ["--rig", "rig.yaml", "--sample", "1", "--quality", "low", "--workers", "1"]
+"""Documented options that make README's dataset small."""
+RIG = """\
+name: small
+sensors:
+- {kind: lidar, name: lidar, columns: 200, outputs: [cloud, semantic], mount: {position_m: [0.0, 0.0, 1.8]}}
+- {kind: imu}
+- {kind: gnss}
+- kind: camera
+  name: left
+  rate_hz: 10
+  mount: {position_m: [0.3, 0.2, 1.6], axes: optical}
+  pinhole: {width_px: 160, height_px: 90, fx_px: 80, fy_px: 80, cx_px: 80, cy_px: 45}
+  outputs: [rgb, depth]
+"""
 
 
 def command(beginning: str) -> list[str]:
@@ -40,12 +55,11 @@ def home(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactory
     for town in TOWNS.values():
         (home / "maps" / town).mkdir(parents=True)
         shutil.copy(straight_drive.town, home / "maps" / town / "town.xodr")
-    shutil.copy(straight_drive.rig, home / "rig.yaml")
+    (home / "rig.yaml").write_text(RIG)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(home)
         patch.setenv("CARLALOC_MAPS", str(home / "maps"))
-        shorter = ["--rig", "rig.yaml", "--sample", "2", "--quality", "low"]
-        assert main([*command("carlaloc dataset")[1:], *shorter]) == 0
+        assert main([*command("carlaloc dataset")[1:], *SHORTER]) == 0
     return home
 
 
@@ -64,8 +78,7 @@ def test_the_dataset_has_two_drives_and_six_conditions_each(home: Path) -> None:
 
 
 def test_the_same_command_finds_all_made(capsys: pytest.CaptureFixture[str]) -> None:
-    shorter = ["--rig", "rig.yaml", "--sample", "2", "--quality", "low"]
-    assert main([*command("carlaloc dataset")[1:], *shorter]) == 0
+    assert main([*command("carlaloc dataset")[1:], *SHORTER]) == 0
     assert "all sequences of 2 of 2 towns" in capsys.readouterr().err
 
 
@@ -77,8 +90,7 @@ def test_verify_finds_nothing_wrong(capsys: pytest.CaptureFixture[str]) -> None:
 def test_two_makings_are_the_same_dataset(capsys: pytest.CaptureFixture[str]) -> None:
     """Driven and replayed anew by the same words; only the time of recording differs."""
     words = command("carlaloc dataset")[1:]
-    again = [*words, "--rig", "rig.yaml", "--sample", "2", "--quality", "low", "--out", "again"]
-    assert main([*again, "--towns", "East"]) == 0
+    assert main([*words, *SHORTER, "--out", "again", "--towns", "East"]) == 0
     capsys.readouterr()
     assert main(["verify", "again", "--against", "dataset", "--json"]) == 1
     findings = json.loads(capsys.readouterr().out)["findings"]

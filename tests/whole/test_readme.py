@@ -20,7 +20,7 @@ SHORTER = {
     "record": ["--duration", "4"],
     "replay": [
         *["--start", "3", "--duration", "0.3", "--quality", "low"],
-        *["--camera-start", "3", "--camera-duration", "0.05"],
+        *["--camera-start", "3", "--camera-duration", "0.05", "--workers", "1"],
     ],
     "evaluate": ["--align", "none"],
 }

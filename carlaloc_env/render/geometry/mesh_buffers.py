@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32
+from carlaloc_env.core.files.array_cache import Arrays, arrays_hash, cached
+from carlaloc_env.core.files.shared_arrays import SHARED_FROM_BYTES
 from carlaloc_env.core.geometry.transforms import cross
 from carlaloc_env.render.geometry.culling.triangle_culling import Body, TriangleCuller, shared
 from carlaloc_env.render.geometry.equal_vertices import without_doubles
@@ -18,7 +20,7 @@ from carlaloc_env.render.gl.context import is_software
 from carlaloc_env.render.gl.growing_buffer import GrowingBuffer
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.scene.mesh import VERTEX_FIELDS, Mesh
 
 VERTEX = np.dtype(
     [
@@ -57,6 +59,8 @@ _SOLID_MODELS = (
 """The same of closed movable models; their plastic, rubber and glass are sheets too."""
 _OPEN_SHARE = 0.1
 """Share of a body's area that may be missing."""
+KEPT_FILES = 3
+"""Cached files of packed models kept, of this version and earlier ones."""
 
 
 def pack_vertices(mesh: Mesh, out: NDArray[np.void] | None = None) -> NDArray[np.void]:
@@ -83,6 +87,31 @@ def _end_to_end(meshes: Iterable[Mesh]) -> tuple[NDArray[np.void], U32, NDArray[
         begin += len(mesh.vertices_m)
     count = np.array([len(one) for one in triangles[1:]], np.int64)
     return np.concatenate(vertices), np.concatenate(triangles), count
+
+
+def _joined(meshes: Iterable[Mesh]) -> Arrays:
+    """Packed vertices of all meshes without doubles, triangles between them, and each mesh's number."""
+    packed, corners, count = _end_to_end(meshes)
+    vertices, triangles = without_doubles(packed, corners)
+    return {"vertices": vertices.view(np.uint8), "triangles": triangles, "count": count}
+
+
+def _joined_models(meshes: Sequence[Mesh]) -> Arrays:
+    """The same, from the cache if they are large: every renderer begins with the same movable models."""
+    fields = ("triangles", *VERTEX_FIELDS)
+    parts = {f"{k} {name}": getattr(mesh, name) for k, mesh in enumerate(meshes) for name in fields}
+    if sum(part.nbytes for part in parts.values()) < SHARED_FROM_BYTES:
+        return _joined(meshes)
+    return cached(
+        "models",
+        "packed",
+        module=__name__,
+        make=lambda: _joined(meshes),
+        to_arrays=lambda made: made,
+        from_arrays=lambda found: {name: found[name] for name in ("vertices", "triangles", "count")},
+        content=arrays_hash(parts),
+        kept_files=KEPT_FILES,
+    )
 
 
 def lit_windows(mesh: Mesh) -> NDArray[np.float64]:
@@ -139,14 +168,14 @@ class MeshBuffers:
             models: Whether these are movable models.
         """
         self._context = context
-        packed, corners, number = _end_to_end(meshes)
-        counts = number if triangles is None else triangles
+        joined = _joined_models(list(meshes)) if models else _joined(meshes)
+        vertices, corners = joined["vertices"].view(VERTEX), joined["triangles"]
+        counts = joined["count"] if triangles is None else triangles
+        del joined
         self.count = (3 * counts).astype(np.uint32)
         """Number of indices of each range, shape (N,)."""
         self.first = (np.cumsum(3 * counts) - 3 * counts).astype(np.uint32)
         """First index of each range, shape (N,)."""
-        vertices, corners = without_doubles(packed, corners)
-        del packed
         # OpenGL refuses empty buffers; one unused vertex stands in for an empty scene.
         self.vertices = context.buffer((vertices if len(vertices) else np.zeros(1, VERTEX)).view(np.uint8))
         self._commands = GrowingBuffer(context, 20 * (len(self.count) + 1))

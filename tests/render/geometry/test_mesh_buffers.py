@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,3 +42,16 @@ def test_a_box_is_closed_until_a_side_is_missing(scenery: Any) -> None:
     without_roof = box.triangles[np.sum(normal * [0, 0, 1], axis=1) < 0.5]
     assert len(without_roof) == 10
     assert not mesh_buffers._is_closed(box.vertices_m, without_roof)
+
+
+def test_kept_models_are_those_that_were_packed(
+    scenery: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CARLALOC_CACHE", str(tmp_path))
+    monkeypatch.setattr(mesh_buffers, "SHARED_FROM_BYTES", 0)
+    for size in (1, 2):
+        boxes = [scenery.box([x, 0, 0], [x + size, 1, 1]) for x in range(3)]
+        made, kept = mesh_buffers._joined_models(boxes), mesh_buffers._joined_models(boxes)
+        assert made["vertices"].view(mesh_buffers.VERTEX)["position"][:, 0].max() == 2 + size
+        assert all(np.array_equal(made[name], kept[name]) for name in made)
+    assert len(list(tmp_path.glob("*.packed"))) == 2
