@@ -21,6 +21,7 @@ from carlaloc_env.core.files.file_lock import take_lock
 from recorder.dataset.layout import CHECKSUMS, DATASET, EPISODES, DatasetFolder
 from recorder.dataset.manifest import DatasetManifest, write_manifest
 from recorder.factory.plan import SAMPLE_FROM_S, DatasetConfig, length_s, plan_dataset
+from recorder.factory.record_drive import record_drive
 from recorder.replaying.plan import ReplayConfig, ReplayOptions
 from recorder.replaying.replay import replay
 
@@ -153,17 +154,8 @@ def _get_drive(config: DatasetConfig, town: str, tell: _Told) -> None:
         with atomic_write(target, WriterError) as part:
             shutil.copy(config.episodes / f"{town}.mcap", part)
         return
-    # Imported where it is asked for: it brings all that drives.
-    from recorder.drive.record import RecordConfig, record
-
-    _log.info("driving through %s", town)
-    for rest in target.parent.glob(f"{town}.mcap.*"):
-        rest.unlink()
     duration_s = None if config.sample_s is None else SAMPLE_FROM_S + config.sample_s + 0.1
-    record(
-        RecordConfig(map=town, out=target, duration_s=duration_s, seed=config.seed_of(town)),
-        progress=tell.driving,
-    )
+    record_drive(town, target, seed=config.seed_of(town), duration_s=duration_s, progress=tell.driving)
 
 
 def _make_drive(config: DatasetConfig, town: str, tell: _Told, later_s: Sequence[float]) -> None:

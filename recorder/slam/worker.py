@@ -17,13 +17,13 @@ import numpy as np
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
+from recorder.dataset.feed_readings import FeedReadings
 from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.system import FrameClock, Runner, StampedPose, System
 from recorder.slam.system_file import is_system_file, read_system_file
 from recorder.slam.systems import system_of
-from recorder.streaming.feed_readings import FeedReadings
 
 ESTIMATE, FRAMES, FACTS = "estimate.tum", "frames.csv", "facts.json"
 """Files that it leaves: poses, times of frames, version and counts."""

@@ -21,6 +21,7 @@ from pathlib import Path
 from queue import Full, Queue
 
 from carlaloc_env.core.errors import CarlaLocError
+from recorder.dataset.feed_readings import NEXT, STAMPS
 from recorder.episode.episode import Episode
 from recorder.streaming.frames import (
     FrameJob,
@@ -34,8 +35,6 @@ AHEAD = 8
 """Frames that are made ahead."""
 SHARES = "movers.json"
 """File with the share of movers of each labelled stream, written at the end."""
-NEXT, STAMPS, IMU = "next", "stamps", "imu"
-"""What systems ask for: the next frame (None: there is none), times of all frames, all inertial samples."""
 _LOOK_S = 0.2
 """Time after which a maker looks again whether anybody still listens [s]."""
 

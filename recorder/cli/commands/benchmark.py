@@ -3,6 +3,7 @@
 Examples:
   carlaloc benchmark data --out scores
   carlaloc benchmark drive.mcap --weather ClearNoon,FoggyNoon --traffic static,dynamic --noise-seeds 3
+  carlaloc benchmark --standard --out scores --rig lidar --traffic static,dynamic
   carlaloc benchmark data --out scores --methods kiss_icp,small_gicp --runs 3
   carlaloc benchmark data --out scores --methods my_system.py --fail-above 0.5
   carlaloc benchmark data --out scores --again failed
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Options of `carlaloc benchmark`."""
     parser.add_argument(
-        "data", type=input_path, nargs="+", help="folder with sequences, or drives (.mcap), one or more"
+        "data", type=input_path, nargs="*", help="folder with sequences, or drives (.mcap), one or more"
     )
     parser.add_argument("--out", type=OutputFolder(), help="results; else DATA-benchmark beside it")
     group = parser.add_argument_group("of drives")
@@ -44,6 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         metavar="N",
         help="seeds of noise (default: 1)",
+    )
+    group.add_argument(
+        "--standard", action="store_true", help="the standard drives of seven towns, recorded in OUT/episodes"
     )
     group.add_argument("--map", help="map of the drives, where the episodes name none that is known")
     group.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
@@ -75,9 +79,8 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
     from recorder.benchmark.tables import frame_of, write_tables
 
-    data = _data(arguments)
-    first: Path = arguments.data[0].resolve()
-    out: Path = arguments.out or first.with_name(f"{first.stem}-benchmark")
+    out = _out(arguments)
+    data = _data(arguments, out)
     config = BenchmarkConfig(
         data=data,
         out=out,
@@ -118,7 +121,22 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     }
 
 
-def _data(arguments: argparse.Namespace) -> Path | DriveConfig:
+def _out(arguments: argparse.Namespace) -> Path:
+    """Folder of the results.
+
+    Raises:
+        UsageError: there is nothing to run on, or no name to be had from it.
+    """
+    if arguments.standard == bool(arguments.data):
+        raise UsageError("give a folder with sequences, drives (.mcap), or --standard")
+    if arguments.out is None and arguments.standard:
+        raise UsageError("--standard needs a folder for drives and results; give --out")
+    first = arguments.data[0].resolve() if arguments.data else Path()
+    out: Path = arguments.out or first.with_name(f"{first.stem}-benchmark")
+    return out
+
+
+def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
     """The folder, or the drives with their conditions.
 
     Raises:
@@ -131,6 +149,11 @@ def _data(arguments: argparse.Namespace) -> Path | DriveConfig:
     drives = [path for path in given if path.suffix == ".mcap"]
     if not drives and len(given) == 1:
         return given[0]
+    if arguments.standard:
+        from recorder.factory.record_drive import standard_drives
+
+        with Progress("drives", unit="towns") as progress:
+            given = drives = list(standard_drives(out / "episodes", progress.update))
     if len(drives) != len(given):
         raise UsageError("give one folder with sequences, or drives (.mcap) alone")
     if arguments.rerun:

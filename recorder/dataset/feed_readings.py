@@ -13,7 +13,9 @@ from carlaloc_env.core.errors import EvaluationError
 from recorder.dataset.mover_masks import without_movers as painted
 from recorder.dataset.readings import ImuSample, StereoPair
 from recorder.dataset.scans import Scan
-from recorder.streaming.feed import IMU, NEXT, STAMPS
+
+NEXT, STAMPS, IMU = "next", "stamps", "imu"
+"""What a feed is asked for: the next frame (None: there is none), times of all frames, inertial samples."""
 
 
 class FeedReadings:
