@@ -83,10 +83,10 @@ class BenchmarkResult:
         for job, score in zip(self.jobs, self.scores, strict=True):
             if score.failed is not None:
                 log = self.out / job.folder / LOG
-                printed = last_line(log, but=score.failed)
+                why = score.failed.removesuffix(f"; log: {log}")
+                printed = last_line(log, but=f"{why}; see {LOG}")
                 ending = f", which ends with: {printed}" if printed else ""
                 where = f"{job.sequence.key}, run {job.run}"
-                why = score.failed.removesuffix("; see log.txt")
                 lines.append(f"{job.title} failed in {where}: {why}; log: {log}{ending}")
         return lines
 
@@ -122,7 +122,10 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
     found: dict[int, Score] = {}
     for k, job in enumerate(jobs):
         kept = read_score(config.out / job.folder, _fingerprint(job, config))
-        again = config.again == "all" or (config.again == "failed" and kept and kept.failed is not None)
+        # A program's build is unknown here, so that its failure says nothing lasting; what was scored does.
+        lost = kept is not None and kept.coverage == 0 and job.method.endswith((".yaml", ".yml"))
+        failed = kept is not None and kept.failed is not None and config.again == "failed"
+        again = config.again == "all" or lost or failed
         if kept is not None and not again:
             found[k] = kept
     reused = len(found)
