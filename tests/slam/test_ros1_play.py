@@ -6,7 +6,6 @@ The nodes know the truth and give it as their pose.
 from __future__ import annotations
 
 import os
-import time
 from pathlib import Path
 
 import pytest
@@ -124,10 +123,8 @@ def test_a_node_that_says_nothing_is_named(data: Path) -> None:
 
 
 def test_a_node_that_dies_ends_the_run_with_its_last_line(data: Path) -> None:
-    began = time.monotonic()
     score = played(data, "answer(cloud) if seen < 4 else (print('no more memory', flush=True), os._exit(3))")
     assert "python3 ended with 3: no more memory; log: " in str(score.failed)
-    assert time.monotonic() - began < 30
 
 
 def test_a_required_node_of_a_launch_file_ends_the_run_though_others_will_not_end(data: Path) -> None:

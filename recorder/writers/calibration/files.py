@@ -40,7 +40,8 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
     ``extrinsics.yaml`` always. An IMU, with cameras: Kalibr's files and, where it has a model for their
     lenses, Basalt's. Two cameras: ORB-SLAM3's and VINS-Fusion's, with an IMU as well their inertial ones,
     OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's and, of 16, 32 or 64 beams, A-LOAM's; with an IMU
-    FAST-LIO2's, LIO-SAM's, RKO-LIO's and notes for LeGO-LOAM. A CAN bus: ``can.dbc``.
+    FAST-LIO2's, LIO-SAM's, RKO-LIO's and LeGO-LOAM's with notes. A CAN bus: ``can.dbc``. Systems of ROS 1 get
+    launch files.
 
     Args:
         folder: Where the files go.
