@@ -63,6 +63,8 @@ def test_it_says_what_poses_mean(tmp_path: Path) -> None:
         (("title:", "titel: a\ntitle:"), "titel"),
         (("command:", "ros1: {poses: /a, pace: /b, command: [c]}\ncommand:"), "either 'command' or 'ros1'"),
         (("command:", "ros1: {poses: /a}\ncommand:"), "ros1 lacks pace, command"),
+        (("command:", "ros1: {poses: /a, pace: /b, command: [c], every: 0}\ncommand:"), "every is 0"),
+        (("command:", "ros1: {poses: /a, pace: /b, command: c}\ncommand:"), "command a list"),
         (("command:", "ros1: {pase: /a}\ncommand:"), "pase.*did you mean 'pace'"),
     ],
 )

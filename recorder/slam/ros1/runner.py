@@ -34,6 +34,8 @@ class Ros1Node:
     """Program and words, with ``{calibration}`` and the like (`recorder.slam.runners.command`)."""
     remap: Mapping[str, str] = field(default_factory=dict)
     """Topics of the bag, each with the name by which the node reads it."""
+    every: int = 1
+    """It gives a pose for one of so many messages, so that no more are expected of it."""
     patience_s: float = 2.0
     """Rest after which no answer is expected any more [s], see `recorder.slam.ros1.lock_step`."""
     silence_s: float = 60.0
@@ -44,7 +46,7 @@ class Ros1Node:
         """The node that a description's ``ros1`` tells of; ``{here}`` in its command is the file's folder.
 
         Raises:
-            ConfigError: it lacks or has keys that it should not.
+            ConfigError: it lacks or has keys that it should not, or one of them has no such value.
         """
         known = [one.name for one in fields(cls)]
         if not isinstance(given, dict):
@@ -54,6 +56,11 @@ class Ros1Node:
                 raise ConfigError(f"ros1: {unknown_name('key', str(key), known)}")
         if missing := [name for name in known[:3] if not given.get(name)]:
             raise ConfigError(f"ros1 lacks {', '.join(missing)}; see docs/your-system.md")
+        for name in ("every", "patience_s", "silence_s"):
+            if not isinstance(given.get(name, 1), int | float) or given.get(name, 1) <= 0:
+                raise ConfigError(f"ros1: {name} is {given[name]}; give a number above 0")
+        if not isinstance(given.get("remap", {}), dict) or not isinstance(given["command"], list):
+            raise ConfigError("ros1: remap is a mapping and command a list; see docs/your-system.md")
         command = tuple(str(word).replace("{here}", here) for word in given["command"])
         return cls(**{**given, "command": command})
 
@@ -74,7 +81,7 @@ class Ros1Node:
             out, work = Path(folder, "poses.bag"), Path(folder, "work")
             work.mkdir()
             words = filled(self._player, sequence, {"{out_bag}": out, "{work}": work})
-            with clock.frame(sequence.frames(sensor)):
+            with clock.frame(sequence.frames(sensor) // self.every):
                 _play(words)
             return poses_in(out, topic=self.poses)
 
