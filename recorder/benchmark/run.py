@@ -51,10 +51,10 @@ class BenchmarkResult:
         for job, score in zip(self.jobs, self.scores, strict=True):
             if score.failed is not None:
                 log = self.out / job.folder / LOG
-                printed = last_line(log, but=score.failed)
+                why = score.failed.removesuffix(f"; log: {log}")
+                printed = last_line(log, but=f"{why}; see {LOG}")
                 ending = f", which ends with: {printed}" if printed else ""
                 where = f"{job.sequence.key}, run {job.run}"
-                why = score.failed.removesuffix("; see log.txt")
                 lines.append(f"{job.title} failed in {where}: {why}; log: {log}{ending}")
         return lines
 
@@ -93,8 +93,11 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
         kept = read_result(job, config)
         if kept is None or not kept[1] or config.again == "all":
             continue
-        if config.again != "failed" or kept[0].failed is None:
-            found[k] = kept[0]
+        score = kept[0]
+        # A program's build is unknown here, so that its failure says nothing lasting; what was scored does.
+        lost = score.coverage == 0 and is_system_file(job.method)
+        if not lost and (config.again != "failed" or score.failed is None):
+            found[k] = score
     reused = len(found)
     run = _Run(jobs, found, config, progress or _nobody)
     run.all_of([k for k in range(len(jobs)) if k not in found])

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.files.last_line import last_line
+from recorder.slam.keeper import GRACE_S, descendants, kept
 from recorder.slam.worker import ESTIMATE, FACTS, FRAMES
 
 LOG = "log.txt"
@@ -34,7 +35,7 @@ class RunRecord:
     wall_s: float
     """Time on the clock, start of the process and reading included [s]."""
     cpu_s: float
-    """Processor time of the process and its children [s]."""
+    """Processor time of the process and all that it has started [s]."""
     peak_memory_mb: float
     """Largest resident memory [MB]."""
     cores: int
@@ -71,6 +72,8 @@ def run_isolated(
 ) -> RunRecord:
     """Run a system over a sequence; its record says how it ended, whatever happens to it.
 
+    Nothing that it has started outlives the run, see `recorder.slam.keeper`.
+
     Args:
         method: Name or file of a system, see `recorder.slam.systems.system_of`.
         sequence: Folder of the sequence.
@@ -100,7 +103,7 @@ def run_isolated(
     began = time.monotonic()
     with (out / LOG).open("wb") as log:
         child = subprocess.Popen(
-            [sys.executable, "-m", "recorder.slam.worker", str(out / "job.json")],
+            kept([sys.executable, "-m", "recorder.slam.worker", str(out / "job.json")]),
             stdout=log,
             stderr=subprocess.STDOUT,
             env=environment,
@@ -118,7 +121,7 @@ def run_isolated(
 
 
 class _PeakMemory:
-    """Largest resident memory of a process and those that it has started, asked for while they run.
+    """Largest resident memory of all that a process has started, asked for while it runs.
 
     What the system tells of an ended child counts its parent's memory as well: it is taken before `exec`.
     """
@@ -129,8 +132,8 @@ class _PeakMemory:
 
     def look(self) -> None:
         """Ask once more; a system without ``/proc`` gives NaN."""
-        found = [_high_water_mb(pid) for pid in (self._pid, *_descendants(self._pid))]
-        self.peak_mb = float(np.nanmax([self.peak_mb, sum(found)])) if found[0] else self.peak_mb
+        found = sum(_high_water_mb(pid) for pid in descendants(self._pid))
+        self.peak_mb = float(np.nanmax([self.peak_mb, found])) if found else self.peak_mb
 
 
 def _high_water_mb(pid: int) -> float:
@@ -140,16 +143,6 @@ def _high_water_mb(pid: int) -> float:
             if line.startswith("VmHWM:"):
                 return float(line.split()[1]) / 1024.0
     return 0.0
-
-
-def _descendants(pid: int) -> list[int]:
-    """Processes below one."""
-    found: list[int] = []
-    with suppress(OSError, ValueError):
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            for child in (task / "children").read_text().split():
-                found += [int(child), *_descendants(int(child))]
-    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +177,19 @@ def _wait(
 
 
 def _ended(child: subprocess.Popen[bytes]) -> Any:
-    os.killpg(child.pid, signal.SIGKILL)
-    _, status, usage = os.wait4(child.pid, 0)
+    """What a process used that is asked to end all that it keeps, and then ended itself."""
+    below = descendants(child.pid)
+    child.terminate()
+    until = time.monotonic() + sum(GRACE_S.values()) + 2.0
+    pid, status, usage = 0, 0, None
+    while not pid and time.monotonic() < until:
+        time.sleep(_POLL_S)
+        pid, status, usage = os.wait4(child.pid, os.WNOHANG)
+    if not pid:
+        for one in (child.pid, *below):
+            with suppress(ProcessLookupError):
+                os.kill(one, signal.SIGKILL)
+        _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     return usage
 
@@ -199,6 +203,7 @@ def _record(out: Path, ended: _Ended, limit_s: float, cores: int) -> RunRecord:
         error = f"crashed by {signal.Signals(-status).name}: {last_line(log) or 'it printed nothing'}"
     elif status > 0:
         error = last_line(log) or f"ended with {status} and printed nothing"
+        error = error.replace(f"; see {LOG}", f"; log: {log}")
     facts: dict[str, Any] = {}
     times = np.zeros(0)
     if error is None:

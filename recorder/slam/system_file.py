@@ -11,6 +11,7 @@ import yaml
 from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files.text_files import read_text
 from recorder.dataset.sequence import SlamSequence
+from recorder.slam.ros1.runner import Ros1Node
 from recorder.slam.runners.command import run_command
 from recorder.slam.system import END, MIDDLE, START, FrameClock, StampedPose, System
 
@@ -21,7 +22,7 @@ _INPUTS = ("lidar", "imu", "stereo")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SystemFile:
-    """What such a file says; all of it but the last four must be there."""
+    """What such a file says; name, title, needs and frame must be there, and a command or a ROS 1 node."""
 
     name: str
     """Name of its results."""
@@ -31,8 +32,10 @@ class SystemFile:
     """What it reads: ``lidar``, ``imu``, ``stereo``."""
     frame: str
     """Frame of its poses: ``lidar``, ``imu``, ``camera`` (the left one) or ``base_link``."""
-    command: tuple[str, ...]
+    command: tuple[str, ...] = ()
     """Program and words, see `recorder.slam.runners.command.run_command`; ``{here}`` is the file's folder."""
+    ros1: Ros1Node | None = None
+    """The ROS 1 node that is fed in place of a command."""
     what: str = ""
     """A few words on it."""
     instant: str = "start"
@@ -50,8 +53,10 @@ class SystemFile:
         for need in self.needs:
             if need not in _INPUTS:
                 raise ConfigError(unknown_name("input", need, _INPUTS))
+        if bool(self.command) == (self.ros1 is not None):
+            raise ConfigError(f"'{self.name}' must have either 'command' or 'ros1'; see docs/your-system.md")
         wanted = "{out}" if self.topic is None else "{out_bag}"
-        if not any(wanted in word for word in self.command):
+        if self.command and not any(wanted in word for word in self.command):
             raise ConfigError(f"the command of '{self.name}' names no {wanted} to write its poses to")
 
     @property
@@ -69,13 +74,11 @@ class SystemFile:
         )
 
     def run(self, sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
-        """Poses that its command has written."""
-        return run_command(sequence, clock, self.command, sensor=self.system.sensor, topic=self.topic)
-
-
-def is_system_file(word: str) -> bool:
-    """Whether a word that names a system is such a file."""
-    return word.endswith((".yaml", ".yml"))
+        """Poses that its command or its node has given."""
+        sensor = self.system.sensor
+        if self.ros1 is not None:
+            return self.ros1.run(sequence, clock, sensor=sensor)
+        return run_command(sequence, clock, self.command, sensor=sensor, topic=self.topic)
 
 
 def read_system_file(path: Path) -> SystemFile:
@@ -94,14 +97,17 @@ def read_system_file(path: Path) -> SystemFile:
     for key in found:
         if key not in known:
             raise ConfigError(f"{path}: {unknown_name('key', str(key), known)}")
-    given: dict[str, Any] = {
-        key: tuple(map(str, value)) if isinstance(value, list) else str(value) for key, value in found.items()
-    }
-    if "command" in given:
-        here = str(path.resolve().parent)
-        given["command"] = tuple(word.replace("{here}", here) for word in given["command"])
+    here = str(path.resolve().parent)
+    given = {key: _value(key, value, here) for key, value in found.items()}
     try:
         return SystemFile(**given)
     except TypeError as error:
-        missing = [name for name in known[:5] if name not in found]
+        missing = [name for name in known[:4] if name not in found]
         raise ConfigError(f"{path} lacks {', '.join(missing) or error}; see docs/your-system.md") from error
+
+
+def _value(key: str, value: Any, here: str) -> Any:
+    """A value as `SystemFile` has it, with the file's folder in place of ``{here}``."""
+    if isinstance(value, list):
+        return tuple(str(word).replace("{here}", here) for word in value)
+    return Ros1Node.from_mapping(value, here) if key == "ros1" else str(value)

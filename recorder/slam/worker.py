@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import runpy
+import signal
 import sys
 from importlib import import_module
 from multiprocessing.connection import Connection
@@ -31,6 +32,8 @@ ESTIMATE, FRAMES, FACTS = "estimate.tum", "frames.csv", "facts.json"
 
 def main(job_file: str) -> int:
     """Run one job; what went wrong is the last line on stderr."""
+    # Asked to end, it ends without words: the last line of its log is the system's.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     job = json.loads(Path(job_file).read_text(encoding="utf-8"))
     try:
         run_job(job)

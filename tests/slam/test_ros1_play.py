@@ -1,36 +1,33 @@
-"""Lock-step of the player for ROS 1 nodes: a slow node that forgets what it has no time for still sees all.
+"""The player for ROS 1 nodes: slow, stalling, dying, hanging and hiding ones, on a real master.
 
-The node is a real one, on a real master; it knows the truth and gives it as its pose.
+The nodes know the truth and give it as their pose.
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
-from shared_fixtures.processes.external_programs import EXTERNAL, SYSTEM_PYTHON, missing_ros
+from shared_fixtures.processes.external_programs import SYSTEM_PYTHON, missing_ros
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
+from recorder.benchmark.score import Score
 
 SWEEPS = 12
 NODE = """
-import sys, time
+import os, signal, subprocess, sys, time
 import rospy
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
 
-rospy.init_node("slow")
+rospy.init_node("slow", disable_signals=True)
 rows = [[float(word) for word in line.split()] for line in open(sys.argv[1]) if not line.startswith("#")]
 out = rospy.Publisher("/odom", Odometry, queue_size=10)
 seen = 0
 
-def take(cloud):
-    global seen
-    time.sleep(0.2)
-    seen += 1
-    if seen % EVERY:
-        return
+def answer(cloud):
     stamp = cloud.header.stamp.to_sec()
     row = min(rows, key=lambda row: abs(row[0] - stamp))
     pose = Odometry()
@@ -39,57 +36,128 @@ def take(cloud):
     place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = row[1:8]
     out.publish(pose)
 
+def take(cloud):
+    global seen
+    seen += 1
+    DOES
+
 rospy.Subscriber("/velodyne_points", PointCloud2, take, queue_size=1)
 rospy.spin()
+"""
+SLOW = "time.sleep(0.2); answer(cloud)"
+COMPUTING = """until = time.process_time() + (3.0 if seen == 6 else 0.05)
+    while time.process_time() < until: pass
+    answer(cloud)"""
+HIDING = """answer(cloud)
+    if seen == 3:
+        words = ["import os, signal, sys, time; os.setsid(); signal.signal(signal.SIGINT, signal.SIG_IGN)",
+                 "signal.signal(signal.SIGTERM, signal.SIG_IGN)",
+                 "open(sys.argv[1], 'w').write(str(os.getpid()))",
+                 "while time.process_time() < 1.5: pass",
+                 "time.sleep(600)"]
+        code = chr(10).join(words)
+        subprocess.Popen(["sh", "-c", '"$@" & exit', "sh", sys.executable, "-c", code, sys.argv[2]])"""
+LAUNCH = """
+<launch>
+    <node pkg="rosout" type="rosout" name="another"
+        launch-prefix="sh -c 'trap true INT TERM; while :; do sleep 1; done'" />
+    <node pkg="rosout" type="rosout" name="slow" required="true" output="screen"
+        launch-prefix="PYTHON NODE TRUTH" />
+</launch>
 """
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _ros() -> None:
-    if missing := missing_ros():
+    if missing := missing_ros("nav_msgs"):
         pytest.skip(missing)
 
 
-def played(tmp_path: Path, node: str, *options: str) -> tuple[str | None, float, float]:
-    """Why it failed, share of the sweeps that have a pose, and error [m]."""
-    data = write_dataset(tmp_path / "set", sweeps=SWEEPS)
-    (tmp_path / "node.py").write_text(node)
-    words = [
-        str(EXTERNAL / "ros1_play.py"), "{bag}", "{out_bag}", "/odom", "--pace", "/lidar/points", *options,
-        "--", SYSTEM_PYTHON, str(tmp_path / "node.py"), "{calibration}/../ground_truth/lidar.tum",
-    ]  # fmt: skip
-    (tmp_path / "slow.yaml").write_text(
-        "{name: slow, title: Slow, needs: [lidar], frame: lidar, instant: start, topic: /odom, "
-        f"command: {words}}}"
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    root = write_dataset(tmp_path / "set", sweeps=SWEEPS)
+    (root / "Box" / "calibration").mkdir()
+    return root
+
+
+def played(data: Path, does: str, *, command: str = "", options: str = "") -> Score:
+    """Score of a node that does so with each sweep."""
+    folder = data.parent
+    (folder / "node.py").write_text(NODE.replace("DOES", does))
+    truth = "{calibration}/../ground_truth/lidar.tum"
+    words = f'[{SYSTEM_PYTHON}, "{{here}}/node.py", "{truth}", "{{here}}/pid"]'
+    (folder / "slow.yaml").write_text(
+        "{name: slow, title: Slow, needs: [lidar], frame: lidar, ros1: {poses: /odom, pace: /lidar/points, "
+        f"remap: {{/lidar/points: /velodyne_points}}, {options} command: {command or words}}}}}"
     )
-    (data / "Box" / "calibration").mkdir()
     config = BenchmarkConfig(
-        data=data, out=tmp_path / "out", methods=(str(tmp_path / "slow.yaml"),), clouds=("raw",)
+        data=data, out=folder / "out", methods=(str(folder / "slow.yaml"),), clouds=("raw",)
     )
     (score,) = run_benchmark(config).scores
-    return score.failed, score.coverage, score.ape_m
+    return score
 
 
-RENAMED = ("--remap", "/lidar/points=/velodyne_points")
+def test_a_slow_node_that_forgets_what_it_has_no_time_for_sees_every_sweep(data: Path) -> None:
+    score = played(data, SLOW)
+    assert (score.failed, score.coverage) == (None, 1.0)
+    assert score.ape_m < 1e-3
 
 
-def test_a_slow_node_sees_every_sweep(tmp_path: Path) -> None:
-    failed, coverage, ape_m = played(tmp_path, NODE.replace("EVERY", "1"), *RENAMED)
-    assert failed is None
-    assert coverage == 1.0
-    assert ape_m < 1e-3
+def test_a_node_that_computes_long_for_one_sweep_drops_none(data: Path) -> None:
+    """Longer than it is waited for at rest; and the processor time of all is in the record."""
+    score = played(data, COMPUTING, options="patience_s: 0.3,")
+    assert (score.failed, score.coverage) == (None, 1.0)
+    assert score.cpu_s > 3.5
 
 
-def test_a_node_that_answers_every_second_sweep_is_not_waited_for_each_time(tmp_path: Path) -> None:
-    failed, coverage, _ = played(tmp_path, NODE.replace("EVERY", "2"), *RENAMED, "--wait", "1")
-    assert coverage == pytest.approx(0.5, abs=0.1)
-    assert failed is not None
-    assert "cover" in failed
+def test_a_node_that_answers_every_second_sweep_sees_all(data: Path) -> None:
+    score = played(data, "answer(cloud) if seen % 2 else None", options="patience_s: 0.5, every: 2,")
+    assert (score.failed, score.coverage) == (None, 1.0)
 
 
-def test_a_node_that_says_nothing_is_named(tmp_path: Path) -> None:
-    failed, _, _ = played(tmp_path, NODE.replace("EVERY", "1000"), *RENAMED, "--wait", "0.3")
-    log = next((tmp_path / "out").rglob("log.txt")).read_text()
-    assert "no message came on /odom" in log
-    assert failed is not None
-    assert "ended with 1" in failed
+def test_a_node_that_says_nothing_is_named(data: Path) -> None:
+    score = played(data, "pass")
+    assert str(score.failed).startswith("no message came on /odom; log: ")
+    assert Path(str(score.failed).partition("log: ")[2]).is_file()
+
+
+def test_a_node_that_dies_ends_the_run_with_its_last_line(data: Path) -> None:
+    score = played(data, "answer(cloud) if seen < 4 else (print('no more memory', flush=True), os._exit(3))")
+    assert "python3 ended with 3: no more memory; log: " in str(score.failed)
+
+
+def test_a_required_node_of_a_launch_file_ends_the_run_though_others_will_not_end(data: Path) -> None:
+    launch = LAUNCH.replace("PYTHON", SYSTEM_PYTHON).replace("NODE", str(data.parent / "node.py"))
+    launch = launch.replace("TRUTH", str(data / "Box" / "ground_truth" / "lidar.tum"))
+    (data.parent / "nodes.launch").write_text(launch)
+    does = "answer(cloud) if seen < 4 else (print('no more memory', flush=True), os._exit(3))"
+    score = played(data, does, command='[roslaunch, "{here}/nodes.launch"]')
+    assert "REQUIRED process [slow" in str(score.failed)
+    assert "no more memory; log: " in str(score.failed)
+
+
+def test_a_node_that_hangs_is_ended(data: Path) -> None:
+    score = played(data, "answer(cloud) if seen < 4 else time.sleep(600)", options="silence_s: 4,")
+    assert str(score.failed).startswith("no pose for 4 s; log: ")
+
+
+def test_nothing_of_a_node_outlives_it_and_all_is_counted(data: Path) -> None:
+    """A grandchild with a session of its own ignores SIGINT and SIGTERM, and computes for 1.5 s."""
+    score = played(data, HIDING)
+    assert score.failed is None
+    pid = int((data.parent / "pid").read_text())
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+    assert score.cpu_s > 2.0
+
+
+def test_only_what_is_read_is_published(data: Path) -> None:
+    """The bag has clouds with labels too, and the master knows of no publisher for them."""
+    does = """import rosgraph
+    told = [topic for topic, _ in rosgraph.Master("/slow").getSystemState()[0]]
+    open(sys.argv[2], "w").write(" ".join(told))
+    answer(cloud)"""
+    assert played(data, does).failed is None
+    told = (data.parent / "pid").read_text().split()
+    assert "/velodyne_points" in told
+    assert not [topic for topic in told if topic.startswith("/lidar")]

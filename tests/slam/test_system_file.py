@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.rigs.presets import rig_by_name
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.slam.system import END
 from recorder.slam.system_file import read_system_file
 from recorder.slam.systems import system_of
+from recorder.writers.calibration.files import calibration_texts
+from recorder.writers.rig_calibration import RigCalibration
+from recorder.writers.topics import profile_by_name
 
 COPY = (
     "import shutil, sys, pathlib; "
@@ -55,6 +61,11 @@ def test_it_says_what_poses_mean(tmp_path: Path) -> None:
         (("{out}", "x"), r"names no \{out\}"),
         (("title: Copy\n", ""), "lacks title"),
         (("title:", "titel: a\ntitle:"), "titel"),
+        (("command:", "ros1: {poses: /a, pace: /b, command: [c]}\ncommand:"), "either 'command' or 'ros1'"),
+        (("command:", "ros1: {poses: /a}\ncommand:"), "ros1 lacks pace, command"),
+        (("command:", "ros1: {poses: /a, pace: /b, command: [c], every: 0}\ncommand:"), "every is 0"),
+        (("command:", "ros1: {poses: /a, pace: /b, command: c}\ncommand:"), "command a list"),
+        (("command:", "ros1: {pase: /a}\ncommand:"), "pase.*did you mean 'pace'"),
     ],
 )
 def test_faults_are_named(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -73,3 +84,21 @@ def test_files_that_we_give_are_read(path: Path) -> None:
     found = read_system_file(path)
     assert found.name == path.stem
     assert found.instant_source != "said by its settings"
+
+
+def test_launch_files_that_we_name_lie_in_datasets() -> None:
+    """Each is one that roslaunch reads, and names files that lie beside it."""
+    texts = calibration_texts(
+        RigCalibration.from_configs(rig_by_name("flu").sensors), profile_by_name("standard")
+    )
+    named = set()
+    for path in EXTERNAL.glob("*.yaml"):
+        for word in getattr(read_system_file(path).ros1, "command", ()):
+            named |= {word.removeprefix("{calibration}/")} if word.startswith("{calibration}/") else set()
+    assert len(named) == 6
+    for name in named:
+        launch = ElementTree.fromstring(texts[name])
+        assert {node.get("required") for node in launch.iter("node")} == {"true"}
+        folder = Path(name).parent
+        for file in re.findall(r"\$\(dirname\)/([\w.-]+)", texts[name]):
+            assert (folder / file).as_posix() in texts

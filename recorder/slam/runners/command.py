@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from carlaloc_env.core.errors import EvaluationError
@@ -50,21 +50,38 @@ def run_command(
         out = Path(folder, "estimate.tum" if topic is None else "estimate.bag")
         work = Path(folder, "work")
         work.mkdir()
-        given = {"{out}": out, "{out_bag}": out, "{work}": work}
-        words = list(command)
-        for name, place in given.items():
-            words = [word.replace(name, str(place)) for word in words]
-        for name, path in _PATHS.items():
-            words = [w.replace(name, str(path(sequence))) if name in w else w for w in words]
+        words = filled(command, sequence, {"{out}": out, "{out_bag}": out, "{work}": work})
         with clock.frame(sequence.frames(sensor)):
             _run(words)
         if not out.is_file():
             raise EvaluationError(
                 f"{words[0]} ended well, but wrote no {'{out}' if topic is None else '{out_bag}'}"
             )
-        found = read_trajectory(out, topic=topic, quaternion="xyzw")
-    poses = transform(found.position_m, found.quat_xyzw)
-    return list(zip(found.stamp_ns.tolist(), poses, strict=True))
+        return poses_in(out, topic=topic)
+
+
+def filled(command: Sequence[str], sequence: SlamSequence, given: Mapping[str, Path]) -> list[str]:
+    """Words of a command with the paths of a sequence, and those that are given, in place of names in braces.
+
+    Raises:
+        EvaluationError: the sequence has no such path.
+    """
+    words = list(command)
+    for name, place in given.items():
+        words = [word.replace(name, str(place)) for word in words]
+    for name, path in _PATHS.items():
+        words = [w.replace(name, str(path(sequence))) if name in w else w for w in words]
+    return words
+
+
+def poses_in(file: Path, *, topic: str | None) -> list[StampedPose]:
+    """Poses of a TUM file, or on a topic of a bag.
+
+    Raises:
+        EvaluationError: there are none.
+    """
+    found = read_trajectory(file, topic=topic, quaternion="xyzw")
+    return list(zip(found.stamp_ns.tolist(), transform(found.position_m, found.quat_xyzw), strict=True))
 
 
 def program_path() -> str:

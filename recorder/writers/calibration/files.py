@@ -9,13 +9,17 @@ from recorder.writers.base import write_text
 from recorder.writers.calibration.basalt import basalt_fits, basalt_json
 from recorder.writers.calibration.fast_lio import fast_lio_yaml
 from recorder.writers.calibration.kalibr import camchain_yaml, imu_yaml
-from recorder.writers.calibration.lego_loam import lego_loam_notes
-from recorder.writers.calibration.lidar_odometry import (
+from recorder.writers.calibration.launch import (
     A_LOAM_BEAMS,
     a_loam_launch,
-    kiss_icp_yaml,
-    rko_lio_yaml,
+    fast_lio_launch,
+    lego_loam_launch,
+    open_vins_launch,
+    s_msckf_launch,
+    vins_launch,
 )
+from recorder.writers.calibration.lego_loam import lego_loam_notes
+from recorder.writers.calibration.lidar_odometry import kiss_icp_yaml, rko_lio_yaml
 from recorder.writers.calibration.lio_sam import lio_sam_yaml
 from recorder.writers.calibration.open_vins import open_vins_texts
 from recorder.writers.calibration.orbslam3 import orbslam3_yaml
@@ -36,7 +40,8 @@ def write_calibration(folder: str | Path, rig: RigCalibration, *, profile: str =
     ``extrinsics.yaml`` always. An IMU, with cameras: Kalibr's files and, where it has a model for their
     lenses, Basalt's. Two cameras: ORB-SLAM3's and VINS-Fusion's, with an IMU as well their inertial ones,
     OpenVINS's and S-MSCKF's. A LiDAR: KISS-ICP's and, of 16, 32 or 64 beams, A-LOAM's; with an IMU
-    FAST-LIO2's, LIO-SAM's, RKO-LIO's and notes for LeGO-LOAM. A CAN bus: ``can.dbc``.
+    FAST-LIO2's, LIO-SAM's, RKO-LIO's and LeGO-LOAM's with notes. A CAN bus: ``can.dbc``. Systems of ROS 1 get
+    launch files.
 
     Args:
         folder: Where the files go.
@@ -71,6 +76,9 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
         texts["vins_fusion/stereo_inertial.yaml"] = vins_yaml(rig, topics, inertial=True)
         texts["s_msckf/camchain-imucam.yaml"] = s_msckf_yaml(rig)
         texts |= {f"open_vins/{name}": text for name, text in open_vins_texts(rig, topics).items()}
+        texts["vins_fusion/stereo_inertial.launch"] = vins_launch()
+        texts["s_msckf/s_msckf.launch"] = s_msckf_launch(rig, topics)
+        texts["open_vins/open_vins.launch"] = open_vins_launch()
     if rig.imu is not None and rig.cameras and basalt_fits(rig):
         texts["basalt.json"] = basalt_json(rig)
     if rig.lidar is not None:
@@ -79,9 +87,11 @@ def calibration_texts(rig: RigCalibration, topics: TopicProfile) -> dict[str, st
             texts["a_loam.launch"] = a_loam_launch(rig.lidar, topics)
     if rig.lidar is not None and rig.imu is not None:
         texts["fast_lio.yaml"] = fast_lio_yaml(rig, topics)
+        texts["fast_lio.launch"] = fast_lio_launch()
         texts["lio_sam.yaml"] = lio_sam_yaml(rig, topics)
         texts["rko_lio.yaml"] = rko_lio_yaml(rig)
-        texts["lego_loam.md"] = lego_loam_notes(rig.lidar, topics)
+        texts["lego_loam.launch"] = lego_loam_launch(rig.lidar, topics)
+        texts["lego_loam.md"] = lego_loam_notes(rig.lidar)
     if "can" in rig.frames:
         texts["can.dbc"] = dbc()
     return texts

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from carlaloc_env.samples import PointCloud
 from recorder.writers.rig_calibration import LidarCalibration
-from recorder.writers.topics import TopicProfile
 
 
-def lego_loam_notes(lidar: LidarCalibration, topics: TopicProfile) -> str:
+def lego_loam_notes(lidar: LidarCalibration) -> str:
     """Values for `utility.h`, and the traps of both programs with this LiDAR."""
     low, high = lidar.elevations_deg[0], lidar.elevations_deg[-1]
     spacing = (high - low) / max(lidar.rings - 1, 1)
@@ -18,7 +16,6 @@ def lego_loam_notes(lidar: LidarCalibration, topics: TopicProfile) -> str:
 LeGO-LOAM reads its LiDAR from `LeGO-LOAM/include/utility.h`; build it with
 
 ```
-pointCloudTopic = "{topics.topic(PointCloud, lidar.name)}"
 useCloudRing    = true          // the cloud has a ring field and is dense
 N_SCAN          = {lidar.rings}
 Horizon_SCAN    = {lidar.columns}

@@ -1,17 +1,12 @@
-"""Settings for systems that take little: KISS-ICP, RKO-LIO, A-LOAM."""
+"""Settings for systems that take little: KISS-ICP, RKO-LIO."""
 
 from __future__ import annotations
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import WriterError
 from carlaloc_env.core.geometry import transforms
-from carlaloc_env.samples import PointCloud
 from recorder.writers.rig_calibration import LidarCalibration, RigCalibration
-from recorder.writers.topics import TopicProfile
 from recorder.writers.yaml_text import real
-
-A_LOAM_BEAMS = (16, 32, 64)
-"""Numbers of beams that A-LOAM takes."""
 
 
 def kiss_icp_yaml(lidar: LidarCalibration) -> str:
@@ -45,32 +40,6 @@ def rko_lio_yaml(rig: RigCalibration) -> str:
         "deskew: true\n"
         "initialization_phase: true\n"
     )
-
-
-def a_loam_launch(lidar: LidarCalibration, topics: TopicProfile) -> str:
-    """Launch file for A-LOAM; `lego_loam.md` has its traps with this LiDAR.
-
-    Raises:
-        WriterError: the LiDAR has a number of beams that A-LOAM does not take.
-    """
-    if lidar.rings not in A_LOAM_BEAMS:
-        raise WriterError(f"A-LOAM takes {A_LOAM_BEAMS} beams, not {lidar.rings}; change the LiDAR")
-    return f"""\
-<launch>
-    <!-- Set scanPeriod in src/scanRegistration.cpp to {1 / lidar.rate_hz:.3f}. -->
-    <param name="scan_line" type="int" value="{lidar.rings}" />
-    <param name="mapping_skip_frame" type="int" value="1" />
-    <param name="minimum_range" type="double" value="{max(2.0, lidar.range_min_m):g}" />
-    <param name="mapping_line_resolution" type="double" value="0.2" />
-    <param name="mapping_plane_resolution" type="double" value="0.4" />
-
-    <node pkg="aloam_velodyne" type="ascanRegistration" name="ascanRegistration" output="screen">
-        <remap from="/velodyne_points" to="{topics.topic(PointCloud, lidar.name)}" />
-    </node>
-    <node pkg="aloam_velodyne" type="alaserOdometry" name="alaserOdometry" output="screen" />
-    <node pkg="aloam_velodyne" type="alaserMapping" name="alaserMapping" output="screen" />
-</launch>
-"""
 
 
 def _quat_xyz(T: Array) -> str:

@@ -1,0 +1,114 @@
+"""Runs a command and leaves nothing of it behind: ``python keeper.py COMMAND…``.
+
+All that the command starts is ended with it, in whatever session it hides: orphans become children of this
+process, which is their subreaper. When the command ends, or this process gets SIGINT or SIGTERM, or its
+parent dies, all that still runs gets SIGINT, after `GRACE_S` SIGTERM and at last SIGKILL. Each is waited for
+here, so that the processor time that Linux tells of this process is that of all of them.
+
+It ends as the command did, by the same status or signal, and imports nothing of ours: it runs by its path.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+GRACE_S = {signal.SIGINT: 5.0, signal.SIGTERM: 3.0, signal.SIGKILL: 3.0}
+"""How long processes may take to end after each signal [s]."""
+NOT_STARTED = 127
+"""Status where the command is not there, as a shell has it."""
+_POLL_S = 0.02
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+
+
+def kept(words: Sequence[str]) -> list[str]:
+    """The command that runs another one so."""
+    return [sys.executable, "-I", "-S", str(Path(__file__).resolve()), *words]
+
+
+def descendants(pid: int) -> list[int]:
+    """Processes below one, by Linux's ``/proc``; elsewhere none."""
+    found: list[int] = []
+    with suppress(OSError):
+        for task in Path(f"/proc/{pid}/task").iterdir():
+            for child in (task / "children").read_text().split():
+                found += [int(child), *descendants(int(child))]
+    return found
+
+
+def main(words: Sequence[str]) -> int:
+    """Run the command, end what is left of it, and give its exit status; a signal's number is negative."""
+    asked: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: asked.append(number))
+    _adopt_orphans()
+    try:
+        child = os.posix_spawnp(words[0], list(words), os.environ)
+    except OSError as error:
+        print(f"cannot start {words[0]}: {error.strerror}", file=sys.stderr)  # noqa: T201
+        return NOT_STARTED
+    status: int | None = None
+    while status is None and not asked:
+        time.sleep(_POLL_S)
+        status = _reaped(child)
+    _end_all(child, running=status is None)
+    return -asked[0] if status is None else status
+
+
+def _adopt_orphans() -> None:
+    if sys.platform == "linux":
+        system = ctypes.CDLL(None, use_errno=True)
+        system.prctl(_PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+        system.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+
+
+def _reaped(child: int) -> int | None:
+    """Wait for all that has ended; exit status of the command if it is among them."""
+    found = None
+    while True:
+        try:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+        except ChildProcessError:
+            return found
+        if pid == 0:
+            return found
+        if pid == child:
+            found = os.waitstatus_to_exitcode(status)
+
+
+def _end_all(child: int, *, running: bool) -> None:
+    for number, grace_s in GRACE_S.items():
+        told: set[int] = set()
+        until = time.monotonic() + grace_s
+        while time.monotonic() < until:
+            running = _reaped(child) is None and running
+            left = set(descendants(os.getpid())) | ({child} if running else set())
+            if not left:
+                return
+            for pid in left - told:
+                _tell(pid, number)
+            told |= left
+            time.sleep(_POLL_S)
+
+
+def _tell(pid: int, number: int) -> None:
+    # It may have ended since it was seen.
+    with suppress(ProcessLookupError):
+        os.kill(pid, number)
+
+
+if __name__ == "__main__":
+    ended = main(sys.argv[1:])
+    if ended < 0:
+        # The command has dumped its core, if it was to.
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        signal.signal(-ended, signal.SIG_DFL)
+        os.kill(os.getpid(), -ended)
+    sys.exit(ended)

@@ -1,0 +1,106 @@
+"""ROS 1 nodes by a description: what they read and publish, and the process that feeds them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env.core.errors import ConfigError, EvaluationError, unknown_name
+from recorder.dataset.sequence import SlamSequence
+from recorder.slam.keeper import kept
+from recorder.slam.runners.command import filled, poses_in, program_path
+from recorder.slam.system import FrameClock, StampedPose
+
+PYTHON = "CARLALOC_ROS1_PYTHON"
+"""Environment variable: the Python that has rospy, if not the system's."""
+_PLAYER = Path(__file__).with_name("play.py")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ros1Node:
+    """A node, or a launch file of several."""
+
+    poses: str
+    """Topic on which it publishes its poses, messages with a header."""
+    pace: str
+    """Topic of the bag whose messages it answers: one is sent, then it is waited for."""
+    command: tuple[str, ...]
+    """Program and words, with ``{calibration}`` and the like (`recorder.slam.runners.command`)."""
+    remap: Mapping[str, str] = field(default_factory=dict)
+    """Topics of the bag, each with the name by which the node reads it."""
+    every: int = 1
+    """It gives a pose for one of so many messages, so that no more are expected of it."""
+    patience_s: float = 2.0
+    """Rest after which no answer is expected any more [s], see `recorder.slam.ros1.lock_step`."""
+    silence_s: float = 60.0
+    """Time without a pose after which it is ended [s]."""
+
+    @classmethod
+    def from_mapping(cls, given: Any, here: str) -> Ros1Node:
+        """The node that a description's ``ros1`` tells of; ``{here}`` in its command is the file's folder.
+
+        Raises:
+            ConfigError: it lacks or has keys that it should not, or one of them has no such value.
+        """
+        known = [one.name for one in fields(cls)]
+        if not isinstance(given, dict):
+            raise ConfigError(f"ros1 is a mapping of {', '.join(known)}; see docs/your-system.md")
+        for key in given:
+            if key not in known:
+                raise ConfigError(f"ros1: {unknown_name('key', str(key), known)}")
+        if missing := [name for name in known[:3] if not given.get(name)]:
+            raise ConfigError(f"ros1 lacks {', '.join(missing)}; see docs/your-system.md")
+        for name in ("every", "patience_s", "silence_s"):
+            if not isinstance(given.get(name, 1), int | float) or given.get(name, 1) <= 0:
+                raise ConfigError(f"ros1: {name} is {given[name]}; give a number above 0")
+        if not isinstance(given.get("remap", {}), dict) or not isinstance(given["command"], list):
+            raise ConfigError("ros1: remap is a mapping and command a list; see docs/your-system.md")
+        command = tuple(str(word).replace("{here}", here) for word in given["command"])
+        return cls(**{**given, "command": command})
+
+    def run(self, sequence: SlamSequence, clock: FrameClock, *, sensor: str) -> list[StampedPose]:
+        """Poses that it publishes, fed with a sequence's bag in lock-step.
+
+        Args:
+            sequence: What it reads.
+            clock: Told how long it took, shared out over the frames.
+            sensor: What makes a frame: ``lidar`` or ``stereo``.
+
+        Raises:
+            EvaluationError: ROS 1 is not there, or the node ended, hung or gave no pose.
+        """
+        if sequence.bag.suffix != ".bag":
+            raise EvaluationError(f"{sequence.bag} is no bag of ROS 1; replay with --format rosbag1")
+        with tempfile.TemporaryDirectory() as folder:
+            out, work = Path(folder, "poses.bag"), Path(folder, "work")
+            work.mkdir()
+            words = filled(self._player, sequence, {"{out_bag}": out, "{work}": work})
+            with clock.frame(sequence.frames(sensor) // self.every):
+                _play(words)
+            return poses_in(out, topic=self.poses)
+
+    @property
+    def _player(self) -> list[str]:
+        python = os.environ.get(PYTHON, "/usr/bin/python3")
+        words = [python, str(_PLAYER), "{bag}", "{out_bag}", self.poses, self.pace]
+        words += ["--patience", f"{self.patience_s:g}", "--silence", f"{self.silence_s:g}"]
+        for topic, name in self.remap.items():
+            words += ["--remap", f"{topic}={name}"]
+        return [*words, "--", *self.command]
+
+
+def _play(words: list[str]) -> None:
+    environment = {**os.environ, "PATH": program_path()}
+    found = subprocess.run(
+        kept(words), stderr=subprocess.PIPE, text=True, errors="replace", check=False, env=environment
+    )
+    sys.stderr.write(found.stderr)
+    if found.returncode:
+        said = [line for line in found.stderr.splitlines() if line.strip()]
+        raise EvaluationError(f"{said[-1] if said else 'the player of ROS 1 ended'}; see log.txt")
