@@ -20,6 +20,7 @@ from rows.learning_rows import (
 )
 from rows.opening_row import opening
 from rows.sensor_rows import camera, lidar, lidar_rate
+from rows.streaming_rows import stream_lidar, stream_stereo
 from rows.world_rows import driving, memory, physics, start, steps
 from rows.writer_rows import lidar_bag, mcap_rate, rosbag1_rate
 
@@ -52,6 +53,8 @@ ROWS: dict[str, Callable[[Bench], Row]] = {
     "rosbag1": rosbag1_rate,
     "mcap": mcap_rate,
     "lidar_bag": lidar_bag,
+    "stream_lidar": stream_lidar,
+    "stream_stereo": stream_stereo,
     "dataset": dataset_plain,
     "dataset_full": dataset_full,
     "dataset_beside": dataset_beside,

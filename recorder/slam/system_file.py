@@ -81,6 +81,11 @@ class SystemFile:
         return run_command(sequence, clock, self.command, sensor=sensor, topic=self.topic)
 
 
+def is_system_file(word: str) -> bool:
+    """Whether a word that names a system is such a file."""
+    return word.endswith((".yaml", ".yml"))
+
+
 def read_system_file(path: Path) -> SystemFile:
     """Read the description of a program.
 

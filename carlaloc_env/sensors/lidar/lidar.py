@@ -49,7 +49,7 @@ class LidarSensor(Sensor):
         self.depends_on_weather = config.weather
         self._pattern = ScanPattern(config, world)
         self._echoes = EchoModel(config)
-        self._last_cast: tuple[Timeline, int, tuple[Index, Hits]] | None = None
+        self._last_cast: tuple[Timeline, int, tuple[Index, Hits, F32]] | None = None
 
     def streams(self) -> dict[str, spaces.Space[Any]]:
         """Padded rows: x, y, z [m], intensity; semantic: x, y, z [m], cos incidence, instance, tag."""
@@ -87,22 +87,27 @@ class LidarSensor(Sensor):
             # One number for every ray that is fired, so that a car in the way of some rays does not
             # change the noise of the others.
             drawn = beside.submit(white, self._world.seed, f"{config.name}/range", stamp_ns, config.rays)
-            rays, hits = self._cast(timeline, stamp_ns)
+            rays, hits, strength = self._cast(timeline, stamp_ns)
             noise = drawn.result()
         if not config.weather:
-            clouds = self._clouds(stamp_ns, noise, rays, hits, self._echoes.strength(hits))
+            clouds = self._clouds(stamp_ns, noise, rays, hits, strength)
             return [clouds for _ in weathers]
         return [
             self._clouds(stamp_ns, noise, *self._in_weather(timeline, stamp_ns, rays, hits, w))
             for w in weathers
         ]
 
-    def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Index, Hits]:
-        """Rays of a sweep and their hits; asked for again, as under another seed, they are not cast again."""
+    def _cast(self, timeline: Timeline, stamp_ns: int) -> tuple[Index, Hits, F32]:
+        """Rays of a sweep, their hits and how strong those are in clear air.
+
+        Asked for again, as under another seed, they are not cast again.
+        """
         last = self._last_cast
         if last is None or last[0] is not timeline or last[1] != stamp_ns:
-            cast = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
-            last = self._last_cast = timeline, stamp_ns, cast
+            rays, hits = self._pattern.cast(timeline, stamp_ns, self._echoes.power)
+            # In weather every echo has a strength of its own.
+            strength = np.empty(0, np.float32) if self.config.weather else self._echoes.strength(hits)
+            last = self._last_cast = timeline, stamp_ns, (rays, hits, strength)
         return last[2]
 
     def _stream_names(self) -> dict[str, str]:
