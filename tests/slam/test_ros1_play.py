@@ -69,7 +69,7 @@ LAUNCH = """
 
 @pytest.fixture(scope="module", autouse=True)
 def _ros() -> None:
-    if missing := missing_ros("nav_msgs"):
+    if missing := missing_ros():
         pytest.skip(missing)
 
 
