@@ -136,6 +136,12 @@ def test_a_required_node_of_a_launch_file_ends_the_run_though_others_will_not_en
     assert "no more memory; log: " in str(score.failed)
 
 
+def test_a_node_that_is_not_built_is_named(data: Path) -> None:
+    (data.parent / "nodes.launch").write_text('<launch><node pkg="rosout" type="no" name="a" /></launch>')
+    score = played(data, "pass", command='[roslaunch, "{here}/nodes.launch"]')
+    assert "ERROR: cannot launch node of type [rosout/no]" in str(score.failed)
+
+
 def test_a_node_that_hangs_is_ended(data: Path) -> None:
     score = played(data, "answer(cloud) if seen < 4 else time.sleep(600)", options="silence_s: 4,")
     assert str(score.failed).startswith("no pose for 4 s; log: ")
