@@ -21,6 +21,8 @@ from recorder.dataset.sequence import SlamSequence
 from recorder.evaluation.trajectory import Trajectory
 from recorder.slam.system import FrameClock
 from recorder.slam.system_file import read_system_file
+from recorder.writers.calibration.files import write_calibration
+from recorder.writers.rig_calibration import RigCalibration
 
 HDL32E_DEG = -92.0 / 3.0 + 4.0 / 3.0 * np.arange(32)
 
@@ -36,7 +38,9 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> SlamSequence:
     write_room_bag(folder / "ClearNoon_static.bag", HDL32E_DEG)
     describe(folder, rig, samples={"lidar": 1, "imu": 1})
     list_dataset(root, rig)
-    return SlamSequence(folder)
+    sequence = SlamSequence(folder)
+    write_calibration(sequence.calibration, RigCalibration.from_configs(rig.sensors))
+    return sequence
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ LAUNCH = """
 
 @pytest.fixture(scope="module", autouse=True)
 def _ros() -> None:
-    if missing := missing_ros("nav_msgs"):
+    if missing := missing_ros():
         pytest.skip(missing)
 
 
@@ -134,6 +134,12 @@ def test_a_required_node_of_a_launch_file_ends_the_run_though_others_will_not_en
     score = played(data, does, command='[roslaunch, "{here}/nodes.launch"]')
     assert "REQUIRED process [slow" in str(score.failed)
     assert "no more memory; log: " in str(score.failed)
+
+
+def test_a_node_that_is_not_built_is_named(data: Path) -> None:
+    (data.parent / "nodes.launch").write_text('<launch><node pkg="rosout" type="no" name="a" /></launch>')
+    score = played(data, "pass", command='[roslaunch, "{here}/nodes.launch"]')
+    assert "ERROR: cannot launch node of type [rosout/no]" in str(score.failed)
 
 
 def test_a_node_that_hangs_is_ended(data: Path) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -23,6 +24,9 @@ _GONE_S = 1.0
 """How long a node may be without connections before it counts as ended [s]."""
 _DIED = "REQUIRED process ["
 """By which roslaunch tells that a required node has ended."""
+_FAREWELL = ("No processes to monitor", "shutting down processing monitor", "killing on exit")
+"""Words with which roslaunch ends, whatever the reason."""
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 _WORKS = 0.3
 """Share of the time that a node at rest may compute: some ask for news without end."""
 
@@ -44,10 +48,10 @@ class Printed:
         for raw in stream:
             sys.stdout.buffer.write(raw)
             sys.stdout.buffer.flush()
-            line = raw.decode(errors="replace").strip()
+            line = _COLOURS.sub("", raw.decode(errors="replace")).strip()
             if _DIED in line:
                 self._died = [line[line.index(_DIED) :], *list(self._lines)[-1:]]
-            if line.strip("="):
+            if line.strip("=") and not any(word in line for word in _FAREWELL):
                 self._lines.append(line)
 
     @property
