@@ -102,6 +102,8 @@ class BatchWork:
     """What to run."""
     config: BenchmarkConfig
     """The benchmark."""
+    fingerprints: tuple[str, ...]
+    """What each of its runs depends on."""
     folder: Path
     """Folder of its feed, which is there."""
 
@@ -153,10 +155,10 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
             stream_of(batch.jobs[0]).tell_movers(feed.wait())
         except EvaluationError as error:
             fault = str(error)
-    for job, record in zip(batch.jobs, records, strict=True):
+    for job, record, fingerprint in zip(batch.jobs, records, work.fingerprints, strict=True):
         # What has failed with the feed says nothing of the system.
         failed = fault is not None and record.error is not None
-        keep(job, replace(record, error=fault) if failed else record, config, lasting=not failed)
+        keep(job, replace(record, error=fault) if failed else record, config, "" if failed else fingerprint)
 
 
 def share_cores(found: Sequence[int], workers: int) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
@@ -168,8 +170,13 @@ def share_cores(found: Sequence[int], workers: int) -> tuple[tuple[int, ...], li
     return tuple(found[workers * share :]), lanes
 
 
-def run_on_files(job: Job, config: BenchmarkConfig) -> Score:
+def run_on_files(job: Job, config: BenchmarkConfig, fingerprint: str) -> Score:
     """Run a program over a bag and images of its own, which are deleted afterwards.
+
+    Args:
+        job: The run.
+        config: The benchmark.
+        fingerprint: What the run depends on.
 
     Raises:
         KeyboardInterrupt: it was asked to end.
@@ -188,8 +195,8 @@ def run_on_files(job: Job, config: BenchmarkConfig) -> Score:
             limit_s=limit_s(job, config),
             cores=cores(),
         )
-        return keep(job, record, config)
+        return keep(job, record, config, fingerprint)
     except CarlaLocError as error:
-        return keep(job, RunRecord.of_error(str(error)), config, lasting=False)
+        return keep(job, RunRecord.of_error(str(error)), config, "")
     finally:
         shutil.rmtree(folder, ignore_errors=True)

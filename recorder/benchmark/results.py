@@ -21,21 +21,22 @@ _FORMAT = 4
 """Changes when older results would be read wrongly."""
 
 
-def keep(job: Job, record: RunRecord, config: BenchmarkConfig, *, lasting: bool = True) -> Score:
+def keep(job: Job, record: RunRecord, config: BenchmarkConfig, fingerprint: str) -> Score:
     """Score a run that has ended and keep the score, whole or not at all.
 
     Args:
         job: The run.
         record: How it ended.
         config: The benchmark.
-        lasting: Whether the result says something of the system; if not, the same command runs it again.
+        fingerprint: What the run depends on, as it was when it began; empty: the result says nothing of the
+            system, and the same command runs it again.
     """
     folder = config.out / job.folder
     folder.mkdir(parents=True, exist_ok=True)
     score = score_run(job, folder, record, config.rule)
     document = {
         "format": _FORMAT,
-        "fingerprint": fingerprint(job, config) if lasting else "",
+        "fingerprint": fingerprint,
         "score": score.to_mapping(),
         "record": record.to_mapping(),
     }
@@ -44,16 +45,13 @@ def keep(job: Job, record: RunRecord, config: BenchmarkConfig, *, lasting: bool 
     return score
 
 
-def read_result(job: Job, config: BenchmarkConfig) -> tuple[Score, bool] | None:
-    """The score of a run, and whether it still holds: it is of this very sequence, system and limit.
-
-    None: there is none that can be read.
-    """
+def read_result(job: Job, config: BenchmarkConfig) -> tuple[Score, str] | None:
+    """The score of a run, and what that depended on; None: there is none that can be read."""
     try:
         found = json.loads((config.out / job.folder / RESULT).read_text(encoding="utf-8"))
         if found["format"] != _FORMAT:
             return None
-        return Score(**found["score"]), found["fingerprint"] == fingerprint(job, config)
+        return Score(**found["score"]), str(found["fingerprint"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -72,7 +70,7 @@ def _duration_s(sequence: BenchmarkSequence) -> float:
         return float(file.read().splitlines()[-1].split()[0]) - first
 
 
-def fingerprint(job: Job, config: BenchmarkConfig) -> str:
+def fingerprint_of(job: Job, config: BenchmarkConfig) -> str:
     """What a result depends on: the data, the system, its file and version, and the rule."""
     source = Path(job.method).read_bytes() if job.method.endswith((".py", ".yaml", ".yml")) else b""
     facts = [

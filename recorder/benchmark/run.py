@@ -14,7 +14,7 @@ from carlaloc_env.core.files.last_line import last_line
 from recorder.benchmark.batches import FEEDS, BatchWork, batches_of, lacks, run_batch, run_on_files
 from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import BenchmarkSequence, Job, find_sequences, plan_jobs, sequences_of
-from recorder.benchmark.results import keep, limit_s, read_result
+from recorder.benchmark.results import fingerprint_of, keep, limit_s, read_result
 from recorder.benchmark.score import ERRORS, Score
 from recorder.evaluation.path_errors import PathErrors
 from recorder.replaying.unit_work import STOP
@@ -89,17 +89,17 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
         raise ConfigError("nothing to run; choose other methods or clouds")
     config.out.mkdir(parents=True, exist_ok=True)
     found: dict[int, Score] = {}
+    fingerprints = {job.folder: fingerprint_of(job, config) for job in jobs}
     for k, job in enumerate(jobs):
-        kept = read_result(job, config)
-        if kept is None or not kept[1] or config.again == "all":
+        score, depended = read_result(job, config) or (None, "")
+        if score is None or depended != fingerprints[job.folder] or config.again == "all":
             continue
-        score = kept[0]
         # A program's build is unknown here, so that its failure says nothing lasting; what was scored does.
         lost = score.coverage == 0 and is_system_file(job.method)
         if not lost and (config.again != "failed" or score.failed is None):
             found[k] = score
     reused = len(found)
-    run = _Run(jobs, found, config, progress or _nobody)
+    run = _Run(jobs, found, config, fingerprints, progress or _nobody)
     run.all_of([k for k in range(len(jobs)) if k not in found])
     # How much of a drive moves is known when it has been read.
     scores = [replace(found[k], movers=job.sequence.movers) for k, job in enumerate(jobs)]
@@ -114,9 +114,15 @@ class _Run:
     """Runs jobs, and keeps their scores as they come."""
 
     def __init__(
-        self, jobs: Sequence[Job], found: dict[int, Score], config: BenchmarkConfig, progress: Progress
+        self,
+        jobs: Sequence[Job],
+        found: dict[int, Score],
+        config: BenchmarkConfig,
+        fingerprints: Mapping[Path, str],
+        progress: Progress,
     ) -> None:
         self._jobs, self._found, self._config, self._progress = jobs, found, config, progress
+        self._fingerprints = fingerprints
         self._numbers = {job.folder: k for k, job in enumerate(jobs)}
         self._stop, self._lock = threading.Event(), threading.Lock()
 
@@ -128,12 +134,15 @@ class _Run:
         lacking = {job.folder: lack for job in of_drives if (lack := lacks(job)) is not None}
         for job in of_drives:
             if job.folder in lacking:
-                self._ended(job, keep(job, RunRecord.of_error(lacking[job.folder]), self._config))
+                self._ended(job, self._kept(job, RunRecord.of_error(lacking[job.folder])))
         of_drives = [job for job in of_drives if job.folder not in lacking]
         self._batches([job for job in of_drives if not is_system_file(job.method)])
         for job in of_drives:
             if is_system_file(job.method):
-                self._ended(job, run_on_files(job, self._config))
+                self._ended(job, run_on_files(job, self._config, self._fingerprints[job.folder]))
+
+    def _kept(self, job: Job, record: RunRecord) -> Score:
+        return keep(job, record, self._config, self._fingerprints[job.folder])
 
     def _beside(self, jobs: Sequence[Job]) -> None:
         """Run jobs over folders, some at a time, each on its own cores."""
@@ -154,7 +163,7 @@ class _Run:
                     cores=mine,
                     stop=self._stop,
                 )
-                self._ended(job, keep(job, record, self._config))
+                self._ended(job, self._kept(job, record))
             finally:
                 with self._lock:
                     free.append(mine)
@@ -177,7 +186,12 @@ class _Run:
         shutil.rmtree(folder, ignore_errors=True)
         tasks = []
         for number, batch in enumerate(batches_of(jobs)):
-            work = BatchWork(batch=batch, config=config, folder=(folder / f"{number}").resolve())
+            work = BatchWork(
+                batch=batch,
+                config=config,
+                fingerprints=tuple(self._fingerprints[job.folder] for job in batch.jobs),
+                folder=(folder / f"{number}").resolve(),
+            )
             work.folder.mkdir(parents=True)
             tasks.append(Task(run_batch, work, work.folder / "progress"))
         workers: Workers = ThisProcess(self._look_at, lambda: None)

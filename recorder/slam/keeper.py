@@ -109,6 +109,7 @@ if __name__ == "__main__":
     if ended < 0:
         # The command has dumped its core, if it was to.
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        signal.signal(-ended, signal.SIG_DFL)
+        with suppress(OSError):  # SIGKILL cannot be handled anyway
+            signal.signal(-ended, signal.SIG_DFL)
         os.kill(os.getpid(), -ended)
     sys.exit(ended)

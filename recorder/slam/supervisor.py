@@ -43,7 +43,7 @@ class RunRecord:
     version: str = ""
     """Version of the system."""
     frames: int = 0
-    """Frames of the sequence, whether it took them or not."""
+    """Frames that should have a pose, whether it took them or not."""
     frame_median_s: float = float("nan")
     """Median time of a frame, reading left out [s]."""
     frame_p99_s: float = float("nan")

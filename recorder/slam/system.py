@@ -33,6 +33,8 @@ class FrameClock:
     """Time of each frame on the clock [s]."""
     cpu_s: list[float] = field(default_factory=list)
     """Processor time of each frame, all threads of this process together [s]."""
+    due: int | None = None
+    """Frames that should have a pose; None: all of the sequence."""
     notes: list[str] = field(default_factory=list)
     """What a reader of the results must know, shown behind the version."""
 

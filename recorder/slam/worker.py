@@ -64,7 +64,7 @@ def run_job(job: dict[str, Any]) -> None:
     rows = [f"{w:.6f},{c:.6f}" for w, c in zip(clock.wall_s, clock.cpu_s, strict=True)]
     (out / FRAMES).write_text("\n".join(["wall [s],cpu [s]", *rows]) + "\n", encoding="utf-8")
     version = ", ".join([system.version, *clock.notes])
-    facts = {"version": version, "frames": frames, "poses": len(poses)}
+    facts = {"version": version, "frames": frames if clock.due is None else clock.due, "poses": len(poses)}
     (out / FACTS).write_text(json.dumps(facts) + "\n", encoding="utf-8")
 
 

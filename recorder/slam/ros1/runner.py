@@ -81,7 +81,8 @@ class Ros1Node:
             out, work = Path(folder, "poses.bag"), Path(folder, "work")
             work.mkdir()
             words = filled(self._player, sequence, {"{out_bag}": out, "{work}": work})
-            with clock.frame(sequence.frames(sensor) // self.every):
+            clock.due = sequence.frames(sensor) // self.every
+            with clock.frame(clock.due):
                 _play(words)
             return poses_in(out, topic=self.poses)
 
