@@ -100,7 +100,11 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
             found[k] = score
     reused = len(found)
     run = _Run(jobs, found, config, fingerprints, progress or _nobody)
-    run.all_of([k for k in range(len(jobs)) if k not in found])
+    try:
+        run.all_of([k for k in range(len(jobs)) if k not in found])
+    except KeyboardInterrupt:
+        kept = f"{len(found)} of {len(jobs)} runs are kept, and the same command goes on from there"
+        raise KeyboardInterrupt(kept) from None
     # How much of a drive moves is known when it has been read.
     scores = [replace(found[k], movers=job.sequence.movers) for k, job in enumerate(jobs)]
     return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused, out=config.out)
