@@ -1,4 +1,4 @@
-"""Do moving objects and weather hurt here what they hurt in the CARLA-Loc paper? Writes docs/findings.md.
+"""Do moving objects and weather hurt here what they hurt in the CARLA-Loc paper? Writes the findings.
 
 python docs/findings/findings.py --work DIR         drives, runs what is not done yet, then writes
 python docs/findings/findings.py SCORES [SCORES …]  only writes, from folders that `carlaloc benchmark` wrote
@@ -21,8 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from ratio_picture import draw_ratios
 
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
+from recorder.benchmark.answers import NONE, PAIRS_MIN, answers_table, direction, doubt, kind_of
 from recorder.benchmark.cells import CONDITION, cells, ratios
 from recorder.benchmark.score import Score
 from recorder.benchmark.tables import (
@@ -38,13 +40,13 @@ from recorder.benchmark.tables import (
 from recorder.slam.systems import SYSTEMS
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.with_suffix(".md")
+PAGE, FIGURES, PICTURE = "findings.md", "findings/figures.md", "pictures/findings.png"
+"""What is written, below the folder of docs: answers, all figures, and ratios of each town."""
 LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
 CAMERA_METHODS = "stereo_vo"
 """ORB-SLAM3 wants a Python and a vocabulary of its own: name them with --camera-methods."""
 BEGIN, END = "<!-- figures: made by docs/findings/findings.py -->", "<!-- end of figures -->"
 """What stands between these lines of the page is written by `write_findings`, the rest by people."""
-_PAIRS_MIN, _SHARE = 3, 2 / 3
 _PATH = r"(?:/[\w.+-]+)+/([\w.+-]+)"
 
 
@@ -88,23 +90,15 @@ def paper_runs() -> pd.DataFrame:
 
 def verdict(ratio: Any) -> str:
     """What a row of `ratios` shows, in words."""
-    if ratio.pairs < _PAIRS_MIN:
-        return f"{ratio.pairs} pair{'s' * (ratio.pairs > 1)}: too few"
-    if max(ratio.larger, ratio.smaller) < _SHARE * ratio.pairs:
-        return "no direction"
-    direction = "larger" if ratio.larger > ratio.smaller else "smaller"
-    if not ratio.repeated:
-        return f"{direction}; spread of runs not known"
-    if ratio.repeated < _SHARE * ratio.pairs:
-        return f"{direction}; spread of runs known in {ratio.repeated} of {ratio.pairs} pairs alone"
-    if ratio.within > (1 - _SHARE) * ratio.repeated:
-        return f"rests on less than the spread of runs ({ratio.within} of {ratio.repeated})"
-    return direction
+    said, why = direction(ratio), doubt(ratio)
+    if not why or said == NONE or ratio.pairs < PAIRS_MIN:
+        return why if ratio.pairs < PAIRS_MIN else said
+    return why if why.startswith("rests") else f"{said}; {why}"
 
 
 def findings_tables(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
     """A table for each comparison: the paper's systems first, then ours, of the same kind together."""
-    ours = runs.assign(kind=runs["method"].map(_kind))
+    ours = runs.assign(kind=runs["method"].map(kind_of))
     tables = [_compared(paper_runs(), "paper"), _compared(ours, "here")]
     every = pd.concat(tables).sort_values(["kind", "from", "system"], ascending=[True, False, True])
     return [
@@ -128,15 +122,6 @@ def _compared(runs: pd.DataFrame, source: str) -> pd.DataFrame:
             "what it says": [verdict(row) for row in ratio.itertuples()],
         }
     )
-
-
-def _kind(method: str) -> str:
-    """What a system reads, in the words of the paper's table of systems."""
-    if method not in SYSTEMS:
-        return "own"
-    system = SYSTEMS[method]
-    # evalio wants the IMU of all of its pipelines, also of those that make no use of it.
-    return ("stereo" if system.is_visual else "LiDAR") + ("-inertial" if "inertial" in system.what else "")
 
 
 def _order(what: str) -> tuple[int, str]:
@@ -164,17 +149,23 @@ def findings_text(runs: pd.DataFrame) -> str:
     return "\n".join(parts)
 
 
-def write_findings(runs: pd.DataFrame, page: Path) -> None:
-    """Put the figures into a page, in the place of older ones.
+def write_findings(runs: pd.DataFrame, docs: Path) -> None:
+    """Put answers and figures into their pages, in the place of older ones, and draw the picture.
 
     Raises:
-        EvaluationError: the page has no place for them, or cannot be written.
+        EvaluationError: a page has no place for them, or cannot be written.
     """
+    _put(docs / PAGE, markdown_table(answers_table(runs)))
+    _put(docs / FIGURES, findings_text(runs))
+    draw_ratios(runs, docs / PICTURE)
+
+
+def _put(page: Path, made: str) -> None:
     try:
         text = page.read_text(encoding="utf-8")
         before, rest = text.split(BEGIN)
         after = rest.split(END)[1]
-        page.write_text(f"{before}{BEGIN}\n\n{findings_text(runs)}\n{END}{after}", encoding="utf-8")
+        page.write_text(f"{before}{BEGIN}\n\n{made}\n{END}{after}", encoding="utf-8")
     except (OSError, ValueError, IndexError) as error:
         raise EvaluationError(f"{page} cannot be written or lacks the line {BEGIN} or {END}") from error
 
@@ -191,7 +182,7 @@ def main() -> None:
     parser.add_argument("--workers", default="1", help="runs at a time, on cores of their own (1)")
     parser.add_argument("--lidar-methods", default=LIDAR_METHODS)
     parser.add_argument("--camera-methods", default=CAMERA_METHODS, help="'' for none")
-    parser.add_argument("--page", type=Path, default=PAGE)
+    parser.add_argument("--docs", type=Path, default=HERE.parent, help="folder of the pages")
     arguments = parser.parse_args()
     folders = list(arguments.scores)
     if arguments.work is not None:
@@ -199,10 +190,10 @@ def main() -> None:
     if not folders:
         parser.error("give folders of results, or --work")
     try:
-        write_findings(read_results([folder / "results.csv" for folder in folders]), arguments.page)
+        write_findings(read_results([folder / "results.csv" for folder in folders]), arguments.docs)
     except CarlaLocError as error:
         sys.exit(f"findings: {error}")
-    print(arguments.page)
+    print(arguments.docs / PAGE)
 
 
 def _scored(arguments: argparse.Namespace) -> list[Path]:

@@ -81,6 +81,28 @@ def best(cell: pd.DataFrame) -> pd.Series:
     return (printed == rows.transform("min")) & (rows.transform("size") > 1)
 
 
+def pairs_of(cell: pd.DataFrame) -> pd.DataFrame:
+    """Pairs of conditions of a town that differ in one thing.
+
+    Args:
+        cell: Of `cells`.
+
+    Returns:
+        A row a pair: columns of the condition, those of the one that it is compared with, ``…_base``, what is
+        compared, ``what``, the ratio of medians, ``ratio``, and the flags that `ratios` counts.
+    """
+    pairs = cell.merge(cell, on=["method", "town"], suffixes=("", "_base"))
+    pairs["what"] = _compared(pairs)
+    pairs["ratio"] = pairs["median"] / pairs["median_base"]
+    known = pairs["median"].notna() & (pairs["median_base"] > 0)
+    pairs = pairs[known & (pairs["what"] != "")].copy()
+    pairs["repeated"] = (pairs["measured"] > 1) & (pairs["measured_base"] > 1)
+    overlap = (pairs["low"] <= pairs["high_base"]) & (pairs["low_base"] <= pairs["high"])
+    pairs["within"] = pairs["repeated"] & overlap
+    pairs["larger"], pairs["smaller"] = pairs["ratio"] > 1, pairs["ratio"] < 1
+    return pairs
+
+
 def ratios(cell: pd.DataFrame) -> pd.DataFrame:
     """How conditions of a town compare: dynamic to static, seg(d) to dynamic, weathers to clear noon.
 
@@ -93,16 +115,7 @@ def ratios(cell: pd.DataFrame) -> pd.DataFrame:
         ``smaller``; of pairs with several runs on both sides, ``repeated``, since of others the spread is not
         known; and ``within``, of those the ones whose ranges overlap, so that nothing can be said of them.
     """
-    pairs = cell.merge(cell, on=["method", "town"], suffixes=("", "_base"))
-    pairs["what"] = _compared(pairs)
-    pairs["ratio"] = pairs["median"] / pairs["median_base"]
-    known = pairs["median"].notna() & (pairs["median_base"] > 0)
-    pairs = pairs[known & (pairs["what"] != "")].copy()
-    pairs["repeated"] = (pairs["measured"] > 1) & (pairs["measured_base"] > 1)
-    overlap = (pairs["low"] <= pairs["high_base"]) & (pairs["low_base"] <= pairs["high"])
-    pairs["within"] = pairs["repeated"] & overlap
-    pairs["larger"], pairs["smaller"] = pairs["ratio"] > 1, pairs["ratio"] < 1
-    grouped = pairs.groupby(["method", "what"])
+    grouped = pairs_of(cell).groupby(["method", "what"])
     ratio = grouped["ratio"].agg(median="median", low="min", high="max", pairs="size")
     return ratio.join(grouped[["larger", "smaller", "repeated", "within"]].sum()).reset_index()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from carlaloc_env.core.errors import EvaluationError
+from recorder.benchmark.answers import FINDINGS, LARGER, NONE, Finding, answer, direction
 from recorder.benchmark.cells import cells, ratios
 from recorder.benchmark.score import Score
 from recorder.benchmark.tables import csv_text, failure_table, frame_of
@@ -20,7 +22,9 @@ spec = importlib.util.spec_from_file_location("findings", SCRIPT)
 assert spec is not None
 assert spec.loader is not None
 findings = importlib.util.module_from_spec(spec)
+sys.path.insert(0, str(SCRIPT.parent))
 spec.loader.exec_module(findings)
+sys.path.remove(str(SCRIPT.parent))
 
 
 def score(town: str, traffic: str, ape_m: float, run: int = 1, cloud: str = "raw") -> Score:
@@ -56,6 +60,42 @@ def test_the_papers_tables_give_the_papers_findings(
     found = ratios(cells(findings.paper_runs())).set_index(["method", "what"]).loc[(method, what)]
     assert found[["pairs", "larger"]].tolist() == [count, larger]
     assert found["median"] == pytest.approx(median, abs=0.006)
+
+
+def test_the_findings_that_are_asked_for_are_those_of_the_papers_tables() -> None:
+    found = ratios(cells(findings.paper_runs())).set_index(["method", "what"])
+    methods = {
+        "LiDAR": "aloam",
+        "LiDAR-inertial": "fast_lio2",
+        "stereo": "orb3_svo",
+        "stereo-inertial": "orb3_svio",
+    }
+    for finding in FINDINGS:
+        row = found.loc[(methods[finding.kind], finding.what)]
+        assert (round(float(row["median"]), 2), direction(row)) == (finding.median, finding.direction), (
+            finding
+        )
+
+
+@pytest.mark.parametrize(
+    ("true", "larger", "smaller", "within", "said"),
+    [
+        (LARGER, 4, 0, 0, "reproduced"),
+        (LARGER, 4, 0, 3, "partly"),
+        (LARGER, 0, 4, 0, "not"),
+        (LARGER, 2, 2, 0, "not"),
+        (LARGER, 2, 0, 0, "untested"),
+        (NONE, 2, 2, 0, "reproduced"),
+        (NONE, 0, 4, 0, "reproduced"),
+        (NONE, 4, 0, 3, "partly"),
+        (NONE, 4, 0, 0, "not"),
+    ],
+)
+def test_verdicts(true: str, larger: int, smaller: int, within: int, said: str) -> None:
+    finding = Finding("a", "LiDAR", "b", 2.0, true)
+    pairs = larger + smaller
+    ratio = SimpleNamespace(pairs=pairs, larger=larger, smaller=smaller, repeated=pairs, within=within)
+    assert answer(finding, ratio) == said
 
 
 def our_row(scores: Sequence[Score]) -> list[str]:
@@ -95,12 +135,16 @@ def test_figures_take_the_place_of_older_ones(tmp_path: Path) -> None:
         files[-1].write_text(csv_text(frame_of(part)))
     runs = findings.read_results(files)
     assert csv_text(runs) == csv_text(frame_of(four_towns(spread_m=0.1)))
-    page = tmp_path / "page.md"
-    page.write_text(f"by hand\n{findings.BEGIN}\nolder\n{findings.END}\nby hand, too\n")
-    findings.write_findings(runs, page)
+    answers, page = tmp_path / findings.PAGE, tmp_path / findings.FIGURES
+    page.parent.mkdir()
+    for one in (answers, page):
+        one.write_text(f"by hand\n{findings.BEGIN}\nolder\n{findings.END}\nby hand, too\n")
+    findings.write_findings(runs, tmp_path)
     once = page.read_text()
-    findings.write_findings(runs, page)
+    findings.write_findings(runs, tmp_path)
     assert page.read_text() == once
+    assert (tmp_path / findings.PICTURE).read_bytes().startswith(b"\x89PNG")
+    assert "| Movers hurt LiDAR odometry | ×1.58 | KISS-ICP | ×1.50 | reproduced |  |" in answers.read_text()
     assert once.startswith("by hand\n")
     assert once.endswith("\nby hand, too\n")
     assert "older" not in once
