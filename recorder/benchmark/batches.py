@@ -48,8 +48,9 @@ class Batch:
     @property
     def keys(self) -> list[Key]:
         """Version of the frames that each run gets."""
+        conditions = self.frames.recipe.conditions
         streams = [stream_of(job) for job in self.jobs]
-        return [(stream.weather, stream.seed) for stream in streams]
+        return [(conditions.index(stream.condition), stream.seed) for stream in streams]
 
 
 def stream_of(job: Job) -> DriveStream:
@@ -81,8 +82,15 @@ def _batch(jobs: Sequence[Job]) -> Batch:
     stream = stream_of(jobs[0])
     masks = any(job.cloud == SEGMENTED for job in jobs)
     frames = stream.frame_job(jobs[0].system.sensor, masks=masks)
-    seeds = tuple(dict.fromkeys(stream_of(job).seed for job in jobs))
-    return Batch(frames=replace(frames, seeds=seeds), jobs=tuple(jobs))
+    streams = [stream_of(job) for job in jobs]
+    # Weathers that nobody asks for are not drawn.
+    conditions = tuple(dict.fromkeys(stream.condition for stream in streams))
+    frames = replace(
+        frames,
+        recipe=replace(frames.recipe, conditions=conditions),
+        seeds=tuple(dict.fromkeys(stream.seed for stream in streams)),
+    )
+    return Batch(frames=frames, jobs=tuple(jobs))
 
 
 def lacks(job: Job) -> str | None:

@@ -58,11 +58,6 @@ class DriveStream:
         about = [request[name] for name in sorted(request) if not name.startswith(("set of", "length of"))]
         return hashlib.sha256("\n".join([*about, repr(self.condition)]).encode()).hexdigest()
 
-    @property
-    def weather(self) -> int:
-        """Number of its weather among those of its traffic level."""
-        return self.plan.recipe.conditions_of(self.condition.traffic).index(self.condition)
-
     def frame_job(self, sensor: str, *, masks: bool) -> FrameJob:
         """What makes its frames, see `FrameJob`; other seeds may be added."""
         plan = self.plan
