@@ -295,6 +295,31 @@ def _feed_below(pid: int) -> int:
     raise AssertionError(f"no feed below process {pid}")
 
 
+def test_a_cluster_gives_the_same_estimates(
+    streamed: list[BenchmarkResult],
+    straight_drive: StraightDrive,
+    rig: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    distributed = pytest.importorskip("distributed", reason="clusters need the extra `cluster`")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(path for path in sys.path if path))
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, processes=True
+    ) as scheduler:
+        config = BenchmarkConfig(
+            data=drives(straight_drive, rig),
+            out=tmp_path,
+            methods=METHODS[:1],
+            cluster=scheduler.scheduler_address,
+        )
+        result = run_benchmark(config)
+    assert len(result.jobs) == 2
+    for job in result.jobs:
+        same = streamed[0].out / job.folder
+        assert (tmp_path / job.folder / ESTIMATE).read_bytes() == (same / ESTIMATE).read_bytes()
+
+
 def test_a_cluster_is_for_drives_alone(tmp_path: Path) -> None:
     with pytest.raises(CarlaLocError, match="drives"):
         BenchmarkConfig(data=tmp_path, out=tmp_path / "out", cluster="tcp://nobody:1")
