@@ -16,6 +16,8 @@ from recorder.slam.systems import SYSTEMS
 
 PAIRS_MIN, SHARE = 3, 2 / 3
 """Fewest pairs that say anything, and the share of them that must agree."""
+NO_SYSTEM = "–"
+"""Stands for a system where none of the kind ran."""
 LARGER, SMALLER, NONE = "larger", "smaller", "no direction"
 
 
@@ -103,7 +105,7 @@ def answers_table(runs: pd.DataFrame) -> pd.DataFrame:
         shown = [
             (titles[row.method], f"×{row.median:.2f}", answer(finding, row), doubt(row)) for row in known
         ]
-        for system, median, said, why in shown or [("–", "", "untested", "no system ran")]:
+        for system, median, said, why in shown or [(NO_SYSTEM, "", "untested", "no system ran")]:
             rows.append((finding.text, f"×{finding.median:.2f}", system, median, said, why))
     return pd.DataFrame(
         rows, columns=["the paper's finding", "paper", "system here", "here", "verdict", "doubt"]

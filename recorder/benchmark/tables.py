@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from carlaloc_env.core.errors import EvaluationError
-from recorder.benchmark.answers import answers_table
+from recorder.benchmark.answers import NO_SYSTEM, answers_table
 from recorder.benchmark.cells import CONDITION, best, cells, ratios, traffic_label
 from recorder.benchmark.score import Score
 from recorder.dataset.sequence import RAW
@@ -98,7 +98,8 @@ def all_tables(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
         for column, title in _FIGURES.items():
             found.append((f"{name} systems: {title}", error_table(part, column, by_weather=visual)))
     found.append(("Ratios of APE", ratio_table(runs)))
-    found.append(("What the CARLA-Loc paper found", answers_table(runs)))
+    answers = answers_table(runs)
+    found.append(("What the CARLA-Loc paper found", answers[answers["system here"] != NO_SYSTEM]))
     found.append(("Cost", cost_table(runs)))
     found.append(("Why runs failed", failure_table(runs)))
     return [(title, table) for title, table in found if len(table)]
