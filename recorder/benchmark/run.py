@@ -105,6 +105,9 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
     except KeyboardInterrupt:
         kept = f"{len(found)} of {len(jobs)} runs are kept, and the same command goes on from there"
         raise KeyboardInterrupt(kept) from None
+    except OSError as error:
+        why = f"cannot write below {config.out}: {error.strerror or error}"
+        raise EvaluationError(f"{why}; make room, and the same command goes on from there") from error
     # How much of a drive moves is known when it has been read.
     scores = [replace(found[k], movers=job.sequence.movers) for k, job in enumerate(jobs)]
     return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused, out=config.out)

@@ -6,6 +6,7 @@ The folder has calibration, truth and descriptions, a few megabytes, and no sens
 from __future__ import annotations
 
 import hashlib
+import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
@@ -178,6 +179,8 @@ def describe_drive(config: ReplayConfig) -> list[DriveStream]:
     plan = replace(asked, rig=rig, recipe=replace(recipe, rig=rig), origin=origin)
     streams = [DriveStream(plan=plan, condition=condition) for condition in recipe.conditions]
     if not has_drive(config.out, plan.town.name, origin):
+        # What an ended command has left is not whole.
+        shutil.rmtree(plan.drive.path, ignore_errors=True)
         write_shared(plan.drive, rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed)
     missing = [stream for stream in streams if not stream.folder.description.exists()]
     for stream in missing:
