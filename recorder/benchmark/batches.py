@@ -160,7 +160,9 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
                 stop.set()
                 raise
         try:
-            stream_of(batch.jobs[0]).tell_movers(feed.wait())
+            shares = feed.wait()
+            for stream in {stream_of(job).seed: stream_of(job) for job in batch.jobs}.values():
+                stream.tell_movers(shares)
         except EvaluationError as error:
             fault = str(error)
     for job, record, fingerprint in zip(batch.jobs, records, work.fingerprints, strict=True):

@@ -109,7 +109,8 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
         why = f"cannot write below {config.out}: {error.strerror or error}"
         raise EvaluationError(f"{why}; make room, and the same command goes on from there") from error
     # How much of a drive moves is known when it has been read.
-    scores = [replace(found[k], movers=job.sequence.movers) for k, job in enumerate(jobs)]
+    movers = {sequence.key: sequence.movers for sequence in sequences}
+    scores = [replace(found[k], movers=movers[job.sequence.key]) for k, job in enumerate(jobs)]
     return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused, out=config.out)
 
 

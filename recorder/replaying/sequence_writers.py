@@ -217,15 +217,8 @@ class SequenceWriters:
         """Complete all files, describe them, note their checksums, and give the folder its final name."""
         for writer in self._writers:
             writer.close()
-        condition = self._condition
-        description = SequenceDescription(
-            name=condition.name,
-            weather={"name": condition.weather_name, **condition.weather.to_mapping()},
-            traffic=asdict(condition.traffic),
-            rig=self._rig,
-            epoch_ns=DEFAULT_EPOCH_NS,
-            samples=counts.samples(),
-            movers=counts.shares(),
+        description = describe(
+            self._condition, rig=self._rig, samples=counts.samples(), movers=counts.shares()
         )
         write_text(self._part.description, description.to_yaml())
         write_checksums(self._part.path)
@@ -236,6 +229,21 @@ class SequenceWriters:
         for writer in self._writers:
             writer.abort()
         shutil.rmtree(self._part.path, ignore_errors=True)
+
+
+def describe(
+    condition: Condition, *, rig: str, samples: Mapping[str, int], movers: Mapping[str, float]
+) -> SequenceDescription:
+    """What ``sequence.yaml`` says of a sequence."""
+    return SequenceDescription(
+        name=condition.name,
+        weather={"name": condition.weather_name, **condition.weather.to_mapping()},
+        traffic=asdict(condition.traffic),
+        rig=rig,
+        epoch_ns=DEFAULT_EPOCH_NS,
+        samples=samples,
+        movers=movers,
+    )
 
 
 def write_shared(

@@ -8,29 +8,21 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
 from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.rigs.rig import SensorRig
-from recorder.dataset.layout import DatasetFolder, SequenceFolder
-from recorder.dataset.manifest import (
-    DatasetManifest,
-    SequenceDescription,
-    drive_origin,
-    has_drive,
-    list_drive,
-    write_manifest,
-)
+from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
 from recorder.dataset.rig_parts import imu_of
 from recorder.episode.episode import Episode, open_episode
 from recorder.episode.traffic_level import traffic_level
 from recorder.replaying.conditions import Condition
 from recorder.replaying.plan import ReplayConfig, ReplayOptions, ReplayPlan, plan_replay
-from recorder.replaying.sequence_writers import write_shared
+from recorder.replaying.sequence_writers import describe, write_shared
 from recorder.streaming.frames import FrameJob, sensors_for
-from recorder.writers.base import DEFAULT_EPOCH_NS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,17 +89,13 @@ class DriveStream:
         )
 
     def tell_movers(self, shares: Mapping[str, float]) -> None:
-        """Write down the shares of movers of some streams, which are the same in all weathers and seeds."""
-        drives = self.plan.config.out.parent
-        for seed in sorted(drives.iterdir()) if shares else []:
-            folder = DatasetFolder(seed).drive(self.plan.town.name)
-            for condition in self.plan.recipe.conditions_of(self.condition.traffic):
-                file = folder.sequence(condition.name).description
-                if file.exists():
-                    found = SequenceDescription.read(folder.sequence(condition.name))
-                    _describe(self.plan, condition, file, {**found.movers, **shares})
-            manifest = DatasetManifest.read(seed)
-            write_manifest(seed, manifest.drives, manifest.recipe)
+        """Write down the shares of movers of some streams, which are the same in all weathers."""
+        plan = self.plan
+        for condition in plan.recipe.conditions_of(self.condition.traffic):
+            folder = plan.drive.sequence(condition.name)
+            known = SequenceDescription.read(folder).movers
+            _describe(plan, condition, folder.description, {**known, **shares})
+        list_drive(plan.config.out, plan.town.name, plan.origin)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,15 +180,7 @@ def describe_drive(config: ReplayConfig) -> list[DriveStream]:
 
 def _describe(plan: ReplayPlan, condition: Condition, file: Path, movers: Mapping[str, float]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
-    description = SequenceDescription(
-        name=condition.name,
-        weather={"name": condition.weather_name, **condition.weather.to_mapping()},
-        traffic=asdict(condition.traffic),
-        rig=plan.rig.name,
-        epoch_ns=DEFAULT_EPOCH_NS,
-        samples={},
-        movers=movers,
-    )
+    description = describe(condition, rig=plan.rig.name, samples={}, movers=movers)
     with atomic_write(file, WriterError) as part:
         part.write_text(description.to_yaml(), encoding="utf-8")
 
