@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import groupby
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -180,33 +181,45 @@ def share_cores(found: Sequence[int], workers: int) -> tuple[tuple[int, ...], li
     return tuple(found[workers * share :]), lanes
 
 
-def run_on_files(job: Job, config: BenchmarkConfig, fingerprint: str) -> Score:
-    """Run a program over a bag and images of its own, which are deleted afterwards.
+def run_on_files(
+    jobs: Sequence[Job], config: BenchmarkConfig, fingerprints: Mapping[Path, str]
+) -> Iterator[tuple[Job, Score]]:
+    """Run programs over a bag and images that those of one condition share, which are deleted afterwards.
 
     Args:
-        job: The run.
+        jobs: The runs.
         config: The benchmark.
-        fingerprint: What the run depends on.
+        fingerprints: What each depends on, by its folder.
 
     Raises:
         KeyboardInterrupt: it was asked to end.
     """
-    stream, folder = stream_of(job), config.out / BAGS
-    shutil.rmtree(folder, ignore_errors=True)
-    try:
-        folder.mkdir(parents=True)
-        data = folder / "data"
-        replay(stream.alone(data, sensor=job.system.sensor))
-        record = run_isolated(
-            job.method,
-            DatasetFolder(data).drive(job.sequence.town).sequence(job.sequence.path.name).path,
-            config.out / job.folder,
-            cloud=job.cloud,
-            limit_s=limit_s(job, config),
-            cores=cores(),
-        )
-        return keep(job, record, config, fingerprint)
-    except CarlaLocError as error:
-        return keep(job, RunRecord.of_error(str(error)), config, "")
-    finally:
+    folder = config.out / BAGS
+
+    def what(job: Job) -> tuple[Path, str]:
+        return job.sequence.path, job.system.sensor
+
+    for (path, sensor), group in groupby(sorted(jobs, key=what), what):
         shutil.rmtree(folder, ignore_errors=True)
+        some, fault = list(group), None
+        try:
+            folder.mkdir(parents=True)
+            try:
+                replay(stream_of(some[0]).alone(folder / "data", sensor=sensor))
+            except CarlaLocError as error:
+                fault = str(error)
+            for job in some:
+                if fault is not None:
+                    yield job, keep(job, RunRecord.of_error(fault), config, "")
+                    continue
+                record = run_isolated(
+                    job.method,
+                    DatasetFolder(folder / "data").drive(path.parent.name).sequence(path.name).path,
+                    config.out / job.folder,
+                    cloud=job.cloud,
+                    limit_s=limit_s(job, config),
+                    cores=cores(),
+                )
+                yield job, keep(job, record, config, fingerprints[job.folder])
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)

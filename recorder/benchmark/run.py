@@ -145,9 +145,9 @@ class _Run:
                 self._ended(job, self._kept(job, RunRecord.of_error(lacking[job.folder])))
         of_drives = [job for job in of_drives if job.folder not in lacking]
         self._batches([job for job in of_drives if not is_system_file(job.method)])
-        for job in of_drives:
-            if is_system_file(job.method):
-                self._ended(job, run_on_files(job, self._config, self._fingerprints[job.folder]))
+        programs = [job for job in of_drives if is_system_file(job.method)]
+        for job, score in run_on_files(programs, self._config, self._fingerprints):
+            self._ended(job, score)
 
     def _kept(self, job: Job, record: RunRecord) -> Score:
         return keep(job, record, self._config, self._fingerprints[job.folder])

@@ -157,7 +157,7 @@ def own(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 def test_who_dies_or_stops_holds_nobody_up(
     straight_drive: StraightDrive, rig: Path, own: dict[str, str], tmp_path: Path
 ) -> None:
-    """Two lanes: a system that goes on gets all frames, and no other of its lane has one in hand meanwhile."""
+    """Two lanes: who goes on gets all frames, and no other of its lane has one in hand meanwhile."""
     (tmp_path / "drives" / "drive" / "seed6").mkdir(parents=True)  # left by a command that was ended
     config = BenchmarkConfig(
         data=drives(straight_drive, rig),
@@ -197,24 +197,29 @@ def test_what_the_rig_lacks_is_a_row_and_the_rest_goes_on(
     assert {score.failed for score in stereo_vo} == {"rig 'small' has 0 cameras; stereo needs two"}
 
 
-def test_a_program_gets_files_that_are_deleted_afterwards(
+def test_programs_share_files_that_are_deleted_afterwards(
     straight_drive: StraightDrive, rig: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "slam.sh").write_text(
-        'cp "$2" "$(dirname $0)/seen.bag"; printf "0 0 0 0 0 0 0 1\\n" > "$1"\n'
+        'stat -c "%i %Z" "$2" >> "$(dirname $0)/seen"; head -c 7 "$2" >> "$(dirname $0)/begin"\n'
+        'printf "0 0 0 0 0 0 0 1\\n" > "$1"\n'
     )
-    (tmp_path / "slam.yaml").write_text(
-        "{name: mine, title: My SLAM, needs: [lidar], frame: lidar, "
-        'command: [sh, "{here}/slam.sh", "{out}", "{bag}"]}'
-    )
+    programs = [tmp_path / f"{name}.yaml" for name in ("mine", "other")]
+    for path in programs:
+        path.write_text(
+            f"{{name: {path.stem}, title: {path.stem}, needs: [lidar], frame: lidar, "
+            'command: [sh, "{here}/slam.sh", "{out}", "{bag}"]}'
+        )
     config = BenchmarkConfig(
         data=drives(straight_drive, rig),
         out=tmp_path / "out",
-        methods=(str(tmp_path / "slam.yaml"),),
+        methods=tuple(map(str, programs)),
         clouds=("raw",),
     )
     run_benchmark(config)
-    assert (tmp_path / "seen.bag").read_bytes().startswith(b"#ROSBAG")
+    first, second = (tmp_path / "seen").read_text().splitlines()
+    assert first == second
+    assert (tmp_path / "begin").read_bytes() == b"#ROSBAG" * 2
     assert not (tmp_path / "out" / "bags").exists()
 
 

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from shared_fixtures.drives import straight_drives
 from shared_fixtures.drives.straight_drives import StraightDrive
 from shared_fixtures.worlds.render_scenes import need_opengl
 
@@ -23,19 +24,12 @@ TOWNS = {"Town01": "East", "Town07": "West"}
 """Towns of README, and the small ones that stand for them."""
 SHORTER = ["--rig", "rig.yaml", "--sample", "1", "--quality", "low", "--workers", "1"]
 """Documented options that make README's dataset small."""
-RIG = """\
-name: small
-sensors:
-- {kind: lidar, name: lidar, columns: 200, outputs: [cloud, semantic], mount: {position_m: [0.0, 0.0, 1.8]}}
-- {kind: imu}
-- {kind: gnss}
-- kind: camera
-  name: left
-  rate_hz: 10
-  mount: {position_m: [0.3, 0.2, 1.6], axes: optical}
-  pinhole: {width_px: 160, height_px: 90, fx_px: 80, fy_px: 80, cx_px: 80, cy_px: 45}
-  outputs: [rgb, depth]
-"""
+RIG = (
+    straight_drives.RIG.partition("- kind: camera\n  name: right")[0]
+    .replace("[rgb, depth, semantic, events]", "[rgb, depth]")
+    .replace("name: left\n", "name: left\n  rate_hz: 10\n")
+)
+"""The small rig with one camera, at half its rate."""
 
 
 def command(beginning: str) -> list[str]:
