@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,11 +18,16 @@ from benchmarks.localizability import (
     shift_information,
     weakest_stretch,
 )
+from benchmarks.movers_hold import DriveScans, HoldAmongMovers, pull_mps
 from carlaloc_env.core.array_types import Array
+from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.town.town import Town
+from recorder.episode.episode import Episode
+from recorder.episode.town import town_of
+from recorder.factory.record_drive import standard_drives
 
 LIDAR = next(c for c in rig_by_name("paper").sensors if isinstance(c, LidarConfig))
 LONGEST_M = 100.0
@@ -107,6 +113,24 @@ def test_points_without_a_plane_dilute() -> None:
     assert localizability(np.zeros((0, 3)), np.zeros((0, 3))).least == 0.0
 
 
+@pytest.mark.parametrize("speed", [2.0, -8.0])
+def test_movers_pull_by_their_share_of_the_hold(speed: float) -> None:
+    """A wall that moves beside one that stands, both centred on the axis: v A / (A + B)."""
+    standing, moving = face(8.0 * X, 1.0 * Y, 2.0 * Z), face(-8.0 * X, 2.0 * Y, 2.0 * Z)
+    points, normals = joined(*corridor(), standing, moving)
+    velocities = np.zeros_like(points)
+    velocities[-len(moving[0]) :] = speed * X
+    np.testing.assert_allclose(pull_mps(points, normals, velocities), speed * 2.0 / 3.0 * X, atol=1e-9)
+
+
+def test_what_is_beyond_the_gate_does_not_pull() -> None:
+    """At 20 scans a second a surface of 21 m/s is more than 1 m away from where it was; one of 19 is not."""
+    points, normals = joined(*corridor(), face(8.0 * X, 1.0 * Y, 2.0 * Z), face(-8.0 * X, 1.0 * Y, 2.0 * Z))
+    for speed, pull in ((19.0, 9.5), (21.0, 0.0)):
+        velocities = np.where(points[:, :1] < -7.9, speed, 0.0) * X
+        np.testing.assert_allclose(pull_mps(points, normals, velocities), pull * X, atol=1e-9)
+
+
 def test_stretches() -> None:
     station = np.arange(0.0, 100.0, 5.0)
     values = np.full(20, 1.0)
@@ -132,6 +156,30 @@ def test_streets_hold_the_car_and_leaves_hold_nothing(town03: Town) -> None:
     assert (found.firm > 0.01).all()
     assert (found.firm <= found.least + 1e-12).all()
     assert (found.along <= 1.0 + 1e-9).all()
+
+
+def along(drive: Path, every_ns: int) -> list[HoldAmongMovers]:
+    episode = Episode.load(drive)
+    timeline = episode.timeline()
+    scans = DriveScans(town_of(episode), timeline, LIDAR)
+    return [scans.at(stamp) for stamp in range(every_ns, timeline.end_ns - STEP_NS, every_ns)]
+
+
+@pytest.mark.skipif(find_spec("open3d") is None, reason="Open3D casts the rays of the LiDAR")
+def test_movers_hide_what_holds(short_drive: Path) -> None:
+    found = along(short_drive, 2_500_000_000)
+    assert all(0.01 < one.hidden < 1.0 / 3.0 for one in found)
+    assert all(0.0 <= one.share < 0.5 and np.isfinite(one.pull_mps) for one in found)
+    assert any(one.hidden != one.at_rest for one in found)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", ["Town04", "Town06"])
+def test_the_motorway_holds_among_its_traffic(name: str, tmp_path: Path) -> None:
+    """Nowhere on the standard drive do movers hide more than leaves a tenth of Town03's median."""
+    limit = 0.1 * float(np.median(curve("Town03").firm))
+    (drive,) = standard_drives(tmp_path, lambda *_: None, towns=(name,))
+    assert min(one.hidden for one in along(drive, 500_000_000)) >= limit
 
 
 @pytest.mark.soak

@@ -20,10 +20,12 @@ PIER_STEP_M = 22.0
 """Distance of piers along a road [m]."""
 COLUMN_M = 0.55
 """Half the side of a column [m]."""
-COLUMN_STEP_M = 9.0
+COLUMN_STEP_M = 5.0
 """Largest distance of the columns of one pier across the road [m]."""
 PIER_CLEAR_M = 0.9
 """Distance of columns from lanes and sidewalks below [m]."""
+ROW_STEP = 0.1
+"""Distance of places that are tried, in rows of about a metre."""
 CROSSHEAD_M = 0.7
 """Height of the beam on the columns of a pier [m]."""
 
@@ -41,16 +43,32 @@ def add_piers(out: MeshBuilder, levels: Levels, parts: RaisedParts, floor: Floor
             continue
         count = int((b - a) / PIER_STEP_M)
         for k in range(count):
-            wanted = a + int((k + 0.5) * (b - a) / count)
-            for shift in (0, 2, -2, 4, -4, 6, -6, 8, -8):
-                row = wanted + shift
-                if not a + 2 <= row < b - 2:
-                    continue
-                feet = _columns(graph.left_m[row], graph.right_m[row])
+            for row in _rows_about(a + 2, b - 3, (k + 0.5) / count, 1.0 / count):
+                left, right = (_between(edge, row) for edge in (graph.left_m, graph.right_m))
+                feet = _columns(left, right)
                 if _stands(feet, keep_off, inside, placed):
                     placed.append(feet[:, :2])
-                    _pier(out, feet, graph.left_m[row], graph.right_m[row], parts, floor)
+                    _pier(out, feet, left, right, parts, floor)
                     break
+
+
+def _rows_about(first: int, last: int, share: float, span: float) -> Array:
+    """Fractional rows of a stretch, those nearest to a share of it first, within half a span of it.
+
+    They are so close to each other that a pier finds the middle of a narrow median.
+    """
+    found = np.arange(first, last, ROW_STEP)
+    away = np.abs(found - first - share * (last - first))
+    near = away <= 0.5 * span * (last - first)
+    rows: Array = found[near][np.argsort(away[near], kind="stable")]
+    return rows
+
+
+def _between(points: Array, row: float) -> Array:
+    """Point at a fractional row, shape (3,)."""
+    low = int(row)
+    found: Array = points[low] + (row - low) * (points[low + 1] - points[low])
+    return found
 
 
 def _columns(left: Array, right: Array) -> Array:

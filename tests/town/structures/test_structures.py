@@ -127,7 +127,10 @@ def test_water_lies_below_the_bridge_and_beside_it(river: Built) -> None:
     points = river.lanes()
     over = points[(points[:, 0] > 14.0) & (points[:, 0] < 36.0) & (np.abs(points[:, 1]) < 5.0)]
     deck = cast(river.scene(Tag.BRIDGE), over * FLAT - UP * 1.5, (0.0, 0.0, 1.0)) - 1.5
-    assert np.abs(deck - (0.5 - 0.9)).max() < 0.05
+    # Below the deck's 0.9 m a pier has a crosshead of 0.7 m.
+    at_pier = np.abs(deck - (0.5 - 0.9 - 0.7)) < 0.05
+    assert np.abs(deck - (0.5 - 0.9))[~at_pier].max() < 0.05
+    assert at_pier.mean() < 0.2
     every = river.scene()
     for start in (over * FLAT - UP, over + NORTH * 40.0 + UP):
         wet = cast(river.scene(Tag.WATER), start, (0.0, 0.0, -1.0))
