@@ -17,7 +17,7 @@ from shared_fixtures.worlds.render_scenes import (
 
 from carlaloc_env.core.errors import ConfigError, RenderError
 from carlaloc_env.render.geometry.level_of_detail import coarse
-from carlaloc_env.render.geometry.mesh_buffers import lit_windows
+from carlaloc_env.render.geometry.packed_meshes import lit_windows
 from carlaloc_env.render.gl.context import create_context
 from carlaloc_env.render.renderer import SceneRenderer
 from carlaloc_env.scene.materials import Material

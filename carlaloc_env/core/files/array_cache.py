@@ -1,7 +1,7 @@
 """Arrays kept on disk: written under another name first, checked on reading, made anew when damaged.
 
 Their files are named after all that they come from, so that a change of the code, of a library or of the
-content makes a new file; the oldest ones go.
+content makes a new file; those used longest ago go.
 """
 
 from __future__ import annotations
@@ -94,6 +94,8 @@ def cached(
             return make()
     kept = _read(stored, from_arrays)
     if kept is not None:
+        with suppress(OSError):
+            os.utime(stored)
         return kept
     with suppress(OSError):
         stored.unlink(missing_ok=True)
@@ -159,7 +161,7 @@ def _distrust(path: Path) -> str | None:
 
 
 def _drop_old(kept: Path, count: int) -> None:
-    """Delete the oldest files of earlier versions, until with the one that is kept `count` are left."""
+    """Delete the files that were used longest ago, until with the one that is kept `count` are left."""
     name = kept.stem.rpartition("-")[0]
     others = [
         path

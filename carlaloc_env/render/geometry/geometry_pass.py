@@ -17,6 +17,7 @@ from carlaloc_env.render.geometry.instance_buffer import InstanceBuffer
 from carlaloc_env.render.geometry.level_of_detail import FAR, FAR_LOW, FAR_LOW_FOCAL_PX
 from carlaloc_env.render.geometry.material_table import block_tables, surface_table, upload_textures
 from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
+from carlaloc_env.render.geometry.packed_meshes import packed_models
 from carlaloc_env.render.geometry.projection import FAR_M, NEAR_M, CameraView
 from carlaloc_env.render.geometry.simple_vehicles import SIMPLE_FROM_M, Distant
 from carlaloc_env.render.geometry.static_scene import LEVEL_FROM, StaticScene
@@ -93,7 +94,7 @@ class GeometryPass:
     ) -> None:
         self._context, self._programs = context, programs
         self.scenery = StaticScene(context, chunks, FAR_LOW if live else FAR)
-        self._library = MeshBuffers(context, library.meshes, models=True)
+        self._library = MeshBuffers(context, packed_models(library.meshes))
         self._live = live
         self._unit_m = unit_m
         self._distant = Distant(library) if live else None

@@ -10,14 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import Array, Index
+from carlaloc_env.core.files.array_cache import Arrays
 from carlaloc_env.core.freed_memory import give_back_freed_memory, give_back_mapped_pages
 from carlaloc_env.render.geometry.clusters import cut, in_order
 from carlaloc_env.render.geometry.level_of_detail import Coarseness, coarse
-from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers, seen_from_front
+from carlaloc_env.render.geometry.mesh_buffers import MeshBuffers
+from carlaloc_env.render.geometry.packed_meshes import PACKED, kept, packed, seen_from_front
 from carlaloc_env.render.geometry.projection import CameraView
 from carlaloc_env.scene import materials
 from carlaloc_env.scene.mesh import Mesh, merge
 
+KEPT_FILES = 12
+"""Cached scenes kept: a town has one for live pictures and one for others."""
 _WORN_FROM = 0.15
 """Porosity from which dirt and wear show: not on leaves, metal and glass."""
 NEAREST_M = 1.0
@@ -78,16 +82,24 @@ class StaticScene:
         chunks = [chunk for chunk in chunks if len(chunk.triangles)]
         self._low_m, self._high_m = _boxes(chunks)
         self._from_m = [how.from_m for how in far]
-        parts = [
-            _cut_level([chunk if how is None else _coarse(chunk, how) for chunk in chunks], level)
-            for level, how in enumerate((None, *far))
-        ]
-        tables = [part[k].table for k in range(len(_LAYERS)) for part in parts]
-        self._end = np.cumsum([sum(len(part[k].count) for part in parts) for k in range(len(_LAYERS))])
-        self.clusters = _Table(
-            **{name: np.concatenate([getattr(table, name) for table in tables]) for name in _Table.__slots__}
+        made = kept(
+            "scene",
+            chunks,
+            lambda: _packed_layers(chunks, far),
+            module=__name__,
+            content=repr(far),
+            kept_files=KEPT_FILES,
         )
-        self.layers = [_layer(context, parts, culled, sort) for culled, sort in _LAYERS]
+        self._end = made["end"]
+        self.clusters = _Table(**{name: made[name] for name in _Table.__slots__})
+        self.layers = [
+            Layer(
+                geometry=MeshBuffers(context, {name: made[f"{k} {name}"] for name in PACKED}),
+                features=_SORTS[sort],
+                culled=culled,
+            )
+            for k, (culled, sort) in enumerate(_LAYERS)
+        ]
         give_back_freed_memory()
 
     @property
@@ -218,11 +230,21 @@ def _boxes(chunks: Sequence[Mesh]) -> tuple[Array, Array]:
     return low_m, high_m
 
 
-def _layer(context: moderngl.Context, parts: Sequence[list[_Part]], culled: bool, sort: int) -> Layer:
-    """The next layer, of the first part of every level.
+def _packed_layers(chunks: Sequence[Mesh], far: Sequence[Coarseness]) -> Arrays:
+    """The clusters of all layers, columns of `_Table`; where each layer's end; each layer as it is uploaded.
 
     Parts are let go as soon as they are packed: together they are larger than the buffers.
     """
-    count = np.concatenate([level[0].count for level in parts])
-    geometry = MeshBuffers(context, (level.pop(0).mesh for level in parts), count)
-    return Layer(geometry=geometry, features=_SORTS[sort], culled=culled)
+    parts = [
+        _cut_level([chunk if how is None else _coarse(chunk, how) for chunk in chunks], level)
+        for level, how in enumerate((None, *far))
+    ]
+    layers = range(len(_LAYERS))
+    tables = [part[k].table for k in layers for part in parts]
+    made = {name: np.concatenate([getattr(table, name) for table in tables]) for name in _Table.__slots__}
+    made["end"] = np.cumsum([sum(len(part[k].count) for part in parts) for k in layers])
+    for k in layers:
+        count = np.concatenate([level[0].count for level in parts])
+        layer = packed((level.pop(0).mesh for level in parts), count)
+        made |= {f"{k} {name}": value for name, value in layer.items()}
+    return made

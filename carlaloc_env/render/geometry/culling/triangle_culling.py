@@ -15,8 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.array_types import F32, U32, Array
-from carlaloc_env.core.files.array_cache import Arrays
-from carlaloc_env.core.files.shared_arrays import in_shared_memory
 from carlaloc_env.core.jit import compiled, inlined
 from carlaloc_env.render.geometry.culling.occlusion_culling import Depths
 from carlaloc_env.render.geometry.projection import NEAR_M, CameraView
@@ -29,9 +27,6 @@ BEHIND_M = 0.02
 """How far behind a surface a triangle must lie to be hidden [m]."""
 BEHIND_RATIO = 1e-3
 """The same as a part of its depth, on top of it."""
-
-KEPT_FILES = 42
-"""Cached files kept: a town has six, and the models have one."""
 
 STILL = np.eye(3, 4, dtype=np.float32)[None]
 """Pose of what is in the world's frame already, as rows of instances."""
@@ -47,12 +42,6 @@ class Body:
     """Three corners each, shape (T, 3)."""
     solid: NDArray[np.bool_]
     """Whether the back of a triangle is never seen, shape (T,)."""
-
-
-def shared(body: Body) -> Body:
-    """The same where processes that draw one town share it; what no camera comes near is not in memory."""
-    arrays: Arrays = {name: getattr(body, name) for name in Body.__slots__}
-    return Body(**in_shared_memory(arrays, "triangles", "culling", module=__name__, kept_files=KEPT_FILES))
 
 
 class TriangleCuller:
