@@ -20,6 +20,8 @@ $(READY): pyproject.toml .ci/system-libraries
 demo: $(READY)
 	$(BIN)/python examples/demo.py
 
+# Tests start hundreds of processes: each reads compiled sources, whatever the shell says of writing them.
+test: export PYTHONDONTWRITEBYTECODE =
 test: .venv/warm
 	$(BIN)/python -m pytest -n 2 --dist loadscope --no-loadscope-reorder -m "not soak"
 

@@ -17,7 +17,10 @@ pytest_plugins = [
     "shared_fixtures.worlds.towns",
 ]
 
-LONG = ("tests/whole/", "tests/envs/", "tests/window/", "tests/drive/")
+LONG = tuple(
+    f"tests/{folder}/"
+    for folder in ("whole", "streaming", "replaying", "envs", "benchmark", "robustness", "window", "drive")
+)
 """Folders whose modules take a minute or more."""
 
 
