@@ -13,14 +13,11 @@ from carlaloc_env.core.errors import ConfigError
 @pytest.mark.parametrize("phase", [0, 3])
 def test_schedule_equals_fractions_for_an_hour(rate_hz: float, phase: int) -> None:
     """No drift: stamp k is exactly phase + k / rate, for an hour of samples."""
-    period = 1 / Fraction(rate_hz)
-    hour = 3600
-    expected = []
-    t = Fraction(phase, 200)
-    while t < hour:
-        expected.append(int(t * 1_000_000_000))
-        t += period
-    assert Schedule.from_hz(rate_hz, phase).stamps_ns_in(0, hour * 1_000_000_000) == expected
+    hour_ns = 3600 * 10**9
+    first, period = Fraction(phase, 200) * 10**9, 10**9 / Fraction(rate_hz)
+    assert (first.denominator, period.denominator) == (1, 1)
+    expected = list(range(first.numerator, hour_ns, period.numerator))
+    assert Schedule.from_hz(rate_hz, phase).stamps_ns_in(0, hour_ns) == expected
 
 
 @pytest.mark.parametrize("rate_hz", [200, 20, 5])

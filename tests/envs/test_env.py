@@ -159,9 +159,9 @@ def test_rewards_are_the_sum_of_their_terms(straight_map: Path) -> None:
     env.close()
 
 
-def test_observation_and_truth_agree() -> None:
+def test_observation_and_truth_agree(straight_map: Path) -> None:
     """The speedometer and the last truth show the same speed; at rest the IMU reads gravity upwards."""
-    env = CarlaLocEnv(rig=rig_by_name("state"))
+    env = CarlaLocEnv(map=straight_map, rig=rig_by_name("state"), traffic=FEW, info=("samples", "truth"))
     observation, info = env.reset(seed=1)
     assert observation["imu"].shape == (10, 6)
     for _ in range(40):
@@ -257,10 +257,10 @@ def test_options_hold_for_one_episode(env: CarlaLocEnv) -> None:
     assert _same(own, again)
 
 
-def test_rendering_gives_a_picture() -> None:
+def test_rendering_gives_a_picture(straight_map: Path) -> None:
     """`render` gives an RGB picture that is neither black nor white nor flat."""
     need_opengl()
-    env = CarlaLocEnv(rig="state", render_mode="rgb_array")
+    env = CarlaLocEnv(map=straight_map, rig="state", traffic=FEW, render_mode="rgb_array")
     with pytest.raises(ActionError, match="render before reset"):
         env.render()
     env.reset(seed=0)
