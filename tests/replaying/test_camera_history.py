@@ -49,13 +49,13 @@ def test_exposure_control_reaches_back_and_plain_cameras_do_not() -> None:
 def test_the_past_is_told_and_counted(
     straight_drive: StraightDrive, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A tenth of a second from 1.5 s on: what is seen before is most of the work."""
+    """A tenth of a second from 1 s on: what is seen before is most of the work."""
     told: list[tuple[float, float]] = []
     config = straight_drive.config(
         tmp_path / "data",
         rig=str(straight_drive.rig),
         formats=("raw",),
-        start_s=1.5,
+        start_s=1.0,
         duration_s=0.1,
         preview=False,
     )
@@ -64,7 +64,7 @@ def test_the_past_is_told_and_counted(
             replay(config, lambda done_s, total_s: told.append((done_s, total_s)))
         except RenderError as error:
             pytest.skip(str(error))
-    assert "must see the 1.50 s before" in caplog.text
+    assert "must see the 1.00 s before" in caplog.text
     done_s, totals_s = zip(*told, strict=True)
-    assert list(totals_s) == pytest.approx([1.5 + 0.1 + 0.01] * len(told))
+    assert list(totals_s) == pytest.approx([1.0 + 0.1 + 0.01] * len(told))
     assert all(0.0 <= after - before < 0.11 for before, after in pairwise((0.0, *done_s)))

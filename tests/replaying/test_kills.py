@@ -31,7 +31,7 @@ sensors:
 
 
 def command(drive: StraightDrive, out: Path, workers: int = 2) -> list[str]:
-    words = ("--format", "rosbag1,euroc", "--traffic", "static,dynamic", "--workers", str(workers))
+    words = ("--format", "rosbag1,euroc", "--unit", "0.25", "--workers", str(workers))
     rig = drive.rig.with_name("lidar.yaml")
     rig.write_text(RIG)
     return drive.command(out, *words, rig=rig)
