@@ -15,12 +15,11 @@ def check(found: NearTraffic) -> None:
     assert found.violations == ()
 
 
-@pytest.mark.parametrize(("town", "moving"), [("Town05", 4.5), ("Town03", 4.5)])
-def test_a_stretch_among_others(town: str, moving: float) -> None:
+def test_a_stretch_among_others() -> None:
     """The first 40 s."""
-    found = drive(town, seed=0, duration_s=40.0)
+    found = drive("Town03", seed=0, duration_s=40.0)
     check(found)
-    assert found.moving_50 >= moving
+    assert found.moving_50 >= 4.5
     assert found.length_m > 120.0
 
 
