@@ -7,6 +7,7 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,20 +32,25 @@ class Parked:
         pass
 
 
-def test_a_drive_that_gets_nowhere_ends_and_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drive_that_gets_nowhere_ends_and_is_kept(
+    straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings: dict[str, Any] = {"map": str(straight_map), "traffic": "empty"}
     monkeypatch.setattr("recorder.drive.record.PATIENCE_S", 3.0)
     out = tmp_path / "stuck.mcap"
-    result = record(RecordConfig(map="Town03", out=out, traffic="static"), device=Parked())
+    result = record(RecordConfig(out=out, **settings), device=Parked())
     assert result.stuck
     assert 3.0 < result.duration_s < 15.0
     assert [event.kind for event in Episode.load(out).events][-2:] == ["stuck", "end"]
-    longer = RecordConfig(map="Town03", out=tmp_path / "asked.mcap", traffic="static", duration_s=20.0)
+    longer = RecordConfig(out=tmp_path / "asked.mcap", duration_s=15.0, **settings)
     result = record(longer, device=Parked())
     assert not result.stuck
-    assert result.duration_s == pytest.approx(20.0, abs=0.02)
+    assert result.duration_s == pytest.approx(15.0, abs=0.02)
 
 
-def test_keyboard_drive_with_pause_restart_and_views(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keyboard_drive_with_pause_restart_and_views(
+    straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Keys reach the program as SDL events while a window of SDL's dummy display shows the drive."""
     pygame = pytest.importorskip("pygame")
     pytest.importorskip("moderngl")
@@ -84,7 +90,7 @@ def test_keyboard_drive_with_pause_restart_and_views(tmp_path: Path, monkeypatch
 
     hands = threading.Thread(target=person)
     hands.start()
-    result = record(RecordConfig(map="Town03", out=out, device="keyboard", traffic="static"))
+    result = record(RecordConfig(map=str(straight_map), out=out, device="keyboard", traffic="static"))
     hands.join()
     assert len(result.attempts) == 1
     kept, given_up = Episode.load(out), Episode.load(result.attempts[0])
@@ -93,14 +99,14 @@ def test_keyboard_drive_with_pause_restart_and_views(tmp_path: Path, monkeypatch
     assert kept.ego[: checkpoint + 2].tobytes() == given_up.ego[: checkpoint + 2].tobytes()
     assert any(event.kind == "checkpoint" for event in kept.events)
     assert np.ptp(kept.ego["position_m"][:, :2], axis=0).max() > 0.2
-    assert resimulate(out).first_difference_tick is None
+    assert resimulate(out, map=straight_map).first_difference_tick is None
 
 
-def test_a_recording_takes_the_weather_as_a_schedule(tmp_path: Path) -> None:
+def test_a_recording_takes_the_weather_as_a_schedule(straight_map: Path, tmp_path: Path) -> None:
     """The same names and files as a replay; a wrong one is refused before anything is driven."""
     schedule = tmp_path / "shower.yaml"
     schedule.write_text("- {at_s: 0, weather: ClearNoon}\n- {at_s: 1, weather: HardRainNoon}\n")
-    settings = {"map": "Town03", "duration_s": 0.5, "traffic": "static"}
+    settings = {"map": str(straight_map), "duration_s": 0.5, "traffic": "static"}
     drive = record(RecordConfig(out=tmp_path / "a.mcap", weather=str(schedule), **settings))  # type: ignore[arg-type]
     assert len(Episode.load(drive.path).ego) > 50
     with pytest.raises(ConfigError, match=r"nowhere\.yaml"):
