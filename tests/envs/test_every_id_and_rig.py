@@ -1,4 +1,4 @@
-"""Gymnasium's own checks, warnings fatal, for every registered id, and for every rig."""
+"""Gymnasium's own checks, warnings fatal: both classes of environments, every rig; every id in the soak."""
 
 from __future__ import annotations
 
@@ -38,11 +38,10 @@ def _check(name: str, rig: str, **settings: Any) -> None:
     env.close()
 
 
-@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("name", QUICK)
-def test_every_id_as_an_agent_has_it(name: str) -> None:
-    """AnyTown draws of one, since every reset would build another one."""
-    settings = {"towns": ("Town03",)} if "AnyTown" in name else {"traffic": "static"}
+def test_ids_of_both_classes_as_an_agent_has_them(name: str, straight_map: Path) -> None:
+    """Town03, and a town drawn of one."""
+    settings = {"towns": (straight_map,)} if "AnyTown" in name else {"traffic": "static"}
     _check(name, "state", **settings)
 
 
