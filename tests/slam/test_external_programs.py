@@ -8,7 +8,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shared_fixtures.drives.drives import short_drive as short_drive  # a fixture
 from shared_fixtures.processes.external_programs import EXTERNAL, missing_program, missing_ros
 from shared_fixtures.readings.slam_dataset import write_dataset
 
