@@ -1,4 +1,4 @@
-"""How well LiDAR scans hold the car among traffic: `python -m benchmarks.movers_hold DRIVE.mcap [...]`.
+"""How well LiDAR scans hold the car among traffic: `python benchmarks/movers_hold.py DRIVE.mcap [...]`.
 
 Movers do two things to point-to-plane ICP, see `localizability`. They *hide* the things that stand still:
 their points hold nothing and still count among the N. And they *pull*: since the scan before, Δt ago, a
@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from localizability import localizability
 
-from benchmarks.localizability import localizability
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.geometry import transforms

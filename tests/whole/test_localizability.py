@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-import carlaloc_env
-from benchmarks.localizability import (
+from localizability import (
     RouteLocalizability,
     localizability,
     longest_below,
@@ -18,7 +16,9 @@ from benchmarks.localizability import (
     shift_information,
     weakest_stretch,
 )
-from benchmarks.movers_hold import DriveScans, HoldAmongMovers, pull_mps
+from movers_hold import DriveScans, HoldAmongMovers, pull_mps
+
+import carlaloc_env
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.rigs.presets import rig_by_name
