@@ -17,6 +17,7 @@ from carlaloc_env.core.files.config_mapping import to_mapping
 from carlaloc_env.core.geometry.camera_model import Pinhole
 from carlaloc_env.core.geometry.geodesy import GeoReference
 from carlaloc_env.rigs.memory import EVENT_PIXEL_BYTES, PIXEL_BYTES, RAY_BYTES
+from carlaloc_env.rigs.presets import RIGS
 from carlaloc_env.sensors.base import Mount, SensorConfig
 from carlaloc_env.sensors.limits import LIMITS, RATE, SENSORS_MAX
 from carlaloc_env.sensors.registry import SENSOR_KINDS
@@ -25,17 +26,25 @@ PAGE = Path(__file__).parents[1] / "sensors.md"
 HEAD = """\
 # Sensors
 
-Written by `docs/scripts/make_sensors.py` out of the docstrings; change those, not this page.
+`docs/scripts/make_sensors.py` writes this page out of the docstrings; change those, not this page.
 
 A rig is a list of the configurations below, in Python (`carlaloc_env.rigs.rig.SensorRig`) or in YAML
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
-divides 200. Frames, units and signs: [conventions](conventions.md). Topics: [topics](topics.md). A line
-`preset: name` takes the values of a variant, on which the file's own values are laid.
+divides 200. [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages.
+In YAML, `preset: name` takes the values of a variant; the file's own values override them.
 
-The rig `paper` has CARLA's ideal cameras, as the paper had them. Where realism is wanted, take `real`:
-its [cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288,
-exposure control, motion blur and a wide-angle lens. At rest by day, 22 % of a picture's numbers are the
-same in the next one, 72 % with the ideal camera.
+## Rigs
+
+`paper` is the default of `gymnasium.make` and `carlaloc replay`.
+
+| rig | sensors |
+|---|---|
+"""
+REAL = """
+The rig `paper` has CARLA's ideal cameras, as the paper had them. For realistic images, take `real`. Its
+[cameras](../carlaloc_env/rigs/industrial_camera.py) have the noise of a data sheet after EMVA 1288,
+exposure control, motion blur and a wide-angle lens. At rest by day, 22 % of a picture's values repeat in
+the next picture; with the ideal camera, 72 % do.
 """
 PARTS = {"Mount": Mount, "Pinhole": Pinhole}
 """Configurations that others hold."""
@@ -43,12 +52,13 @@ PARTS = {"Mount": Mount, "Pinhole": Pinhole}
 
 def page() -> str:
     """Text of the page."""
-    parts = [HEAD, "## Kinds of sensors\n"]
+    rigs = (f"| `{name}` | {_doc(maker)} |" for name, maker in RIGS.items())
+    parts = [HEAD + "\n".join(rigs), REAL, "## Kinds of sensors\n"]
     parts += [_sensor(kind, config) for kind, config in SENSOR_KINDS.items()]
     parts.append("## Parts of configurations\n")
     parts += [f"### {name}\n\n{_doc(cls)}\n\n{_parameters(cls)}" for name, cls in PARTS.items()]
     parts.append(_limits())
-    parts.append('## Samples\n\nWhat `Rig.measure` and `info["samples"]` give (`carlaloc_env.samples`).\n')
+    parts.append('## Samples\n\n`Rig.measure` and `info["samples"]` return these (`carlaloc_env.samples`).\n')
     parts += [_sample(cls) for cls in sample_classes()]
     return "\n".join(parts)
 
@@ -63,9 +73,9 @@ def _limits() -> str:
     return "\n".join(
         [
             "## Limits\n",
-            "Checked when a rig is read, before any memory is taken. Of lists the length counts; `rays` are",
-            f"beams times columns. A rig has at most {SENSORS_MAX} sensors, and a replay or environment does",
-            "not begin where its sensors would need more memory than is free: about",
+            "Limits are checked when a rig is read, before any memory is taken. Of lists the length counts;",
+            f"`rays` are beams times columns. A rig has at most {SENSORS_MAX} sensors. A replay or environment",
+            "does not begin where its sensors would need more memory than is free: about",
             f"{PIXEL_BYTES['medium']} bytes a pixel ({PIXEL_BYTES['high']} in quality `high`), "
             f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} a ray.\n",
             "| sensor | parameter | smallest | largest |",

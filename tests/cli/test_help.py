@@ -1,4 +1,4 @@
-"""The names that options take stand in `--help` and in README."""
+"""The names that options take stand in `--help` and in docs."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def test_help_names_all_that_an_option_takes(
 @pytest.mark.parametrize(
     ("page", "names"),
     [
-        ("README.md", {*FORMATS, *PROFILES, *RIGS}),
         ("docs/formats.md", {*FORMATS, *PROFILES}),
+        ("docs/sensors.md", {*RIGS}),
     ],
 )
 def test_pages_name_all_formats_profiles_and_rigs(page: str, names: set[str]) -> None:

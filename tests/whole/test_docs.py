@@ -74,27 +74,6 @@ def test_generated_pages_are_up_to_date(name: str) -> None:
     assert module.PAGE.read_text(encoding="utf-8") == module.page(), f"run `python docs/scripts/{name}.py`"
 
 
-def test_readme_agrees_with_the_topics() -> None:
-    """Every stream, topic, rate and frame of README's sensor table is one of the profile `standard`."""
-    # Of several topics of a stream the first counts.
-    rows = {stream: (topic, rate) for topic, _, _, stream, rate in reversed(_standard_rows())}
-    table = (ROOT / "README.md").read_text(encoding="utf-8").split("## Sensors")[1].split("\n## ")[0]
-    listed = re.findall(r"^\| (`.*?`.*?) \| `(/.*?)`.*? \| .*? \| (\d+) \|", table, re.MULTILINE)
-    streams = {name for cell, _, _ in listed for name in re.findall(r"`(\w+)`", cell)}
-    assert streams == set(rows) | {"lidar"}
-    for cell, topic, rate in listed:
-        first = re.findall(r"`(\w+)`", cell)[0]
-        assert rows[first] == (topic, float(rate))
-
-
-def _standard_rows() -> list[Any]:
-    module = generator("make_topics")
-    rows: list[Any] = [
-        row for row in module.rows_of(module.PROFILES["standard"]) if "camera_info" not in row[0]
-    ]
-    return rows
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
     """Every relative link and picture is a file of the repository."""

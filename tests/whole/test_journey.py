@@ -19,7 +19,9 @@ from shared_fixtures.worlds.render_scenes import need_opengl
 from recorder.cli.main import main
 from recorder.dataset.manifest import DatasetManifest
 
-README = Path(__file__).parents[2] / "README.md"
+ROOT = Path(__file__).parents[2]
+PARTS = (("README.md", "## A dataset\n"), ("docs/commands.md", "## On with a dataset\n"))
+"""Sections whose commands make up the journey."""
 TOWNS = {"Town01": "East", "Town07": "West"}
 """Towns of README, and the small ones that stand for them."""
 SHORTER = ["--rig", "rig.yaml", "--sample", "1", "--quality", "low", "--workers", "1"]
@@ -33,9 +35,10 @@ RIG = (
 
 
 def command(beginning: str) -> list[str]:
-    """Words of README's line that begins so, with the small towns."""
-    text = README.read_text(encoding="utf-8").split("## A dataset and its scores")[1].split("\n## ")[0]
-    (line,) = [line for line in text.splitlines() if line.startswith(beginning)]
+    """Words of the last documented line that begins so, with the small towns."""
+    parts = [(ROOT / page).read_text(encoding="utf-8").split(head)[1].split("\n## ")[0] for page, head in PARTS]
+    # The last one is on a dataset of all towns; README's first lines are on a drive of one's own.
+    *_, line = [line for part in parts for line in part.splitlines() if line.startswith(beginning)]
     for theirs, ours in TOWNS.items():
         line = line.replace(theirs, ours)
     return shlex.split(line, comments=True)
