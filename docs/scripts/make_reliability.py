@@ -20,11 +20,11 @@ PYTEST = (sys.executable, "-m", "pytest")
 HEAD = """\
 # Reliability
 
-Written by `docs/scripts/make_reliability.py` from a run of the tests named in the last column, on two cores
-without a GPU. What is promised: nothing but a named error of one line for any input; nothing written
-outside the output; nothing half-written under a final name; at most the last second of a drive lost.
+`docs/scripts/make_reliability.py` writes this page from a run of the tests in the last column, on two cores without a GPU.
+The guarantees: any bad input gives a named error of one line and nothing else; files are written only in the output; writes are
+atomic; a drive loses at most its last second.
 
-| what | tried | refused by name | longest answer | memory grew by | lost or broken | shown by |
+| case | tried | refused by name | longest answer | memory grew by | lost or broken | shown by |
 |---|---|---|---|---|---|---|
 """
 TOLD = (
