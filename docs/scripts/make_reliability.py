@@ -20,9 +20,9 @@ PYTEST = (sys.executable, "-m", "pytest")
 HEAD = """\
 # Reliability
 
-`docs/scripts/make_reliability.py` writes this page from a run of the tests in the last column, on two cores without a GPU.
-The guarantees: any bad input gives a named error of one line and nothing else; files are written only in the output; writes are
-atomic; a drive loses at most its last second.
+`docs/scripts/make_reliability.py` writes this page from a run of the tests in the last column, on two cores
+without a GPU. The guarantees: any bad input gives a named error of one line and nothing else; files are
+written only in the output; writes are atomic; a drive loses at most its last second.
 
 | case | tried | refused by name | longest answer | memory grew by | lost or broken | shown by |
 |---|---|---|---|---|---|---|

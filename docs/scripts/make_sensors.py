@@ -30,8 +30,8 @@ HEAD = """\
 
 A rig is a list of the configurations below, in Python (`carlaloc_env.rigs.rig.SensorRig`) or in YAML
 ([example](../examples/02_custom_rig.yaml)). Every sensor has a `name`, a `mount` and a `rate_hz` that
-divides 200. [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages.
-In YAML, `preset: name` takes the values of a variant; the file's own values override them.
+divides 200. [Conventions](conventions.md) has frames, units and signs, [topics](topics.md) the messages. In
+YAML, `preset: name` takes the values of a variant; the file's own values override them.
 
 ## Rigs
 
@@ -74,8 +74,8 @@ def _limits() -> str:
         [
             "## Limits\n",
             "Limits are checked when a rig is read, before any memory is taken. Of lists the length counts;",
-            f"`rays` are beams times columns. A rig has at most {SENSORS_MAX} sensors. A replay or environment",
-            "does not begin where its sensors would need more memory than is free: about",
+            f"`rays` are beams times columns. A rig has at most {SENSORS_MAX} sensors. A replay or",
+            "environment does not begin where its sensors would need more memory than is free: about",
             f"{PIXEL_BYTES['medium']} bytes a pixel ({PIXEL_BYTES['high']} in quality `high`), "
             f"{EVENT_PIXEL_BYTES} more with events, {RAY_BYTES} a ray.\n",
             "| sensor | parameter | smallest | largest |",

@@ -33,40 +33,42 @@ PAGE = Path(__file__).parents[1] / "topics.md"
 HEAD = """\
 # Topics of ROS bags
 
-`docs/scripts/make_topics.py` writes this page out of `recorder/writers/topics.py`; change that, not this page.
+`docs/scripts/make_topics.py` writes this page out of `recorder/writers/topics.py`; change that, not this
+page.
 
-`carlaloc replay … --topics PROFILE` chooses one of the profiles below, shown for the rig `paper`. Topics of other rigs have
-the same pattern: a camera named `rear` writes `/camera/rear/image_raw`, a LiDAR named `roof` writes `/roof/points`.
-[Conventions](conventions.md) has the frames.
+`carlaloc replay … --topics PROFILE` chooses one of the profiles below, shown for the rig `paper`.
+Topics of other rigs have the same pattern: a camera named `rear` writes `/camera/rear/image_raw`, a LiDAR
+named `roof` writes `/roof/points`. [Conventions](conventions.md) has the frames.
 """
 TAIL = """\
 ## Messages in detail
 
-* Stamps are the time of measurement; the drive's time 0 is 2023-01-01T00:00:00Z
-  (`epoch_ns` in `sequence.yaml`). The stamp of a point cloud is the start of its sweep.
-* `points`: `x y z intensity` float32, `ring` uint16, `time` float32 in seconds after the header's stamp. The offsets are
-  those of velodyne_pointcloud's XYZIRT (0, 4, 8, 12, 16, 18; 22 bytes). `is_dense` is true, since rays without a return are
-  left out.
+* Stamps are the time of measurement; the drive's time 0 is 2023-01-01T00:00:00Z (`epoch_ns` in
+  `sequence.yaml`). The stamp of a point cloud is the start of its sweep.
+* `points`: `x y z intensity` float32, `ring` uint16, `time` float32 in seconds after the header's stamp.
+  The offsets are those of velodyne_pointcloud's XYZIRT (0, 4, 8, 12, 16, 18; 22 bytes). `is_dense` is true,
+  since rays without a return are left out.
 * `points_labelled`: the same, then `label` uint8 (semantic tag) and `id` uint32 (instance).
-* `radar_points`: `x y z` [m], `doppler` [m/s], `snr` [dB], `rcs` [dBsm], `range` [m], `azimuth`, `elevation`
-  [rad], float32; then the truth: `label` uint8, `id` uint32, `origin` uint8 (0 an object, 1 its mirror image,
-  2 clutter). `radar_scan`: radar_msgs/RadarScan; the amplitude is the signal-to-noise ratio. Doppler is
-  **positive when the distance grows**: an object at rest ahead of a car that drives at 10 m/s reads −10 m/s.
+* `radar_points`: `x y z` [m], `doppler` [m/s], `snr` [dB], `rcs` [dBsm], `range` [m], `azimuth`,
+  `elevation` [rad], float32; then the truth: `label` uint8, `id` uint32, `origin` uint8 (0 an object, 1 its
+  mirror image, 2 clutter). `radar_scan`: radar_msgs/RadarScan; the amplitude is the signal-to-noise ratio.
+  Doppler is **positive when the distance grows**: an object at rest ahead of a car that drives at 10 m/s
+  reads −10 m/s.
 * `image_32fc1`: planar depth in metres, 0 for the sky. `image_tags`: semantic tags as `mono8`.
 * `camera_info`: `plumb_bob` with five zeros; R is the identity, P = [K 0].
-* `imu`: no orientation (covariance[0] = −1). Covariances of 0 mean "unknown"; the calibration files have the noise
-  densities.
-* `wheel_joints` (rig `flu`, `/wheels/joint_states`): sensor_msgs/JointState, angles of whole ticks [rad] and
-  spins [rad/s] of `wheel_front_left`, `wheel_front_right`, `wheel_rear_left`, `wheel_rear_right`.
+* `imu`: no orientation (covariance[0] = −1). Covariances of 0 mean "unknown"; the calibration files have
+  the noise densities.
+* `wheel_joints` (rig `flu`, `/wheels/joint_states`): sensor_msgs/JointState, angles of whole ticks [rad]
+  and spins [rad/s] of `wheel_front_left`, `wheel_front_right`, `wheel_rear_left`, `wheel_rear_right`.
 * `can_steering`, `can_wheels`, `can_pedals` (rig `flu`, `/can/frames`): can_msgs/Frame with the identifiers
   0x0C1, 0x0C2, 0x0C3; `calibration/can.dbc` describes their signals.
 * `odometry`: header frame `world`, child frame `base_link`; the twist is in the child frame.
 * `acceleration`: geometry_msgs/AccelStamped of `base_link` in its own axes, gravity not included.
 * `objects`: derived_object_msgs/ObjectArray, the type of CARLA's ROS bridge; boxes (`shape`), attitude,
-  velocity in world axes, class, for every actor, seen or not. `object_table`: the same as a PointCloud2 with one row per
-  actor, which needs no further message package. It adds two fields: `visible` (share not hidden behind other objects,
-  seen from the LiDAR, NaN beyond 120 m) and the semantic tag. The `id` of both is the `id` of `points_labelled` and
-  `radar_points`, and the value of pixels in `image_instances`.
+  velocity in world axes, class, for every actor, seen or not. `object_table`: the same as a PointCloud2
+  with one row per actor, which needs no further message package. It adds two fields: `visible` (share not
+  hidden behind other objects, seen from the LiDAR, NaN beyond 120 m) and the semantic tag. The `id` of both
+  is the `id` of `points_labelled` and `radar_points`, and the value of pixels in `image_instances`.
 * `/tf_static` is latched and holds one transform from `base_link` to each sensor. `/clock` comes at 100 Hz.
 """
 _KINDS: tuple[tuple[str, type[Sample]], ...] = (

@@ -36,7 +36,7 @@ RIG = (
 
 def command(beginning: str) -> list[str]:
     """Words of the last documented line that begins so, with the small towns."""
-    parts = [(ROOT / page).read_text(encoding="utf-8").split(head)[1].split("\n## ")[0] for page, head in PARTS]
+    parts = [(ROOT / page).read_text("utf-8").split(head)[1].split("\n## ")[0] for page, head in PARTS]
     # The last one is on a dataset of all towns; README's first lines are on a drive of one's own.
     *_, line = [line for part in parts for line in part.splitlines() if line.startswith(beginning)]
     for theirs, ours in TOWNS.items():
