@@ -30,7 +30,7 @@ class BenchmarkConfig:
     workers: int = 1
     """Runs at a time, each on its own cores."""
     cluster: str | None = None
-    """Address of a Dask scheduler whose workers run what reads drives; None: this machine."""
+    """Address of a Dask scheduler whose workers run systems over drives; None: this machine."""
     clouds: tuple[str, ...] = (RAW, SEGMENTED)
     """Which points LiDAR systems get."""
     limit_per_second: float = 20.0
@@ -50,7 +50,7 @@ class BenchmarkConfig:
         if self.again not in (None, *AGAIN):
             raise ConfigError(unknown_name("results", str(self.again), AGAIN))
         if self.cluster is not None and isinstance(self.data, Path):
-            raise ConfigError("a cluster runs what reads drives; give drives (.mcap), or no cluster")
+            raise ConfigError("a cluster runs systems over drives; give drives (.mcap), or no cluster")
 
 
 def cores() -> tuple[int, ...]:

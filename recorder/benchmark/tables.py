@@ -99,7 +99,7 @@ def all_tables(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
             found.append((f"{name} systems: {title}", error_table(part, column, by_weather=visual)))
     found.append(("Ratios of APE", ratio_table(runs)))
     answers = answers_table(runs)
-    found.append(("What the CARLA-Loc paper found", answers[answers["system here"] != NO_SYSTEM]))
+    found.append(("Findings of the CARLA-Loc paper", answers[answers["system here"] != NO_SYSTEM]))
     found.append(("Cost", cost_table(runs)))
     found.append(("Why runs failed", failure_table(runs)))
     return [(title, table) for title, table in found if len(table)]

@@ -185,5 +185,5 @@ def shared_options(*, nested: bool = False) -> argparse.ArgumentParser:
     parser.add_argument(
         "--json", action="store_true", default=default, help="print a machine-readable result"
     )
-    parser.add_argument("--verbose", action="store_true", default=default, help="log what happens")
+    parser.add_argument("--verbose", action="store_true", default=default, help="write a log to stderr")
     return parser

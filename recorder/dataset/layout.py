@@ -47,7 +47,7 @@ FORMATS = {
     "rosbag2": Format(about="ROS 2 bag, MCAP with zstd chunks", place="{}_ros2", is_bag=True),
     "rosbag2_sqlite3": Format(about="ROS 2 bag, SQLite", place="{}_sqlite3", is_bag=True),
     "euroc": Format(about="EuRoC (ASL) folder mav0: grey images, IMU, true states", place="mav0"),
-    "kitti": Format(about="KITTI odometry and SemanticKITTI, with labels of what moves", place="kitti"),
+    "kitti": Format(about="KITTI odometry and SemanticKITTI, with labels of moving objects", place="kitti"),
     "dsec": Format(
         about="DSEC: events and identity maps of each event camera, disparity of a pair", place="dsec"
     ),

@@ -231,7 +231,7 @@ class HumanDevice:
                         f"{stick.name} ({stick.usb}) has {len(stick.raw)} axes, but '{profile.name}' reads "
                         f"the {role} from axis {shape.axis}, counted from 0; run: {self._calibrate}"
                     )
-            return f"nothing that is connected has a {role}; plug it in, or run: {self._calibrate}"
+            return f"no connected device has a {role}; plug it in, or run: {self._calibrate}"
         return None
 
     def _steering_raw(self) -> float | None:

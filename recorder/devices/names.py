@@ -18,5 +18,5 @@ def wants_window(device: str, window: bool | None) -> bool:
     """
     wanted = device in HUMAN if window is None else window
     if device in HUMAN and not wanted:
-        raise DeviceError(f"nobody drives by {device} without seeing the road; leave out --no-window")
+        raise DeviceError(f"driving by {device} needs the window; leave out --no-window")
     return wanted

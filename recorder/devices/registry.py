@@ -37,7 +37,7 @@ def open_device(name: str, seed: int, *, window: bool = False) -> Device:
     wants_window(name, window)
     if os.environ.get("SDL_VIDEODRIVER") in ("dummy", "offscreen"):
         _LOG.warning(
-            "SDL_VIDEODRIVER=%s: nobody sees the window, and keys do not reach it; unset it to drive by hand",
+            "SDL_VIDEODRIVER=%s: the window is invisible and gets no keys; unset it to drive by hand",
             os.environ["SDL_VIDEODRIVER"],
         )
     inputs = Inputs(window=window)

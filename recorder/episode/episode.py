@@ -119,7 +119,7 @@ class Episode:
         if found.problem and not allow_partial:
             raise EpisodeError(
                 f"{path} ends early: {found.problem}; last good time {found.last_good_ns / 1e9:.3f} s; "
-                f"`carlaloc info --repair {path}` saves what is there"
+                f"`carlaloc info --repair {path}` saves the good part"
             )
         return _assemble(path, EpisodeHeader.from_metadata(header), found)
 

@@ -257,7 +257,7 @@ def _unpacked(record: bytes) -> bytes:
     if compression == b"zstd":
         # Where a frame names its size, zstandard believes that and not max_output_size.
         if zstandard.frame_content_size(body) not in (-1, size):
-            raise ValueError("chunk of another size than it says")
+            raise ValueError("chunk whose size differs from its header")
         body = zstandard.ZstdDecompressor().decompress(body, max_output_size=size)
     elif compression:
         raise ValueError(f"chunk compression {compression!r}")

@@ -13,10 +13,10 @@ from carlaloc_env.timeline.timeline import Timeline
 LEVELS = {"dynamic": 1.0, "static": 0.0, "empty": 0.0}
 """Named levels, as fractions of the recorded actors; `empty` leaves out parked cars, too."""
 LEVEL_WORDS = {
-    "dynamic": "all that was recorded, and parked cars",
-    "static": "nothing that moves, but parked cars",
-    "empty": "nothing movable, not even parked cars, as in the paper's static sequences",
-    "0.5": "any fraction of what was recorded, and parked cars",
+    "dynamic": "all recorded actors, and parked cars",
+    "static": "parked cars alone",
+    "empty": "no actors and no parked cars, as in the paper's static sequences",
+    "0.5": "a fraction of the recorded actors, and parked cars",
 }
 """What each level shows."""
 

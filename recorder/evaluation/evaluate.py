@@ -128,8 +128,8 @@ def evaluate(
     values = {metric: errors(metric, true, aligned, delta=delta) for metric in metrics}
     if roll_open and Metric.APE_ROTATION in values:
         _LOG.warning(
-            "the way of '%s' is nearly straight: the alignment does not see the roll about it, so that the "
-            "rotation error is given behind the roll that fits attitudes best", truth.name,
+            "the way of '%s' is nearly straight: the alignment leaves the roll about it open, so the "
+            "rotation error is that after the roll that fits attitudes best", truth.name,
         )  # fmt: skip
         values[Metric.APE_ROTATION] = errors(Metric.APE_ROTATION, true, rolled(true, aligned))
     return EvaluationResult(

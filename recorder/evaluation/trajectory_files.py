@@ -117,7 +117,7 @@ def _poses(
     )
     position_m, attitude = pose[:, :3], pose[:, 3:]
     if quaternion is not None and quaternion != (columns.order or quaternion):
-        _LOG.warning("%s: its header names what attitudes are; --quaternion is not applied", table.path)
+        _LOG.warning("%s: its header names the order of quaternions; --quaternion is not applied", table.path)
     if columns.order == "rpy":
         quat = _from_turns(table.path, attitude, columns.angle_unit)
     else:

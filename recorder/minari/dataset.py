@@ -196,7 +196,7 @@ def _action(controls: ControlLog, ticks: slice, kind: str) -> NDArray[np.float64
         levers = controls.reverse[ticks], controls.handbrake[ticks]
         return np.array([float(np.mean(column)) for column in (*pedals, *levers)])
     if controls.reverse[ticks].any():
-        raise EpisodeError("the drive goes backwards, which `continuous` cannot tell; use --action controls")
+        raise EpisodeError("the drive goes backwards, which `continuous` cannot express; use --action controls")
     return np.array([pedals[0].mean(), (pedals[1] - pedals[2]).mean()])
 
 

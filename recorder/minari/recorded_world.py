@@ -52,7 +52,7 @@ class RecordedWorld:
 
     def __init__(self, episode: Episode, town: Town) -> None:
         if town.route is None:
-            raise EpisodeError(f"{episode.path}: {town.name} has no route, so there is nothing to follow")
+            raise EpisodeError(f"{episode.path}: {town.name} has no route to follow")
         traffic = from_mapping(TrafficConfig, episode.header.traffic, f"{episode.path}: traffic")
         self.town = town if traffic.parked_cars else without_movables(town)
         self.route: Route = town.route

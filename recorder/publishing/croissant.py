@@ -60,7 +60,7 @@ def croissant(
         data_limitations=["Scenes, weather, sensors and traffic are models; scores on them do not carry "
                           "over to real roads without a check there."],
         data_biases=["Seven towns of one style; traffic keeps to the right."],
-        personal_sensitive_information=["None: nobody in it exists."],
+        personal_sensitive_information=["None: all persons in it are synthetic."],
         extra_properties={"prov:wasGeneratedBy": f"CarlaLoc, by simulation; {seeds}"},
         distribution=[
             mlc.FileObject(

@@ -191,7 +191,7 @@ def _card(description: str, cite: str, tables: Mapping[str, Any], *, has_shards:
   a sequence.
 * `dataset.yaml`: recipe and origin, `SHA256SUMS`: checksums, `croissant.json`: both for machines.
 {shards}
-Everything is synthetic: nobody in it exists. Whoever has the drives and the recipe makes the same files anew.
+Everything is synthetic, persons included. The drives and the recipe suffice to make the same files anew.
 
 ```bibtex
 {cite.rstrip()}

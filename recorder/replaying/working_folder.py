@@ -115,7 +115,7 @@ class WorkingFolder:
             return
         if rest == WHOLE:
             _give_names(self._out, self.path, marks)
-            _log.warning("finished what a replay that was killed had written whole in %s", self._out)
+            _log.warning("kept the whole files of a killed replay in %s", self._out)
             self.is_done = theirs == self._request
             if not self.is_done:
                 self._restart()

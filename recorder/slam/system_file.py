@@ -40,7 +40,7 @@ class SystemFile:
     """A few words on it."""
     instant: str = "start"
     """Instant of its poses within a sweep: ``start``, ``middle`` or ``end``."""
-    instant_source: str = "said by its settings"
+    instant_source: str = "its settings"
     """Where that is known from."""
     topic: str | None = None
     """Topic of its poses in ``{out_bag}``, if it writes one; None: it writes ``{out}``."""

@@ -34,4 +34,4 @@ def open_viewer(recording: Path) -> None:
     words = [sys.executable, "-m", "rerun", "--bind", "127.0.0.1", "--new", str(recording)]
     status = subprocess.run(words, check=False).returncode
     if status:
-        raise DeviceError(f"rerun's viewer ended with exit status {status}; see what it said above")
+        raise DeviceError(f"rerun's viewer ended with exit status {status}; its messages are above")

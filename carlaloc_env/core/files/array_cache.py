@@ -156,8 +156,8 @@ def _distrust(path: Path) -> str | None:
     except OSError:
         return None
     if found.st_uid != os.geteuid():
-        return "belongs to somebody else"
-    return "can be written by everybody" if found.st_mode & stat.S_IWOTH else None
+        return "belongs to another user"
+    return "is writable by all users" if found.st_mode & stat.S_IWOTH else None
 
 
 def _drop_old(kept: Path, count: int) -> None:

@@ -173,7 +173,7 @@ def _link(document: Document, element: Element | None, ids: _Ids) -> RoadLink | 
         return None
     label = element.get("elementId")
     if not label:
-        document.note(element, "has no elementId, so nothing is linked there")
+        document.note(element, "has no elementId, so the link is left out")
         return None
     kind = element.get("elementType")
     if kind not in ("road", "junction"):

@@ -9,9 +9,9 @@ Examples:
   carlaloc benchmark data --out scores --again failed
   carlaloc benchmark data --out scores --rerun
 
-Of a drive, sensor data are made while systems read them, and nothing of them is kept on the disk.
-Results are kept: a second call runs what is new, and what failed when --again says so. It ends with 1 when
-every run failed, or by --fail-above.
+Sensor data of a drive are made while systems read them, and are not kept on the disk. Results are kept: a
+second call does new runs only, and failed ones with --again failed. The exit code is 1 when every run
+failed, or by --fail-above.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--manifest", type=OutputFolder(), metavar="DIR", help="also write drives, recipe and checksums there"
     )
     parser.add_argument(
-        "--hub", type=OutputFolder(), metavar="DIR", help="also lay it out for a hub there; nothing is sent"
+        "--hub", type=OutputFolder(), metavar="DIR", help="also prepare it there for a hub; nothing is sent"
     )
     parser.add_argument("--yes", action="store_true", help="do not ask")
 
@@ -110,12 +110,12 @@ def _tell(config: DatasetConfig, plan: DatasetPlan) -> None:
 
 def _ask() -> None:
     if not sys.stdin.isatty():
-        raise UsageError("nobody is there to be asked; give --yes to begin")
+        raise UsageError("no terminal to ask on; give --yes to begin")
     print("Begin? [y/N] ", end="", file=sys.stderr, flush=True)
     if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-        raise UsageError("nothing was made")
+        raise UsageError("stopped before the first file")
 
 
 def show(result: dict[str, Any]) -> None:
     """Print what was made."""
-    print(f"{result['dataset']}  ({result['sequences']} sequences; what was done when: {result['log']})")
+    print(f"{result['dataset']}  ({result['sequences']} sequences; log: {result['log']})")

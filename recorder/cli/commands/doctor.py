@@ -1,4 +1,4 @@
-"""What works on this machine, how fast, and what to install for what does not."""
+"""Report what works on this machine, how fast, and the packages to install for the rest."""
 
 from __future__ import annotations
 

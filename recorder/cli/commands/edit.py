@@ -59,7 +59,7 @@ def show(result: dict[str, Any]) -> None:
         f"{result['vehicles']} vehicles, {result['walkers']} walkers"
     )
     if result.get("touching_s"):
-        print(f"  somebody's box overlaps the ego's for {result['touching_s']:.2f} s; try another seed")
+        print(f"  another box overlaps the ego's for {result['touching_s']:.2f} s; try another seed")
 
 
 def _cut(arguments: argparse.Namespace) -> dict[str, Any]:

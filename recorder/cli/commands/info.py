@@ -1,4 +1,4 @@
-"""What an episode holds: length, duration, loop, actors, collisions, device, health; a sequence: its movers.
+"""Summarise an episode (length, loop, actors, collisions, device, health) or a sequence's movers.
 
 Examples:
   carlaloc info drive.mcap
@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("episode", type=input_path, help="episode (.mcap), or a sequence's folder")
     parser.add_argument("--repair", action="store_true", help="make a whole file of a cut-off recording")
     parser.add_argument(
-        "--out", type=OutputFile(EPISODE_SUFFIX), help="where the whole file goes; else beside the recording"
+        "--out", type=OutputFile(EPISODE_SUFFIX), help="path of the whole file (default: beside the recording)"
     )
     force_option(parser, "an older episode of that name")
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Look at an episode or a sequence, or repair an episode."""
     if arguments.out is not None and not arguments.repair:
-        raise UsageError("--out says where a repaired episode goes; add --repair")
+        raise UsageError("--out is for --repair; add it")
     from recorder.dataset.layout import is_sequence, sequence_at
 
     if arguments.episode.is_dir() or is_sequence(arguments.episode):

@@ -1,4 +1,4 @@
-"""List what can be named: weathers, traffic levels, rigs, formats, topics, methods, devices.
+"""List the names that commands take: weathers, traffic levels, rigs, formats, topics, methods, devices.
 
 Examples:
   carlaloc list weathers

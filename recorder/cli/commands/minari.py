@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--rig", default="state", help="state, bev, a rig or a .yaml file (default: state)")
     parser.add_argument("--action", default="continuous", help="continuous or controls (default: continuous)")
-    parser.add_argument("--weather", default="ClearNoon", help="what sensors see (default: ClearNoon)")
+    parser.add_argument("--weather", default="ClearNoon", help="weather for the sensors (default: ClearNoon)")
     parser.add_argument("--quality", default="medium", help="low, medium or high")
     parser.add_argument(
         "--frame-skip",

@@ -22,10 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--method", default="kiss_icp", help="kiss_icp, genz_icp or gicp (default: kiss_icp)")
     parser.add_argument("--topic", help="topic of the clouds (default: /lidar/points, else the only one)")
     parser.add_argument(
-        "--time-field", metavar="NAME", help="field with the times of points, or none; else by its name"
+        "--time-field", metavar="NAME", help="field with the times of points, or none (default: by its name)"
     )
     parser.add_argument(
-        "--time-unit", choices=("s", "ms", "us", "ns"), help="unit of that field; else by what it shows"
+        "--time-unit", choices=("s", "ms", "us", "ns"), help="unit of that field (default: by its values)"
     )
     force_option(parser, "an older trajectory")
 
