@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class SensorStage:
-    """All that sensors need beyond the Timeline; satisfies `sensors.base.World`.
+    """Inputs of sensors beyond the Timeline; satisfies `sensors.base.World`.
 
     The renderer and the ray caster are made when first asked for, so that a rig without cameras
     needs no OpenGL and one without LiDAR no Open3D.
@@ -37,7 +37,7 @@ class SensorStage:
         self._rays: RayScene | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """What another process gets: the meshes themselves, since it has no town to look at."""
+        """State for another process: the meshes themselves, since it has no town."""
         look = None if self._look is None else partial(tuple, self._look())
         return self.__dict__ | {"_look": look}
 

@@ -77,7 +77,7 @@ def place_actors(
     does not slide.
 
     Args:
-        catalog: Who takes part.
+        catalog: The actors of the drive.
         frame: Their state.
         library: Models of `assets.model_library.build_library`.
         eye_m: Where one looks from [m], shape (3,): actors far from it are drawn in few triangles.
@@ -136,7 +136,7 @@ def place_lights(
     """Lit brake lamps, indicators and, backwards, reversing lamps, to be drawn over vehicles by cameras.
 
     Args:
-        catalog: Who takes part.
+        catalog: The actors of the drive.
         frame: Their state.
         library: Models of `assets.model_library.build_library`.
         stamp_ns: Time [ns]; indicators blink with it.

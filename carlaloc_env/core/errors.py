@@ -57,7 +57,7 @@ class WriterError(CarlaLocError):
 
 
 class OutputError(CarlaLocError):
-    """A file or folder may not be written there: it exists, or its name says another kind."""
+    """A file or folder may not be written there: it exists, or its name is that of another kind."""
 
 
 class EvaluationError(CarlaLocError):

@@ -141,7 +141,7 @@ class DrivingWorld:
         return self._road.offset_m
 
     def tick(self, controls: Controls) -> list[Contact]:
-        """Advance by 5 ms under the given controls and return what the ego touched.
+        """Advance by 5 ms under the given controls and return the ego's contacts.
 
         Raises:
             ActionError: a control is not finite or out of range; nothing has moved then.
@@ -172,7 +172,7 @@ class DrivingWorld:
         return self._road.stop_lines
 
     def signals(self) -> NDArray[np.uint8]:
-        """What every signal head of the town shows now (`SignalState`), shape (S,)."""
+        """State of every signal head of the town now (`SignalState`), shape (S,)."""
         return self.timeline.signals_at(self.now_ns)
 
     def actors(self) -> ActorFrame:
@@ -180,7 +180,7 @@ class DrivingWorld:
         return self.timeline.actors_at(self.now_ns // STEP_NS * STEP_NS)
 
     def driver_view(self) -> DriverView:
-        """What a driver sees now."""
+        """The driver's view now."""
         tick = self._tick - 1
         return self._road.view(
             tick=tick,

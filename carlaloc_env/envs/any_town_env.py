@@ -73,9 +73,9 @@ class AnyTownEnv(BaseEnv):
         """Draw an episode and begin it.
 
         Args:
-            seed: Seed of all that is drawn, and of the episode.
-            options: `town`, `weather`, `traffic`, `route` say what is not to be drawn this time; others are
-                those of `CarlaLocEnv.reset`.
+            seed: Seed of all draws, and of the episode.
+            options: `town`, `weather`, `traffic`, `route` replace a draw; the others are those of
+                `CarlaLocEnv.reset`.
 
         Raises:
             ConfigError: the seed or an option does not fit.
@@ -104,7 +104,7 @@ class AnyTownEnv(BaseEnv):
         self._towns.clear()
 
     def _draw(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """What is drawn, and what is given in its place."""
+        """Drawn values, replaced by given ones."""
         drawn = dict(given)
         for name, choice in self._choices.items():
             # Drawn also where it is given: what comes after does not depend on that.

@@ -34,7 +34,7 @@ class DepthImage(Sample):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SemanticImage(Sample):
-    """What every pixel shows."""
+    """Tag and instance of every pixel."""
 
     tag: NDArray[np.uint8]
     """`Tag` of the surface, no unit, shape (H, W)."""
@@ -48,7 +48,7 @@ class SemanticImage(Sample):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlowImage(Sample):
-    """Optical flow: how far what every pixel shows moves until the camera's next picture."""
+    """Optical flow: motion of every pixel's surface point until the camera's next picture."""
 
     flow_px: NDArray[np.float32]
     """Rightwards and downwards [px], of the sky by the camera's turning alone, shape (H, W, 2)."""
@@ -82,7 +82,7 @@ EVENT = np.dtype([("t", "<i8"), ("x", "<u2"), ("y", "<u2"), ("p", "u1")])
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Events(Sample):
-    """What an event camera fired in one period; `stamp_ns` is the end of the period."""
+    """Events of an event camera in one period; `stamp_ns` is the end of the period."""
 
     events: NDArray[np.void]
     """Rows of `EVENT`, none later than `stamp_ns`, ordered by time, shape (N,)."""

@@ -79,7 +79,7 @@ class WheelTicks(Sample):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class CanState(Sample):
-    """What a car tells on its CAN bus, rounded to the bus' steps."""
+    """Messages of a car on its CAN bus, rounded to the bus' steps."""
 
     steering_wheel_rad: float
     """Angle of the steering wheel, left positive [rad]."""

@@ -171,7 +171,7 @@ class Sensor(ABC):
     ) -> list[list[Sample]]:
         """Samples of one instant under several weathers, one list per weather.
 
-        What does not depend on the weather is measured once; sensors that do override this.
+        The samples are measured once for all weathers; sensors that depend on the weather override this.
         """
         samples = self.measure(timeline, [stamp_ns])
         return [samples for _ in weathers]

@@ -41,7 +41,7 @@ class Snapshot:
     ego_headlamps: bool = True
     """Whether the ego's headlamps are switched on; they shine by night only."""
     catalog: ActorCatalog = field(default_factory=empty_catalog)
-    """Who else takes part, N actors."""
+    """The other actors, N of them."""
     actors: ActorFrame = field(default_factory=empty_frame)
     """Their state."""
     signals: NDArray[np.uint8] = field(default_factory=lambda: np.zeros(0, np.uint8))
@@ -52,7 +52,7 @@ class Snapshot:
         """Snapshot of a timeline at a time [ns].
 
         Raises:
-            ValueError: the time lies outside what the timeline knows.
+            ValueError: the time lies outside the timeline.
         """
         motion = timeline.ego_motion([stamp_ns])
         return cls(

@@ -26,7 +26,7 @@ _KEPT_MOTIONS = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ActorCatalog:
-    """Who takes part: fixed for a whole drive, parallel arrays of N actors."""
+    """The actors of a drive: fixed for all of it, parallel arrays of N actors."""
 
     id: NDArray[np.uint32]
     """Instance id of each actor, unique, ≥ 2**23, shape (N,)."""
@@ -182,7 +182,7 @@ class Timeline:
         self._signals.append(signals)
 
     def forget_before(self, stamp_ns: int) -> None:
-        """Drop what lies more than two steps before a time [ns]."""
+        """Drop all steps more than two steps before a time [ns]."""
         step = stamp_ns // STEP_NS - 2
         drop = min(max(step - self._first_step, 0), len(self._frames))
         del self._frames[:drop], self._signals[:drop]

@@ -27,7 +27,7 @@ class TownId:
     name: str
     """Name of the town."""
     source_hash: str
-    """Hash of its map and its `town.toml`, which names its files in the cache; no name of what is built."""
+    """Hash of its map and its `town.toml`, which names its files in the cache, not the built town."""
     source: Path
     """Its OpenDRIVE file."""
     toml: Path | None

@@ -22,15 +22,15 @@ class Town:
     name: str
     """Name of its folder in `maps`, or of its file."""
     config: TownConfig
-    """What `town.toml` says."""
+    """Settings of `town.toml`."""
     roads: TownRoads
-    """What traffic drives on."""
+    """Lanes and surfaces for traffic."""
     outline: TownOutline
-    """What is hit and felt, and where lights are."""
+    """Collision mesh, bumps of the road, and lights."""
     scenery: Callable[[], tuple[Mesh, ...]]
-    """Gives `chunks`, which lie in a file of their own until somebody looks."""
+    """Gives `chunks`, which are read from a file of their own at first use."""
     roughness: Roughness | None = None
-    """What wheels feel of the roads beyond their meshes; None where `road_roughness` is 0."""
+    """Roughness for the wheels beyond the roads' meshes; None where `road_roughness` is 0."""
     town_hash: str = ""
     """Hash of the built town as `town_hash` makes it, 32 hexadecimal digits."""
 

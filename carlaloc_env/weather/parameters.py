@@ -149,7 +149,7 @@ class WeatherParameters:
     def uniform_extinction_per_m(self) -> float:
         """Extinction that does not depend on height: rain, dust and haze [1/m].
 
-        Rain: fit to the Marshall–Palmer sums 0.0010, 0.0016, 0.0028, 0.0043 1/m at 5, 10, 25, 50 mm/h.
+        Rain: fit to the Marshall–Palmer sums (0.0010, 0.0016, 0.0028, 0.0043 1/m at 5, 10, 25, 50 mm/h).
         """
         rain = 3.7e-4 * float(elementary.power(self.rain_mmph, 0.63)) if self.precipitation > 0 else 0.0
         haze = 1.0e-4 * self.mie_scattering_scale / 0.03

@@ -122,7 +122,7 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
 
     Args:
         work: What to do.
-        report: Told how much of the drive has been made [s].
+        report: Called with the part of the drive made so far [s].
 
     Raises:
         KeyboardInterrupt: it was asked to end.

@@ -40,7 +40,7 @@ class Line:
     """A line of a figure."""
 
     label: str
-    """What it is called."""
+    """Its name."""
     colour: str
     """Its colour."""
     x: Array
@@ -61,7 +61,7 @@ class Box:
     """A row of a figure of boxes."""
 
     label: str
-    """What it is called."""
+    """Its name."""
     colour: str
     """Its colour."""
     values: Array

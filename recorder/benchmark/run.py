@@ -26,7 +26,7 @@ from recorder.slam.systems import SYSTEMS, system_of
 __all__ = ["BenchmarkConfig", "BenchmarkResult", "Progress", "run_benchmark"]
 
 Progress = Callable[[float, int, str | None], None]
-"""Told jobs done, jobs in all, and the job that has ended, if one has."""
+"""Called with jobs done, jobs in all, and the job that has ended, if one has."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

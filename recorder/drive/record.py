@@ -48,7 +48,7 @@ VERSIONED = ("carlaloc-env", "pybullet", "numpy", "scipy")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordConfig:
-    """What to drive, how long, and where to."""
+    """Configuration of a drive: town, length, file."""
 
     map: str = "Town03"
     """Town, or path of an OpenDRIVE file."""
@@ -83,7 +83,7 @@ class RecordConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordResult:
-    """What was recorded."""
+    """The recorded file and its figures."""
 
     path: Path
     """The episode."""
@@ -115,9 +115,9 @@ def record(
     """Drive and record until the duration or the route is over, or the driver ends it.
 
     Args:
-        config: What to drive.
-        device: Who drives; opened by its name when left out.
-        progress: Told four times a second how far the drive is.
+        config: Configuration of the drive.
+        device: The driver; opened by its name when left out.
+        progress: Called four times a second with the progress of the drive.
         opening: The window, if it is open already; it is closed afterwards.
 
     Raises:
@@ -160,7 +160,7 @@ class _Drive:
         """Build the living town.
 
         Args:
-            show: Told of town and weather as soon as they stand; may take its time.
+            show: Called with town and weather as soon as they are ready; may be slow.
         """
         config = self._config
         weather = weather_of(config.weather)

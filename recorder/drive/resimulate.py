@@ -113,7 +113,7 @@ def resimulate(
         out: Episode to write of the second drive; None: only compare.
         map: Map of the drive, name or file; None: the town that the episode names.
         overwrite: Whether an older `out` is replaced.
-        progress: Told now and then how many ticks of how many are done.
+        progress: Called now and then with the ticks done and their total.
 
     Raises:
         EpisodeError: the episode was edited, its map has changed, or `out` cannot be written.

@@ -32,7 +32,7 @@ class OtherTraffic:
     path: str
     """The new episode."""
     touching_s: float
-    """Time during which somebody's box overlaps the ego's, which cannot give way [s]."""
+    """Time during which another box overlaps the ego's, which cannot give way [s]."""
 
 
 def change_traffic(
@@ -52,7 +52,7 @@ def change_traffic(
         seed: Seed of the new traffic.
         map: Map of the drive, name or file; None: the town that the episode names.
         overwrite: Whether an older `out` is replaced.
-        progress: Told now and then how many steps of how many are done.
+        progress: Called now and then with the steps done and their total.
 
     Raises:
         EpisodeError: the episode's map has changed, or `out` exists.

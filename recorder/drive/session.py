@@ -49,7 +49,7 @@ class DriveSession:
         begin: Makes the writer once the actors are known.
         finished: Whether the drive is over.
         end_tick: Tick at which it is over in any case.
-        progress: Told four times a second how far the drive is.
+        progress: Called four times a second with the progress of the drive.
     """
 
     def __init__(

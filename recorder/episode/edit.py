@@ -99,7 +99,7 @@ def drop_actors(source: Path, out: Path, drop: Sequence[str], *, overwrite: bool
         overwrite: Whether an older `out` is replaced.
 
     Raises:
-        ConfigError: nobody has such a name or id.
+        ConfigError: no actor has such a name or id.
     """
     episode = Episode.load(source)
     catalog = episode.header.catalog

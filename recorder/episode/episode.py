@@ -89,7 +89,7 @@ class Episode:
         self.steps = steps
         """Rows of the layout of `actor_messages.ACTORS`, one per 50 ms step."""
         self.events = events
-        """What happened, in order."""
+        """Events of the drive, in order."""
         self.path = path
         """File that was read."""
         self.last_good_ns = last_good_ns
@@ -144,7 +144,7 @@ class Episode:
         return self._log("raw_")
 
     def timeline(self) -> Timeline:
-        """The whole drive, equal bit for bit to what the live sensors saw."""
+        """The whole drive, equal bit for bit to that of the live sensors."""
         track = EgoTrack.from_arrays(self.ego["position_m"], self.ego["quat_xyzw"])
         switches = [self.ego[name] for name in ("throttle", "brake", "reverse", "handbrake")]
         car = CarTrack.from_arrays(
@@ -163,7 +163,7 @@ class Episode:
 
 
 def open_episode(path: str | Path) -> Episode:
-    """Read an episode up to where it is good; `complete` and `problem` tell whether that is all of it.
+    """Read an episode up to its first damage; `complete` and `problem` describe the rest.
 
     Raises:
         EpisodeError: the file is missing or foreign.

@@ -30,7 +30,7 @@ class EpisodeHeader:
     seed: int = 0
     """Seed of traffic and noise."""
     catalog: ActorCatalog = field(default_factory=empty_catalog)
-    """Who takes part."""
+    """The actors of the drive."""
     route: Mapping[str, Any] = field(default_factory=dict)
     """The route driven: way points, length, loop."""
     rig: Mapping[str, Any] | str = ""

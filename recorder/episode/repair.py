@@ -17,7 +17,7 @@ from recorder.episode.writer import FLUSH_NS
 
 
 def repair_episode(path: str | Path, target: str | Path | None = None, *, overwrite: bool = False) -> Episode:
-    """Write a whole file of what a cut-off recording holds; the recording itself is left alone.
+    """Write the content of a cut-off recording as a whole file; the recording stays unchanged.
 
     Args:
         path: The recording, with or without its `.recording` suffix.

@@ -22,7 +22,7 @@ def town_id_of(episode: Episode, chosen: str | Path | None = None) -> TownId:
 
     Args:
         episode: The drive.
-        chosen: Town or OpenDRIVE file that the user gave; None: what the episode says.
+        chosen: Town or OpenDRIVE file that the user gave; None: that of the episode.
 
     Raises:
         MapError: there is no such file.
@@ -49,7 +49,7 @@ def town_of(episode: Episode, chosen: str | Path | None = None) -> Town:
 
     Args:
         episode: The drive.
-        chosen: Town or OpenDRIVE file that the user gave; None: what the episode says.
+        chosen: Town or OpenDRIVE file that the user gave; None: that of the episode.
 
     Raises:
         MapError: there is no such file, or it cannot be used.

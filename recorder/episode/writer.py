@@ -49,8 +49,8 @@ class EpisodeWriter:
             overwrite: Whether an older episode of this name is replaced (when the new one is closed).
             durable: Wait for the disk at every flush, so that even a power cut loses no more than the
                 last second.
-            keep_cut: Whether what was written stays, as a `.recording`, when it is cut off. A drive must; an
-                edit of other episodes can be made again.
+            keep_cut: Whether a cut-off file stays, as a `.recording`. A drive must; an edit of other
+                episodes can be made again.
 
         Raises:
             OutputError: the name is taken, or a recording that was cut off waits under it.
@@ -141,7 +141,7 @@ class EpisodeWriter:
 
     @property
     def size_bytes(self) -> int:
-        """What has been written to the disk so far [bytes]."""
+        """Size of the file on the disk so far [bytes]."""
         return self._file.size_bytes
 
     def close(self, *, into: Path | None = None) -> None:

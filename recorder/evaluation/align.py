@@ -15,7 +15,7 @@ from recorder.evaluation.trajectory import Trajectory
 
 
 class Alignment(Enum):
-    """What may be fitted before errors are measured."""
+    """Fits that are allowed before errors are measured."""
 
     NONE = "none"
     SE3 = "SE(3) Umeyama"
@@ -49,7 +49,7 @@ def align(truth: Trajectory, estimate: Trajectory, alignment: Alignment) -> Simi
     Args:
         truth: One pose per pair.
         estimate: Its partners.
-        alignment: What may be fitted.
+        alignment: The allowed fit.
 
     Raises:
         EvaluationError: too few poses, or all on a point, so that the rotation is not determined.

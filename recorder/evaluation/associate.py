@@ -36,7 +36,7 @@ def associate(
 
     Args:
         truth: Where the frame was.
-        estimate: Where a system says it was.
+        estimate: A system's poses.
         method: How poses are paired.
         max_gap_ns: Longest time between two poses of a pair, or between a pose and each of the two that its
             partner is interpolated from [ns].

@@ -22,14 +22,14 @@ _LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EvaluationResult:
-    """Errors of one estimate, and all that must be known to read them."""
+    """Errors of one estimate, and the settings that led to them."""
 
     truth: Trajectory
     """True poses, one per pair."""
     estimate: Trajectory
     """Their partners, aligned."""
     alignment: Alignment
-    """What was fitted, over all pairs, to lay the estimate over the truth."""
+    """Fit over all pairs that lays the estimate over the truth."""
     association: Association
     """How pairs were found."""
     transform: Similarity
@@ -44,7 +44,7 @@ class EvaluationResult:
     """Drift over segments of the path (KITTI)."""
     roll_from_attitudes: bool = False
     """Whether the way is so straight that positions leave the roll about it open: the absolute rotation error
-    is that behind the roll which fits attitudes best."""
+    is that after the roll which fits attitudes best."""
 
     @property
     def matched(self) -> int:
@@ -96,9 +96,9 @@ def evaluate(
     """Errors of an estimate.
 
     Args:
-        truth: Where the body was.
-        estimate: Where a system says that its own frame was.
-        alignment: What is fitted before errors are measured.
+        truth: True poses of the body.
+        estimate: A system's poses of its own frame.
+        alignment: Fit before errors are measured.
         association: How poses are paired.
         max_gap_ns: Longest time between two poses of a pair [ns].
         T_body_sensor: Maps the frame that the estimate is of to the truth's body, shape (4, 4); no
@@ -108,7 +108,7 @@ def evaluate(
         expected: Poses that the system should have given; None: as many as its median interval fits
             into the time of the truth, or those that it gave.
         delta: Poses from one end of a step to the other, for relative metrics.
-        metrics: What to measure.
+        metrics: Kinds of errors to measure.
 
     Raises:
         EvaluationError: too few pairs, or an alignment that is not determined.

@@ -32,8 +32,8 @@ def find_time_offset(truth: Trajectory, estimate: Trajectory, alignment: Alignme
 
     Args:
         truth: Where the frame was.
-        estimate: Where a system says it was, by another clock.
-        alignment: What is fitted before errors are measured.
+        estimate: A system's poses, by another clock.
+        alignment: Fit before errors are measured.
 
     Raises:
         EvaluationError: the motions do not resemble each other.

@@ -23,7 +23,7 @@ class Trajectory:
     quat_xyzw: Array
     """Attitudes, map the frame to the world, unit quaternions, shape (N, 4)."""
     name: str = ""
-    """What it is called in results."""
+    """Its name in results."""
 
     def __post_init__(self) -> None:
         count = len(self.stamp_ns)

@@ -77,7 +77,7 @@ def read_text_trajectory(
 def read_tum(path: str | Path) -> Trajectory:
     """Read "time tx ty tz qx qy qz qw" lines; lines that begin with # are comments.
 
-    Stamps are read exactly; seconds, and the nanoseconds that ORB-SLAM3 writes, are told apart by size.
+    Stamps are read exactly; seconds, and the nanoseconds that ORB-SLAM3 writes, are distinguished by size.
     Lines out of order are sorted, with a warning.
 
     Raises:

@@ -37,7 +37,7 @@ def make_dataset(config: DatasetConfig, progress: Progress | None = None) -> Pat
 
     Args:
         config: What to make.
-        progress: Told how far all drives are.
+        progress: Called with the progress of all drives.
 
     Returns:
         ``dataset.yaml``.

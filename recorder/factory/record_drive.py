@@ -21,7 +21,7 @@ def standard_drives(
 
     Args:
         out: Folder of the drives.
-        progress: Told how far they are.
+        progress: Called with their progress.
         towns: Names of towns; else the paper's seven.
 
     Raises:
@@ -56,7 +56,7 @@ def record_drive(
         target: New episode.
         seed: Seed of traffic and driver.
         duration_s: Length [s]; None: to the end of the route.
-        progress: Told of seconds and metres driven.
+        progress: Called with seconds and metres driven.
 
     Raises:
         EpisodeError: it cannot be written.

@@ -67,7 +67,7 @@ class MinariConfig:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MinariResult:
-    """What was written."""
+    """The written data set."""
 
     path: Path
     """Folder of the data set."""
@@ -84,7 +84,7 @@ def write_minari(
 
     Args:
         config: What to write.
-        progress: Told now and then how many seconds of how many of the drives are done.
+        progress: Called now and then with the seconds of the drives done and their total.
 
     Raises:
         ConfigError: an option is unknown or out of range; Minari is missing.
@@ -196,7 +196,9 @@ def _action(controls: ControlLog, ticks: slice, kind: str) -> NDArray[np.float64
         levers = controls.reverse[ticks], controls.handbrake[ticks]
         return np.array([float(np.mean(column)) for column in (*pedals, *levers)])
     if controls.reverse[ticks].any():
-        raise EpisodeError("the drive goes backwards, which `continuous` cannot express; use --action controls")
+        raise EpisodeError(
+            "the drive goes backwards, which `continuous` cannot express; use --action controls"
+        )
     return np.array([pedals[0].mean(), (pedals[1] - pedals[2]).mean()])
 
 

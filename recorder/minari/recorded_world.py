@@ -106,7 +106,7 @@ class RecordedWorld:
         return self._road.stop_lines
 
     def signals(self) -> NDArray[np.uint8]:
-        """What every signal head of the town shows now (`SignalState`), shape (S,)."""
+        """State of every signal head of the town now (`SignalState`), shape (S,)."""
         return self.timeline.signals_at(self.now_ns)
 
     def actors(self) -> ActorFrame:

@@ -58,7 +58,7 @@ class ReplayOptions:
     lens_drops: bool = False
     """Whether drops cling to the lenses of all cameras while it rains."""
     leaf_wind_mps: float = 0.0
-    """Wind that sways leaves in all images [m/s]; 0: as the rig says."""
+    """Wind that sways leaves in all images [m/s]; 0: as in the rig."""
 
     def __post_init__(self) -> None:
         check_formats(self.formats)

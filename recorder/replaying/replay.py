@@ -23,7 +23,7 @@ Progress = Callable[[float, float], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayResult:
-    """What was written."""
+    """The written sequences."""
 
     out: Path
     """Folder of the dataset."""
@@ -40,14 +40,14 @@ def replay(
 ) -> ReplayResult:
     """Replay an episode and write all its sequences.
 
-    What the same replay has finished before it was killed, interrupted or ran out of disk is not done
-    again: it goes on from there, and ends with the same bytes.
+    A replay that was killed, interrupted or ran out of disk goes on from its finished units, and ends with
+    the same bytes.
 
     Args:
-        config: What to replay.
-        progress: Told about every second how far all levels are.
-        later_s: Lengths of further drives that will be replayed like this one [s]: what does not fit on the
-            disk with them is refused after the first unit.
+        config: Configuration of the replay.
+        progress: Called about every second with the progress of all levels.
+        later_s: Lengths of further drives that will be replayed like this one [s]; if they
+            do not fit on the disk, too, the replay is refused after the first unit.
 
     Raises:
         ConfigError: an unknown rig, weather, format or level, or a stretch outside the drive.

@@ -77,7 +77,7 @@ def make_unit(job: UnitJob, report: Report) -> None:
 
     Args:
         job: What to make.
-        report: Told after every step.
+        report: Called after every step.
 
     Raises:
         Stopped: the run has been asked to end.
@@ -191,7 +191,7 @@ def assemble(job: AssemblyJob, report: Report) -> None:
 
     Args:
         job: What to assemble.
-        report: Told after every unit how many are done.
+        report: Called after every unit with the number done.
 
     Raises:
         WriterError: the disk is full.

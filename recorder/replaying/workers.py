@@ -65,7 +65,7 @@ class ThisProcess:
     """One task after another, right here.
 
     Args:
-        report: Told how far a task is.
+        report: Called with the progress of a task.
         release: Called at the end, to let go of what tasks keep for the next one.
     """
 

@@ -19,7 +19,7 @@ class TownEntry:
     name: str
     """Name of its folder."""
     description: str
-    """What `town.toml` says about it."""
+    """Its description in `town.toml`."""
     lane_km: float
     """Length of all driving lanes, those in junctions included [km]."""
     junctions: int

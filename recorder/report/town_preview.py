@@ -53,7 +53,7 @@ def draw_town(town: Town, out: Path, *, quality: str = "medium", overwrite: bool
 
     Raises:
         RenderError: OpenGL is missing.
-        OutputError: the image exists, or its name says that it is none.
+        OutputError: the image exists, or its name is not that of an image.
         WriterError: it cannot be written.
     """
     check_output_file(out, suffixes=PICTURE_SUFFIXES, overwrite=overwrite)

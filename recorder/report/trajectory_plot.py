@@ -31,7 +31,7 @@ def plot_trajectories(
         overwrite: Whether an older one is replaced.
 
     Raises:
-        OutputError: the image exists, or its name says that it is none.
+        OutputError: the image exists, or its name is not that of an image.
         EvaluationError: there is nothing to draw, or the image cannot be written.
         MissingDependencyError: matplotlib is not installed.
     """

@@ -34,8 +34,8 @@ class BagScans:
     Args:
         bag: A bag as `open_bag` takes it.
         topic: Topic of the point clouds; None: the only one.
-        times: What is known of the times of points.
-        progress: Told of every scan that is done.
+        times: Settings of the times of points.
+        progress: Called after every scan.
     """
 
     bag: Path
@@ -100,8 +100,8 @@ def run_odometry(
         bag: A file of ROS 1, MCAP or SQLite, or the folder of a bag of ROS 2.
         method: Name of one of `METHODS`.
         topic: Topic of the point clouds; None: ``/lidar/points`` if it is there, else the only one.
-        progress: Told after every scan how many of how many are done.
-        times: What is known of the times of points; None: what the clouds themselves show.
+        progress: Called after every scan with the scans done and their total.
+        times: Settings of the times of points; None: as the clouds show them.
 
     Raises:
         ConfigError: there is no such method, or no such unit of time.

@@ -63,7 +63,7 @@ def train_vocabulary(
     Args:
         images: Grey images, shape (H, W).
         seed: Seed of the first guesses of centres.
-        progress: Told how many images were read.
+        progress: Called with the number of images read.
 
     Raises:
         EvaluationError: the images have fewer features than the tree has branches.
@@ -132,7 +132,7 @@ def write_vocabulary(
         data: Folder with sequences.
         out: Text file to write.
         images: How many images at most.
-        progress: Told how many images of how many were read.
+        progress: Called with the images read and their total.
 
     Raises:
         EvaluationError: there are no images, or they have hardly any features.

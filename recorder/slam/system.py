@@ -84,7 +84,7 @@ class System:
     file_hint: str = ""
     """How to get that file."""
     alignment: Alignment = Alignment.SE3
-    """What is fitted before errors are measured; never scale for stereo, LiDAR or inertial systems."""
+    """Fit before errors are measured; never scale for stereo, LiDAR or inertial systems."""
 
     @property
     def is_installed(self) -> bool:

@@ -81,7 +81,7 @@ class Feed:
         """Make all frames; return the shares of movers, none if nobody listened to the end.
 
         Args:
-            report: Told of each frame how much of the drive has been made [s].
+            report: Called at each frame with the part of the drive made so far [s].
 
         Raises:
             CarlaLocError: a frame cannot be made.

@@ -38,7 +38,7 @@ def verify(
 
     Args:
         folder: Folder of the dataset.
-        progress: Told what is looked at.
+        progress: Called with the name of the file in hand.
         against: The same dataset, made elsewhere: pictures and events may differ from it within bounds.
 
     Raises:

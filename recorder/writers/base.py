@@ -79,8 +79,8 @@ class Encoder(ABC):
 class Writer(ABC):
     """Puts pieces into a file or folder under a temporary name, which takes the final one when closed.
 
-    As a context manager it closes at the end of the block; an exception inside removes what was
-    written.
+    As a context manager it closes at the end of the block; an exception inside removes the unfinished
+    output.
 
     Args:
         target: The file or folder.
@@ -172,7 +172,7 @@ class Writer(ABC):
         self._is_open = False
 
     def abort(self) -> None:
-        """Stop and remove what was written."""
+        """Stop and remove the unfinished output."""
         if self._is_open:
             self._is_open = False
             self._drop()

@@ -28,23 +28,23 @@ from carlaloc_env.samples import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicRule:
-    """Where the samples of some streams go."""
+    """Topic and message of the samples of some streams."""
 
     sample: type[Sample]
     """Kind of sample."""
     stream: str
     """Name of the stream; a ``*`` stands for any text."""
     topic: str
-    """Topic; ``{}`` stands for what the ``*`` matched."""
+    """Topic; ``{}`` is the text that the ``*`` matched."""
     message: str
     """Name of the function in `messages.ENCODERS`."""
     frame_id: str | None = None
     """Frame in the message's header, if not the sample's own."""
     unless: str | None = None
-    """Not written when the rig has this stream (with ``{}`` as above), which says the same and more."""
+    """Not written when the rig has this stream (with ``{}`` as above), which holds the same and more."""
 
     def match(self, stream: str) -> str | None:
-        """What the ``*`` stands for, or None if the rule is for other streams."""
+        """Text that the ``*`` matches, or None if the rule is for other streams."""
         if "*" not in self.stream:
             return "" if stream == self.stream else None
         head, tail = self.stream.split("*", 1)

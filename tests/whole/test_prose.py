@@ -1,12 +1,20 @@
-"""The style check of `make check` finds bad sentences, names their line, and lets good ones pass."""
+"""The style check of `make check` finds bad sentences; help and public docstrings keep its rules, too."""
 
 from __future__ import annotations
 
+import ast
 import importlib.util
+import inspect
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from shared_fixtures.processes.commands import all_commands
+
+import carlaloc_env
+import recorder
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +58,31 @@ def test_a_bad_sentence_is_found_in_its_line(prose: ModuleType, rule: str, sente
 )
 def test_good_text_code_and_tables_pass(prose: ModuleType, page: str) -> None:
     assert list(prose.faults(page)) == []
+
+
+def test_help_keeps_the_rules(prose: ModuleType) -> None:
+    """Descriptions without their examples, and every option."""
+    texts = {
+        re.sub(r"(?m)^Examples:\n(?:  .*\n?)*", "", parser.description or "") for _, parser in all_commands()
+    }
+    texts |= {action.help or "" for _, parser in all_commands() for action in parser._actions}
+    assert [fault for text in texts for fault in prose.faults(text)] == []
+
+
+def test_public_docstrings_keep_the_rules(prose: ModuleType) -> None:
+    """Those of public names, their fields and their public methods; an argument's line is an item."""
+    texts = list(_docstrings())
+    assert len(texts) > 400
+    items = [re.sub(r"(?m)^ +(?=\*{0,2}\w+: )", "* ", re.sub(r"(?m)^\w+:$", "", text)) for text in texts]
+    assert [fault for text in items for fault in prose.faults(text)] == []
+
+
+def _docstrings() -> Iterator[str]:
+    for package in (carlaloc_env, recorder):
+        for value in (getattr(package, name) for name in package.__all__):
+            if not inspect.isclass(value) and not inspect.isfunction(value):
+                continue
+            tree = ast.parse(inspect.cleandoc("\n" + inspect.getsource(value)))
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+                    yield inspect.cleandoc(str(node.value.value))

@@ -24,7 +24,7 @@ def atomic_write(
 ) -> Iterator[Path]:
     """Give the temporary path of a file or folder, which takes its name when the block ends.
 
-    An exception in the block removes what was written, and leaves an older file as it was.
+    An exception in the block removes the unfinished file, and leaves an older one unchanged.
 
     Args:
         path: Final path; folders above it are made.

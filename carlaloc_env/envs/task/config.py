@@ -12,7 +12,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TaskConfig:
-    """What is rewarded, and when an episode ends."""
+    """Weights of the reward, and limits of an episode."""
 
     progress_per_m: float = 1.0
     """Reward for a metre gained along the route."""
@@ -50,7 +50,7 @@ class TaskConfig:
 
     @classmethod
     def of(cls, task: TaskConfig | Mapping[str, float] | None) -> TaskConfig:
-        """Configuration as users may give it: itself, a mapping of what differs from the default, or None.
+        """Configuration as users may give it: itself, a mapping of the values that differ, or None.
 
         Raises:
             ConfigError: a name is unknown, or a value no number of 0 or more.

@@ -74,7 +74,7 @@ class TaskWorld(Protocol):
         """Stop lines of the route at which lights must be obeyed."""
 
     def signals(self) -> NDArray[np.uint8]:
-        """What every signal head of the town shows now (`SignalState`), shape (S,)."""
+        """State of every signal head of the town now (`SignalState`), shape (S,)."""
 
     def actors(self) -> ActorFrame:
         """All other road users at the last whole step."""

@@ -1,7 +1,7 @@
 """Spinning LiDAR: every ray cast at its own time from where the sensor then was.
 
-A hit is given in the sensor's frame at the time of its own ray, as a real sensor reports it; the
-plain and the semantic cloud come from the same rays and carry the same noise.
+A hit is in the sensor's frame at the time of its own ray, as with a real sensor. The plain and the
+semantic cloud come from the same rays and carry the same noise.
 """
 
 from __future__ import annotations

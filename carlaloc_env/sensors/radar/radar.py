@@ -1,8 +1,8 @@
 """Imaging radar at 77 GHz: detections of resolution cells, not rays.
 
-Rays find what is in view; each stands for a part of a radar cross-section. Parts that fall into
-one resolution cell add up, the cell's echo fluctuates, and what crosses the detector's threshold
-is reported with the errors of its signal-to-noise ratio. One frame is one instant.
+Rays find the surfaces in view; each represents a part of a radar cross-section. Parts in one
+resolution cell add up, and the cell's echo fluctuates. Echoes above the detector's threshold are
+reported with the errors of their signal-to-noise ratio. One frame is one instant.
 """
 
 from __future__ import annotations

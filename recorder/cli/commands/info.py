@@ -23,7 +23,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("episode", type=input_path, help="episode (.mcap), or a sequence's folder")
     parser.add_argument("--repair", action="store_true", help="make a whole file of a cut-off recording")
     parser.add_argument(
-        "--out", type=OutputFile(EPISODE_SUFFIX), help="path of the whole file (default: beside the recording)"
+        "--out",
+        type=OutputFile(EPISODE_SUFFIX),
+        help="path of the whole file (default: beside the recording)",
     )
     force_option(parser, "an older episode of that name")
 

@@ -50,7 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action=argparse.BooleanOptionalAction,
         help="show the drive in a window (default: where a person drives)",
     )
-    parser.add_argument("--calibrate", action="store_true", help="ask for the device's axes, write its profile, and end")
+    parser.add_argument(
+        "--calibrate", action="store_true", help="ask for the device's axes, write its profile, and end"
+    )
     parser.add_argument(
         "--from",
         dest="source",

@@ -69,7 +69,7 @@ class Ros1Node:
 
         Args:
             sequence: What it reads.
-            clock: Told how long it took, shared out over the frames.
+            clock: Receives the run's time, shared out over the frames.
             sensor: What makes a frame: ``lidar`` or ``stereo``.
 
         Raises:

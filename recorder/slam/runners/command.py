@@ -37,7 +37,7 @@ def run_command(
 
     Args:
         sequence: What it reads.
-        clock: Told how long it took, shared out over the frames.
+        clock: Receives the run's time, shared out over the frames.
         command: Program and words; ``{bag}``, ``{euroc}`` and ``{calibration}`` in them become paths of
             the sequence, ``{out}`` the TUM file that it has to write, ``{work}`` an empty folder.
         sensor: What makes a frame: ``lidar`` or ``stereo``.

@@ -54,7 +54,7 @@ class _Sweep:
 
 
 class KittiEncoder(Encoder):
-    """Images, clouds, poses and what moves, of a KITTI folder.
+    """Images, clouds, poses and moving objects of a KITTI folder.
 
     Args:
         calibration: The rig; it must have a LiDAR.
@@ -73,7 +73,7 @@ class KittiEncoder(Encoder):
         self.images = {camera.stream: f"image_{2 + k}" for k, camera in enumerate(calibration.cameras[:2])}
 
     def encode(self, sample: Sample) -> list[Piece]:
-        """Images as PNG; clouds, poses and what moves as rows of numbers, to be put together in order."""
+        """Images as PNG; clouds, poses and moving objects as rows of numbers, to be put together in order."""
         stamp_ns = sample.stamp_ns
         if isinstance(sample, ObjectList):
             speed = np.linalg.norm(sample.velocity_mps, axis=1)
