@@ -90,7 +90,7 @@ _KIND_OF_SENSOR: dict[str, type[Sample]] = {
 
 def page() -> str:
     """Text of the page."""
-    return "\n".join([HEAD, *(_profile(profile) for profile in PROFILES.values()), TAIL])
+    return "\n".join([HEAD, _table(), TAIL])
 
 
 def streams_of(config: SensorRig) -> Iterator[tuple[str, type[Sample], str, float]]:
@@ -122,21 +122,26 @@ def rows_of(profile: TopicProfile) -> list[tuple[str, str, str, str, float]]:
     ]
 
 
-def _profile(profile: TopicProfile) -> str:
+def _table() -> str:
+    """All topics, with a mark for each profile that holds them."""
+    profiles = list(PROFILES.values())
+    holders: dict[str, list[TopicProfile]] = {}
+    for profile in profiles:
+        for topic, message, frame, stream, rate_hz in rows_of(profile):
+            row = f"| `{topic}` | {message} | `{frame}` | `{stream}` | {rate_hz:g} |"
+            holders.setdefault(row, []).append(profile)
+    for row, held in (
+        ("| `/tf_static` | tf2_msgs/TFMessage | `base_link` | – | once |", "tf_static"),
+        ("| `/clock` | rosgraph_msgs/Clock | – | – | 100 |", "clock"),
+    ):
+        holders[row] = [profile for profile in profiles if getattr(profile, held)]
+    names = " | ".join(f"`{profile.name}`" for profile in profiles)
+    head = [f"| topic | message | frame | stream | Hz | {names} |", "|---" * (5 + len(profiles)) + "|"]
     rows = [
-        f"| `{topic}` | {message} | `{frame}` | `{stream}` | {rate_hz:g} |"
-        for topic, message, frame, stream, rate_hz in rows_of(profile)
+        f"{row} {' | '.join('●' if profile in held else '' for profile in profiles)} |"
+        for row, held in sorted(holders.items())
     ]
-    extra = [
-        text
-        for text, there in (
-            ("| `/tf_static` | tf2_msgs/TFMessage | `base_link` | – | once |", profile.tf_static),
-            ("| `/clock` | rosgraph_msgs/Clock | – | – | 100 |", profile.clock),
-        )
-        if there
-    ]
-    head = ["| topic | message | frame | stream | Hz |", "|---|---|---|---|---|"]
-    return "\n".join([f"## {profile.name}\n", *head, *rows, *extra, ""])
+    return "\n".join(["## Profiles\n", *head, *rows, ""])
 
 
 if __name__ == "__main__":
