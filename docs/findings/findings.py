@@ -46,7 +46,7 @@ LIDAR_METHODS = "kiss_icp,small_gicp,genz_icp,rko_lio"
 CAMERA_METHODS = "stereo_vo"
 """ORB-SLAM3 wants a Python and a vocabulary of its own: name them with --camera-methods."""
 BEGIN, END = "<!-- figures: made by docs/findings/findings.py -->", "<!-- end of figures -->"
-"""What stands between these lines of the page is written by `write_findings`, the rest by people."""
+"""`write_findings` writes the part of the page between these lines, people the rest."""
 _PATH = r"(?:/[\w.+-]+)+/([\w.+-]+)"
 
 
