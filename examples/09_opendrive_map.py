@@ -35,7 +35,7 @@ MAP = """<?xml version="1.0"?>
 
 
 def main(out: Path = Path("one_road.xodr"), steps: int = 60) -> float:
-    """Drive straight ahead on it, and tell how far the car has come [m]."""
+    """Drive straight ahead on it, and return the distance [m]."""
     out.write_text(MAP)
     env = gymnasium.make("CarlaLoc-v0", map=str(out), rig="state", traffic="empty", info=("truth",))
     env.reset(seed=1)

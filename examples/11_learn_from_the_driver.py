@@ -1,8 +1,8 @@
 """Learn to drive Town01's route from the scripted driver, who first drives and then sits beside (DAgger).
 
-A copy of recorded drives alone does not know what to do where the driver never was: too fast behind a queue,
-beside the lane. So the pupil takes the wheel, and the teacher says at every action what it would do there
-(Ross, Gordon, Bagnell: A Reduction of Imitation Learning ..., AISTATS 2011). Needs the extra `learn`.
+A copy of recorded drives alone fails in states that the driver never met: too fast behind a queue, beside
+the lane. So the pupil takes the wheel, and the teacher supplies its own action at every step (Ross, Gordon,
+Bagnell: A Reduction of Imitation Learning ..., AISTATS 2011). Needs the extra `learn`.
 """
 
 from __future__ import annotations

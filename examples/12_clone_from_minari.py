@@ -1,7 +1,7 @@
 """Clone the scripted driver from a Minari data set of recorded drives, and let the clone drive.
 
-Recorded drives become observations, actions and rewards; whatever reads Minari can learn from them. A clone
-of drives alone is a beginning (example 11 says why, and goes on). Needs the extras `learn` and `minari`.
+Recorded drives become observations, actions and rewards, for any library that reads Minari. A clone of
+drives alone is a beginning (example 11 has the reason, and goes on). Needs the extras `learn` and `minari`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Improve the pupil of example 11 by PPO (Stable-Baselines3) on the task's own reward.
 
-Nobody teaches any more: the pupil drives with a little noise, and keeps to what earned more. It begins as a
-copy, since PPO from nothing needs far more than some hours of two cores. Needs the extra `learn`.
+The pupil drives without a teacher, with a little noise, and keeps to actions that earned more. It begins as
+a copy, since PPO from nothing needs far more than some hours of two cores. Needs the extra `learn`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from learning.town01_route import make_env
 from learning.unseen import score
 
 RED_LIGHT = 100.0
-"""Cost of a red light: at the task's own 10, whoever counts on half a minute ahead would rather pass it."""
+"""Cost of a red light: at the task's own 10, a driver that looks half a minute ahead would pass it."""
 
 
 def main(

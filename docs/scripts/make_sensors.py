@@ -159,7 +159,7 @@ def _inputs(sensor: Any) -> str:
         ("the seed", "seed"),
     )
     found = [name for name, *signs in asked if any(sign in source for sign in signs)]
-    feels = "feels the weather" if sensor.depends_on_weather else "the same in every weather by default"
+    feels = "depends on the weather" if sensor.depends_on_weather else "the same in every weather by default"
     return f"{', '.join(found)}; {feels}."
 
 

@@ -1,1 +1,1 @@
-"""What the examples of learning share: a route, a pupil, its sight, and how it is scored."""
+"""Parts of the examples of learning: a route, a pupil, its inputs, and its score."""

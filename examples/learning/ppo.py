@@ -13,7 +13,7 @@ from learning.pupil import Pupil
 from learning.sight import SIZE, Sight
 
 NOISE = torch.tensor([0.02, 0.12]).log()
-"""Logarithms of the spread of steering and pedal with which PPO tries what is better."""
+"""Logarithms of the spread of steering and pedal with which PPO explores."""
 
 
 class Eyes(BaseFeaturesExtractor):  # type: ignore[misc]

@@ -15,7 +15,7 @@ from learning.town01_route import Ride
 
 
 class Pupil:
-    """A network, and what it gets of what is seen."""
+    """A network, and its inputs from an observation."""
 
     def __init__(self) -> None:
         torch.manual_seed(0)
@@ -43,7 +43,7 @@ class Pupil:
         return np.clip(found, -1.0, 1.0)
 
     def learn(self, rides: Sequence[Ride], passes: int, rate: float = 5e-4) -> None:
-        """Come nearer to what was taught; steering counts more, since it is finer."""
+        """Come nearer to the teacher's actions; steering counts more, since it is finer."""
         kept = [without_reactions(ride) for ride in rides]
         seen = self.sight(torch.as_tensor(np.concatenate([ride.seen for ride in kept])))
         taught = torch.as_tensor(np.concatenate([ride.taught for ride in kept]))

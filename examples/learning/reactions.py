@@ -1,11 +1,11 @@
-"""What the pupil of examples 11 to 13 is not taught: reaction times."""
+"""Reaction times, which the pupil of examples 11 to 13 does not learn."""
 
 from __future__ import annotations
 
 from learning.town01_route import Ride
 
 REACTION = 12
-"""Actions within which one who stands drives off: why not at once, no pupil without memory can tell."""
+"""Actions before a standing driver drives off; a pupil without memory cannot learn such a delay."""
 
 
 def without_reactions(ride: Ride) -> Ride:

@@ -1,4 +1,4 @@
-"""What the pupil of examples 11 to 13 gets of the state vector."""
+"""Inputs of the pupil of examples 11 to 13 from the state vector."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import torch
 from carlaloc_env.envs.task.state_vector import AHEAD, EGO, state_names
 
 OWN_DOING = ("yaw_rate", "road_wheel", "acceleration", "lateral_acceleration", "standing")
-"""What the driver did a moment ago: a copy learns from it to go on, and not why."""
+"""The driver's last actions: a copy learns from them to go on, without the reason."""
 NAMES = state_names()
 SEEN = [k for k, name in enumerate(NAMES) if name not in OWN_DOING]
 """Entries of the state vector that the pupil looks at."""
 NEAR_M = (8.0, 25.0)
-"""Distances are also told over these: a hundred metres hide whether a bumper is one or three away."""
+"""Scales of distances besides: over a hundred metres, one and three at the bumper look alike."""
 
 
 class Sight(torch.nn.Module):  # type: ignore[misc]
-    """What the network gets of observations (..., state): entries, near distances and needed brakings."""
+    """Inputs of the network from observations (..., state): entries, near distances and needed brakings."""
 
     mean: torch.Tensor
     spread: torch.Tensor

@@ -22,7 +22,7 @@ Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 
 
 class Ride(NamedTuple):
-    """What was seen, what the scripted driver did or would have done, and how it ended."""
+    """Observations of a ride, the scripted driver's actions (done or proposed), and its end."""
 
     seen: NDArray[np.float32]
     taught: NDArray[np.float32]
@@ -36,7 +36,7 @@ def make_env(time_limit_s: float = 600.0, **task: float) -> CarlaLocEnv:
 
 
 def ride(env: CarlaLocEnv, seed: int, pupil: Policy | None, **options: Any) -> Ride:
-    """An episode; without a pupil the scripted driver has the wheel, else it only says what it would do."""
+    """An episode; without a pupil the scripted driver has the wheel, else it only proposes actions."""
     env.reset(seed=seed, options=options)
     world, teacher, rows, ended = env.world, ScriptedDriver(seed), [], None
     referee, state = Referee(world, env.task), StateVector(world)

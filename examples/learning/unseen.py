@@ -1,4 +1,4 @@
-"""The score of examples 11 to 13: mean route completion over seeds of traffic that nobody learns from."""
+"""The score of examples 11 to 13: mean route completion over seeds of traffic that no training uses."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ class OutputFile:
     """Kind of an option that names a file to write; `main` checks it before the command runs.
 
     Args:
-        suffixes: What it may end in, in lower case.
+        suffixes: Allowed suffixes, in lower case.
     """
 
     def __init__(self, *suffixes: str) -> None:
@@ -178,7 +178,7 @@ def shared_options(*, nested: bool = False) -> argparse.ArgumentParser:
     """Parent parser of the options that every command takes.
 
     Args:
-        nested: For the actions of a command that has them: what stands before the action counts too.
+        nested: For the actions of a command that has them: options before the action count, too.
     """
     default = argparse.SUPPRESS if nested else False
     parser = argparse.ArgumentParser(add_help=False)

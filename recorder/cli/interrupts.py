@@ -14,7 +14,7 @@ class InterruptHandler:
     """A signal handler that raises KeyboardInterrupt and remembers that it did.
 
     Python drops an exception that rises in a finaliser or in a callback from C. Long work therefore
-    asks from time to time (`raise_again`) whether it was told to end.
+    asks from time to time (`raise_again`) whether it has to end.
     """
 
     def __init__(self) -> None:

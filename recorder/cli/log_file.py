@@ -10,7 +10,7 @@ from pathlib import Path
 
 @contextmanager
 def logged_to(path: Path, name: str) -> Iterator[None]:
-    """Append what a logger is told, from INFO on, to a file.
+    """Append a logger's messages, from INFO on, to a file.
 
     Args:
         path: The file.

@@ -127,7 +127,7 @@ def _fail(command: str, message: str, *, as_json: bool, code: int = EXIT_ERROR) 
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that raises what it has to say about wrong words, so that `--json` can tell it."""
+    """A parser that raises its messages about wrong words, so that `--json` can report them."""
 
     def error(self, message: str) -> NoReturn:
         """Refuse the words of a command.

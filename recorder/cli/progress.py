@@ -22,8 +22,8 @@ class Progress:
     As a context manager it leaves a terminal's line empty at the end.
 
     Args:
-        what: What is being done.
-        unit: What is counted; seconds are those of a drive.
+        what: The work in hand.
+        unit: Unit of the count; seconds are those of a drive.
         stream: Where to; stderr when left out.
     """
 
@@ -61,8 +61,8 @@ class Progress:
 
         Args:
             done: How much is done, what an earlier run did included.
-            total: How much it is in all; None: nobody knows.
-            note: What else is shown.
+            total: How much it is in all; None: not known.
+            note: A text to show, too.
 
         Raises:
             KeyboardInterrupt: the command was asked to end.
@@ -87,7 +87,7 @@ class Progress:
         Args:
             done: Pieces done, parts of those under way included.
             total: Pieces in all.
-            told: What is written of the one that has ended; None: none has.
+            told: Text about the one that has ended; None: none has.
 
         Raises:
             KeyboardInterrupt: the command was asked to end.

@@ -1,4 +1,4 @@
-"""Options that `carlaloc replay` and `carlaloc dataset` have in common, and what is made of them."""
+"""Options that `carlaloc replay` and `carlaloc dataset` have in common, and their configuration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from recorder.cli.arguments import OutputFolder, names, positive_int, positive_s
 def add_replay_options(
     parser: argparse.ArgumentParser, *, weathers: tuple[str, ...], traffic: tuple[str, ...]
 ) -> None:
-    """Declare where a dataset goes, its conditions, sensors and formats, and who does the work.
+    """Declare a dataset's folder, conditions, sensors, formats and workers.
 
     Args:
         parser: Parser of the command.

@@ -94,4 +94,4 @@ KINDS: dict[str, Callable[[], dict[str, str]]] = {
     "methods": _methods,
     "devices": _devices,
 }
-"""What can be listed, and how it is collected: names, and a few words on each."""
+"""Lists by name, and the function that collects each: names, and a few words on each."""

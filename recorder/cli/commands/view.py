@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _record(arguments: argparse.Namespace, out: Path) -> str:
-    """Write the recording and tell what it is of."""
+    """Write the recording and return its kind."""
     from recorder.dataset.layout import SEQUENCE, is_sequence
 
     what: Path = arguments.what
