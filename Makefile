@@ -18,7 +18,7 @@ $(READY): pyproject.toml .ci/system-libraries
 	@touch $@
 
 demo: $(READY)
-	$(BIN)/python examples/demo.py
+	$(BIN)/carlaloc demo --out out/demo
 
 # Tests start hundreds of processes: each reads compiled sources, whatever the shell says of writing them.
 test: export PYTHONDONTWRITEBYTECODE =
