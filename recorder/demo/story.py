@@ -1,4 +1,4 @@
-"""The steps of the demo: a first picture of the drive, its replay as four sequences, scores of SLAM systems."""
+"""The steps of the demo: a first picture of the drive, four sequences of it, scores of SLAM systems."""
 
 from __future__ import annotations
 
