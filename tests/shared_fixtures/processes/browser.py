@@ -19,6 +19,13 @@ QUIET = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync",
     "--disable-background-networking", "--disable-component-update", "--remote-debugging-pipe",
 )  # fmt: skip
+TOO_WIDE = """(() => {
+const scrolls = e => e && (/auto|scroll|hidden/.test(getComputedStyle(e).overflowX) && e !== document.body
+    || scrolls(e.parentElement));
+return [...document.body.querySelectorAll('*')].filter(e => e.getBoundingClientRect().right > %d + 1
+    && getComputedStyle(e).position !== 'fixed' && !scrolls(e.parentElement))
+    .map(e => e.tagName + ' ' + e.className + ' ' + e.getBoundingClientRect().right);
+})()"""
 LIMIT_S = 120.0
 """Longest wait for an answer: another process may hold every core."""
 
@@ -43,7 +50,7 @@ class Browser:
         )
         os.close(to_read)
         os.close(to_write)
-        self._buffer, self._count, self._session = b"", 0, ""
+        self._buffer, self._count, self._session, self._width_px = b"", 0, "", 0
         self.errors: list[str] = []
         """What pages wrote to the console as errors, failed requests included."""
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
@@ -62,6 +69,7 @@ class Browser:
 
     def open(self, url: str, width_px: int) -> None:
         """Open a page at a width and wait until it is loaded."""
+        self._width_px = width_px
         self._call(
             "Emulation.setDeviceMetricsOverride",
             width=width_px, height=900, deviceScaleFactor=1, mobile=width_px < 600,
@@ -77,16 +85,7 @@ class Browser:
 
     def too_wide(self) -> list[str]:
         """Elements that reach beyond the right edge of the screen; parts that scroll are left out."""
-        found: list[str] = self.run(
-            """(() => {
-            const scrolls = e => e && (/auto|scroll|hidden/.test(getComputedStyle(e).overflowX)
-                && e !== document.body || scrolls(e.parentElement));
-            return [...document.body.querySelectorAll('*')].filter(e => !scrolls(e.parentElement)
-                && e.getBoundingClientRect().right > innerWidth + 1
-                && getComputedStyle(e).position !== 'fixed')
-                .map(e => e.tagName + ' ' + e.className + ' ' + e.getBoundingClientRect().right);
-            })()"""
-        )
+        found: list[str] = self.run(TOO_WIDE % self._width_px)
         return found
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
