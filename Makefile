@@ -2,7 +2,7 @@
 BIN := .venv/bin
 READY := .venv/ready
 
-.PHONY: setup demo test check bench findings soak clean
+.PHONY: setup demo sample docs test check bench findings soak clean
 
 setup: $(READY)
 
@@ -19,6 +19,18 @@ $(READY): pyproject.toml .ci/system-libraries
 
 demo: $(READY)
 	$(BIN)/carlaloc demo --out out/demo
+
+# Two seconds of the demo's drive under six conditions, for people to look at before they install anything.
+sample: $(READY)
+	rm -rf out/sample out/sample.tar
+	$(BIN)/carlaloc replay recorder/demo/town10.mcap --out out/sample --start 4 --duration 2 --rig flu \
+		--weather ClearNoon,FoggyNoon,RainyNight --traffic static,dynamic --topics compact --format rosbag2
+	tar -cf out/sample.tar -C out sample
+	test $$(wc -c <out/sample.tar) -le 20000000
+
+docs: $(READY)
+	$(BIN)/python -m pip install --quiet --editable ".[docs]"
+	$(BIN)/python -m mkdocs build --strict
 
 # Tests start hundreds of processes: each reads compiled sources, whatever the shell says of writing them.
 test: export PYTHONDONTWRITEBYTECODE =
