@@ -49,7 +49,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
         if place in FROM_ROOT or (place.startswith("docs/") and name in files.src_uris):
             return f"{match[1]}{os.path.relpath(name, Path(page.file.src_uri).parent)}{anchor}"
         kind = "tree" if path.is_dir() else "blob"
-        return f"{match[1]}{config.extra["repository"]}/{kind}/main/{place}{anchor}"
+        return f"{match[1]}{config.extra['repository']}/{kind}/main/{place}{anchor}"
 
     return _LINK.sub(lead, markdown)
 
@@ -67,7 +67,9 @@ def reference(package: str) -> str:
 def gallery() -> str:
     """A page of all towns."""
     towns = "\n".join(f"## {town}\n\n![{town}](gallery/{town}.jpg)\n" for town in TOWNS)
-    return f"# Gallery\n\n## Three weathers\n\n![All towns in three weathers](gallery/weathers.jpg)\n\n{towns}"
+    return (
+        f"# Gallery\n\n## Three weathers\n\n![All towns in three weathers](gallery/weathers.jpg)\n\n{towns}"
+    )
 
 
 def run_tutorial(script: Path) -> Iterator[tuple[str, str | bytes]]:

@@ -89,7 +89,7 @@ def _table(scores: Scores) -> str:
     )
     heads = "".join(f"<th>{level}</th>" for level in TRAFFIC)
     return (
-        "<h2>Errors of SLAM systems</h2>\n<p>Position error in ClearNoon after alignment (APE, RMSE):</p>\n"
+        "<h2>Errors of SLAM systems</h2>\n<p>Position error after alignment (APE, RMSE):</p>\n"
         f'<div class="scroll"><table>\n<tr><th></th>{heads}</tr>\n{rows}</table></div>\n'
     )
 

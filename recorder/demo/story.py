@@ -38,7 +38,7 @@ METHODS = ("small_gicp", "rko_lio", "stereo_vo")
 REPORT = all(find_spec(name) is not None for name in ("jinja2", "matplotlib", "pandas"))
 """Whether the extra `report` is installed, which draws."""
 Scores = dict[str, dict[str, tuple[Score, PathErrors]]]
-"""Score and errors by title of a system and level of traffic."""
+"""Score and errors by system and weather, then by level of traffic."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +47,7 @@ class DemoConfig:
 
     out: Path
     """Folder of the results."""
-    duration_s: float = 30.0
+    duration_s: float = 20.0
     """Length of LiDAR and IMU, from the drive's begin [s]."""
     camera_start_s: float = 4.0
     """First picture [s]."""
@@ -127,13 +127,12 @@ def run_systems(config: DemoConfig, progress: RunProgress) -> BenchmarkResult:
     return found
 
 
-def scores_at_noon(found: BenchmarkResult) -> Scores:
-    """Scores and errors in ClearNoon."""
+def scores_of(found: BenchmarkResult) -> Scores:
+    """Scores and errors, side by side for the levels of traffic."""
     scores: Scores = {}
-    for score, (job, errors) in zip(found.scores, found.errors(), strict=True):
-        if job.sequence.weather == WEATHERS[0]:
-            scores.setdefault(score.title, {})[score.traffic] = score, errors
-    return scores
+    for score, (_, errors) in zip(found.scores, found.errors(), strict=True):
+        scores.setdefault(f"{score.title}, {score.weather}", {})[score.traffic] = score, errors
+    return dict(sorted(scores.items()))
 
 
 def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[Path]:
@@ -153,7 +152,7 @@ def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[
     )
     errors = {
         system: {level: by_level[level][1] for level in TRAFFIC}
-        for system, by_level in scores_at_noon(found).items()
+        for system, by_level in scores_of(found).items()
     }
     plot = plot_conditions(errors, config.out / "story.png", lane_lines_of(header.map_name), title)
     return [plot, write_page(found)]

@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="folder for the results (default: carlaloc-demo, or the next number of it)",
     )
     parser.add_argument("--look", action="store_true", help="end after the first picture")
-    parser.add_argument("--duration", type=positive_seconds, default=30.0, metavar="S", help="replayed (30)")
+    parser.add_argument("--duration", type=positive_seconds, default=20.0, metavar="S", help="replayed (20)")
     parser.add_argument(
         "--camera-start", type=seconds, default=4.0, metavar="S", help="pictures begin here (4)"
     )
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         first_look,
         replay_drive,
         run_systems,
-        scores_at_noon,
+        scores_of,
     )
 
     config = DemoConfig(
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     write_index(config.out, films, {}, [], step=3)
     with Progress(titles[2], unit="runs") as progress:
         found = run_systems(config, progress.pieces)
-    scores = scores_at_noon(found)
+    scores = scores_of(found)
     drawn = draw_story(config, found, result.ground_truth)
     return {
         "out": str(config.out),
