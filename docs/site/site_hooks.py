@@ -1,4 +1,4 @@
-"""What MkDocs needs beside docs/: pages from the root, links to code, the reference, tutorials that are run."""
+"""What MkDocs needs beside docs/: pages of the root, links to code, the reference, tutorials that run."""
 
 from __future__ import annotations
 
@@ -67,9 +67,7 @@ def reference(package: str) -> str:
 def gallery() -> str:
     """A page of all towns."""
     towns = "\n".join(f"## {town}\n\n![{town}](gallery/{town}.jpg)\n" for town in TOWNS)
-    return (
-        f"# Gallery\n\n## Three weathers\n\n![All towns in three weathers](gallery/weathers.jpg)\n\n{towns}"
-    )
+    return f"# Gallery\n\n## Three weathers\n\n![All towns](gallery/weathers.jpg)\n\n{towns}"
 
 
 def run_tutorial(script: Path) -> Iterator[tuple[str, str | bytes]]:

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A dataset
 #
-# A drive is recorded once, as a small file without pictures. Sensor data are made from it later, under any weather
-# and traffic. This page replays one second of the drive that comes with the package.
+# A drive is recorded once, as a small file without pictures. Sensor data are made from it later, under any
+# weather and traffic. This page replays one second of the drive that comes with the package.
 
 # %%
 from pathlib import Path
@@ -34,7 +34,7 @@ for name, count in result.samples.items():
     print(f"{name:<16} {count:>4} samples")
 
 # %% [markdown]
-# The folder is a dataset, with checksums, calibration for other programs, and the true trajectory of each sensor.
+# The folder is a dataset: checksums, calibration for other programs, and the true trajectory of each sensor.
 
 # %%
 for path in sorted(Path("data").rglob("*")):

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Learning
 #
-# The observation `rig="state"` is a vector of named quantities, and a step takes about a millisecond. Here a driver
-# of three numbers learns by trial: it keeps a change of its numbers when they earn more.
+# The observation `rig="state"` is a vector of named quantities, and a step takes about a millisecond. Here a
+# driver of three numbers learns by trial: it keeps a change of its numbers when they earn more.
 
 # %%
 import gymnasium
@@ -17,7 +17,7 @@ print(env.observation_space.shape, env.action_space)
 print([name for name in names if name.startswith("route_left")])
 
 # %% [markdown]
-# It steers towards the route 11 m ahead and against its distance from it. The pedal closes the gap to the limit.
+# It steers towards the route 11 m ahead and against its distance from it. The pedal keeps to the limit.
 
 # %%
 LOOKS_AT = [names[name] for name in ("route_left_3", "lateral_offset", "speed_limit", "speed")]
@@ -41,7 +41,7 @@ def episode(gains, steps=160):
 
 
 # %% [markdown]
-# It begins with a foot that hardly touches the pedal, and tries forty changes in eight seconds of driving each.
+# It begins with a foot that hardly touches the pedal, and tries forty changes, for eight seconds each.
 
 # %%
 rng = np.random.default_rng(0)
@@ -57,4 +57,4 @@ for trial in range(40):
 env.close()
 
 # %% [markdown]
-# [Environments](../environments.md#learning) shows what networks reach among traffic, and how they were trained.
+# [Environments](../environments.md#learning) shows what networks reach among traffic.

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # SLAM
 #
-# LiDAR odometry on twelve seconds of a drive, without movers and among them. The LiDAR alone needs no pictures.
+# LiDAR odometry on twelve seconds of a drive, without movers and among them.
 
 # %%
 from pathlib import Path
@@ -24,7 +24,7 @@ result = replay(
 print([path.name for path in result.sequences])
 
 # %% [markdown]
-# An odometry of small_gicp (extra `slam`) runs over each bag. Its trajectory is a text file in TUM's form.
+# The odometry of small_gicp (extra `slam`) runs over each bag.
 
 # %%
 from recorder import Metric, evaluate, plot_trajectories, read_tum, run_odometry
@@ -33,8 +33,7 @@ truth = read_tum(result.ground_truth / "lidar.tum")
 scores = []
 for folder in result.sequences:
     (bag,) = folder.glob("*.bag")
-    estimate = run_odometry("gicp", bag, Path(f"{folder.name}.tum"))
-    scores.append(evaluate(truth, read_tum(Path(f"{folder.name}.tum"))))
+    scores.append(evaluate(truth, run_odometry(bag, "gicp")))
     ape = scores[-1].statistics[Metric.APE_TRANSLATION]
     print(f"{folder.name:<20} APE {ape.rmse:.3f} m, largest error {ape.max:.3f} m")
 
@@ -44,4 +43,4 @@ path = plot_trajectories(scores, "trajectories.png", title="Town10")
 # %% [markdown]
 # ![Estimates over the truth](trajectories.png)
 #
-# [Your own system](../your-system.md) reads the same sequences: by a Python function, a program, or a ROS node.
+# [Your own system](../your-system.md) reads the same sequences, as a Python function, a program or a ROS node.

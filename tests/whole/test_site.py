@@ -1,4 +1,4 @@
-"""The site: every page fits a desk's screen and a phone's, without an error, and the search finds what is there."""
+"""The site: every page fits a desk's screen and a phone's, without an error, and the search finds pages."""
 
 from __future__ import annotations
 
