@@ -43,4 +43,4 @@ path = plot_trajectories(scores, "trajectories.png", title="Town10")
 # %% [markdown]
 # ![Estimates over the truth](trajectories.png)
 #
-# [Your own system](../your-system.md) reads the same sequences, as a Python function, a program or a ROS node.
+# [Your own system](../your-system.md) reads them too, as a Python function, a program or a ROS node.
