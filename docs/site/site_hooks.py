@@ -46,7 +46,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
         path = Path(os.path.normpath(source.parent / target))
         place = os.path.relpath(path, ROOT)
         name = FROM_ROOT.get(place, place.removeprefix("docs/"))
-        if place in FROM_ROOT or (place.startswith("docs/") and name in files.src_uris):
+        file = files.src_uris.get(name)
+        if file is not None and file.inclusion.is_included():
             return f"{match[1]}{os.path.relpath(name, Path(page.file.src_uri).parent)}{anchor}"
         kind = "tree" if path.is_dir() else "blob"
         return f"{match[1]}{config.extra['repository']}/{kind}/main/{place}{anchor}"
