@@ -23,7 +23,7 @@ body{font:16px/1.5 system-ui,sans-serif;margin:0 auto;padding:1rem;max-width:128
 img,video{width:100%;border-radius:6px}figure{margin:0}figcaption{font-size:.9rem;opacity:.8}
 .row{display:grid;gap:1rem;grid-template-columns:repeat(auto-fit,minmax(min(100%,420px),1fr))}
 .scroll{overflow-x:auto}table{border-collapse:collapse}td,th{padding:.25rem 1rem .25rem 0;text-align:left}
-pre{overflow-x:auto;padding:.7rem;background:#8881;border-radius:6px}
+td{white-space:nowrap}pre{overflow-x:auto;padding:.7rem;background:#8881;border-radius:6px}
 </style>
 <h1>CarlaLoc demo</h1>
 """
