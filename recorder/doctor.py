@@ -78,8 +78,8 @@ def examine(out: Path | None = None) -> DoctorReport:
         _guarded("joystick", _joystick, needed=False, remedy="none is needed: the scripted driver drives"),
         _disk(out or Path.cwd()),
         _optional("kiss_icp", "`carlaloc odometry`", "slam", below=(3, 14)),
-        _optional("small_gicp", "LiDAR odometry in `make demo`", "slam"),
-        _optional("rko_lio", "LiDAR-inertial odometry in `make demo`", "slam", below=(3, 14)),
+        _optional("small_gicp", "LiDAR odometry in `carlaloc demo`", "slam"),
+        _optional("rko_lio", "LiDAR-inertial odometry in `carlaloc demo`", "slam", below=(3, 14)),
         _optional("matplotlib", "trajectory plots", "report"),
     )
     quality = "high" if graphics.works and not draws_on_cores else "medium"

@@ -6,7 +6,6 @@ import sys
 import tempfile
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from bench import Bench, Row
@@ -161,7 +160,7 @@ def steps(rig: str, least: float | None) -> Callable[[Bench], Row]:
 
 
 def memory(bench: Bench) -> Row:
-    """Peak memory of the demo: drive, parallel replay, SLAM, pictures."""
+    """Peak memory of the demo: first look, parallel replay, SLAM, pictures."""
     row = partial(
         Row,
         name="memory",
@@ -173,16 +172,15 @@ def memory(bench: Bench) -> Row:
     if not can_measure():
         return row(value=None, note="needs Linux's /proc")
     _ = bench.town
-    demo = Path(__file__).parents[2] / "examples" / "demo.py"
     seconds = ("3", "1", "0.1") if bench.quick else ("8", "3", "1")
     options = zip(("--duration", "--camera-start", "--camera-duration"), seconds, strict=True)
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, str(demo), "--out", f"{folder}/demo"]
+        command = [sys.executable, "-m", "recorder.cli.main", "demo", "--out", f"{folder}/demo"]
         try:
             peak, took_s = peak_memory_bytes([*command, *(word for pair in options for word in pair)])
         except RuntimeError as error:
             return row(value=None, note=str(error))
-    note = f"a drive of {seconds[0]} s, {seconds[2]} s of pictures, in {took_s:.0f} s"
+    note = f"{seconds[0]} s of a drive, {seconds[2]} s of pictures, in {took_s:.0f} s"
     return row(value=peak / 1e9, note=note)
 
 

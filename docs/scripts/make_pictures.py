@@ -7,61 +7,33 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.geometry.transforms import quat_conjugate, quat_rotate
-from carlaloc_env.rigs.presets import flu_rig
-from carlaloc_env.samples import DepthImage, Image, PointCloud, SemanticImage
 from carlaloc_env.sensor_stage import SensorStage
-from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
 from recorder.episode.actor_messages import actor_states
 from recorder.episode.episode import Episode
-from recorder.report.mosaic import depth_image, lidar_image, semantic_image
+from recorder.report.instant import pictures_of_instant, rows_of_three
 
 PICTURE = Path(__file__).parents[1] / "pictures" / "sensors.jpg"
 WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
-PANEL_PX = (560, 315)
 LARGEST_BYTES = 600_000
 
 
 def draw(episode: Episode, at_s: float, quality: str) -> NDArray[np.uint8]:
     """Six panels of one instant, sRGB: the left camera in three weathers, depth, semantics, LiDAR."""
-    town, timeline = load_town(episode.header.map_name), episode.timeline()
-    at_ns = min(round(at_s * 1e9), timeline.end_ns - STEP_NS) // STEP_NS * STEP_NS
-    weathers = [weather_by_name(name) for name in WEATHERS]
-    stage = SensorStage(town, seed=episode.header.seed, weather=weathers[0], quality=quality)
-    camera = next(c for c in flu_rig().sensors if isinstance(c, CameraConfig) and c.name == "left")
-    # Events, which are not shown, would follow the whole drive.
-    left = replace(camera, outputs=("rgb", "depth", "semantic")).build(stage)
-    lidar = next(c for c in flu_rig().sensors if c.kind == "lidar").build(stage)
-    shots = left.measure_conditions(timeline, at_ns, weathers)
-    cloud = next(
-        s for s in lidar.measure(timeline, [at_ns]) if isinstance(s, PointCloud) and s.tag is not None
-    )
+    town = load_town(episode.header.map_name)
+    stage = SensorStage(town, seed=episode.header.seed, weather=weather_by_name(WEATHERS[0]), quality=quality)
+    picture = rows_of_three(pictures_of_instant(stage, episode.timeline(), at_s, WEATHERS))
     stage.close()
-    pictures = [
-        *(
-            (name, s.rgb)
-            for name, shot in zip(WEATHERS, shots, strict=True)
-            for s in shot
-            if isinstance(s, Image)
-        ),
-        *(("depth", depth_image(s)) for s in shots[0] if isinstance(s, DepthImage)),
-        *(("semantics", semantic_image(s)) for s in shots[0] if isinstance(s, SemanticImage)),
-        ("LiDAR from above", lidar_image(cloud, *PANEL_PX)),
-    ]
-    panels = [_panel(picture, label) for label, picture in pictures]
-    return np.vstack([np.hstack(panels[:3]), np.hstack(panels[3:])])
+    return picture
 
 
 def busiest_s(episode: Episode) -> float:
@@ -74,14 +46,6 @@ def busiest_s(episode: Episode) -> float:
     )
     seen = (ahead[..., 0] > 5) & (ahead[..., 0] < 40) & (np.abs(ahead[..., 1]) < ahead[..., 0])
     return float(np.argmax(seen.sum(axis=1) + 100 * (ego["speed_mps"] > 3.0)))
-
-
-def _panel(picture: NDArray[np.uint8], label: str) -> NDArray[Any]:
-    small = np.ascontiguousarray(cv2.resize(picture, PANEL_PX, interpolation=cv2.INTER_AREA))
-    width = cv2.getTextSize(label, cv2.FONT_HERSHEY_SIMPLEX, 0.65, 1)[0][0]
-    cv2.rectangle(small, (6, 6), (18 + width, 34), (0, 0, 0), -1)
-    cv2.putText(small, label, (12, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.65, (255, 255, 255), 1, cv2.LINE_AA)
-    return small
 
 
 def main(drive: Path | None, at_s: float | None, quality: str, out: Path = PICTURE) -> Path:

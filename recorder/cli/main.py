@@ -20,7 +20,7 @@ from recorder.cli.interrupts import ended_as_by_ctrl_c
 from recorder.cli.json_output import to_json
 
 COMMANDS = (
-    "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
+    "demo", "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
     "minari", "benchmark", "vocabulary", "view", "list", "completion",
 )  # fmt: skip
 """Sub-commands; each is a module of `commands` with `add_arguments` and `run`."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import EvaluationError
@@ -120,7 +119,9 @@ def attitude_errors_deg(truth: Trajectory, estimate: Trajectory) -> Array:
     R = fit_attitudes(truth, estimate)
     true, own = (transforms.quat_to_matrix(t.quat_xyzw) for t in (truth, estimate))
     rest = np.einsum("nji,njk->nik", true, R @ own)
-    angles: Array = np.degrees(Rotation.from_matrix(rest).magnitude())
+    angles: Array = np.degrees(
+        np.linalg.norm(transforms.quat_to_rotvec(transforms.matrix_to_quat(rest)), axis=-1)
+    )
     return angles
 
 

@@ -52,12 +52,12 @@ def lidar_image(cloud: PointCloud, width_px: int, height_px: int) -> U8:
 def panel_of(sample: Image | DepthImage | SemanticImage | PointCloud) -> U8:
     """The panel of one sample, sRGB, of shape (PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3)."""
     if isinstance(sample, Image):
-        return _panel(sample.rgb, PANELS["rgb"])
+        return labelled_panel(sample.rgb, PANELS["rgb"])
     if isinstance(sample, DepthImage):
-        return _panel(depth_image(sample), PANELS["depth"])
+        return labelled_panel(depth_image(sample), PANELS["depth"])
     if isinstance(sample, SemanticImage):
-        return _panel(semantic_image(sample), PANELS["semantic"])
-    return _panel(lidar_image(sample, PANEL_WIDTH_PX, PANEL_HEIGHT_PX), PANELS["cloud"])
+        return labelled_panel(semantic_image(sample), PANELS["semantic"])
+    return labelled_panel(lidar_image(sample, PANEL_WIDTH_PX, PANEL_HEIGHT_PX), PANELS["cloud"])
 
 
 def joined(panels: Mapping[str, U8], places: Sequence[str] = tuple(PANELS), *, caption: str = "") -> U8:
@@ -92,7 +92,8 @@ def _columns(panels: int) -> int:
     return panels if panels <= 3 else 2
 
 
-def _panel(image: U8, text: str) -> U8:
+def labelled_panel(image: U8, text: str) -> U8:
+    """An sRGB image in the size of a panel, its label at the top left."""
     size_px = (PANEL_WIDTH_PX, PANEL_HEIGHT_PX)
     shrink = image.shape[1] > PANEL_WIDTH_PX
     resized = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA if shrink else cv2.INTER_NEAREST)
@@ -102,7 +103,7 @@ def _panel(image: U8, text: str) -> U8:
 
 
 def _blank(text: str) -> U8:
-    return _panel(np.zeros((PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3), np.uint8), text)
+    return labelled_panel(np.zeros((PANEL_HEIGHT_PX, PANEL_WIDTH_PX, 3), np.uint8), text)
 
 
 def _label(image: U8, text: str, position_px: tuple[int, int]) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import re
-import shutil
-import subprocess
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,20 +11,18 @@ import av
 import cv2
 import numpy as np
 import pytest
+from shared_fixtures.processes.browser import WIDTHS_PX, Browser
 from shared_fixtures.readings.slam_dataset import write_dataset
 
 from recorder.benchmark.page import write_page
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FRAMES, FRAMES_PER_S = 15, 10
-CLICK = """
-<script>
+CLICK = """(() => {
 const peak = document.querySelectorAll('svg.curve')[%d].querySelector('g.peak');
 const at = peak.getBoundingClientRect(), x = at.x + at.width / 2, y = at.y + at.height / 2;
 peak.dispatchEvent(new MouseEvent('click', {bubbles: true, clientX: x, clientY: y}));
-</script>
-"""
+})()"""
 PEAK = 7
 """Number of the sweep at which the system errs."""
 SYSTEM = f"""
@@ -63,30 +59,30 @@ def write_film(path: Path) -> None:
         container.mux(stream.encode())
 
 
-def shown_after(page: Path, curve: int) -> tuple[float, float]:
+def shown_after(browser: Browser, curve: int) -> tuple[float, float]:
     """Time in the caption [s], and the number of the frame, once a curve's first peak was clicked on."""
-    clicked = page.with_name(f"clicked_{curve}.html")
-    clicked.write_text(page.read_text() + CLICK % curve)
-    words = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--window-size=1280,900"]
-    words += [f"--user-data-dir={page.parent / 'profile'}", "--dump-dom", clicked.as_uri()]
-    dom = subprocess.run(words, capture_output=True, text=True, timeout=600, check=True).stdout
-    told = re.search(r'id="cap-s0">t = ([\d.]+) s', dom)
-    image = re.search(r'<img id="img-s0"[^>]*src="data:image/jpeg;base64,([^"]+)"', dom)
+    browser.run(CLICK % curve)
+    told = re.fullmatch(r"t = ([\d.]+) s, .*", browser.run("document.getElementById('cap-s0').textContent"))
     assert told is not None
-    assert image is not None
-    picture = cv2.imdecode(np.frombuffer(base64.b64decode(image[1]), np.uint8), cv2.IMREAD_GRAYSCALE)
+    image = str(browser.run("document.getElementById('img-s0').src")).removeprefix("data:image/jpeg;base64,")
+    picture = cv2.imdecode(np.frombuffer(base64.b64decode(image), np.uint8), cv2.IMREAD_GRAYSCALE)
     return float(told[1]), (float(np.mean(np.asarray(picture))) - 20) / 15
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 def test_a_click_on_a_peak_shows_its_frame(tmp_path: Path) -> None:
-    data = write_dataset(tmp_path / "set", sweeps=FRAMES)
-    write_film(data / "Box" / "ClearNoon_dynamic" / "preview.mp4")
-    (tmp_path / "jumps.py").write_text(SYSTEM)
-    method = str(tmp_path / "jumps.py")
-    config = BenchmarkConfig(data=data, out=tmp_path / "out", methods=(method,), clouds=("raw",))
-    page = write_page(run_benchmark(config))
-    for curve in (0, 1):  # over time, and over the way
-        time_s, frame = shown_after(page, curve)
-        assert time_s == pytest.approx(PEAK / FRAMES_PER_S, abs=0.051)
-        assert frame == pytest.approx(PEAK, abs=0.6)
+    """On a desk's screen and a phone's, where nothing is wider than the screen or writes an error."""
+    with Browser(tmp_path / "profile") as browser:
+        data = write_dataset(tmp_path / "set", sweeps=FRAMES)
+        write_film(data / "Box" / "ClearNoon_dynamic" / "preview.mp4")
+        (tmp_path / "jumps.py").write_text(SYSTEM)
+        method = str(tmp_path / "jumps.py")
+        config = BenchmarkConfig(data=data, out=tmp_path / "out", methods=(method,), clouds=("raw",))
+        page = write_page(run_benchmark(config))
+        for width_px in WIDTHS_PX:
+            browser.open(page.as_uri(), width_px)
+            assert browser.too_wide() == []
+            for curve in (0, 1):  # over time, and over the way
+                time_s, frame = shown_after(browser, curve)
+                assert time_s == pytest.approx(PEAK / FRAMES_PER_S, abs=0.051)
+                assert frame == pytest.approx(PEAK, abs=0.6)
+        assert browser.errors == []

@@ -20,7 +20,6 @@ from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
-from recorder.evaluation.path_errors import PathErrors
 from recorder.evaluation.trajectory_files import read_tum
 from recorder.replaying.replay import ReplayConfig, replay
 from recorder.writers.ros.messages import ENCODERS
@@ -37,7 +36,6 @@ sensors:
 """
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PARTS = {
-    EXAMPLES / "condition_plot.py",
     *EXAMPLES.glob("learning/*.py"),
     *EXAMPLES.glob("own_sensors/*.py"),
 }
@@ -56,10 +54,9 @@ def load(name: str) -> ModuleType:
 
 @pytest.mark.parametrize("path", sorted(PARTS.union(EXAMPLES.glob("*.py"))), ids=lambda path: path.name)
 def test_examples_are_short_and_callable(path: Path) -> None:
-    """Sixty lines at most (the demo is a program), with a `main` to call."""
+    """Sixty lines at most, with a `main` to call."""
     text = path.read_text(encoding="utf-8")
-    if path.name != "demo.py":
-        assert len(text.splitlines()) <= 60
+    assert len(text.splitlines()) <= 60
     if path not in PARTS:
         assert "\ndef main(" in text
 
@@ -261,20 +258,3 @@ def test_env_runners_of_rllib_drive_in_processes_of_their_own() -> None:
     assert len(drove) == 2
     assert os.getpid() not in drove
     assert len(returns) == 1
-
-
-def test_the_picture_of_conditions_has_a_row_for_each_system(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib", reason="draws with matplotlib")
-    t = np.linspace(0.0, 6.0, 200)
-    truth = np.column_stack([40 * np.cos(t / 4), 40 * np.sin(t / 4), 0 * t])
-    stamp_ns = np.rint(t * 1e9).astype(np.int64)
-    swing = 0.1 * np.sin(9 * t)
-    errors = PathErrors(
-        name="e", stamp_ns=stamp_ns, truth_m=truth, estimate_m=truth + swing[:, None], error_m=np.abs(swing)
-    )
-    levels = {"static": errors, "dynamic": errors}
-    heights = []
-    for systems in ({"A": levels}, {"A": levels, "B": levels}):
-        path = load("condition_plot").plot_conditions(systems, tmp_path / "plot.png", [truth], "two ways")
-        heights.append(np.asarray(cv2.imread(str(path))).shape[0])
-    assert heights[1] - heights[0] == pytest.approx(3.9 * 110, abs=2)

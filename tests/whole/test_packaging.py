@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import venv
 import zipfile
 from pathlib import Path
 
@@ -61,6 +62,7 @@ def test_the_wheel_holds_code_and_data(wheel: Path) -> None:
     assert "carlaloc_env/maps/Town03/town.xodr" in names
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == {"carlaloc_env", "recorder"}
     assert not [name for name in names if "authoring" in name]
+    assert wheel.stat().st_size < 60e6
 
 
 def test_an_installed_wheel_finds_its_town(wheel: Path, tmp_path: Path) -> None:
@@ -93,3 +95,37 @@ def test_an_installed_wheel_finds_its_town(wheel: Path, tmp_path: Path) -> None:
     assert all(place.startswith(str(tmp_path / "site")) for place in places)
     assert errors == 0
     assert shader_length > 500
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(3600)
+def test_a_wheel_alone_shows_the_demo(wheel: Path, tmp_path: Path) -> None:
+    """In an empty environment, from an empty folder and without a cache; extras are named where they lack."""
+    venv.create(tmp_path / "venv", with_pip=True)
+    scripts = tmp_path / "venv" / "bin"
+    done = run_pip("install", str(wheel), python=str(scripts / "python"))
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "home").mkdir()
+
+    def carlaloc(*words: str) -> subprocess.CompletedProcess[str]:
+        """Run a command as a new user would."""
+        environment = {"HOME": str(tmp_path / "home"), "PATH": f"{scripts}:/usr/bin:/bin"}
+        command = [str(scripts / "carlaloc"), *words]
+        return subprocess.run(
+            command, cwd=tmp_path / "home", env=environment, capture_output=True, text=True, check=False
+        )
+
+    shown = carlaloc("demo", "--duration", "2", "--camera-start", "0.5", "--camera-duration", "1", "--json")
+    assert shown.returncode == 0, shown.stderr
+    result = json.loads(shown.stdout)
+    assert list(result["ape_m"]) == ["stereo-vo, ClearNoon", "stereo-vo, FoggyNoon"]
+    assert "carlaloc-env[slam,report]" in result["missing"]
+    assert {path.name for path in (tmp_path / "home" / "carlaloc-demo").iterdir()} == {
+        "index.html", "look.jpg", "data", "benchmark"
+    }  # fmt: skip
+    for words, extra in (
+        (("benchmark", "carlaloc-demo/data"), "report"),
+        (("odometry", "none.bag", "--out", "e.tum"), "slam"),
+        (("view", "carlaloc-demo/data", "--out", "look.rrd"), "view"),
+    ):
+        assert f"carlaloc-env[{extra}]" in carlaloc(*words).stderr, words

@@ -91,7 +91,7 @@ def test_the_first_lines_run(
 ) -> None:
     """doctor, record, replay, odometry, evaluate, as README has them, in an empty folder."""
     monkeypatch.chdir(tmp_path)
-    lines = command_lines(ROOT / "README.md")[:5]
+    lines = [words for words in command_lines(ROOT / "README.md") if words[0] != "demo"][:5]
     assert [words[0] for words in lines] == ["doctor", "record", "replay", "odometry", "evaluate"]
     if main(lines[0]) != 0:
         pytest.skip(f"this machine cannot do all: {capfd.readouterr().out}")

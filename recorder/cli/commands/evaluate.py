@@ -72,7 +72,6 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.evaluation.align import Alignment
     from recorder.evaluation.associate import MAX_GAP_NS, Association, interpolation
     from recorder.evaluation.evaluate import evaluate
-    from recorder.evaluation.time_offset import find_time_offset
 
     known = {alignment.name.lower(): alignment for alignment in Alignment}
     if arguments.align not in known:
@@ -95,6 +94,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             time_unit=arguments.time_unit,
         )
         if arguments.time_offset == "search":
+            # Here, since what it needs of SciPy takes half of a scoring's time to import.
+            from recorder.evaluation.time_offset import find_time_offset
+
             offset_ns = find_time_offset(truth, estimate, alignment)
         else:
             offset_ns = _nanoseconds(arguments.time_offset)

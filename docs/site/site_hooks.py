@@ -1,0 +1,100 @@
+"""What MkDocs needs beside docs/: pages of the root, links to code, the reference, tutorials that run."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File
+
+ROOT = Path(__file__).resolve().parents[2]
+FROM_ROOT = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
+"""Pages that lie outside docs/, and their names in the site."""
+TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
+_LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)]*)?(?=\))")
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the pages that are made."""
+    for source, page in FROM_ROOT.items():
+        files.append(File.generated(config, page, content=(ROOT / source).read_text(encoding="utf-8")))
+    for package in ("carlaloc_env", "recorder"):
+        files.append(File.generated(config, f"reference/{package}.md", content=reference(package)))
+    files.append(File.generated(config, "gallery.md", content=gallery()))
+    for script in sorted((ROOT / "docs" / "tutorials").glob("*.py")):
+        for name, content in run_tutorial(script):
+            files.append(File.generated(config, f"tutorials/{name}", content=content))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Lead links to pages of the site, or to the repository where they name code."""
+    here = {made: source for source, made in FROM_ROOT.items()}.get(page.file.src_uri)
+    source = ROOT / here if here else ROOT / "docs" / page.file.src_uri
+
+    def lead(match: re.Match[str]) -> str:
+        target, anchor = match[2], match[3] or ""
+        if "://" in target or target.startswith("mailto:"):
+            return match[0]
+        path = Path(os.path.normpath(source.parent / target))
+        place = os.path.relpath(path, ROOT)
+        name = FROM_ROOT.get(place, place.removeprefix("docs/"))
+        file = files.src_uris.get(name)
+        if file is not None and file.inclusion.is_included():
+            return f"{match[1]}{os.path.relpath(name, Path(page.file.src_uri).parent)}{anchor}"
+        kind = "tree" if path.is_dir() else "blob"
+        return f"{match[1]}{config.extra['repository']}/{kind}/main/{place}{anchor}"
+
+    return _LINK.sub(lead, markdown)
+
+
+def reference(package: str) -> str:
+    """A page of all public names of a package, in the order of its stub."""
+    tree = ast.parse((ROOT / package / "__init__.pyi").read_text(encoding="utf-8"))
+    lines = [f"# {package}\n"]
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom):
+            lines += [f"::: {node.module}.{alias.name}\n" for alias in node.names]
+    return "\n".join(lines)
+
+
+def gallery() -> str:
+    """A page of all towns."""
+    towns = "\n".join(f"## {town}\n\n![{town}](gallery/{town}.jpg)\n" for town in TOWNS)
+    return f"# Gallery\n\n## Three weathers\n\n![All towns](gallery/weathers.jpg)\n\n{towns}"
+
+
+def run_tutorial(script: Path) -> Iterator[tuple[str, str | bytes]]:
+    """Run a script of cells (``# %%``); text cells (``# %% [markdown]``) show pictures that code has written.
+
+    Args:
+        script: The script; it runs in an empty folder.
+
+    Yields:
+        Name and content of the page, then of each picture.
+    """
+    page, space, before = "", {"__name__": script.stem}, Path.cwd()
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        for cell in re.split(r"^# %%", script.read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]:
+            kind, _, text = cell.partition("\n")
+            if "[markdown]" in kind:
+                page += re.sub(r"^# ?", "", text.strip(), flags=re.MULTILINE) + "\n\n"
+                continue
+            printed = StringIO()
+            with redirect_stdout(printed):
+                exec(compile(text, str(script), "exec"), space)
+            page += f"```python\n{text.strip()}\n```\n\n"
+            if printed.getvalue():
+                page += f"```text\n{printed.getvalue().rstrip()}\n```\n\n"
+        os.chdir(before)
+        yield f"{script.stem}.md", page
+        for name in re.findall(r"!\[.*?\]\((.+?)\)", page):
+            yield name, Path(folder, name).read_bytes()

@@ -1,0 +1,110 @@
+"""Show a recorded drive: a first picture within a minute, then sequences, SLAM systems and their errors.
+
+Examples:
+  carlaloc demo
+  carlaloc demo --look
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from recorder.cli.arguments import OutputFolder, positive_seconds, seconds
+from recorder.cli.progress import Progress
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc demo`."""
+    parser.add_argument(
+        "--out",
+        type=OutputFolder(),
+        default=Path("carlaloc-demo"),
+        help="folder for the results (default: carlaloc-demo, or the next number of it)",
+    )
+    parser.add_argument("--look", action="store_true", help="end after the first picture")
+    parser.add_argument("--duration", type=positive_seconds, default=20.0, metavar="S", help="replayed (20)")
+    parser.add_argument(
+        "--camera-start", type=seconds, default=4.0, metavar="S", help="pictures begin here (4)"
+    )
+    parser.add_argument(
+        "--camera-duration", type=positive_seconds, default=6.0, metavar="S", help="of pictures (6)"
+    )
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Run the demo, and write its page after every step."""
+    began = time.monotonic()
+    from recorder.demo.page import EXTRAS, STEPS, write_index
+    from recorder.demo.story import (
+        DemoConfig,
+        draw_story,
+        first_look,
+        replay_drive,
+        run_systems,
+        scores_of,
+    )
+
+    config = DemoConfig(
+        out=_free(arguments.out),
+        duration_s=arguments.duration,
+        camera_start_s=arguments.camera_start,
+        camera_duration_s=arguments.camera_duration,
+    )
+    titles = [f"{number}/{len(STEPS)} {step}" for number, step in enumerate(STEPS, start=1)]
+    with Progress(titles[0], unit="parts") as progress:
+        first_look(config, progress.pieces)
+    page = write_index(config.out, [], {}, [], step=4 if arguments.look else 2)
+    print(f"look at {page} after {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
+    if arguments.look:
+        return {"out": str(config.out), "page": str(page)}
+    with Progress(titles[1]) as progress:
+        result = replay_drive(config, progress.update)
+    films = [folder / "preview.mp4" for folder in result.sequences]
+    write_index(config.out, films, {}, [], step=3)
+    with Progress(titles[2], unit="runs") as progress:
+        found = run_systems(config, progress.pieces)
+    scores = scores_of(found)
+    drawn = draw_story(config, found, result.ground_truth)
+    return {
+        "out": str(config.out),
+        "page": str(write_index(config.out, films, scores, drawn, step=4)),
+        "sequences": [str(path) for path in result.sequences],
+        "ground_truth": str(result.ground_truth),
+        "ape_m": {
+            system: {level: score.ape_m for level, (score, _) in by_level.items()}
+            for system, by_level in scores.items()
+        },
+        "drawn": [str(path) for path in drawn],
+        "missing": "" if drawn else EXTRAS,
+        "took_s": round(time.monotonic() - began, 1),
+    }
+
+
+def _free(out: Path) -> Path:
+    """The folder itself, or the first of its name with a number that does not exist yet."""
+    candidate, number = out, 2
+    while candidate.exists():
+        candidate, number = out.with_name(f"{out.name}-{number}"), number + 1
+    candidate.mkdir(parents=True)
+    return candidate
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print errors, and where everything lies."""
+    if "ape_m" in result:
+        print("Odometry against the true motion, position error after alignment (APE, RMSE):")
+        for system, by_level in result["ape_m"].items():
+            print(f"  {system:<24}" + "   ".join(f"{level} {ape:.3f} m" for level, ape in by_level.items()))
+        for path in result["sequences"]:
+            print(f"A sequence     {path}   (bag, EuRoC mav0/, preview.mp4)")
+        print(f"Ground truth   {result['ground_truth']}")
+        for path in result["drawn"]:
+            print(f"A picture      {path}" if path.endswith(".png") else f"All runs       {path}")
+        if result["missing"]:
+            print(f"With the rest  {result['missing']}: LiDAR systems, figures, the page of all runs")
+        print(f"Everything     {result['out']}   in {result['took_s'] / 60:.1f} min")
+    print(f"Open           {result['page']}")

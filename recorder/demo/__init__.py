@@ -1,0 +1,1 @@
+"""A recorded drive, shown: a first picture, sequences, SLAM systems and their errors."""

@@ -1,0 +1,158 @@
+"""The steps of the demo: a first picture of the drive, four sequences of it, scores of SLAM systems."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import cv2
+
+from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.scene.semantic_tags import Tag
+from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.weather.parameters import weather_by_name
+from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
+from recorder.benchmark.run import Progress as RunProgress
+from recorder.benchmark.score import Score
+from recorder.dataset.sequence import RAW
+from recorder.episode.episode import Episode, open_episode
+from recorder.episode.town import town_of
+from recorder.episode.traffic_level import traffic_level
+from recorder.evaluation.path_errors import PathErrors
+from recorder.evaluation.trajectory_files import read_tum
+from recorder.replaying.replay import Progress, ReplayConfig, ReplayResult, replay
+from recorder.report.instant import pictures_of_instant, rows_of_three
+from recorder.slam.systems import SYSTEMS
+
+DRIVE = Path(__file__).with_name("town10.mcap")
+"""Half a minute of the scripted driver among Town10's traffic."""
+LOOK, LOOK_AT_S = "look.jpg", 5.0
+"""Name of the first picture, and its instant of the drive [s]."""
+LOOK_WEATHERS = ("ClearNoon", "FoggyNoon", "RainyNight")
+WEATHERS, TRAFFIC = LOOK_WEATHERS[:2], ("static", "dynamic")
+METHODS = ("small_gicp", "rko_lio", "stereo_vo")
+"""Of these, those that are installed: the first two come with the extra `slam`."""
+REPORT = all(find_spec(name) is not None for name in ("jinja2", "matplotlib", "pandas"))
+"""Whether the extra `report` is installed, which draws."""
+Scores = dict[str, dict[str, tuple[Score, PathErrors]]]
+"""Score and errors by system and weather, then by level of traffic."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoConfig:
+    """Where the demo writes, and how much of the drive it replays."""
+
+    out: Path
+    """Folder of the results."""
+    duration_s: float = 20.0
+    """Length of LiDAR and IMU, from the drive's begin [s]."""
+    camera_start_s: float = 4.0
+    """First picture [s]."""
+    camera_duration_s: float = 6.0
+    """Length of the pictures [s]."""
+
+
+def first_look(config: DemoConfig, told: Callable[[float, int, str | None], None]) -> Path:
+    """Draw one instant of the drive: three weathers with and without movers, depth, semantics, LiDAR.
+
+    Args:
+        config: Where the picture goes.
+        told: Called with steps done, steps in all, and what the last one did.
+
+    Raises:
+        RenderError: OpenGL is missing.
+        RaycastError: Open3D is missing.
+    """
+    told(0, 3, None)
+    episode = Episode.load(DRIVE)
+    town = town_of(episode)
+    told(1, 3, f"{town.name} is built")
+    stage = SensorStage(town, seed=episode.header.seed, weather=weather_by_name(LOOK_WEATHERS[0]))
+    stage.renderer()
+    told(2, 3, "its textures and models are made")
+    timeline = episode.timeline()
+    dynamic = pictures_of_instant(stage, timeline, LOOK_AT_S, LOOK_WEATHERS)
+    alone = pictures_of_instant(stage, traffic_level("static").select(timeline), LOOK_AT_S, LOOK_WEATHERS)
+    stage.close()
+    pictures = {f"{name}, dynamic": dynamic.pop(name) for name in LOOK_WEATHERS}
+    pictures |= {f"{name}, static": alone[name] for name in LOOK_WEATHERS}
+    path = config.out / LOOK
+    cv2.imwrite(str(path), cv2.cvtColor(rows_of_three(pictures | dynamic), cv2.COLOR_RGB2BGR))
+    told(3, 3, "one instant is drawn")
+    return path
+
+
+def replay_drive(config: DemoConfig, progress: Progress) -> ReplayResult:
+    """Write the drive as four sequences, each with a bag, EuRoC's files and a film."""
+    return replay(
+        ReplayConfig(
+            episode=DRIVE,
+            out=config.out / "data",
+            weathers=WEATHERS,
+            traffic=TRAFFIC,
+            rig="flu",
+            formats=("rosbag1", "euroc"),
+            topics="slam",
+            duration_s=config.duration_s,
+            camera_start_s=config.camera_start_s,
+            camera_duration_s=config.camera_duration_s,
+        ),
+        progress,
+    )
+
+
+def run_systems(config: DemoConfig, progress: RunProgress) -> BenchmarkResult:
+    """Run every system that is installed over every sequence, two at a time.
+
+    Raises:
+        CarlaLocError: a run gave no estimate.
+    """
+    methods = tuple(name for name in METHODS if SYSTEMS[name].is_installed)
+    workers = min(2, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+    found = run_benchmark(
+        BenchmarkConfig(
+            data=config.out / "data",
+            out=config.out / "benchmark",
+            methods=methods,
+            workers=workers,
+            clouds=(RAW,),
+        ),
+        progress,
+    )
+    if any(score.coverage == 0.0 for score in found.scores):
+        raise CarlaLocError(found.failures[0])
+    return found
+
+
+def scores_of(found: BenchmarkResult) -> Scores:
+    """Scores and errors, side by side for the levels of traffic."""
+    scores: Scores = {}
+    for score, (_, errors) in zip(found.scores, found.errors(), strict=True):
+        scores.setdefault(f"{score.title}, {score.weather}", {})[score.traffic] = score, errors
+    return dict(sorted(scores.items()))
+
+
+def draw_story(config: DemoConfig, found: BenchmarkResult, truth: Path) -> list[Path]:
+    """Draw errors over the map, and write the benchmark's page; nothing without the extra `report`."""
+    if not REPORT:
+        return []
+    from recorder.benchmark.page import write_page
+    from recorder.report.condition_plot import plot_conditions
+    from recorder.report.lane_lines import lane_lines_of
+
+    header = open_episode(DRIVE).header
+    walkers = int((header.catalog.tag == Tag.PEDESTRIAN).sum())
+    length_m = read_tum(truth / "base_link.tum").length_m
+    title = (
+        f"The same {length_m:.0f} m through {header.map_name}: empty of movers (static), and among "
+        f"{len(header.catalog.tag) - walkers} vehicles and {walkers} walkers (dynamic)"
+    )
+    errors = {
+        system: {level: by_level[level][1] for level in TRAFFIC}
+        for system, by_level in scores_of(found).items()
+    }
+    plot = plot_conditions(errors, config.out / "story.png", lane_lines_of(header.map_name), title)
+    return [plot, write_page(found)]
