@@ -153,7 +153,7 @@ class Hud:
         self._text(surface, line, "small", (0.6 * u, 1.8 * u), _WHITE, "topleft", shadow=True)
 
     def _lines(self, surface: Any, state: HudState) -> None:
-        middle, y = self._width / 2, self._height * 0.2
+        middle, y = self._width / 2, self._height * 0.13
         lines = [(_WARNINGS[name], _RED) for name in state.status.warnings]
         if state.status.paused:
             lines.append(("PAUSED: P goes on", _WHITE))
