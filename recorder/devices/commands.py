@@ -24,6 +24,8 @@ class Command(Enum):
     CAMERA = "camera"
     """Next view: driver's seat, chase, above."""
     PAUSE = "pause"
+    PHOTO = "photo"
+    """Write the picture to a PNG beside the episode."""
     CHECKPOINT = "checkpoint"
     """Set a checkpoint here."""
     RESTART = "restart"

@@ -91,6 +91,11 @@ class HumanDevice:
         return f"{self._kind}: {names}" if names else self._kind
 
     @property
+    def buttons(self) -> dict[str, int]:
+        """Button of each command on what is connected."""
+        return {name: number for _, profile in self._sticks for name, number in profile.buttons.items()}
+
+    @property
     def is_connected(self) -> bool:
         """Whether anything that steers is there."""
         return self._kind == "keyboard" or self._of("steer") is not None

@@ -52,6 +52,8 @@ class Press:
     """Whose button, None for a key."""
     button: int = -1
     """Number of the button."""
+    hat: tuple[int, int] = (0, 0)
+    """Direction of a D-pad (right, up), −1…1; (0, 0) for others."""
 
 
 class Inputs:
@@ -131,7 +133,8 @@ class Inputs:
 
     def _follow(self, event: Any) -> None:
         pygame = self._pygame
-        if event.type not in (pygame.JOYAXISMOTION, pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
+        axis, hat = pygame.JOYAXISMOTION, pygame.JOYHATMOTION
+        if event.type not in (axis, hat, pygame.JOYBUTTONDOWN, pygame.JOYBUTTONUP):
             return
         stick = self.sticks.get(event.instance_id)
         if stick is None:
@@ -141,6 +144,8 @@ class Inputs:
             self.presses.append(Press(stick=stick, button=event.button))
         elif event.type == pygame.JOYBUTTONUP:
             stick.buttons.discard(event.button)
+        elif event.type == hat:
+            self.presses.append(Press(stick=stick, hat=event.value))
         elif event.axis < len(stick.raw):
             stick.known[event.axis] |= abs(event.value - stick.raw[event.axis]) > _MOVED
             stick.raw[event.axis] = float(event.value)

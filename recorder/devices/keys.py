@@ -19,6 +19,7 @@ KEY_COMMANDS = {
     ord("l"): Command.HEADLAMPS,
     ord("c"): Command.CAMERA,
     ord("p"): Command.PAUSE,
+    ord("f"): Command.PHOTO,
     ord("k"): Command.CHECKPOINT,
     _BACKSPACE: Command.RESTART,
     ord("h"): Command.HELP,
@@ -28,19 +29,20 @@ KEY_COMMANDS = {
 """Command of each key."""
 
 HELP_LINES = (
-    ("arrows / W A S D", "steer, accelerate, brake"),
-    ("space", "handbrake"),
-    ("R", "reverse gear (below walking speed)"),
-    ("Q  E", "indicators"),
-    ("L", "headlamps"),
-    ("C", "camera: seat, chase, above"),
-    ("K", "set a checkpoint"),
-    ("backspace", "back to the last checkpoint"),
-    ("P", "pause"),
-    ("H / F1", "this help"),
-    ("Esc", "end the drive and save it"),
+    ("arrows / W A S D", "steer, accelerate, brake", ()),
+    ("space", "handbrake", ("handbrake",)),
+    ("R", "reverse gear (below walking speed)", ("reverse",)),
+    ("Q  E", "indicators", ("indicator_left", "indicator_right")),
+    ("L", "headlamps", ("headlamps",)),
+    ("C", "camera: seat, chase, above", ("camera",)),
+    ("P", "pause", ("pause",)),
+    ("K", "set a checkpoint", ("checkpoint",)),
+    ("backspace", "restart from the last checkpoint", ("restart",)),
+    ("F", "photo: a PNG beside the drive", ("photo",)),
+    ("H / F1", "this help", ("help",)),
+    ("Esc", "end the drive and save it", ("quit",)),
 )
-"""What the help overlay says."""
+"""Lines of the help overlay: keys, their meaning, and the commands whose buttons it adds."""
 
 
 def held_pedals(keys: set[int]) -> tuple[bool, bool, bool, bool, bool]:

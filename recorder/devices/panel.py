@@ -21,6 +21,7 @@ class KeyPanel:
         self.commands: list[Command] = []
         self.plugged: list[tuple[str, str]] = []
         self.message: str | None = None
+        self.buttons: dict[str, int] = {}
 
     def poll(self) -> None:
         """Take in events; once per image."""

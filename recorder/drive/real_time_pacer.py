@@ -11,7 +11,8 @@ from carlaloc_env.core.clock import TICK_S
 MOST_TICKS = 10
 """Most ticks between two images: beyond it the world runs slower than real time."""
 _WINDOW_S = 2.0
-_SLOW = 0.97
+SLOW = 0.9
+"""World over real time below which a driver feels it and is warned."""
 
 
 class Pacer:
@@ -60,4 +61,4 @@ class Pacer:
     @property
     def is_slow(self) -> bool:
         """Whether the world runs noticeably slower than real time."""
-        return self.speed < _SLOW
+        return self.speed < SLOW

@@ -99,6 +99,8 @@ class RecordResult:
     """How often each rule was broken."""
     attempts: tuple[Path, ...] = ()
     """Earlier attempts, given up at a restart."""
+    photos: tuple[Path, ...] = ()
+    """Photos that the driver took, PNG files beside the episode."""
     slowest: float = 1.0
     """Lowest speed of the world over real time, of drives in real time."""
     stuck: bool = False
@@ -231,6 +233,7 @@ class _Drive:
             collisions=counts["collision"],
             violations={kind: counts[kind] for kind in VIOLATIONS if counts[kind]},
             attempts=tuple(session.attempts),
+            photos=tuple(session.photos),
             slowest=session.slowest,
             stuck=session.stuck,
         )

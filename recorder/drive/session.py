@@ -11,6 +11,7 @@ from typing import Protocol
 
 from carlaloc_env.core.clock import STEP_TICKS, TICK_HZ
 from carlaloc_env.core.controls import Controls
+from carlaloc_env.core.errors import OutputError
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.timeline.timeline import ActorCatalog
 from recorder.devices.base import Device
@@ -37,6 +38,9 @@ class Cockpit(Protocol):
 
     def show(self, world: DrivingWorld, status: DriveStatus) -> None:
         """Show the present."""
+
+    def photo(self, path: Path) -> None:
+        """Write what is shown to a PNG; an `OutputError` where that fails."""
 
 
 class DriveSession:
@@ -70,6 +74,9 @@ class DriveSession:
         self.listener = EpisodeListener(begin)
         self.attempts: list[Path] = []
         """Earlier attempts that were given up at a restart; nothing is thrown away."""
+        self.photos: list[Path] = []
+        """Photos that the driver took."""
+        self._note, self._note_until = "", 0
         self.slowest = 1.0
         """Lowest speed of the world over real time."""
         self._rules = RuleMonitor(world.town.network)
@@ -182,7 +189,8 @@ class DriveSession:
             self._warned["collision"] = now
         recent = {kind for kind, tick in self._warned.items() if now - tick < _WARNING_S * TICK_HZ}
         status.warnings = tuple(sorted(recent | set(self._rules.present)))
-        status.message = panel.message
+        status.message = panel.message or (self._note if now <= self._note_until else None)
+        status.buttons = panel.buttons
         status.slow = pacer.speed if pacer.is_slow and not status.paused else None
         self.slowest = min(self.slowest, pacer.speed)
         status.size_mb = self.listener.writer.size_bytes / 1e6
@@ -209,6 +217,8 @@ class DriveSession:
         elif command is Command.CHECKPOINT:
             self._checkpoint = tick
             self.listener.event(tick, "checkpoint")
+        elif command is Command.PHOTO and cockpit is not None:
+            self._photo(cockpit)
         elif command is Command.RESTART:
             status.message = "going back to the checkpoint …"
             if cockpit is not None:
@@ -216,10 +226,22 @@ class DriveSession:
             self._restart()
             pacer.restart()
 
+    def _photo(self, cockpit: Cockpit) -> None:
+        """Write a photo beside the episode; one that fails costs no drive."""
+        path = _free_name(self.listener.writer.path, "photo", len(self.photos) + 1, ".png")
+        try:
+            cockpit.photo(path)
+        except OutputError as error:
+            self._note = f"no photo: {error}"
+        else:
+            self.photos.append(path)
+            self._note = f"photo: {path.name}"
+        self._note_until = self._world.tick_count + round(_WARNING_S * TICK_HZ)
+
     def _restart(self) -> None:
         """Go back to the checkpoint: close this attempt and drive its beginning again, tick by tick."""
         writer = self.listener.writer
-        given_up = _free_name(writer.path, len(self.attempts) + 1)
+        given_up = _free_name(writer.path, "attempt", len(self.attempts) + 1, writer.path.suffix)
         self.listener.event(self._world.tick_count, "given_up", {"checkpoint_tick": self._checkpoint})
         writer.close(into=given_up)
         self.attempts.append(given_up)
@@ -231,9 +253,9 @@ class DriveSession:
             self.replay_controls(Episode.load(given_up), self._checkpoint + 1)
 
 
-def _free_name(path: Path, number: int) -> Path:
+def _free_name(path: Path, kind: str, number: int, suffix: str) -> Path:
     while True:
-        name = path.with_name(f"{path.stem}_attempt{number}{path.suffix}")
+        name = path.with_name(f"{path.stem}_{kind}{number}{suffix}")
         if not name.exists():
             return name
         number += 1

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import TICK_HZ
+from carlaloc_env.core.errors import OutputError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.driving.driving_world import DrivingWorld
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.town.town import Town
@@ -86,6 +90,18 @@ class WindowCockpit:
         ):
             self._shown = now_shown
             self._show(self._last, world, status, view)
+
+    def photo(self, path: Path) -> None:
+        """Write the picture without its instruments to a PNG, as large as the window shows it.
+
+        Raises:
+            OutputError: it cannot be written, or there has been no picture.
+        """
+        if self._last is None:
+            raise OutputError("there is no picture yet")
+        image = cv2.cvtColor(self.window.scaled(self._last), cv2.COLOR_RGB2BGR)
+        with atomic_write(path) as part:
+            part.write_bytes(cv2.imencode(".png", image)[1].tobytes())
 
     def _take(self, patience_s: float) -> NDArray[np.uint8] | None:
         """The image that was ordered, when it is drawn in time."""

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from carlaloc_env.traffic.signals import SignalState
 from recorder.devices.keys import HELP_LINES
+from recorder.window.lettering import DARK, Lettering
 from recorder.window.status import DriveStatus
 
-_WHITE, _GREY, _DARK = (245, 245, 245), (150, 156, 162), (18, 22, 26)
+_WHITE, _GREY = (245, 245, 245), (150, 156, 162)
 _RED, _GREEN, _AMBER, _BLUE = (235, 60, 50), (70, 200, 90), (250, 180, 40), (80, 165, 255)
 _LIGHTS = {SignalState.RED: _RED, SignalState.YELLOW: _AMBER, SignalState.GREEN: _GREEN}
 _WARNINGS = {
@@ -59,14 +61,13 @@ class Hud:
     def __init__(self, pygame: Any, size_px: tuple[int, int]) -> None:
         self._pygame = pygame
         self._width, self._height = size_px
-        pygame.font.init()
-        unit = max(12, round(self._height / 30))
-        self._unit = unit
-        self._fonts = {name: pygame.font.Font(None, round(unit * k)) for name, k in _SIZES.items()}
+        lettering = Lettering(pygame, self._height)
+        self._text, self._unit = lettering.write, lettering.unit
+        unit = self._unit
         self._veil = pygame.Surface((self._width, unit * 5), pygame.SRCALPHA)
         for row in range(unit * 5):
             alpha = round(190 * (row / (unit * 5)) ** 0.7)
-            self._veil.fill((*_DARK, alpha), (0, row, self._width, 1))
+            self._veil.fill((*DARK, alpha), (0, row, self._width, 1))
 
     def draw(self, surface: Any, state: HudState, map_image: Any | None) -> None:
         """Draw over an image.
@@ -87,7 +88,7 @@ class Hud:
             self._pygame.draw.rect(surface, _GREY, (*position, *map_image.get_size()), 1)
         self._lines(surface, state)
         if state.status.help:
-            self._help(surface)
+            self._help(surface, state.status.buttons)
 
     def _speed(self, surface: Any, state: HudState) -> None:
         u, base = self._unit, self._height - self._unit // 2
@@ -98,7 +99,7 @@ class Hud:
         sign = (round(8.6 * u), round(base - 1.5 * u))
         self._pygame.draw.circle(surface, _WHITE, sign, round(1.2 * u))
         self._pygame.draw.circle(surface, _RED, sign, round(1.2 * u), max(2, u // 4))
-        self._text(surface, f"{state.limit_mps * 3.6:.0f}", "small", sign, _DARK, "center")
+        self._text(surface, f"{state.limit_mps * 3.6:.0f}", "small", sign, DARK, "center")
         back = state.status.controls.reverse
         self._text(surface, "R" if back else "D", "big", (11 * u, base), _AMBER if back else _WHITE)
         if state.status.controls.handbrake:
@@ -136,7 +137,7 @@ class Hud:
         if state.light and state.light_m is not None:
             colour = _LIGHTS.get(SignalState(state.light), _GREY)
             position = (round(self._width - 4.2 * u), round(base - 2.0 * u))
-            self._pygame.draw.circle(surface, _DARK, position, round(0.95 * u))
+            self._pygame.draw.circle(surface, DARK, position, round(0.95 * u))
             self._pygame.draw.circle(surface, colour, position, round(0.75 * u))
             distance = f"{max(state.light_m, 0.0):.0f} m"
             self._text(surface, distance, "medium", (self._width - 3 * u, base - 1.4 * u), _WHITE)
@@ -152,7 +153,7 @@ class Hud:
         self._text(surface, line, "small", (0.6 * u, 1.8 * u), _WHITE, "topleft", shadow=True)
 
     def _lines(self, surface: Any, state: HudState) -> None:
-        middle, y = self._width / 2, self._height * 0.2
+        middle, y = self._width / 2, self._height * 0.13
         lines = [(_WARNINGS[name], _RED) for name in state.status.warnings]
         if state.status.paused:
             lines.append(("PAUSED: P goes on", _WHITE))
@@ -166,35 +167,19 @@ class Hud:
             position = (self._width / 2, self._unit)
             self._text(surface, text, "small", position, _AMBER, "center", shadow=True)
 
-    def _help(self, surface: Any) -> None:
+    def _help(self, surface: Any, buttons: Mapping[str, int]) -> None:
         u = self._unit
-        wide, tall = 24 * u, (len(HELP_LINES) + 2) * 1.3 * u
+        wide, tall = 30 * u, (len(HELP_LINES) + 2) * 1.3 * u
         panel = self._pygame.Surface((wide, tall), self._pygame.SRCALPHA)
-        panel.fill((*_DARK, 225))
-        for row, (keys, what) in enumerate(HELP_LINES):
+        panel.fill((*DARK, 225))
+        for row, (keys, what, commands) in enumerate(HELP_LINES):
             y = (row + 1) * 1.3 * u
+            numbers = [str(buttons[name]) for name in commands if name in buttons]
+            if numbers:
+                self._text(panel, f"button {', '.join(numbers)}", "small", (wide - u, y), _AMBER, "topright")
             self._text(panel, keys, "small", (u, y), _AMBER, "topleft")
             self._text(panel, what, "small", (9 * u, y), _WHITE, "topleft")
         surface.blit(panel, ((self._width - wide) / 2, (self._height - tall) / 2))
-
-    def _text(
-        self,
-        surface: Any,
-        text: str,
-        size: str,
-        position: tuple[float, float],
-        colour: tuple[int, int, int],
-        anchor: str = "bottomleft",
-        *,
-        shadow: bool = False,
-    ) -> None:
-        drawn = self._fonts[size].render(text, True, colour)
-        box = drawn.get_rect(**{anchor: (round(position[0]), round(position[1]))})
-        if shadow:
-            back = self._pygame.Surface((box.width + 8, box.height + 4), self._pygame.SRCALPHA)
-            back.fill((*_DARK, 150))
-            surface.blit(back, (box.left - 4, box.top - 2))
-        surface.blit(drawn, box)
 
     def _arrow(
         self,
@@ -209,9 +194,6 @@ class Hud:
         shape = ((0, -1), (0.75, 0.1), (0.28, 0.1), (0.28, 1), (-0.28, 1), (-0.28, 0.1), (-0.75, 0.1))
         points = [vector(position) + vector(point).rotate(-turn_deg) * size for point in shape]
         self._pygame.draw.polygon(surface, colour, points)
-
-
-_SIZES = {"small": 1.15, "medium": 1.7, "big": 3.2}
 
 
 def _metres(distance_m: float) -> str:

@@ -15,6 +15,8 @@ from recorder.window.window import Window
 
 T = TypeVar("T")
 
+CLOSED_EARLY = "the window was closed before the drive began; nothing has been recorded"
+
 _PERIOD_S = 0.1
 """Time between two views of the text [s]."""
 
@@ -63,7 +65,7 @@ class Opening:
                 closed = closed or self.window.closed()
                 self.show("ending" if closed else what)
         if closed:
-            raise DeviceError("the window was closed before the drive began; nothing has been recorded")
+            raise DeviceError(CLOSED_EARLY)
         return future.result()
 
     def text(self, what: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from carlaloc_env.core.controls import Controls
@@ -25,6 +26,8 @@ class DriveStatus:
     """Whether time stands still."""
     help: bool = False
     """Whether the keys are shown."""
+    buttons: Mapping[str, int] = field(default_factory=dict)
+    """Button of each command on wheel or pad."""
     message: str | None = None
     """Line for the driver."""
     slow: float | None = None

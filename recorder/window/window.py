@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 WINDOW_PX = (960, 540)
 """Size of the window [px]."""
-_UNSEEN = ("offscreen", "dummy")
+UNSEEN = ("offscreen", "dummy")
 """SDL's drivers that show nobody anything; it takes them where there is no display."""
 _NO_DISPLAY = "no window can be opened, since there is no display; drive at a desktop, or --device scripted"
 _GROUND, _TEXT, _EMPTY, _FULL = (18, 22, 26), (245, 245, 245), (60, 66, 72), (80, 165, 255)
@@ -49,7 +50,7 @@ class Window:
         self.size_px = size_px
         try:
             pygame.display.init()
-            if chosen is None and pygame.display.get_driver() in _UNSEEN:
+            if chosen is None and pygame.display.get_driver() in UNSEEN:
                 pygame.display.quit()
                 raise DeviceError(_NO_DISPLAY)
             self._surface = pygame.display.set_mode(size_px)
@@ -89,9 +90,7 @@ class Window:
         self, image: NDArray[np.uint8], state: HudState, map_image: NDArray[np.uint8] | None = None
     ) -> None:
         """Show an image (H, W, 3), scaled to the window, with its instruments."""
-        if image.shape[1::-1] != self.size_px:
-            image = np.asarray(cv2.resize(image, self.size_px, interpolation=cv2.INTER_LINEAR), np.uint8)
-        self._surface.blit(self._surface_of(image), (0, 0))
+        self._surface.blit(self._surface_of(self.scaled(image)), (0, 0))
         small = None if map_image is None else self._surface_of(map_image)
         if self._hud is None:
             # Here and not above: the window opens before all that the instruments need is loaded.
@@ -99,6 +98,17 @@ class Window:
 
             self._hud = Hud(self._pygame, self.size_px)
         self._hud.draw(self._surface, state, small)
+        self._pygame.display.flip()
+
+    def scaled(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """An image (H, W, 3) as large as the window."""
+        if image.shape[1::-1] == self.size_px:
+            return image
+        return np.asarray(cv2.resize(image, self.size_px, interpolation=cv2.INTER_CUBIC), np.uint8)
+
+    def paint(self, painter: Callable[[Any, Any], None]) -> None:
+        """Show what a function draws, which gets pygame and the window's surface."""
+        painter(self._pygame, self._surface)
         self._pygame.display.flip()
 
     def save(self, path: Path) -> None:

@@ -200,6 +200,9 @@ def test_pads_of_any_kind_drive(
     with plug(GAMEPAD, axes, 12) as stick:
         inputs.pump()
         device = HumanDevice("gamepad", inputs, known_profiles(Path("/nonexistent")))
+        stick.button(device.buttons["photo"], True)
+        device.poll()
+        assert device.commands == [Command.PHOTO]
         assert "is read as 'generic gamepad" in caplog.text
         assert "--calibrate" in caplog.text
         for axis, value in moved.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from carlaloc_env.core.clock import TICK_S
 from recorder.drive.real_time_pacer import MOST_TICKS, Pacer
 
 
@@ -40,6 +41,17 @@ def test_slow_machine_slows_the_world_evenly() -> None:
     assert pacer.speed == pytest.approx(0.5, abs=0.01)
     clock.now_s += 0.01
     assert pacer.due() <= 3
+
+
+@pytest.mark.parametrize(("speed", "warned"), [(0.89, True), (0.91, False), (0.97, False)])
+def test_a_driver_is_warned_below_nine_tenths(speed: float, warned: bool) -> None:
+    clock = Clock()
+    pacer = Pacer(clock)
+    for _ in range(100):
+        clock.now_s += MOST_TICKS * TICK_S / speed
+        pacer.due()
+    assert pacer.speed == pytest.approx(speed, abs=0.005)
+    assert pacer.is_slow == warned
 
 
 def test_pause_owes_no_time() -> None:

@@ -18,6 +18,7 @@ from carlaloc_env.driving.driver_view import DriverView
 from recorder.drive.record import RecordConfig, record
 from recorder.drive.resimulate import resimulate
 from recorder.episode.episode import Episode, open_episode
+from recorder.window.window import WINDOW_PX
 
 
 class Parked:
@@ -78,6 +79,7 @@ def test_keyboard_drive_with_pause_restart_and_views(
         press(pygame.K_c)
         press(pygame.K_h)
         press(pygame.K_p)
+        press(pygame.K_f)
         time.sleep(0.3)
         press(pygame.K_k)
         press(pygame.K_p)
@@ -93,6 +95,12 @@ def test_keyboard_drive_with_pause_restart_and_views(
     result = record(RecordConfig(map=str(straight_map), out=out, device="keyboard", traffic="static"))
     hands.join()
     assert len(result.attempts) == 1
+    (photo,) = result.photos
+    assert photo == tmp_path / "keys_photo1.png"
+    assert photo.read_bytes().startswith(b"\x89PNG")
+    picture = pygame.surfarray.array3d(pygame.image.load(str(photo)))
+    assert picture.shape == (*WINDOW_PX, 3)
+    assert picture.std() > 20.0, "it shows the street"
     kept, given_up = Episode.load(out), Episode.load(result.attempts[0])
     checkpoint = next(event.tick for event in given_up.events if event.kind == "checkpoint")
     assert 0 < checkpoint < len(given_up.ego)

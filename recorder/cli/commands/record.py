@@ -3,7 +3,7 @@
 Examples:
   carlaloc record --map Town03 --device scripted --out drive.mcap
   carlaloc record --map Town03 --duration 40 --seed 7 --traffic 0.5 --out short.mcap
-  carlaloc record --map Town03 --device keyboard --out mine.mcap
+  carlaloc record --device keyboard --out mine.mcap
   carlaloc record --device wheel --calibrate
   carlaloc record --from drive.mcap
 """
@@ -11,6 +11,7 @@ Examples:
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from contextlib import ExitStack
 from dataclasses import asdict
@@ -22,10 +23,13 @@ from carlaloc_env.core.errors import UsageError
 from carlaloc_env.core.files.output_paths import EPISODE_SUFFIX
 from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, seed
 from recorder.cli.progress import Progress
-from recorder.devices.names import wants_window
+from recorder.devices.names import HUMAN, wants_window
+from recorder.drive.real_time_pacer import SLOW
 
 if TYPE_CHECKING:
     from recorder.window.opening import Opening
+
+_TOWN, _WEATHER, _TRAFFIC = "Town03", "ClearNoon", "dynamic"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,18 +37,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--map", help="town, or a .xodr file (default: Town03; with --from the one that was driven on)"
     )
+    parser.add_argument("--device", help="scripted, wheel, gamepad or keyboard (default: scripted)")
     parser.add_argument(
-        "--device", default="scripted", help="scripted, wheel, gamepad or keyboard (default: scripted)"
+        "--choose",
+        action=argparse.BooleanOptionalAction,
+        help="choose device, town, weather and traffic on a start screen (default: where a person drives "
+        "and neither --map, --weather nor --traffic is given)",
     )
     parser.add_argument("--out", type=OutputFile(EPISODE_SUFFIX), help="episode to write, e.g. drive.mcap")
     parser.add_argument("--duration", type=positive_seconds, metavar="S", help="length [s]; else the route")
     parser.add_argument("--seed", type=seed, default=0, help="seed of traffic and scripted driver")
     parser.add_argument(
         "--traffic",
-        default="dynamic",
-        help="dynamic, static, empty or a fraction, with options: dynamic,walkers=0",
+        help="dynamic (default), static, empty or a fraction, with options: dynamic,walkers=0",
     )
-    parser.add_argument("--weather", default="ClearNoon", help="weather in the window, or a schedule.yaml")
+    parser.add_argument("--weather", help="weather in the window, or a schedule.yaml (default: ClearNoon)")
     parser.add_argument(
         "--window",
         action=argparse.BooleanOptionalAction,
@@ -65,6 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Record, calibrate or drive again."""
+    arguments.device = arguments.device or ("keyboard" if arguments.choose else "scripted")
     if arguments.calibrate:
         return _calibrate(arguments)
     if arguments.source is not None:
@@ -73,28 +81,63 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         raise UsageError("where to? give --out, e.g. --out drive.mcap")
     with ExitStack() as stack:
         opening = None
+        if _chooses(arguments):
+            _choose(arguments, stack)
         if wants_window(arguments.device, arguments.window):
             from recorder.window.opening import Opening
 
             # Open before the rest is loaded, which takes seconds.
-            opening = stack.enter_context(Opening(arguments.map or "Town03"))
+            opening = stack.enter_context(Opening(arguments.map or _TOWN))
             opening.run("starting", lambda: import_module("recorder.drive.record"))
         return _record(arguments, opening)
+
+
+def _chooses(arguments: argparse.Namespace) -> bool:
+    """Whether the start screen is shown: as asked for, else where a person has left all open."""
+    if arguments.choose and arguments.window is False:
+        raise UsageError("--choose needs the window; leave out --no-window")
+    if arguments.choose is not None:
+        return bool(arguments.choose)
+    is_open = not (arguments.map or arguments.weather or arguments.traffic)
+    # Where SDL draws unseen, nobody could choose.
+    seen = os.environ.get("SDL_VIDEODRIVER") not in ("dummy", "offscreen")
+    return arguments.device in HUMAN and wants_window(arguments.device, arguments.window) and is_open and seen
+
+
+def _choose(arguments: argparse.Namespace, stack: ExitStack) -> None:
+    """Let the driver choose, in the window that the drive goes on in."""
+    from recorder.window.window import Window
+
+    window = Window("CarlaLoc")
+    stack.callback(window.close)
+    from recorder.devices.inputs import Inputs
+    from recorder.window.start_screen import DriveChoice, StartScreen
+
+    preset = DriveChoice(
+        device=arguments.device,
+        map=arguments.map or _TOWN,
+        weather=arguments.weather or _WEATHER,
+        traffic=arguments.traffic or _TRAFFIC,
+    )
+    inputs = Inputs(window=True)
+    stack.callback(inputs.close)
+    vars(arguments).update(asdict(StartScreen(window, inputs, preset).run()), window=True)
+    inputs.close()
 
 
 def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str, Any]:
     from recorder.drive.record import RecordConfig, record
 
     config = RecordConfig(
-        map=arguments.map or "Town03",
+        map=arguments.map or _TOWN,
         out=arguments.out,
         device=arguments.device,
         duration_s=arguments.duration,
         seed=arguments.seed,
-        traffic=arguments.traffic,
+        traffic=arguments.traffic or _TRAFFIC,
         overwrite=arguments.force,
         window=arguments.window,
-        weather=arguments.weather,
+        weather=arguments.weather or _WEATHER,
     )
     with Progress("recording") as progress:
 
@@ -102,7 +145,8 @@ def _record(arguments: argparse.Namespace, opening: Opening | None) -> dict[str,
             progress.update(driven_s, arguments.duration, f"{route_m:.0f} m")
 
         result = record(config, progress=told, opening=opening)
-    return {**asdict(result), "path": str(result.path), "attempts": [str(p) for p in result.attempts]}
+    files = {"attempts": [str(p) for p in result.attempts], "photos": [str(p) for p in result.photos]}
+    return {**asdict(result), "path": str(result.path), **files}
 
 
 def _calibrate(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -149,7 +193,9 @@ def show(result: dict[str, Any]) -> None:
             print(f"  {kind.replace('_', ' ')}: {count}")
         for path in result["attempts"]:
             print(f"  an attempt given up is in {path}")
+        for path in result["photos"]:
+            print(f"  photo: {path}")
         if result["stuck"]:
             print("  the car no longer got on; try another --seed, or --duration to wait longer")
-        if result["slowest"] < 0.97:
+        if result["slowest"] < SLOW:
             print(f"  this machine was slow: the world ran at {result['slowest']:.0%} at times")

@@ -30,6 +30,7 @@ def bundled_sdl() -> ctypes.CDLL:
     sdl.SDL_JoystickOpen.restype = ctypes.c_void_p
     sdl.SDL_JoystickSetVirtualAxis.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_int16]
     sdl.SDL_JoystickSetVirtualButton.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_uint8]
+    sdl.SDL_JoystickSetVirtualHat.argtypes = [ctypes.c_void_p, ctypes.c_int, ctypes.c_uint8]
     sdl.SDL_JoystickInstanceID.argtypes = [ctypes.c_void_p]
     return sdl
 
@@ -37,9 +38,9 @@ def bundled_sdl() -> ctypes.CDLL:
 class VirtualStick:
     """A plugged-in joystick, no hardware needed; pulled out at the end of a `with` block."""
 
-    def __init__(self, kind: int = WHEEL, axes: int = 4, buttons: int = 25) -> None:
+    def __init__(self, kind: int = WHEEL, axes: int = 4, buttons: int = 25, hats: int = 0) -> None:
         self._sdl = bundled_sdl()
-        index = self._sdl.SDL_JoystickAttachVirtual(kind, axes, buttons, 0)
+        index = self._sdl.SDL_JoystickAttachVirtual(kind, axes, buttons, hats)
         if index < 0:
             pytest.skip("SDL cannot attach a virtual joystick here")
         self._handle = self._sdl.SDL_JoystickOpen(index)
@@ -53,6 +54,10 @@ class VirtualStick:
     def button(self, number: int, down: bool) -> None:
         """Press or release a button."""
         self._sdl.SDL_JoystickSetVirtualButton(self._handle, number, int(down))
+
+    def hat(self, direction: int) -> None:
+        """Press the D-pad: SDL's 1 up, 2 right, 4 down, 8 left, 0 released."""
+        self._sdl.SDL_JoystickSetVirtualHat(self._handle, 0, direction)
 
     def unplug(self) -> None:
         """Pull it out."""

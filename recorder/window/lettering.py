@@ -1,0 +1,55 @@
+"""Text of the window: three sizes of pygame's own font, at the full resolution of the window."""
+
+from __future__ import annotations
+
+from typing import Any
+
+DARK = (18, 22, 26)
+"""Colour behind text."""
+_SIZES = {"small": 1.15, "medium": 1.7, "big": 3.2}
+
+
+class Lettering:
+    """Writes on surfaces.
+
+    Args:
+        pygame: The module, initialised.
+        height_px: Height of the window, after which the fonts are sized [px].
+    """
+
+    def __init__(self, pygame: Any, height_px: int) -> None:
+        self._pygame = pygame
+        pygame.font.init()
+        self.unit = max(12, round(height_px / 30))
+        """Size on which all others depend [px]."""
+        self._fonts = {name: pygame.font.Font(None, round(self.unit * k)) for name, k in _SIZES.items()}
+
+    def write(
+        self,
+        surface: Any,
+        text: str,
+        size: str,
+        position: tuple[float, float],
+        colour: tuple[int, int, int],
+        anchor: str = "bottomleft",
+        *,
+        shadow: bool = False,
+    ) -> None:
+        """Write a line.
+
+        Args:
+            surface: Where.
+            text: What.
+            size: ``small``, ``medium`` or ``big``.
+            position: Pixel at which the anchor lies.
+            colour: Its colour, sRGB.
+            anchor: Point of the text's box, e.g. ``midleft``.
+            shadow: Whether a dark box lies behind it.
+        """
+        drawn = self._fonts[size].render(text, True, colour)
+        box = drawn.get_rect(**{anchor: (round(position[0]), round(position[1]))})
+        if shadow:
+            back = self._pygame.Surface((box.width + 8, box.height + 4), self._pygame.SRCALPHA)
+            back.fill((*DARK, 150))
+            surface.blit(back, (box.left - 4, box.top - 2))
+        surface.blit(drawn, box)

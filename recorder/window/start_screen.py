@@ -1,0 +1,186 @@
+"""The start screen: device, town, weather and traffic of a drive, chosen by keyboard or pad."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from carlaloc_env.core.errors import DeviceError
+from carlaloc_env.town.config import TownConfig
+from carlaloc_env.town.sources import known_towns
+from carlaloc_env.weather.parameters import PRESETS
+from recorder.devices.commands import Command
+from recorder.devices.inputs import Inputs, Press
+from recorder.devices.keys import BACK, FORWARD, KEY_COMMANDS, LEFT, RIGHT
+from recorder.devices.names import DEVICES
+from recorder.devices.profile import DeviceProfile, known_profiles, match_profile
+from recorder.window.lettering import DARK, Lettering
+from recorder.window.opening import CLOSED_EARLY
+from recorder.window.window import Window
+
+_TRAFFIC = {
+    "dynamic": "cars, buses, bicycles and walkers, and parked cars",
+    "0.5": "half of them, and parked cars",
+    "static": "parked cars alone",
+    "empty": "no others and no parked cars",
+}
+_ALWAYS_THERE = {"scripted": "drives the route by itself", "keyboard": "arrows or W A S D"}
+_ENTER, _CONFIRM_BUTTON = (13, 0x4000_0058), 0
+_PERIOD_S = 1.0 / 30.0
+_WHITE, _GREY, _AMBER = (245, 245, 245), (176, 182, 188), (250, 180, 40)
+_BLUE, _CHOSEN = (80, 165, 255), (36, 66, 102, 235)
+_ROAD, _LAND, _LINE = (62, 66, 70), (58, 82, 52), (220, 220, 210)
+_NIGHT, _SUNSET, _NOON, _CLOUDS = (16, 22, 44), (224, 138, 84), (112, 172, 228), (150, 156, 162)
+_STEPS = ((RIGHT, (1, 0)), (LEFT, (-1, 0)), (FORWARD, (0, 1)), (BACK, (0, -1)))
+"""Keys, and their step to the right and up, as a D-pad has it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveChoice:
+    """What the start screen lets one choose."""
+
+    device: str
+    """Input device."""
+    map: str
+    """Town, or path of an OpenDRIVE file."""
+    weather: str
+    """Weather in the window, by name or as a schedule."""
+    traffic: str
+    """Level of the town's traffic."""
+
+
+class StartScreen:
+    """Four rows, of which each has a value; shown until they are confirmed.
+
+    Args:
+        window: Where it is shown.
+        inputs: Where events come from.
+        choice: Values at first; those that the lists lack are added to them.
+    """
+
+    def __init__(self, window: Window, inputs: Inputs, choice: DriveChoice) -> None:
+        self._window, self._inputs = window, inputs
+        self.choice = choice
+        self._profiles: list[DeviceProfile] = known_profiles()
+        towns = {
+            name: TownConfig.from_toml(toml).description if toml.exists() else ""
+            for name, path in known_towns().items()
+            if (toml := path.with_name("town.toml"))
+        }
+        weathers = {
+            name: f"clouds {w.cloudiness:.0f} %, rain {w.precipitation:.0f} %, fog {w.fog_density:.0f} %"
+            for name, w in PRESETS.items()
+        }
+        self._remarks = {**towns, **weathers, **_TRAFFIC}
+        lists = {"device": DEVICES, "map": towns, "weather": weathers, "traffic": _TRAFFIC}
+        self._options = {
+            name: [*dict.fromkeys((*lists[name], value))] for name, value in asdict(choice).items()
+        }
+        self._row = 1
+        self._warning = ""
+
+    def run(self) -> DriveChoice:
+        """Show it until the driver starts.
+
+        Raises:
+            DeviceError: the driver has pressed Escape or closed the window.
+        """
+        while not self.update():
+            time.sleep(_PERIOD_S)
+        return self.choice
+
+    def update(self) -> bool:
+        """Answer what was pressed, and draw; True once the choice is confirmed.
+
+        Raises:
+            DeviceError: as `run`.
+        """
+        self._inputs.pump()
+        asked = [KEY_COMMANDS.get(press.key or 0) for press in self._inputs.presses]
+        if self._inputs.closed or Command.QUIT in asked:
+            raise DeviceError(CLOSED_EARLY)
+        for press in self._inputs.presses:
+            if press.key in _ENTER or press.button == _CONFIRM_BUTTON:
+                if self._connected(self.choice.device):
+                    return True
+                self._warning = f"no {self.choice.device} is connected: plug it in, or choose another device"
+            else:
+                self._step(*_direction(press))
+        self._window.paint(self._draw)
+        return False
+
+    def _step(self, right: int, up: int) -> None:
+        self._row = (self._row - up) % len(self._options)
+        name = list(self._options)[self._row]
+        options = self._options[name]
+        position = options.index(getattr(self.choice, name)) + right
+        self.choice = replace(self.choice, **{name: options[position % len(options)]})
+        if right or up:
+            self._warning = ""
+
+    def _connected(self, device: str) -> str:
+        """Name of what is connected of a device; empty where nothing is."""
+        if device in _ALWAYS_THERE:
+            return _ALWAYS_THERE[device]
+        for stick in self._inputs:
+            if match_profile(stick.usb, stick.name, self._profiles, (device,), len(stick.raw)):
+                return stick.name
+        return ""
+
+    def _draw(self, pygame: Any, surface: Any) -> None:
+        width, height = surface.get_size()
+        self._backdrop(pygame, surface)
+        lettering = Lettering(pygame, height)
+        u, write = lettering.unit, lettering.write
+        write(surface, "CarlaLoc", "big", (3 * u, 2 * u), _WHITE, "topleft")
+        write(surface, "Choose your drive", "medium", (3.1 * u, 5 * u), _WHITE, "topleft")
+        panel = pygame.Surface((width - 6 * u, 16.4 * u), pygame.SRCALPHA)
+        panel.fill((*DARK, 215))
+        for row, name in enumerate(self._options):
+            y, chosen = (2.2 + 4 * row) * u, row == self._row
+            if chosen:
+                panel.fill(_CHOSEN, (0, y - 2 * u, panel.get_width(), 4 * u))
+            label = "town" if name == "map" else name
+            write(panel, label, "medium", (u, y), _WHITE if chosen else _GREY, "midleft")
+            value = getattr(self.choice, name)
+            remark = self._remarks.get(value, "")
+            if name == "device":
+                remark = self._connected(value) or "not connected: plug it in"
+            write(panel, value, "medium", (25 * u, y - 0.6 * u), _WHITE, "center")
+            write(panel, remark, "small", (25 * u, y + 1.0 * u), _GREY, "center")
+            for x, text in ((13 * u, "<"), (37 * u, ">")) if chosen else ():
+                write(panel, text, "medium", (x, y - 0.6 * u), _BLUE, "center")
+        surface.blit(panel, (3 * u, 7.6 * u))
+        surface.fill(DARK, (0, height - 3.6 * u, width, 4 * u))
+        keys = "arrows or D-pad: choose     Enter or button A / cross: drive     Esc: leave"
+        write(surface, keys, "small", (4 * u, height - 1.9 * u), _GREY)
+        there = ", ".join(["keyboard", *(stick.name for stick in self._inputs)])
+        line = self._warning or f"connected: {there}"
+        colour = _AMBER if self._warning else _WHITE
+        write(surface, line, "small", (4 * u, height - 0.6 * u), colour)
+
+    def _backdrop(self, pygame: Any, surface: Any) -> None:
+        """A road under the sky of the chosen weather."""
+        width, height = surface.get_size()
+        weather = PRESETS.get(self.choice.weather, PRESETS["ClearNoon"])
+        sun_deg = weather.sun_altitude_angle
+        sky = _NIGHT if sun_deg < 0.0 else _SUNSET if sun_deg < 20.0 else _NOON
+        light = 0.3 if sun_deg < 0.0 else 0.7 if sun_deg < 20.0 else 1.0
+        grey = 0.8 * weather.cloudiness / 100.0
+        colour = [a + grey * (b * light - a) for a, b in zip(sky, _CLOUDS, strict=True)]
+        surface.fill(colour)
+        horizon, middle = 0.3 * height, 0.5 * width
+        land, road, line = ([c * light for c in flat] for flat in (_LAND, _ROAD, _LINE))
+        surface.fill(land, (0, horizon, width, height))
+        corners = ((middle, horizon), (1.3 * width, height), (-0.3 * width, height))
+        pygame.draw.polygon(surface, road, corners)
+        for k in range(1, 7):
+            near, far = (horizon + (height - horizon) / (0.9 * d) for d in (k - 0.2, k + 0.3))
+            half = 0.02 * (near - horizon)
+            pygame.draw.rect(surface, line, (middle - half, far, 2 * half, near - far))
+
+
+def _direction(press: Press) -> tuple[int, int]:
+    """Step to the right and up that a key or a D-pad asks for."""
+    return next((step for keys, step in _STEPS if press.key in keys), press.hat)
