@@ -14,10 +14,10 @@ from carlaloc_env.town.town_hash import town_hash
 from carlaloc_env.town.town_roads import TownRoads
 
 HASHES = {
-    "Town01": "9853b496d60f11d1773f0eaab2e03bcb",
+    "Town01": "fb34fe7460423ee8177fcccc3b090d63",
     "Town03": "7f661527708167652fbd47a1ce059f35",
-    "Town04": "6777d852956710f420e19788ca498f1a",
-    "Town05": "1f5d3f80af797262ec6a53d861456ec1",
+    "Town04": "2f419c37c38afe16a18d5b7969e26b4b",
+    "Town05": "67713735c6c8d2162463e889c5ace218",
     "Town06": "8aebcf79cfd0ce57c070bf94f2f778c8",
     "Town07": "b7c805e65c28c9a8987036590de0fd86",
     "Town10": "1555aef2f126324d4dc96b459156d3d1",
