@@ -126,6 +126,6 @@ def test_a_wheel_alone_shows_the_demo(wheel: Path, tmp_path: Path) -> None:
     for words, extra in (
         (("benchmark", "carlaloc-demo/data"), "report"),
         (("odometry", "none.bag", "--out", "e.tum"), "slam"),
-        (("view", "carlaloc-demo/data", "--out", "look.rrd"), "view"),
+        (("view", "carlaloc-demo/data/Town10/ClearNoon_static", "--out", "look.rrd"), "view"),
     ):
         assert f"carlaloc-env[{extra}]" in carlaloc(*words).stderr, words
