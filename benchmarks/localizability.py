@@ -21,6 +21,7 @@ import numpy as np
 
 from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.raycast import Hits
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.scene.materials import Material
 from carlaloc_env.scene.semantic_tags import Tag
@@ -155,9 +156,7 @@ def route_localizability(town: Town, lidar: LidarConfig, *, step_m: float = 5.0)
         raise EvaluationError(f"{town.name} has no route; give it one in town.toml")
     stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"))
     rays, mount = stage.rays(), lidar.mount.T_base_sensor
-    directions = ScanPattern(lidar, stage).directions @ mount[:3, :3].T
-    own = rays.cast_ego(np.broadcast_to(mount[:3, 3], directions.shape), directions, lidar.range_max_m)
-    directions = directions[~np.isfinite(own.range_m)]
+    directions = directions_past_the_car(stage, lidar)
     station = np.arange(0.0, town.route.length_m, step_m)
     found = np.zeros((len(station), 3))
     for k, T in enumerate(_poses(town.route, station)):
@@ -167,11 +166,26 @@ def route_localizability(town: Town, lidar: LidarConfig, *, step_m: float = 5.0)
         points = aimed[seen] * hits.range_m[seen, None].astype(np.float64)
         normal = normals[seen].astype(np.float64)
         every = localizability(points, normal)
-        loose = (hits.tag[seen] == Tag.VEGETATION) & (hits.material[seen] != Material.BARK)
-        firm = localizability(points, np.where(loose[:, None], 0.0, normal))
+        firm = localizability(points, np.where(is_loose(hits)[seen, None], 0.0, normal))
         found[k] = every.least, firm.least, abs(firm.weakest @ T[:3, 0])
     stage.close()
     return RouteLocalizability(station_m=station, least=found[:, 0], firm=found[:, 1], along=found[:, 2])
+
+
+def directions_past_the_car(stage: SensorStage, lidar: LidarConfig) -> Array:
+    """Directions of a LiDAR's rays in `base_link` that do not meet the car itself, shape (N, 3)."""
+    mount = lidar.mount.T_base_sensor
+    directions = ScanPattern(lidar, stage).directions @ mount[:3, :3].T
+    origins = np.broadcast_to(mount[:3, 3], directions.shape)
+    own = stage.rays().cast_ego(origins, directions, lidar.range_max_m)
+    past: Array = directions[~np.isfinite(own.range_m)]
+    return past
+
+
+def is_loose(hits: Hits) -> Mask:
+    """Whether hits lie on leaves or grass, which have no planes, shape (N,)."""
+    loose: Mask = (hits.tag == Tag.VEGETATION) & (hits.material != Material.BARK)
+    return loose
 
 
 def _poses(route: Route, station_m: Array) -> Array:

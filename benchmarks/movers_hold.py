@@ -20,18 +20,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from localizability import localizability
+from localizability import directions_past_the_car, is_loose, localizability
 
 from carlaloc_env.core.array_types import Array, Index, Mask
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.raycast import Hits, RayScene
 from carlaloc_env.rigs.presets import rig_by_name
-from carlaloc_env.scene.materials import Material
-from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.sensors.lidar.config import LidarConfig
-from carlaloc_env.sensors.lidar.scan_pattern import ScanPattern
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.parameters import weather_by_name
@@ -84,14 +81,15 @@ class DriveScans:
     """
 
     def __init__(self, town: Town, timeline: Timeline, lidar: LidarConfig) -> None:
-        stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"))
-        self._rays: RayScene = stage.rays()
+        self._stage = SensorStage(town, seed=0, weather=weather_by_name("ClearNoon"))
+        self._rays: RayScene = self._stage.rays()
         self._timeline, self._lidar, self._mount = timeline, lidar, lidar.mount.T_base_sensor
-        directions = ScanPattern(lidar, stage).directions @ self._mount[:3, :3].T
-        start = np.broadcast_to(self._mount[:3, 3], directions.shape)
-        own = self._rays.cast_ego(start, directions, lidar.range_max_m)
         # Every other ray tells as much.
-        self._directions = directions[~np.isfinite(own.range_m)][::2]
+        self._directions = directions_past_the_car(self._stage, lidar)[::2]
+
+    def close(self) -> None:
+        """Free the town."""
+        self._stage.close()
 
     def at(self, stamp_ns: int) -> HoldAmongMovers:
         """The scan of an instant [ns], as if it took no time."""
@@ -100,11 +98,10 @@ class DriveScans:
         origin = turn @ self._mount[:3, 3] + motion.position_m[0]
         aimed = self._directions @ turn.T
         town, normals = self._rays.surfaces(origin, aimed, self._lidar.range_max_m)
-        loose = (town.tag == Tag.VEGETATION) & (town.material != Material.BARK)
-        planes = np.where(loose[:, None], 0.0, normals)
-        hits = self._cast(origin, aimed, stamp_ns)
+        planes = np.where(is_loose(town)[:, None], 0.0, normals)
+        hits = self.cast(origin, aimed, stamp_ns)
         moved: Mask = hits.range_m < town.range_m - 1e-3
-        own_planes, velocities = self._movers(origin, aimed, stamp_ns, hits, np.flatnonzero(moved))
+        own_planes, velocities = self.movers(origin, aimed, stamp_ns, hits, np.flatnonzero(moved))
         seen = np.isfinite(hits.range_m) & (hits.range_m >= self._lidar.range_min_m)
         alone = np.isfinite(town.range_m) & (town.range_m >= self._lidar.range_min_m)
         points = _points(aimed, hits)[seen]
@@ -116,23 +113,24 @@ class DriveScans:
             share=float((moved & (np.linalg.norm(velocities, axis=1) > _MOVES_MPS))[seen].mean()),
         )
 
-    def _cast(self, origin: Array, directions: Array, stamp_ns: int) -> Hits:
+    def cast(self, origin: Array, directions: Array, stamp_ns: int) -> Hits:
+        """First hits of rays from one place [m] at an instant [ns], the car itself left out."""
         origins, stamps = np.broadcast_to(origin, directions.shape), np.full(len(directions), stamp_ns)
         return self._rays.cast(
             origins, directions, stamps, self._timeline, self._lidar.range_max_m, ego=False
         )
 
-    def _movers(
+    def movers(
         self, origin: Array, aimed: Array, stamp_ns: int, hits: Hits, rows: Index
     ) -> tuple[Array, Array]:
-        """Normals and velocities of actors that rays meet, zeros elsewhere, both (N, 3)."""
+        """Normals and velocities [m/s] of actors that some rays meet, zeros elsewhere, both (N, 3)."""
         normals, velocities = np.zeros((2, *aimed.shape))
         if not len(rows):
             return normals, velocities
         met = hits.take(rows)
         corners, same = [_points(aimed[rows], met)], np.ones(len(rows), bool)
         for tilted in _beside(aimed[rows]):
-            other = self._cast(origin, tilted, stamp_ns)
+            other = self.cast(origin, tilted, stamp_ns)
             same &= other.instance == met.instance
             corners.append(_points(tilted, other))
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
@@ -184,6 +182,7 @@ def main() -> None:
         step = round(arguments.every * 1e9 / STEP_NS) * STEP_NS
         stamps = range(step, timeline.end_ns - STEP_NS, step)
         found = [scans.at(stamp) for stamp in stamps]
+        scans.close()
         hidden, pull = (np.array([getattr(one, name) for one in found]) for name in ("hidden", "pull_mps"))
         print(
             f"{drive.stem:12} {np.median([one.at_rest for one in found]):7.4f} {np.median(hidden):16.4f}"

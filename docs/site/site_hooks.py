@@ -14,10 +14,11 @@ from typing import Any
 
 from mkdocs.structure.files import File
 
+from carlaloc_env import TOWNS
+
 ROOT = Path(__file__).resolve().parents[2]
 FROM_ROOT = {"README.md": "index.md", "CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contributing.md"}
 """Pages that lie outside docs/, and their names in the site."""
-TOWNS = ("Town01", "Town03", "Town04", "Town05", "Town06", "Town07", "Town10")
 _LINK = re.compile(r"(\]\()([^)#\s]+)(#[^)]*)?(?=\))")
 
 

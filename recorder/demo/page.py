@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 from pathlib import Path
 
+from carlaloc_env.core.files.atomic_write import atomic_write
 from recorder.demo.story import LOOK, TRAFFIC, Scores
 
 INDEX = "index.html"
@@ -50,6 +51,9 @@ def write_index(out: Path, films: list[Path], scores: Scores, drawn: list[Path],
         scores: Errors of each system.
         drawn: The picture of errors and the benchmark's page; none without the extra `report`.
         step: Number of the step that is running, from 1; beyond the last the demo has ended.
+
+    Raises:
+        OutputError: it cannot be written.
     """
     text = _HEAD
     if step <= len(STEPS):
@@ -68,7 +72,9 @@ def write_index(out: Path, films: list[Path], scores: Scores, drawn: list[Path],
     if step > len(STEPS):
         text += _NEXT
     path = out / INDEX
-    path.write_text(text + "</html>\n", encoding="utf-8")
+    # A browser may read it at any time.
+    with atomic_write(path) as part:
+        part.write_text(text + "</html>\n", encoding="utf-8")
     return path
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import cv2
 
 from carlaloc_env.core.errors import CarlaLocError
+from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensor_stage import SensorStage
 from carlaloc_env.weather.parameters import weather_by_name
@@ -65,6 +66,7 @@ def first_look(config: DemoConfig, told: Callable[[float, int, str | None], None
     Raises:
         RenderError: OpenGL is missing.
         RaycastError: Open3D is missing.
+        OutputError: the picture cannot be written.
     """
     told(0, 3, None)
     episode = Episode.load(DRIVE)
@@ -80,7 +82,9 @@ def first_look(config: DemoConfig, told: Callable[[float, int, str | None], None
     pictures = {f"{name}, dynamic": dynamic.pop(name) for name in LOOK_WEATHERS}
     pictures |= {f"{name}, static": alone[name] for name in LOOK_WEATHERS}
     path = config.out / LOOK
-    cv2.imwrite(str(path), cv2.cvtColor(rows_of_three(pictures | dynamic), cv2.COLOR_RGB2BGR))
+    image = cv2.cvtColor(rows_of_three(pictures | dynamic), cv2.COLOR_RGB2BGR)
+    with atomic_write(path) as part:
+        part.write_bytes(cv2.imencode(".jpg", image)[1].tobytes())
     told(3, 3, "one instant is drawn")
     return path
 

@@ -63,10 +63,10 @@ class StartScreen:
         self._window, self._inputs = window, inputs
         self.choice = choice
         self._profiles: list[DeviceProfile] = known_profiles()
+        files = {name: path.with_name("town.toml") for name, path in known_towns().items()}
         towns = {
-            name: TownConfig.from_toml(toml).description if toml.exists() else ""
-            for name, path in known_towns().items()
-            if (toml := path.with_name("town.toml"))
+            name: TownConfig.from_toml(file).description if file.exists() else ""
+            for name, file in files.items()
         }
         weathers = {
             name: f"clouds {w.cloudiness:.0f} %, rain {w.precipitation:.0f} %, fog {w.fog_density:.0f} %"

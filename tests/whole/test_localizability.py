@@ -162,7 +162,36 @@ def along(drive: Path, every_ns: int) -> list[HoldAmongMovers]:
     episode = Episode.load(drive)
     timeline = episode.timeline()
     scans = DriveScans(town_of(episode), timeline, LIDAR)
-    return [scans.at(stamp) for stamp in range(every_ns, timeline.end_ns - STEP_NS, every_ns)]
+    found = [scans.at(stamp) for stamp in range(every_ns, timeline.end_ns - STEP_NS, every_ns)]
+    scans.close()
+    return found
+
+
+@pytest.mark.skipif(find_spec("open3d") is None, reason="Open3D casts the rays of the LiDAR")
+def test_normals_and_velocities_of_movers(short_drive: Path) -> None:
+    """Normals against the angle at which rays meet triangles; movers are ahead along their velocity later."""
+    episode = Episode.load(short_drive)
+    timeline = episode.timeline()
+    scans, stamp_ns = DriveScans(town_of(episode), timeline, LIDAR), 3_000_000_000
+    frame = timeline.actors_at(stamp_ns)
+    actor = np.argmax(frame.speed_mps)
+    eye = frame.position_m[actor] + (0.0, 0.0, 12.0)
+    fall, azimuth = np.meshgrid(
+        np.radians(np.arange(50.0, 90.0, 0.5)), np.radians(np.arange(0.0, 360.0, 3.0))
+    )
+    aimed = np.stack([np.cos(fall) * np.cos(azimuth), np.cos(fall) * np.sin(azimuth), -np.sin(fall)], axis=-1)
+    aimed = aimed.reshape(-1, 3)
+    hits = scans.cast(eye, aimed, stamp_ns)
+    rows = np.flatnonzero(hits.instance == timeline.catalog.id[actor])
+    normals, velocities = scans.movers(eye, aimed, stamp_ns, hits, rows)
+    scans.close()
+    cosines = np.abs(np.einsum("ij,ij->i", normals, aimed))[rows]
+    flat = np.linalg.norm(normals[rows], axis=1) > 0.5
+    assert flat.sum() > 100
+    assert np.median(np.abs(cosines - hits.cos_incidence[rows])[flat]) < 0.02
+    heading = frame.heading_rad[actor]
+    way = frame.speed_mps[actor] * np.array([np.cos(heading), np.sin(heading)])
+    np.testing.assert_allclose(velocities[rows, :2], np.tile(way, (len(rows), 1)), atol=0.3)
 
 
 @pytest.mark.skipif(find_spec("open3d") is None, reason="Open3D casts the rays of the LiDAR")

@@ -54,10 +54,11 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         camera_start_s=arguments.camera_start,
         camera_duration_s=arguments.camera_duration,
     )
+    ended = len(STEPS) + 1
     titles = [f"{number}/{len(STEPS)} {step}" for number, step in enumerate(STEPS, start=1)]
     with Progress(titles[0], unit="parts") as progress:
         first_look(config, progress.pieces)
-    page = write_index(config.out, [], {}, [], step=4 if arguments.look else 2)
+    page = write_index(config.out, [], {}, [], step=ended if arguments.look else 2)
     print(f"look at {page} after {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
     if arguments.look:
         return {"out": str(config.out), "page": str(page)}
@@ -71,7 +72,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     drawn = draw_story(config, found, result.ground_truth)
     return {
         "out": str(config.out),
-        "page": str(write_index(config.out, films, scores, drawn, step=4)),
+        "page": str(write_index(config.out, films, scores, drawn, step=ended)),
         "sequences": [str(path) for path in result.sequences],
         "ground_truth": str(result.ground_truth),
         "ape_m": {
