@@ -17,8 +17,8 @@ from recorder.dataset.sequence import RAW
 
 RULE = (
     "A run fails when it ends with an error or passes its time limit, when it has poses for less than 80 % "
-    "of the frames, or when its APE is more than half of that of an estimate that never moves. A cell fails "
-    "when half of its runs do."
+    "of the frames, or when its APE is more than 0.1 m and half of that of an estimate that never moves. "
+    "A cell fails when half of its runs do."
 )
 _FIGURES = {
     "ape_m": "APE [m], RMSE",

@@ -23,6 +23,8 @@ class FailRule:
     """Least share of the expected poses, 0–1; initialisation counts as missing."""
     ape_of_standing: float = 0.5
     """Largest position error, as a share of what an estimate that stands at the best place has."""
+    ape_small_m: float = 0.1
+    """Position errors below this never count as diverged: in a stretch at a red light nothing moves [m]."""
 
     def why_failed(self, result: EvaluationResult) -> str | None:
         """Why the estimate counts as failed, in a few words; None: it does not.
@@ -34,7 +36,7 @@ class FailRule:
             return f"covers {result.coverage:.0%} of the sequence, less than {self.coverage_min:.0%}"
         standing_m = standing_error_m(result)
         ape_m = result.statistics[Metric.APE_TRANSLATION].rmse
-        if ape_m >= self.ape_of_standing * standing_m:
+        if ape_m >= max(self.ape_of_standing * standing_m, self.ape_small_m):
             return f"diverged: APE {ape_m:.2f} m, an estimate that never moves has {standing_m:.2f} m"
         return None
 

@@ -47,3 +47,11 @@ def test_coverage(kept: float, fails: bool) -> None:
     part = truth.take(np.arange(int(400 * (1 - kept)), 400))
     why = FailRule().why_failed(evaluate(truth, part, expected=400))
     assert (why is not None) is fails
+
+
+@pytest.mark.parametrize(("off_m", "fails"), [(0.09, False), (0.11, True)])
+def test_an_estimate_of_a_car_at_a_red_light_fails_only_when_it_leaves(off_m: float, fails: bool) -> None:
+    truth = circle(radius_m=0.0)
+    aside = circle(radius_m=off_m)
+    assert standing_error_m(evaluate(truth, truth, alignment=Alignment.NONE)) == 0.0
+    assert (FailRule().why_failed(evaluate(truth, aside, alignment=Alignment.NONE)) is not None) is fails
