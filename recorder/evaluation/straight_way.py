@@ -30,7 +30,13 @@ def roll_is_open(truth: Trajectory, aligned: Trajectory) -> bool:
 
 
 def rolled(truth: Trajectory, aligned: Trajectory) -> Trajectory:
-    """The estimate with its attitudes turned about the true way so that they fit best.
+    """The estimate with its attitudes turned about the true way so that they fit best: see `roll_turn`."""
+    turn = roll_turn(truth, aligned)
+    return replace(aligned, quat_xyzw=transforms.quat_multiply(turn, aligned.quat_xyzw))
+
+
+def roll_turn(truth: Trajectory, aligned: Trajectory) -> Array:
+    """Turn about the true way that fits an estimate's attitudes best, quaternion, shape (4,).
 
     The roll maximises Σ tr(R_truthᵀ R_roll R_est), the chordal measure of `fit_attitudes`, over turns about
     one axis.
@@ -44,8 +50,7 @@ def rolled(truth: Trajectory, aligned: Trajectory) -> Trajectory:
     M = np.einsum("nij,nkj->ik", own, true)
     sine = float(np.sum(axis * (M[1, 2] - M[2, 1], M[2, 0] - M[0, 2], M[0, 1] - M[1, 0])))
     cosine = float(np.trace(M) - axis @ M @ axis)
-    turn = transforms.rotvec_to_quat(np.arctan2(sine, cosine) * axis)
-    return replace(aligned, quat_xyzw=transforms.quat_multiply(turn, aligned.quat_xyzw))
+    return transforms.rotvec_to_quat(np.arctan2(sine, cosine) * axis)
 
 
 def _extents(position_m: Array) -> tuple[tuple[float, float], Array]:

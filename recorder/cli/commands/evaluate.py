@@ -1,19 +1,31 @@
-"""Compare estimated trajectories with the truth: APE and RPE.
+"""Compare estimated trajectories, and maps, with the truth: APE, RPE, accuracy, completeness, ghosts.
 
 Examples:
   carlaloc evaluate --truth data/Town03/ground_truth/lidar.tum estimate.tum
   carlaloc evaluate --truth truth.tum orb.tum vins.tum --align posyaw --plot figures
   carlaloc evaluate --truth truth.tum odometry.bag --topic /odometry --time-offset search
   carlaloc evaluate --truth gnss.csv run.bag --topic /tf:map.base_link --interpolate
+  carlaloc evaluate --truth truth.tum est.tum --map est.ply --drive town03.mcap --plot figures
 """
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from carlaloc_env.core.errors import ConfigError, unknown_name
-from recorder.cli.arguments import OutputFolder, force_option, input_path, number_or_search, positive_seconds
+from carlaloc_env.core.errors import ConfigError, UsageError, unknown_name
+from recorder.cli.arguments import (
+    OutputFolder,
+    force_option,
+    input_path,
+    names,
+    number,
+    number_or_search,
+    positive_seconds,
+)
+
+if TYPE_CHECKING:
+    from recorder.evaluation.evaluate import EvaluationResult
 
 PLOT = "trajectories.png"
 """Name of the picture."""
@@ -64,6 +76,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--plot", type=OutputFolder(PLOT), metavar="DIR", help=f"draw {PLOT} there")
     force_option(parser, "an older picture")
+    maps = parser.add_argument_group("maps", "built by the system of the one estimate, in its frame")
+    maps.add_argument(
+        "--map", type=input_path, action="append", metavar="CLOUD", help="PLY, PCD or XYZ; again for more"
+    )
+    maps.add_argument("--drive", type=input_path, metavar="E.mcap", help="drive of which the truth is")
+    maps.add_argument("--town", metavar="FILE", help="its town, if the drive does not name it")
+    maps.add_argument("--traffic", default="dynamic", help="traffic level that the system saw")
+    maps.add_argument("--rig", default="paper", help="rig whose LiDAR decides about visibility")
+    maps.add_argument(
+        "--reach", type=number, default=50.0, metavar="M", help="counted so near the way (default: 50)"
+    )
+    maps.add_argument(
+        "--distances",
+        type=_distances,
+        default=(0.1, 0.2, 0.5),
+        metavar="A,B",
+        help="d of precision and recall [m] (default: 0.1,0.2,0.5)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -73,6 +103,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.evaluation.associate import MAX_GAP_NS, Association, interpolation
     from recorder.evaluation.evaluate import evaluate
 
+    if bool(arguments.map) != (arguments.drive is not None) or (
+        arguments.map and len(arguments.estimates) > 1
+    ):
+        raise UsageError("--map CLOUD and --drive E.mcap go together, with the estimate of one system")
     known = {alignment.name.lower(): alignment for alignment in Alignment}
     if arguments.align not in known:
         raise ConfigError(unknown_name("alignment", arguments.align, known))
@@ -122,11 +156,51 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
 
         picture = plot_trajectories(results, arguments.plot / PLOT, overwrite=arguments.force)
         plots = [str(picture)]
+    maps, pictures = _judge_maps(arguments, results[0]) if arguments.map else ([], [])
     rows = zip(results, offsets_s, strict=True)
     return {
         "results": [{**result.to_mapping(), "time_offset_s": offset_s} for result, offset_s in rows],
-        "plots": plots,
+        "maps": maps,
+        "plots": plots + pictures,
     }
+
+
+def _judge_maps(
+    arguments: argparse.Namespace, result: EvaluationResult
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Scores of maps as JSON values, and their pictures."""
+    from recorder.cli.progress import Progress
+    from recorder.map_truth.evaluate_map import MapJudge, MapTruthConfig, transform_of_map
+    from recorder.map_truth.map_files import read_map
+
+    config = MapTruthConfig(
+        drive=arguments.drive,
+        map=arguments.town,
+        traffic=arguments.traffic,
+        rig=arguments.rig,
+        reach_m=arguments.reach,
+        distances_m=arguments.distances,
+    )
+    clouds = [(path, read_map(path)) for path in arguments.map]
+    stamps = result.truth.stamp_ns
+    with Progress("visibility", unit="looks") as progress:
+        judge = MapJudge(config, (int(stamps[0]), int(stamps[-1])), progress.update)
+    found = [judge.judge(points, transform_of_map(result), name=str(path)) for path, points in clouds]
+    pictures: list[str] = []
+    if arguments.plot is not None:
+        from recorder.report.map_plot import plot_map
+
+        for one, (path, _) in zip(found, clouds, strict=True):
+            picture = arguments.plot / f"map_{path.stem}.png"
+            title = f"{path.stem}: {one.ghost_rate:.2%} of {len(one.points_m):,} points are ghosts"
+            plot_map(one.points_m, one.distance_m, one.ghost, picture, title=title, overwrite=arguments.force)
+            pictures.append(str(picture))
+    return [one.to_mapping() for one in found], pictures
+
+
+def _distances(text: str) -> tuple[float, ...]:
+    """Distances above zero [m], separated by commas."""
+    return tuple(positive_seconds(part) for part in names(text))
 
 
 def _nanoseconds(time_s: float) -> int:
@@ -146,6 +220,17 @@ def show(result: dict[str, Any]) -> None:
             print(
                 f"  {metric['label']:<58} rmse {metric['rmse']:.4f}  mean {metric['mean']:.4f}  "
                 f"max {metric['max']:.4f} {metric['unit']}"
+            )
+    for found in result["maps"]:
+        ghosts = f"{found['ghosts']:,} ghosts ({found['ghost_rate']:.2%})"
+        print(f"{found['map']}  {found['points']:,} points, {ghosts}")
+        heads = "accuracy [m]  completeness [m]  precision  recall  F-score"
+        print(f"  {'part':<14} {'class':<14} {'d [m]':<6} {heads}")
+        for row in found["scores"]:
+            print(
+                f"  {row['part']:<14} {row['tag']:<14} {row['distance_m']:<6g} {row['accuracy_m']:>12.3f}  "
+                f"{row['completeness_m']:>16.3f}  {row['precision']:>9.3f}  {row['recall']:>6.3f}  "
+                f"{row['f_score']:>7.3f}"
             )
     for plot in result["plots"]:
         print(plot)

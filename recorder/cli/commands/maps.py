@@ -1,8 +1,9 @@
-"""Towns: list them, draw them, check OpenDRIVE files.
+"""Towns: list them, draw them, export their surfaces, check OpenDRIVE files.
 
 Examples:
   carlaloc maps list
   carlaloc maps preview Town03 --out town03.png
+  carlaloc maps export Town03 --mesh town03.glb --cloud town03.ply
   carlaloc maps check my.xodr --waypoints 2 --csv waypoints.csv
 """
 
@@ -12,8 +13,16 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from carlaloc_env.core.errors import ConfigError
-from recorder.cli.arguments import OutputFile, force_option, input_path, positive_seconds, shared_options
+from carlaloc_env.core.errors import ConfigError, UsageError
+from recorder.cli.arguments import (
+    OutputFile,
+    force_option,
+    input_path,
+    number,
+    positive_seconds,
+    seed,
+    shared_options,
+)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +36,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=OutputFile(".png", ".jpg", ".jpeg"), required=True, help="PNG or JPEG to write"
     )
     force_option(preview, "an older picture")
+    export = actions.add_parser("export", parents=shared, help="surfaces of a town, as mesh and as cloud")
+    export.add_argument("town", help="town, or a .xodr file")
+    export.add_argument(
+        "--mesh", type=OutputFile(".ply", ".glb"), metavar="OUT", help="triangles of the whole town"
+    )
+    export.add_argument("--cloud", type=OutputFile(".ply"), metavar="OUT", help="labelled points, normals")
+    export.add_argument("--points-per-m2", type=number, default=10.0, metavar="N", help="(default: 10)")
+    export.add_argument(
+        "--reach", type=number, default=50.0, metavar="M", help="points so near a driving lane (default: 50)"
+    )
+    export.add_argument("--seed", type=seed, default=0, help="seed of the points")
+    export.add_argument("--empty", action="store_true", help="without parked cars")
+    force_option(export, "older files")
     check = actions.add_parser("check", parents=shared, help="problems of an OpenDRIVE file")
     check.add_argument("file", type=input_path, help="OpenDRIVE file")
     check.add_argument("--waypoints", type=positive_seconds, metavar="STEP_M", help="list waypoints [m]")
@@ -37,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
-    """List, draw or check."""
-    action = {"list": _list, "preview": _preview, "check": _check}[arguments.action]
+    """List, draw, export or check."""
+    action = {"list": _list, "preview": _preview, "export": _export, "check": _check}[arguments.action]
     return {"action": arguments.action, **action(arguments)}
 
 
@@ -50,6 +72,11 @@ def show(result: dict[str, Any]) -> None:
             print(f"{town['name']:<8} {size}, route {town['route_m']:.0f} m  {town['description']}")
     elif result["action"] == "preview":
         print(result["out"])
+    elif result["action"] == "export":
+        counts = {"mesh": ("triangles", "triangles"), "cloud": ("points", "points")}
+        for kind, (key, unit) in counts.items():
+            if result[kind]:
+                print(f"{result[kind]}: {result[key]:,} {unit}")
     else:
         report = result["report"]
         print(*result["lines"], sep="\n", end="\n" if result["lines"] else "")
@@ -76,6 +103,40 @@ def _preview(arguments: argparse.Namespace) -> dict[str, Any]:
     from recorder.report.town_preview import draw_town
 
     return {"out": str(draw_town(load_town(arguments.town), arguments.out, overwrite=arguments.force))}
+
+
+def _export(arguments: argparse.Namespace) -> dict[str, Any]:
+    import numpy as np
+
+    from carlaloc_env.scene.mesh import merge
+    from carlaloc_env.town.build import load_town
+    from carlaloc_env.town.without_movables import without_movables
+    from recorder.map_truth.map_files import write_cloud, write_mesh
+    from recorder.map_truth.surface_cloud import Region, sample_surface
+
+    if arguments.mesh is None and arguments.cloud is None:
+        raise UsageError("nothing to export; give --mesh OUT, --cloud OUT or both")
+    town = load_town(arguments.town)
+    town = without_movables(town) if arguments.empty else town
+    mesh = merge(town.chunks)
+    cloud = None
+    if arguments.cloud is not None:
+        lanes = town.network.waypoints(2.0)
+        cloud = sample_surface(
+            mesh,
+            points_per_m2=arguments.points_per_m2,
+            seed=arguments.seed,
+            region=Region(np.column_stack([lanes["x"], lanes["y"]]), arguments.reach),
+        )
+        write_cloud(cloud, arguments.cloud)
+    if arguments.mesh is not None:
+        write_mesh(mesh, arguments.mesh)
+    return {
+        "mesh": str(arguments.mesh) if arguments.mesh else None,
+        "triangles": len(mesh.triangles),
+        "cloud": str(arguments.cloud) if arguments.cloud else None,
+        "points": len(cloud) if cloud is not None else 0,
+    }
 
 
 def _check(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -1,0 +1,104 @@
+"""The town as a map: how far points lie from its surfaces, and which of them a drive's LiDAR ever saw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from carlaloc_env.core.array_types import U8, Array, Mask
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.raycast.scene import RayScene
+from carlaloc_env.raycast.surface import import_open3d
+from carlaloc_env.scene.mesh import Mesh
+from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.timeline.timeline import Timeline
+
+Progress: TypeAlias = Callable[[float, float], None]
+"""Called with what is done and what there is to do."""
+_TOLERANCE_M = 0.05
+"""A ray that ends so near a point has reached it [m]: paint and covers lie millimetres above their road."""
+
+
+class TrueMap:
+    """Surfaces of a town, ready for the nearest point on them.
+
+    Args:
+        mesh: Triangles, world.
+
+    Raises:
+        RaycastError: Open3D is missing on this machine.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._o3d = import_open3d()
+        self.mesh = mesh
+        # Embree computes in single precision: metres counted from the middle keep far corners exact.
+        self._middle_m = np.round(mesh.bounds_m.mean(axis=0, dtype=np.float64))
+        self._scene = self._o3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(
+            self._tensor(mesh.vertices_m - self._middle_m), self._o3d.core.Tensor(mesh.triangles)
+        )
+
+    def nearest(self, points_m: Array) -> tuple[Array, U8]:
+        """Distance to the nearest surface [m], and the class of that surface, shapes (N,).
+
+        Args:
+            points_m: Points, world, shape (N, 3).
+        """
+        query = (points_m - self._middle_m).astype(np.float32)
+        found = self._scene.compute_closest_points(self._tensor(query))
+        away = found["points"].numpy().astype(np.float64) - query
+        tag: U8 = self.mesh.tag[self.mesh.triangles[found["primitive_ids"].numpy(), 0]]
+        return np.sqrt(np.sum(away**2, axis=1)), tag
+
+    def _tensor(self, values: NDArray[np.generic]) -> object:
+        return self._o3d.core.Tensor(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def ever_visible(
+    points_m: Array,
+    rays: RayScene,
+    timeline: Timeline,
+    lidar: LidarConfig,
+    stamps_ns: NDArray[np.int64],
+    report: Progress | None = None,
+) -> Mask:
+    """Which points of surfaces a LiDAR has had in sight at one of some stamps, shape (N,).
+
+    A point is in sight if it lies within the range and between the lowest and the highest beam, and a ray to
+    it meets nothing before: neither the town, nor a mover at that stamp, nor the ego's own body.
+
+    Args:
+        points_m: Points on surfaces, world, shape (N, 3).
+        rays: The town and its models.
+        timeline: The drive; its actors hide what is behind them.
+        lidar: The LiDAR.
+        stamps_ns: When it looks [ns].
+        report: Called at each stamp.
+    """
+    seen = np.zeros(len(points_m), np.bool_)
+    low, high = np.radians(np.array(lidar.elevations_deg)[[0, -1]] + lidar.elevation_offset_deg)
+    T_world_base = timeline.ego_motion(stamps_ns).T_world_frame
+    for number, stamp in enumerate(stamps_ns.tolist()):
+        T_world_lidar = T_world_base[number] @ lidar.mount.T_base_sensor
+        eye_m = T_world_lidar[:3, 3]
+        away = points_m - eye_m
+        distance = np.sqrt(np.sum(away**2, axis=1))
+        up = transforms.apply(transforms.from_rotation(T_world_lidar[:3, :3].T), away)[:, 2]
+        slope = np.arcsin(np.clip(up / np.maximum(distance, 1e-9), -1.0, 1.0))
+        inside = (distance >= lidar.range_min_m) & (distance <= lidar.range_max_m)
+        rows = np.flatnonzero(~seen & inside & (slope >= low) & (slope <= high))
+        hits = rays.cast(
+            np.broadcast_to(eye_m, (len(rows), 3)),
+            away[rows] / distance[rows, None],
+            np.full(len(rows), stamp, np.int64),
+            timeline,
+            lidar.range_max_m + _TOLERANCE_M,
+        )
+        seen[rows[hits.range_m >= distance[rows] - _TOLERANCE_M]] = True
+        if report is not None:
+            report(number + 1, len(stamps_ns))
+    return seen
