@@ -41,6 +41,15 @@ def stereo_of(rig: SensorRig) -> tuple[CameraConfig, CameraConfig]:
     return cameras[0], cameras[1]
 
 
+def first_camera_of(rig: SensorRig) -> CameraConfig:
+    """The first camera.
+
+    Raises:
+        EvaluationError: the rig has none.
+    """
+    return cast(CameraConfig, _first(rig, "camera"))
+
+
 def _first(rig: SensorRig, kind: str) -> Any:
     found = rig.of_kind(kind)
     if not found:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,8 +17,8 @@ from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.scene.semantic_tags import colourise
 from recorder.map_truth.surface_cloud import SurfaceCloud
 
-MESH_SUFFIXES = (".ply", ".glb")
-"""Kinds of files that meshes are written to."""
+MESH_SUFFIXES = (".ply", ".gltf")
+"""Kinds of files that meshes are written to; hardly any reader takes the .glb of Open3D."""
 CLOUD_SUFFIXES = (".ply", ".pcd", ".xyz")
 """Kinds of files that clouds are read from."""
 
@@ -37,65 +35,19 @@ def write_mesh(mesh: Mesh, path: Path) -> Path:
     Raises:
         OutputError: it cannot be written.
     """
-    if path.suffix.lower() == ".glb":
-        with atomic_write(path) as part:
-            part.write_bytes(_glb(mesh))
-        return path
     o3d = import_open3d()
     vector = o3d.utility.Vector3dVector
+    corners, normals = (values.astype(np.float64) for values in (mesh.vertices_m, mesh.normals))
+    if path.suffix.lower() != ".ply":
+        corners, normals = (values[:, [0, 2, 1]] * [1.0, 1.0, -1.0] for values in (corners, normals))
     found = o3d.geometry.TriangleMesh(
-        vector(mesh.vertices_m.astype(np.float64)),
-        o3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
+        vector(corners), o3d.utility.Vector3iVector(mesh.triangles.astype(np.int32))
     )
-    found.vertex_normals = vector(mesh.normals.astype(np.float64))
+    found.vertex_normals = vector(normals)
     found.vertex_colors = vector(colourise(mesh.tag) / 255.0)
     with _named_part(path) as part:
         _check_written(o3d.io.write_triangle_mesh(str(part), found), path)
     return path
-
-
-def _glb(mesh: Mesh) -> bytes:
-    """A binary glTF 2.0 of one mesh: Khronos's specification, sections 3.6 (buffers) and 4 (GLB).
-
-    Open3D writes the numbers as text into the JSON part, which hardly any reader takes.
-    """
-    corners, normals = (
-        values[:, [0, 2, 1]] * np.float32([1, 1, -1]) for values in (mesh.vertices_m, mesh.normals)
-    )
-    colour = np.column_stack([colourise(mesh.tag), np.full(len(corners), 255, np.uint8)])
-    arrays = [
-        # Array, type and kind of its numbers (5126 single, 5121 byte, 5125 whole), and use.
-        (corners, "VEC3", 5126, 34962),
-        (normals, "VEC3", 5126, 34962),
-        (colour, "VEC4", 5121, 34962),
-        (mesh.triangles.reshape(-1), "SCALAR", 5125, 34963),
-    ]
-    views, accessors, parts, begin = [], [], [], 0
-    for number, (values, kind, component, target) in enumerate(arrays):
-        parts.append(np.ascontiguousarray(values).tobytes())
-        views.append({"buffer": 0, "byteOffset": begin, "byteLength": len(parts[-1]), "target": target})
-        begin += len(parts[-1])
-        accessor = {"bufferView": number, "componentType": component, "count": len(values), "type": kind}
-        accessors.append(accessor | ({"normalized": True} if component == 5121 else {}))
-    accessors[0] |= {"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()}
-    attributes = {"POSITION": 0, "NORMAL": 1, "COLOR_0": 2}
-    about = {
-        "asset": {"version": "2.0", "generator": "CarlaLoc"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": attributes, "indices": 3}]}],
-        "buffers": [{"byteLength": begin}],
-        "bufferViews": views,
-        "accessors": accessors,
-    }
-    head = json.dumps(about).encode()
-    head += b" " * (-len(head) % 4)
-    binary = b"".join(parts)  # whole words, every one of them
-    chunks = (
-        struct.pack("<I4s", len(head), b"JSON") + head + struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    )
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
 def write_cloud(cloud: SurfaceCloud, path: Path) -> Path:

@@ -15,11 +15,10 @@ from carlaloc_env.raycast.surface import import_open3d
 from carlaloc_env.scene.mesh import Mesh
 from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
+from recorder.map_truth.views import REACHED_M, field_of
 
 Progress: TypeAlias = Callable[[float, float], None]
 """Called with what is done and what there is to do."""
-_TOLERANCE_M = 0.05
-"""A ray that ends so near a point has reached it [m]: paint and covers lie millimetres above their road."""
 
 
 class TrueMap:
@@ -79,26 +78,22 @@ def ever_visible(
         stamps_ns: When it looks [ns].
         report: Called at each stamp.
     """
-    seen = np.zeros(len(points_m), np.bool_)
-    low, high = np.radians(np.array(lidar.elevations_deg)[[0, -1]] + lidar.elevation_offset_deg)
+    seen, field = np.zeros(len(points_m), np.bool_), field_of(lidar)
     T_world_base = timeline.ego_motion(stamps_ns).T_world_frame
     for number, stamp in enumerate(stamps_ns.tolist()):
         T_world_lidar = T_world_base[number] @ lidar.mount.T_base_sensor
-        eye_m = T_world_lidar[:3, 3]
-        away = points_m - eye_m
+        inside = field.holds(transforms.apply(transforms.invert(T_world_lidar), points_m))
+        rows = np.flatnonzero(~seen & inside)
+        away = points_m[rows] - T_world_lidar[:3, 3]
         distance = np.sqrt(np.sum(away**2, axis=1))
-        up = transforms.apply(transforms.from_rotation(T_world_lidar[:3, :3].T), away)[:, 2]
-        slope = np.arcsin(np.clip(up / np.maximum(distance, 1e-9), -1.0, 1.0))
-        inside = (distance >= lidar.range_min_m) & (distance <= lidar.range_max_m)
-        rows = np.flatnonzero(~seen & inside & (slope >= low) & (slope <= high))
         hits = rays.cast(
-            np.broadcast_to(eye_m, (len(rows), 3)),
-            away[rows] / distance[rows, None],
+            np.broadcast_to(T_world_lidar[:3, 3], away.shape),
+            away / distance[:, None],
             np.full(len(rows), stamp, np.int64),
             timeline,
-            lidar.range_max_m + _TOLERANCE_M,
+            lidar.range_max_m + REACHED_M,
         )
-        seen[rows[hits.range_m >= distance[rows] - _TOLERANCE_M]] = True
+        seen[rows[hits.range_m >= distance - REACHED_M]] = True
         if report is not None:
             report(number + 1, len(stamps_ns))
     return seen

@@ -28,7 +28,7 @@ def test_a_town_exported_and_judged_as_its_own_map(
     tmp_path: Path, straight_drive: StraightDrive, capfd: Capture
 ) -> None:
     town = str(straight_drive.town)
-    cloud_file, mesh_file = tmp_path / "cloud.ply", tmp_path / "mesh.glb"
+    cloud_file, mesh_file = tmp_path / "cloud.ply", tmp_path / "mesh.gltf"
     words = ["maps", "export", town, "--points-per-m2", "8", "--reach", "30"]
     assert main([*words, "--cloud", str(cloud_file), "--mesh", str(mesh_file), "--json"]) == 0
     told = json.loads(capfd.readouterr().out)

@@ -3,7 +3,7 @@
 Examples:
   carlaloc maps list
   carlaloc maps preview Town03 --out town03.png
-  carlaloc maps export Town03 --mesh town03.glb --cloud town03.ply
+  carlaloc maps export Town03 --mesh town03.gltf --cloud town03.ply
   carlaloc maps check my.xodr --waypoints 2 --csv waypoints.csv
 """
 
@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export = actions.add_parser("export", parents=shared, help="surfaces of a town, as mesh and as cloud")
     export.add_argument("town", help="town, or a .xodr file")
     export.add_argument(
-        "--mesh", type=OutputFile(".ply", ".glb"), metavar="OUT", help="triangles of the whole town"
+        "--mesh", type=OutputFile(".ply", ".gltf"), metavar="OUT", help="triangles of the whole town"
     )
     export.add_argument("--cloud", type=OutputFile(".ply"), metavar="OUT", help="labelled points, normals")
     export.add_argument("--points-per-m2", type=number, default=10.0, metavar="N", help="(default: 10)")

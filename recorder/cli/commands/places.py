@@ -1,0 +1,116 @@
+"""Compare places of two drives, or of one drive under two weathers: exact overlap, recall at N.
+
+Examples:
+  carlaloc places town03.mcap --out places --query-weather RainyNight,FoggyNoon --methods sift_vlad
+  carlaloc places first.mcap second.mcap --out places --sensor lidar --methods map_closures
+  carlaloc places first.mcap second.mcap --out places --descriptors mine.npz --force
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from recorder.cli.arguments import OutputFolder, force_option, input_path, names, number
+from recorder.cli.replay_options import add_stretch_options
+
+TABLES = ("reference.csv", "query.csv", "pairs.csv", "scores.csv", "precision_recall.csv")
+"""Files that are written."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc places`."""
+    parser.add_argument("reference", type=input_path, help="the known drive (.mcap)")
+    parser.add_argument("query", type=input_path, nargs="?", help="the drive that looks; else the known one")
+    parser.add_argument(
+        "--out", type=OutputFolder(*TABLES), required=True, metavar="DIR", help="folder of tables"
+    )
+    force_option(parser, "older tables")
+    parser.add_argument("--sensor", default="camera", help="camera (the rig's first) or lidar")
+    parser.add_argument("--rig", default="paper", help="rig of both drives (default: paper)")
+    parser.add_argument("--weather", default="ClearNoon", help="weather of the known drive")
+    parser.add_argument(
+        "--query-weather", type=names, default=("ClearNoon",), metavar="A,B", help="weathers of the queries"
+    )
+    parser.add_argument("--traffic", default="dynamic", help="traffic level of both")
+    parser.add_argument(
+        "--every", type=number, default=2.0, metavar="M", help="way between frames (default: 2)"
+    )
+    parser.add_argument(
+        "--query-offset", type=number, default=0.0, metavar="M", help="way to the first query; 0: exact twins"
+    )
+    parser.add_argument(
+        "--within", type=number, default=30.0, metavar="M", help="longest distance of a pair (default: 30)"
+    )
+    parser.add_argument(
+        "--overlap", type=number, default=0.5, metavar="SHARE", help="overlap of one place (default: 0.5)"
+    )
+    parser.add_argument("--methods", type=names, default=(), metavar="A,B", help="sift_vlad, map_closures")
+    parser.add_argument(
+        "--descriptors",
+        type=input_path,
+        action="append",
+        default=[],
+        metavar="NPZ",
+        help="a method's own file",
+    )
+    parser.add_argument("--map", metavar="FILE", help="town of the drives, if they do not name it")
+    add_stretch_options(parser)
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Compare."""
+    from recorder.cli.progress import Progress
+    from recorder.places.places import PlacesConfig, compare_places
+
+    config = PlacesConfig(
+        reference=arguments.reference,
+        query=arguments.query,
+        out=arguments.out,
+        sensor=arguments.sensor,
+        rig=arguments.rig,
+        weather=arguments.weather,
+        query_weathers=arguments.query_weather,
+        traffic=arguments.traffic,
+        every_m=arguments.every,
+        query_offset_m=arguments.query_offset,
+        within_m=arguments.within,
+        least_overlap=arguments.overlap,
+        methods=arguments.methods,
+        descriptors=tuple(arguments.descriptors),
+        start_s=arguments.start,
+        duration_s=arguments.duration,
+        seed=arguments.seed,
+        map=arguments.map,
+    )
+    with Progress("places", unit="frames") as progress:
+        result = compare_places(config, progress.update)
+    return {
+        "references": len(result.reference),
+        "queries": len(result.query),
+        "pairs": len(result.pairs.query),
+        "scores": [
+            {
+                "method": method,
+                "query_weather": weather,
+                "queries": one.queries,
+                "recall": {str(n): value for n, value in one.recall.items()},
+                "average_precision": one.average_precision,
+                "recall_at_full_precision": one.recall_at_full_precision,
+            }
+            for (method, weather), one in result.scores.items()
+        ],
+        "files": [str(path) for path in result.files],
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print counts, a line for each method and weather, and the files."""
+    print(f"{result['queries']} queries, {result['references']} references, {result['pairs']} pairs")
+    for one in result["scores"]:
+        recall = ", ".join(f"@{n} {value:.3f}" for n, value in one["recall"].items())
+        print(
+            f"  {one['method']:<14} {one['query_weather']:<16} recall {recall} of {one['queries']} queries; "
+            f"average precision {one['average_precision']:.3f}"
+        )
+    print(*result["files"], sep="\n")

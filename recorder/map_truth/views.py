@@ -1,0 +1,126 @@
+"""What a frame shows: the field of a camera or LiDAR, and the share of one frame that another one sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from carlaloc_env.core.array_types import Array, Index, Mask
+from carlaloc_env.core.geometry import transforms
+from carlaloc_env.raycast.scene import RayScene
+from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
+from carlaloc_env.timeline.timeline import Timeline, empty_catalog
+
+REACHED_M = 0.05
+"""A ray that ends so near a point has reached it [m]: paint and covers lie millimetres above their road."""
+CAMERA_RANGE_M = 200.0
+"""Surfaces farther from a camera count as sky [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Field:
+    """Which way a sensor looks, and how far."""
+
+    range_max_m: float
+    """Farthest surface that counts [m]."""
+    directions: Callable[[int], Array]
+    """Unit vectors spread evenly over pixels or beams, sensor frame, about as many as asked for, (N, 3)."""
+    holds: Callable[[Array], Mask]
+    """Which points of the sensor frame, (N, 3), lie in the field, whatever is before them, shape (N,)."""
+
+
+def field_of(config: CameraConfig | LidarConfig) -> Field:
+    """The field of a LiDAR, or that of a camera by its pinhole alone: distortion of a lens is left out."""
+    return _lidar_field(config) if isinstance(config, LidarConfig) else _camera_field(config)
+
+
+def _camera_field(config: CameraConfig) -> Field:
+    lens = config.pinhole
+    sizes = np.array([lens.width_px, lens.height_px])
+
+    def directions(rays: int) -> Array:
+        counts = np.maximum(np.round(sizes / max(np.sqrt(sizes.prod() / rays), 1.0)), 1.0)
+        u, v = ((np.arange(n) + 0.5) * size / n - 0.5 for n, size in zip(counts, sizes, strict=True))
+        x, y = np.meshgrid((u - lens.cx_px) / lens.fx_px, (v - lens.cy_px) / lens.fy_px)
+        away = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=-1)
+        return np.asarray(away / np.sqrt(np.sum(away**2, axis=1))[:, None])
+
+    def holds(points_m: Array) -> Mask:
+        # NaN, behind the camera, lies in no image.
+        inside = (np.abs(lens.project(points_m) + 0.5 - 0.5 * sizes) <= 0.5 * sizes).all(axis=1)
+        return np.asarray(inside & (np.sum(points_m**2, axis=1) <= CAMERA_RANGE_M**2))
+
+    return Field(range_max_m=CAMERA_RANGE_M, directions=directions, holds=holds)
+
+
+def _lidar_field(config: LidarConfig) -> Field:
+    up_rad = np.radians(np.array(config.elevations_deg) + config.elevation_offset_deg)
+
+    def directions(rays: int) -> Array:
+        columns = max(rays // len(up_rad), 1)
+        a, e = (v.ravel() for v in np.meshgrid(np.arange(columns) * (2.0 * np.pi / columns), up_rad))
+        return np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1)
+
+    def holds(points_m: Array) -> Mask:
+        distance = np.sqrt(np.sum(points_m**2, axis=1))
+        up = np.arcsin(np.clip(points_m[:, 2] / np.maximum(distance, 1e-9), -1.0, 1.0))
+        # A ray along the outermost beam is in the field for all that rounding does.
+        inside = (up >= up_rad[0] - 1e-6) & (up <= up_rad[-1] + 1e-6)
+        return np.asarray(inside & (distance >= config.range_min_m) & (distance <= config.range_max_m))
+
+    return Field(range_max_m=config.range_max_m, directions=directions, holds=holds)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class View:
+    """Surfaces of the town that a frame shows, on a grid of its pixels or beams."""
+
+    T_world_sensor: Array
+    """Pose, maps the sensor frame to the world, shape (4, 4)."""
+    points_m: Array
+    """First surfaces along its rays, without sky, world, shape (N, 3)."""
+
+
+def look(rays: RayScene, field: Field, T_world_sensor: Array, count: int) -> View:
+    """Surfaces that a sensor sees from a pose; movers and the ego's own body are left out.
+
+    Args:
+        rays: The town.
+        field: Field of the sensor.
+        T_world_sensor: Pose, shape (4, 4).
+        count: About how many rays are cast.
+    """
+    turned = transforms.apply(transforms.from_rotation(T_world_sensor[:3, :3]), field.directions(count))
+    range_m = _ranges(rays, T_world_sensor[:3, 3], turned, field.range_max_m)
+    met = np.isfinite(range_m)
+    points = T_world_sensor[:3, 3] + turned[met] * range_m[met, None]
+    seen = field.holds(transforms.apply(transforms.invert(T_world_sensor), points))
+    return View(T_world_sensor=T_world_sensor, points_m=points[seen])
+
+
+def seen_shares(rays: RayScene, field: Field, eye: View, others: Sequence[View]) -> Array:
+    """Share of what each of some views shows that one more view sees, 0–1, shape (len(others),).
+
+    A point is seen if it lies in the field, and a ray to it meets nothing of the town before. A view of the
+    sky alone shows nothing, of which 0 is seen.
+    """
+    counts = np.array([len(other.points_m) for other in others])
+    points = np.concatenate([other.points_m for other in others])
+    whose: Index = np.repeat(np.arange(len(others)), counts)
+    inside = field.holds(transforms.apply(transforms.invert(eye.T_world_sensor), points))
+    away = points[inside] - eye.T_world_sensor[:3, 3]
+    distance = np.sqrt(np.sum(away**2, axis=1))
+    met = _ranges(rays, eye.T_world_sensor[:3, 3], away / distance[:, None], field.range_max_m + 1.0)
+    seen = np.bincount(whose[inside][met >= distance - REACHED_M], minlength=len(others))
+    return np.asarray(seen / np.maximum(counts, 1))
+
+
+def _ranges(rays: RayScene, eye_m: Array, directions: Array, range_max_m: float) -> Array:
+    nobody = Timeline(empty_catalog())
+    origins = np.broadcast_to(eye_m, directions.shape)
+    stamps = np.zeros(len(directions), np.int64)
+    hits = rays.cast(origins, directions, stamps, nobody, range_max_m, ego=False)
+    return np.asarray(hits.range_m, np.float64)

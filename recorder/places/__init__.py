@@ -1,0 +1,1 @@
+"""Place recognition: pairs of frames, exact overlap, recall, and baselines."""
