@@ -30,19 +30,18 @@ def by_small_gicp(sweeps: list[Scan]) -> Trajectory:
     source = cast(ScanSource, SimpleNamespace(scans=lambda: iter(sweeps)))
     stamps, T = zip(*small_gicp.run(source, FrameClock()), strict=True)
     quat = np.array([transforms.matrix_to_quat(one[:3, :3]) for one in T])
-    middle_ns = np.array(stamps) + 25_000_000
-    return Trajectory(stamp_ns=middle_ns, position_m=np.array(T)[:, :3, 3], quat_xyzw=quat, name="small_gicp")
+    middle = np.array(stamps) + 25_000_000
+    return Trajectory(stamp_ns=middle, position_m=np.array(T)[:, :3, 3], quat_xyzw=quat, name="small_gicp")
 
 
-drive, seconds = Path(sys.argv[1]), float(sys.argv[2])
-out = Path("out/ghosts") / drive.stem
+drive, seconds, out = Path(sys.argv[1]), float(sys.argv[2]), Path("out/ghosts") / Path(sys.argv[1]).stem
 found: dict[str, list[Scan]] = {}
 for level in ("static", "dynamic"):
     config = ReplayConfig(episode=drive, out=out / level, rig="lidar", traffic=(level,), duration_s=seconds)
     (stream,) = describe_drive(config)
     frames = FrameMaker(stream.frame_job("lidar", masks=False)).frames()
     found[level] = [scan for _, one in frames for scan in one.values() if isinstance(scan, Scan)]
-found["seg(d)"] = [scan.take(~np.isin(scan.tag, [*DYNAMIC_TAGS])) for scan in found["dynamic"]]
+found["seg(d)"] = [scan.take(~np.isin(np.asarray(scan.tag), [*DYNAMIC_TAGS])) for scan in found["dynamic"]]
 truth = replace(read_tum(stream.plan.drive.truth("lidar")), name="truth")
 span_ns = found["static"][0].stamp_ns, found["static"][-1].stamp_ns
 judge = MapJudge(MapTruthConfig(drive=drive, rig="lidar", distances_m=(0.2,)), span_ns)
