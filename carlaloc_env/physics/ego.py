@@ -8,11 +8,10 @@ from math import sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.clock import TICK_S
 from carlaloc_env.core.controls import Controls
-from carlaloc_env.core.elementary_kernels import sin_cos
+from carlaloc_env.core.elementary_kernels import arctan2, sin_cos
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.geometry import transforms
 from carlaloc_env.physics.ground_heights import highest_below
@@ -159,7 +158,7 @@ class EgoCar:
             omega_body_radps=np.array((wx, wy, wz)),
             speed_mps=bx,
             acceleration_mps2=(bx - self._speed_before_mps) / TICK_S,
-            heading_rad=float(elementary.arctan2(r21, r11)),
+            heading_rad=arctan2(r21, r11),
             road_wheel_rad=self._steer_rad,
             wheel_spin_radps=tuple(wheels["spin_radps"].tolist()),
             wheel_travel_m=tuple(wheels["travel_m"].tolist()),

@@ -10,6 +10,7 @@ from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.timeline.timeline import ActorFrame
 from carlaloc_env.town.lanes.lane_network import LaneNetwork
+from carlaloc_env.traffic.actor_frames import new_arrays, put_actors, put_boxes
 from carlaloc_env.traffic.config import TrafficConfig as TrafficConfig
 from carlaloc_env.traffic.config import traffic_of_town as traffic_of_town
 from carlaloc_env.traffic.population import draw_catalog, draw_drivers, draw_vehicles
@@ -42,6 +43,7 @@ class TrafficWorld:
         )
         self._vehicles = Vehicles(self._tables, drivers, config.driver_parameters(), open_fraction)
         self.catalog = draw_catalog(names, tints, config)
+        self._signals_ns, self._signals = 0, self.signal_plan.state_at(0)
 
     def reset(self, ego: EgoView | None = None) -> ActorFrame:
         """State of all actors at time 0, after the warm-up.
@@ -79,8 +81,11 @@ class TrafficWorld:
         return self._frame()
 
     def signals(self, stamp_ns: int) -> NDArray[np.uint8]:
-        """`SignalState` of every head at a time [ns]."""
-        return self.signal_plan.state_at(stamp_ns)
+        """`SignalState` of every head at a time [ns]; not to be written to."""
+        # The same is asked for twice: as the state of one step, and when the next one is made of it.
+        if stamp_ns != self._signals_ns:
+            self._signals_ns, self._signals = stamp_ns, self.signal_plan.state_at(stamp_ns)
+        return self._signals
 
     def changing_lanes(self) -> NDArray[np.bool_]:
         """Which vehicles are moving from one lane to another, (N,)."""
@@ -96,14 +101,14 @@ class TrafficWorld:
         stamp_ns = self._step * STEP_NS
         seen = StepInput(
             ego=ego.box(),
-            signals=self.signal_plan.state_at(stamp_ns),
+            signals=self.signals(stamp_ns),
             red_in_s=self.signal_plan.until_red_s(stamp_ns),
             taken_by_walkers=self._taken,
             step=self._step,
         )
         if self._config.walkers:
             v = self._vehicles
-            self._walkers.see_vehicles(v.fleet, self._poses, seen.ego)
+            put_boxes(v.fleet, self._poses, seen.ego, self._walkers.boxes)
             until_green = self.signal_plan.until_green_s(stamp_ns)
             self._walkers.step(self._tables.roads, v.occupancy, self._taken, seen.signals, until_green)
         self._vehicles.step(seen)
@@ -111,22 +116,8 @@ class TrafficWorld:
         self._step += 1
 
     def _frame(self) -> ActorFrame:
-        fleet, walker_state = self._vehicles.fleet, self._walkers.state
-        poses = self._poses
-        walker_position, walker_heading, walker_speed = self._walkers.poses()
-        lights = self._vehicles.lights()
-        zeros = np.zeros(len(walker_heading))
-
-        def f32(vehicles: Array, walkers: Array) -> NDArray[np.float32]:
-            return np.concatenate([vehicles, walkers]).astype(np.float32)
-
-        return ActorFrame(
-            position_m=f32(poses.position_m, walker_position),
-            heading_rad=f32(poses.heading_rad, walker_heading),
-            pitch_rad=f32(poses.pitch_rad, zeros),
-            speed_mps=f32(fleet.speed_mps[:-1], walker_speed),
-            travelled_m=f32(fleet.travelled_m[:-1], walker_state.travelled_m),
-            steer_rad=f32(poses.steer_rad, zeros),
-            lights=np.concatenate([lights, zeros]).astype(np.uint8),
-            roll_rad=f32(poses.roll_rad, zeros),
-        )
+        walkers, lights = self._walkers.state, self._vehicles.lights()
+        frame = new_arrays(len(self.catalog))
+        put_actors(self._vehicles.fleet, self._poses, walkers, frame)
+        dark = np.zeros(len(self.catalog) - len(lights), np.uint8)
+        return ActorFrame(**frame._asdict(), lights=np.concatenate([lights, dark]))

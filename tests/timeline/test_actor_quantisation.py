@@ -47,3 +47,15 @@ def test_rounding_twice_changes_nothing() -> None:
     twice = encode_actors(decode_actors(once))
     for name in once.__slots__:
         assert np.array_equal(getattr(once, name), getattr(twice, name)), name
+
+
+@pytest.mark.parametrize("extent_m", [100.0, 4000.0])
+def test_rounding_at_once_is_coding_and_decoding(extent_m: float) -> None:
+    """Also for speeds beyond the codes, and angles at the wrap."""
+    exact = frame(2000, extent_m)
+    exact.speed_mps[:4] = 127.9, 129.0, -128.5, 1e4
+    exact.heading_rad[:4] = np.pi, -np.pi, 3.0 * np.pi, -0.0
+    exact.position_m[0] = -1e-9
+    one, other = on_grid(exact), decode_actors(encode_actors(exact))
+    for name in one.__slots__:
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name

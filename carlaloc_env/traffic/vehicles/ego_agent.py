@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carlaloc_env.core import elementary
 from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.core.ego_car import EGO_SIZE_M
+from carlaloc_env.core.elementary_kernels import sin_cos
 from carlaloc_env.core.jit import compiled
 from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy, add_body
@@ -69,12 +69,13 @@ class EgoView:
     def box(self) -> EgoBox:
         """The ego's box as compiled functions read it."""
         x, y, z = self.position_m
+        sine, cosine = sin_cos(self.heading_rad)
         return EgoBox(
             x_m=float(x),
             y_m=float(y),
             z_m=float(z),
-            cos=float(elementary.cos(self.heading_rad)),
-            sin=float(elementary.sin(self.heading_rad)),
+            cos=cosine,
+            sin=sine,
             speed_mps=float(self.speed_mps),
             half_length_m=0.5 * float(self.length_m),
             half_width_m=0.5 * float(self.width_m),

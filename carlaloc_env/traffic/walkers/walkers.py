@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from carlaloc_env.core import elementary, rng
+from carlaloc_env.core import rng
 from carlaloc_env.core.array_types import Array
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.traffic.tables.demand import weighted_order
@@ -13,10 +13,8 @@ from carlaloc_env.traffic.tables.lane_tables import Roads
 from carlaloc_env.traffic.tables.occupancy import Occupancy
 from carlaloc_env.traffic.tables.record_arrays import columns
 from carlaloc_env.traffic.tables.sidewalk_tables import SIDEWALK, WalkerNetwork
-from carlaloc_env.traffic.tables.vehicle_state import Drivers, Fleet
+from carlaloc_env.traffic.tables.vehicle_state import Drivers
 from carlaloc_env.traffic.tables.walker_state import VehicleBoxes, WalkerState
-from carlaloc_env.traffic.vehicles.ego_agent import EgoBox
-from carlaloc_env.traffic.vehicles.poses import VehiclePoses, angle_of
 from carlaloc_env.traffic.walkers.step import walk
 
 _START_GAP_M = 5.0
@@ -100,20 +98,6 @@ class Walkers:
         state.position_m[:, 1] -= lateral_offset * tangent[:, 0]
         state.direction[...] = tangent * state.sense[:, None]
 
-    def see_vehicles(self, fleet: Fleet, poses: VehiclePoses, ego: EgoBox) -> None:
-        """Take over where vehicles, (N,) poses, and the ego are now."""
-        boxes = self.boxes
-        boxes.position_m[:-1] = poses.position_m[:, :2]
-        boxes.height_m[:-1] = poses.position_m[:, 2]
-        boxes.direction[:-1, 0] = elementary.cos(poses.heading_rad)
-        boxes.direction[:-1, 1] = elementary.sin(poses.heading_rad)
-        boxes.speed_mps[:-1] = fleet.speed_mps[:-1]
-        boxes.position_m[-1] = ego.x_m, ego.y_m
-        boxes.height_m[-1] = ego.z_m
-        boxes.direction[-1] = ego.cos, ego.sin
-        boxes.speed_mps[-1] = ego.speed_mps
-        boxes.half_m[-1] = ego.half_length_m, ego.half_width_m
-
     def step(
         self,
         roads: Roads,
@@ -134,10 +118,3 @@ class Walkers:
             red_for_s,
             self.seed,
         )
-
-    def poses(self) -> tuple[Array, Array, Array]:
-        """Position of the feet [m] (W, 3), heading [rad] (W,), speed [m/s] (W,)."""
-        state = self.state
-        heading = np.array([angle_of(y, x) for x, y in state.direction.tolist()])
-        velocity = state.velocity_mps
-        return state.position_m.copy(), heading, np.sqrt(velocity[:, 0] ** 2 + velocity[:, 1] ** 2)
