@@ -35,7 +35,7 @@ from carlaloc_env.traffic.config import TrafficConfig, traffic_of_town
 from carlaloc_env.weather.schedule import Weather, weather_of
 
 KEEP_NS = 2_000_000_000
-"""How much of the past a live run keeps [ns]."""
+"""How much of the past a live run keeps at least [ns]; twice that at most."""
 INFO = ("ego", "samples", "truth", "objects", "visibility")
 """What `info` can hold beside the task, each for its time."""
 
@@ -54,6 +54,7 @@ class CarlaLocEnv(BaseEnv):
         weather: str | Path | Weather | Mapping[str, Any] = "ClearNoon",
         traffic: str | float | Mapping[str, Any] = "dynamic",
         route: str | Sequence[Sequence[float]] = "town",
+        start: str | float = 0.0,
         frame_skip: int = 1,
         task: TaskConfig | Mapping[str, float] | None = None,
         info: Sequence[str] | None = None,
@@ -67,8 +68,9 @@ class CarlaLocEnv(BaseEnv):
             MapError: there is no such town.
         """
         EzPickle.__init__(
-            self, map, rig, action, weather, traffic, route, frame_skip, task, info, quality, render_mode
-        )
+            self, map, rig, action, weather, traffic, route, start, frame_skip, task, info, quality,
+            render_mode,
+        )  # fmt: skip
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ConfigError(unknown_name("render mode", str(render_mode), self.metadata["render_modes"]))
         whole = isinstance(frame_skip, Integral) and not isinstance(frame_skip, bool)
@@ -79,7 +81,8 @@ class CarlaLocEnv(BaseEnv):
         self.task = TaskConfig.of(task)
         self.weather = weather_of(weather)
         self._default_weather, self._default_traffic = self.weather, traffic
-        self._route = EpisodeStart.of({"route": route}).route
+        asked = EpisodeStart.of({"route": route, "start": start})
+        self._route, self._start = asked.route, asked.start
         self._frame_skip = int(frame_skip)
         self._actions = action_kind(action)
         self._quality = check_quality(quality)
@@ -99,14 +102,14 @@ class CarlaLocEnv(BaseEnv):
 
         Args:
             seed: Seed of route, traffic and noise; a fresh one is drawn from the last when left out.
-            options: `route`, `spawn`, `goal`, `weather`, `traffic`; each counts for this episode only.
+            options: `route`, `start`, `spawn`, `goal`, `weather`, `traffic`, for this episode only.
 
         Raises:
             ConfigError: the seed is no whole number of 0 or more, or an option is unknown or does not fit.
             MapError: no route leads where it is asked to.
             ClosedError: the environment has been closed.
         """
-        start = EpisodeStart.of({"route": self._route, **(options or {})})
+        start = EpisodeStart.of({"route": self._route, "start": self._start, **(options or {})})
         self._begin(seed)
         drive_seed = int(self.np_random.integers(2**31))
         route = route_of(start, self._town, self.np_random)
@@ -144,7 +147,8 @@ class CarlaLocEnv(BaseEnv):
             verdict = verdict.then(self._referee.judge(touched))
             self._view.follow(self.world)
             samples += self._view.samples
-            self.world.forget_before(self.world.now_ns - KEEP_NS)
+            if self.world.now_ns % KEEP_NS == 0:
+                self.world.forget_before(self.world.now_ns - KEEP_NS)
             if verdict.ended_by or verdict.truncated_by:
                 break
         observation = self._view.observe(self.world, self._referee.standing_s)

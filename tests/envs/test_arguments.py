@@ -30,6 +30,7 @@ ALL_OTHERS: tuple[dict[str, Any], ...] = (
         "weather": WeatherSchedule(at_s=(0.0, 9.5), weathers=(FOG, weather_by_name("RainyNight"))),
         "traffic": {"level": np.float64(0.5), "vehicles": np.int64(2), "parked_cars": False},
         "route": np.array([[20.0, 0.0], [120.0, 0.0]]),
+        "start": np.float64(0.25),
         "frame_skip": np.int64(2),
         "task": TaskConfig(goal=3.0),
         "info": ("ego", "truth"),

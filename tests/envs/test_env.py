@@ -234,6 +234,8 @@ def test_wrong_arguments_name_the_nearest(settings: dict[str, Any], words: str, 
         ({"goal": "home"}, "give a point (x, y)"),
         ({"route": [(float("nan"), 0.0), (1.0, 0.0)]}, "finite"),
         ({"route": "random", "goal": (1.0, 0.0)}, "leave one of the two out"),
+        ({"start": 1.0}, "give 'anywhere', or a share of the route from 0 to below 1"),
+        ({"start": "anywere"}, "give 'anywhere'"),
     ],
 )
 def test_wrong_options_are_refused_in_one_line(env: CarlaLocEnv, options: dict[str, Any], words: str) -> None:
@@ -255,6 +257,24 @@ def test_options_hold_for_one_episode(env: CarlaLocEnv) -> None:
     again, _ = env.reset(seed=1)
     assert not env.weather.at(0).is_night
     assert _same(own, again)
+
+
+def test_a_start_on_the_way_leaves_the_route_before_it_out(straight_map: Path) -> None:
+    """The end stays; `anywhere` is drawn by the seed, evenly over nine tenths of the way."""
+    env = CarlaLocEnv(map=straight_map, rig="state", traffic="empty", start="anywhere")
+    _, whole = env.reset(seed=1, options={"start": 0.0})
+    begin, end = env.world.route.position_m[[0, -1]]
+    _, half = env.reset(seed=1, options={"start": 0.5})
+    assert half["route_length_m"] == pytest.approx(0.5 * whole["route_length_m"], abs=env.world.route.step_m)
+    np.testing.assert_allclose(env.world.route.position_m[-1], end)
+    np.testing.assert_allclose(env.world.state.position_m[:2], 0.5 * (begin + end)[:2], atol=0.5)
+    seeds = [*range(12), 0]
+    shares = [1.0 - env.reset(seed=seed)[1]["route_length_m"] / whole["route_length_m"] for seed in seeds]
+    assert shares[0] == shares[-1]
+    assert -1e-9 <= min(shares) <= max(shares) < 0.9
+    # The mean of 12 draws from 0 to 0.9 has a standard error of 0.075.
+    assert np.mean(shares[:-1]) == pytest.approx(0.45, abs=0.25)
+    env.close()
 
 
 def test_rendering_gives_a_picture(straight_map: Path) -> None:

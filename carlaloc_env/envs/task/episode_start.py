@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,14 @@ from carlaloc_env.town.routing.route import Route, plan_route
 from carlaloc_env.town.town import Town
 from carlaloc_env.weather.schedule import Weather, weather_of
 
-OPTIONS = ("route", "spawn", "goal", "weather", "traffic")
+OPTIONS = ("route", "start", "spawn", "goal", "weather", "traffic")
 """Options of a reset."""
 ROUTES = ("town", "random")
 """Routes by name: the town's own, and one drawn by the seed."""
+ANYWHERE = "anywhere"
+"""The start that the seed draws."""
+_LAST_START = 0.9
+"""Share of a route up to which such starts lie."""
 RANDOM_ROUTE_M = (100.0, 600.0)
 """Lengths between which random routes lie, where the map has room for them [m]."""
 _TRIES, _SHORT_TRIES = 200, 40
@@ -38,6 +43,8 @@ class EpisodeStart:
 
     route: str | tuple[Point, ...] = "town"
     """`town`, `random`, or points near lanes that it leads through [m]."""
+    start: float | str = 0.0
+    """Share of the route that is left out before the car, 0 to below 1; `anywhere` draws it."""
     spawn: Point | None = None
     """Where it begins [m]."""
     goal: Point | None = None
@@ -63,6 +70,8 @@ class EpisodeStart:
         for name in ("spawn", "goal"):
             if given.get(name) is not None:
                 given[name] = _point(name, given[name])
+        if given.get("start") is not None:
+            given["start"] = _start(given["start"])
         route = given.get("route")
         if isinstance(route, str):
             if route not in ROUTES:
@@ -75,17 +84,34 @@ class EpisodeStart:
 
 
 def route_of(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Route:
-    """The route of an episode.
+    """The route of an episode, from the place on where the car starts.
 
     Args:
         start: What is asked for.
         town: Where.
-        rng: Draws random routes.
+        rng: Draws random routes and starts.
 
     Raises:
         ConfigError: the town has no route of its own, or none can be drawn.
         MapError: a point lies off the lanes, or no way leads from one to the next.
     """
+    route = _whole_route(start, town, rng)
+    share = rng.uniform(0.0, _LAST_START) if start.start == ANYWHERE else float(start.start)
+    return _from(route, share * route.length_m) if share else route
+
+
+def _from(route: Route, s_m: float) -> Route:
+    """The route from its sample at or before a distance from its start [m] on; a loop is begun there."""
+    row = route.row_at(s_m)
+    if route.closed:
+        return route.starting_at(route.position_m[row, :2])
+    row = min(row, len(route.position_m) - 2)
+    columns = {item.name: getattr(route, item.name) for item in fields(route)}
+    rest = {name: column[row:] for name, column in columns.items() if isinstance(column, np.ndarray)}
+    return replace(route, **rest, length_m=route.length_m - row * route.step_m)
+
+
+def _whole_route(start: EpisodeStart, town: Town, rng: np.random.Generator) -> Route:
     if start.route == "random":
         return _random_route(town, rng, start.spawn)
     points = start.route if isinstance(start.route, tuple) else ()
@@ -144,6 +170,15 @@ def _drawn_route(
     except MapError:
         return None
     return route if least_m <= route.length_m <= RANDOM_ROUTE_M[1] else None
+
+
+def _start(value: object) -> float | str:
+    if value == ANYWHERE:
+        return ANYWHERE
+    if isinstance(value, Real) and 0.0 <= float(value) < 1.0:
+        return float(value)
+    wanted = f"'{ANYWHERE}', or a share of the route from 0 to below 1"
+    raise ConfigError(f"reset: start is {value!r}; give {wanted}")
 
 
 def _points(route: object) -> tuple[Point, ...]:
