@@ -8,8 +8,10 @@ from carlaloc_env.envs.task.state_vector import AHEAD, EGO, state_names
 
 OWN_DOING = ("yaw_rate", "road_wheel", "acceleration", "lateral_acceleration", "standing")
 """The driver's last actions: a copy learns from them to go on, without the reason."""
+OWN_SUMS = ("room", "braking")
+"""It works these out itself, of the leader and of the line apart."""
 NAMES = state_names()
-SEEN = [k for k, name in enumerate(NAMES) if name not in OWN_DOING]
+SEEN = [k for k, name in enumerate(NAMES) if name not in (*OWN_DOING, *OWN_SUMS)]
 """Entries of the state vector that the pupil looks at."""
 NEAR_M = (8.0, 25.0)
 """Scales of distances besides: over a hundred metres, one and three at the bumper look alike."""

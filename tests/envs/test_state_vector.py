@@ -112,6 +112,44 @@ def test_gap_and_light_are_what_a_driver_sees(env: CarlaLocEnv) -> None:
     assert lights >= 5
 
 
+def test_room_and_braking_are_those_of_uniform_deceleration(env: CarlaLocEnv) -> None:
+    """At the nearer of leader and red line: braking so for 2 d / v s takes the closing speed v away."""
+    gaps = lines = 0
+    for seed in range(12):
+        env.reset(seed=seed, options={"start": "anywhere"})
+        for _ in range(25):
+            observation, _, ended, _, _ = env.step(2.0 * GO)
+            told = _told(observation["state"])
+            gap_m, line_m = told["gap"] * SIGHT_M, told["light_distance"] * SIGHT_M
+            stop = line_m > 0.0 and bool(told["light_red"] or told["light_yellow"])
+            room_m = min(gap_m, line_m) if stop else gap_m
+            assert told["room"] == pytest.approx(np.clip(room_m / 20.0, -1.0, 1.0), abs=1e-5)
+            braking_mps2, wanted = told["braking"] * 8.0, [0.0]
+            closing = [(told["gap_closing"] * 20.0, gap_m)]
+            closing += [(told["speed"] * 40.0, line_m)] if stop else []
+            for speed_mps, distance_m in closing:
+                if speed_mps > 0.0:
+                    time_s = 2.0 * max(distance_m, 0.5) / speed_mps
+                    wanted.append(speed_mps / time_s)
+            assert braking_mps2 == pytest.approx(min(max(wanted), 8.0), rel=2e-3, abs=1e-3)
+            gaps, lines = gaps + (room_m == gap_m < SIGHT_M - 1.0), lines + (stop and room_m == line_m)
+            if ended:
+                break
+    assert gaps >= 10
+    assert lines >= 10
+
+
+def test_a_loop_begun_elsewhere_stays_whole(env: CarlaLocEnv) -> None:
+    _, whole = env.reset(seed=1)
+    quarter = env.world.route.at(0.25 * whole["route_length_m"])
+    _, info = env.reset(seed=1, options={"start": 0.25})
+    assert info["route_length_m"] == whole["route_length_m"]
+    assert abs(info["route_s_m"]) < 1.0
+    np.testing.assert_allclose(env.world.state.position_m[:2], quarter.position_m[0, :2], atol=0.6)
+    turned = wrap_angle(env.world.state.heading_rad - quarter.heading_rad[0])
+    assert turned == pytest.approx(0.0, abs=0.03)
+
+
 def test_a_straight_road_from_above(straight_map: Path) -> None:
     """One lane of 3.5 m whose middle the car follows: rows, columns and areas are plain arithmetic."""
     env = CarlaLocEnv(map=straight_map, rig="bev", traffic="empty")

@@ -100,6 +100,7 @@ def first_in_path(
     route_m: NDArray[np.float64],
     route_heading_rad: Array,
     first_row: int,
+    beyond_m: float,
     step_m: float,
     closed: bool,
     position_m: NDArray[np.float32],
@@ -114,7 +115,8 @@ def first_in_path(
     Args:
         route_m: Samples of the route [m], world, (K, 3).
         route_heading_rad: Their headings [rad], (K,).
-        first_row: The sample where `base_link` is.
+        first_row: The sample at or before `base_link`.
+        beyond_m: How far beyond that sample `base_link` is [m].
         step_m: Distance between samples [m].
         closed: Whether the last sample leads to the first.
         position_m: Centres of N road users on the ground [m], world, (N, 3).
@@ -152,7 +154,10 @@ def first_in_path(
         side = 0.5 * (size_m[n, 0] * across + size_m[n, 1] * along)
         if np.sqrt(least) > side + _HALF_WIDTH_M + _ROOM_M or abs(z - route_m[row, 2]) > _STOREY_M:
             continue
-        gap = nearest * step_m - 0.5 * (size_m[n, 0] * along + size_m[n, 1] * across) - EGO_FRONT_M
+        # From the sample on to the foot of the perpendicular: else the gap would go in steps of a metre.
+        c, s = np.cos(route_heading_rad[row]), np.sin(route_heading_rad[row])
+        ahead = nearest * step_m + c * (x - route_m[row, 0]) + s * (y - route_m[row, 1])
+        gap = ahead - 0.5 * (size_m[n, 0] * along + size_m[n, 1] * across) - beyond_m - EGO_FRONT_M
         if gap < best_m and nearest * step_m > 0.5 * EGO_FRONT_M:
             best_m, best_mps = gap, float(speed_mps[n]) * np.cos(angle)
     return best_m, best_mps

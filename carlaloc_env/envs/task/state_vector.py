@@ -21,6 +21,10 @@ ROUTE_AHEAD_M = (2.0, 4.0, 7.0, 11.0, 16.0, 22.0, 30.0, 40.0, 55.0, 75.0)
 """Distances along the route at which it is told [m]."""
 SIGHT_M = 100.0
 """Distance up to which lights and vehicles ahead are told [m]."""
+NEAR_M = 20.0
+"""The scale on which the nearer of them is told once more [m]: over 100 m, one metre and two look alike."""
+_SHORTEST_M = 0.5
+"""Shorter distances do not make the needed deceleration greater [m]."""
 NEIGHBOURS = 16
 """Road users that are told, the nearest first."""
 _STEP_S = STEP_NS * 1e-9
@@ -72,6 +76,8 @@ AHEAD = (
     Entry("light_green", 1.0, "", "1 if it is green"),
     Entry("gap", SIGHT_M, "m", "from the front bumper to the first road user in the route's path; 1 without"),
     Entry("gap_closing", 20.0, "m/s", "speed of the car less that one's speed along the route"),
+    Entry("room", NEAR_M, "m", "the gap, or the distance to the next line if it is red or yellow and nearer"),
+    Entry("braking", 8.0, "m/s²", "deceleration by which the car stops at that line and closes up to no one"),
 )
 """Of what lies ahead on the route."""
 NEIGHBOUR = (
@@ -180,7 +186,8 @@ class StateVector:
             gap_m, speed_mps = first_in_path(
                 route.position_m,
                 route.heading_rad,
-                route.row_at(s_m),
+                row := route.row_at(s_m),
+                (s_m % route.length_m if route.closed else s_m) - row * route.step_m,
                 route.step_m,
                 route.closed,
                 actors.position_m,
@@ -191,7 +198,11 @@ class StateVector:
                 ego,
             )
         lit = [float(shown == state) for state in (SignalState.RED, SignalState.YELLOW, SignalState.GREEN)]
-        return np.array([line_m, *lit, gap_m, ego.speed_mps - speed_mps])
+        closing = ego.speed_mps - speed_mps
+        room, braking = gap_m, _deceleration(closing, gap_m)
+        if (lit[0] or lit[1]) and line_m > 0.0:
+            room, braking = min(room, line_m), max(braking, _deceleration(ego.speed_mps, line_m))
+        return np.array([line_m, *lit, gap_m, closing, room, braking])
 
     def _next_light(self, s_m: float) -> tuple[float, int]:
         lines, route = self._world.stop_lines, self._world.route
@@ -220,6 +231,11 @@ class StateVector:
                 self._neighbours,
             )
         return self._neighbours
+
+
+def _deceleration(closing_mps: float, distance_m: float) -> float:
+    """Constant deceleration [m/s²] that takes a closing speed away within a distance: v² / (2 d)."""
+    return max(closing_mps, 0.0) ** 2 / (2.0 * max(distance_m, _SHORTEST_M))
 
 
 def _route_points(route: Route, s_m: float, ahead_m: Array, ego: Ego) -> Array:
