@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carlaloc_env.core.ego_car import EGO_REAR_M, EGO_SIZE_M
+from carlaloc_env.core.ego_car import EGO_FRONT_M, EGO_REAR_M, EGO_SIZE_M
 from carlaloc_env.core.geometry.transforms import wrap_angle
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
 from carlaloc_env.envs.task.birds_eye_view import AHEAD_M, CHANNELS, PX_M, SIZE_PX
+from carlaloc_env.envs.task.neighbours import Ego, first_in_path
 from carlaloc_env.envs.task.state_vector import NEIGHBOURS, ROUTE_AHEAD_M, SIGHT_M, state_names
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.traffic.signals import SignalState
@@ -110,6 +111,25 @@ def test_gap_and_light_are_what_a_driver_sees(env: CarlaLocEnv) -> None:
                 lights += 1
     assert compared >= 5
     assert lights >= 5
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_gap_is_exact_between_samples(closed: bool) -> None:
+    """Along a straight line the gap is a difference of places, wherever both are between the samples."""
+    rng, step_m = np.random.default_rng(0), 0.5
+    route = np.stack([np.arange(400) * step_m, np.zeros(400), np.zeros(400)], axis=1)
+    for ego_m, away_m, length_m in zip(
+        rng.uniform(0.0, 80.0, 40), rng.uniform(12.0, 90.0, 40), rng.uniform(2.0, 9.0, 40), strict=True
+    ):
+        row = int(ego_m / step_m)
+        gap_m, speed_mps = first_in_path(
+            route, np.zeros(400), row, ego_m - row * step_m, step_m, closed,
+            np.array([[ego_m + away_m, 0.3, 0.0]], np.float32), np.zeros(1, np.float32),
+            np.full(1, 4.0, np.float32), np.array([[length_m, 1.8]]), SIGHT_M,
+            Ego(x=ego_m, y=0.0, z=0.0, cos=1.0, sin=0.0, speed_mps=9.0, centre_m=1.4),
+        )  # fmt: skip
+        assert gap_m == pytest.approx(away_m - 0.5 * length_m - EGO_FRONT_M, abs=1e-4)
+        assert speed_mps == 4.0
 
 
 def test_room_and_braking_are_those_of_uniform_deceleration(env: CarlaLocEnv) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
+import shutil
 from pathlib import Path
 from types import ModuleType
 
@@ -250,6 +252,59 @@ def test_the_pupil_that_comes_along_drives(monkeypatch: pytest.MonkeyPatch) -> N
     assert ride.ended_by == "time"
     assert ride.completion > 0.15
     env.close()
+
+
+def test_an_agent_learns_from_nothing_and_goes_on(
+    straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its file is small and holds all of it; an agent that goes on from it, in two towns, begins as it."""
+    torch = pytest.importorskip("torch", reason="learning needs the extra `learn`")
+    pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    example = load("15_learn_from_nothing")
+    few = {"towns": (straight_map,), "steps": 32, "n_steps": 32, "time_limit_s": 2.0, "scored": 1}
+    assert 0.0 < example.main(tmp_path / "first", **few) < 0.5
+    path = tmp_path / "first" / "agent.pt"
+    assert path.stat().st_size < 200_000
+    assert "route_completion" in (tmp_path / "first" / "rides_0.monitor.csv").read_text()
+    other = shutil.copytree(straight_map.parent, tmp_path / "other") / straight_map.name
+    held = {"begin_with": path, "learning_rate": 0.0, "towns": (straight_map, other), "route": "random"}
+    example.main(tmp_path / "held", **{**few, **held})
+    before, after = (torch.load(name, weights_only=True) for name in (path, tmp_path / "held" / "agent.pt"))
+    assert all(torch.equal(value, after["policy"][name]) for name, value in before["policy"].items())
+    # The inputs' mean and variance go on where they were: 32 more are counted.
+    assert after["own"]["count"] - before["own"]["count"] == pytest.approx(33, abs=2)
+    # Beside the scripted driver, which is some 30 m on by then.
+    beside = load("16_drive_unseen_towns")
+    agent, driver = beside.main(path, [straight_map], route="town", scored=1, time_limit_s=8.0)[straight_map]
+    assert 0.0 < agent < 0.5
+    assert 0.02 < driver < 0.3
+
+
+def test_a_plain_vector_gets_the_library_s_defaults(
+    straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
+    monkeypatch.syspath_prepend(EXAMPLES)
+    load("15_learn_from_nothing").main(
+        tmp_path,
+        without=("starts", "gentle", "apart", "mild"),
+        steps=32,
+        n_steps=32,
+        time_limit_s=4.0,
+        scored=1,
+    )
+    assert (tmp_path / "agent.pt").is_file()
+
+
+def test_a_score_counts_collisions_by_the_kilometre(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.syspath_prepend(EXAMPLES)
+    score = importlib.import_module("learning.score")
+    rides = [score.Ride(1.0, 600.0, "goal"), score.Ride(0.5, 400.0, "collision")]
+    assert score.report("two", rides) == 0.75
+    assert "75.0% of the route, 1.00 collisions a km" in capsys.readouterr().out
 
 
 def test_env_runners_of_rllib_drive_in_processes_of_their_own() -> None:

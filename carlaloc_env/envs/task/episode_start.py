@@ -107,7 +107,9 @@ def _from(route: Route, s_m: float) -> Route:
         return route.starting_at(route.position_m[row, :2])
     row = min(row, len(route.position_m) - 2)
     columns = {item.name: getattr(route, item.name) for item in fields(route)}
-    rest = {name: column[row:] for name, column in columns.items() if isinstance(column, np.ndarray)}
+    rest: dict[str, Any] = {
+        name: column[row:] for name, column in columns.items() if isinstance(column, np.ndarray)
+    }
     return replace(route, **rest, length_m=route.length_m - row * route.step_m)
 
 

@@ -1,0 +1,60 @@
+"""Learn to drive from nothing: PPO of Stable-Baselines3 on the task's own reward.
+
+`python examples/15_learn_from_nothing.py out` learns Town01's route and scores it over unseen seeds. In every
+town: `--towns Town01 Town03 Town04 Town06 Town10 --route random --begin-with out/agent.pt`.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
+
+from learning.agent import act, load, new_agent, save
+from learning.drive_env import MILD, drive_env, logged
+from learning.score import UNSEEN, by_agent, report
+
+KEPT = 20_000
+"""Actions after which the agent is saved."""
+
+
+def main(
+    out: Path, towns: Sequence[str] = ("Town01",), route: str = "town", steps: int = 1_000_000, seed: int = 0,
+    workers: int = 1, begin_with: Path | None = None, without: Sequence[str] = (), scored: int = 50,
+    time_limit_s: float = 100.0, **parameters: float,
+) -> float:  # fmt: skip
+    """Learn for a number of actions, save the agent, and return its route completion in the first town."""
+    torch.set_num_threads(1)
+    out.mkdir(parents=True, exist_ok=True)
+    kind: dict[str, Any] = {name: name not in without for name in ("gentle", "apart")} | {"route": route}
+    kind["start"] = 0.0 if "starts" in without else "anywhere"
+    task = {"time_limit_s": time_limit_s, **({} if "mild" in without else MILD)}
+    makers = [partial(logged, out / f"rides_{n}", towns, task=task, **kind) for n in range(workers)]
+    envs = SubprocVecEnv(makers) if workers > 1 else DummyVecEnv(makers)
+    envs.seed(1000 * seed)
+    agent = new_agent(envs, seed, verbose=1, **parameters)
+    if begin_with is not None:
+        load(agent, begin_with)
+    for done in range(0, steps, KEPT):
+        agent.learn(min(KEPT, steps - done), reset_num_timesteps=False)
+        save(agent, out / "agent.pt")
+    kind |= {"start": 0.0, "task": {"time_limit_s": 6.0 * time_limit_s}}
+    scoring = drive_env(towns[:1], **kind)
+    return report(towns[0], [by_agent(scoring, partial(act, agent), one) for one in UNSEEN[:scored]])
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(argument_default=argparse.SUPPRESS)
+    parser.add_argument("out", type=Path)
+    for name in ("steps", "seed", "workers", "scored"):
+        parser.add_argument(f"--{name}", type=int)
+    parser.add_argument("--begin-with", type=Path)
+    parser.add_argument("--route")
+    parser.add_argument("--towns", nargs="+")
+    parser.add_argument("--without", nargs="+", choices=("starts", "gentle", "apart", "mild"))
+    main(**vars(parser.parse_args()))

@@ -1,0 +1,54 @@
+"""The agent of example 15: Stable-Baselines3's PPO with normalised inputs, and its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.spaces import Dict
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from learning.others import OwnAndOthers
+
+PARAMETERS = {"n_steps": 1024, "batch_size": 128, "n_epochs": 10, "learning_rate": 3e-4, "gamma": 0.99}
+"""Parameters of PPO; all others are the library's defaults."""
+POLICY = {"log_std_init": -1.2, "net_arch": {"pi": [], "vf": [64, 64]}}
+"""Actions are a linear function of the inputs, and spread by e to the power -1.2 at first, not by 1."""
+
+
+def new_agent(env: VecEnv, seed: int = 0, **parameters: Any) -> PPO:
+    """An agent that knows nothing; with a plain vector as observation, the library's defaults."""
+    if not isinstance(env.observation_space, Dict):
+        return PPO("MlpPolicy", env, seed=seed, device="cpu", **parameters)
+    seen = VecNormalize(env, norm_obs_keys=["own"], norm_reward=False, clip_obs=5.0)
+    kind = {**POLICY, "features_extractor_class": OwnAndOthers}
+    settings = {**PARAMETERS, **parameters}
+    return PPO("MultiInputPolicy", seen, policy_kwargs=kind, seed=seed, device="cpu", **settings)
+
+
+def act(agent: PPO, seen: Any) -> NDArray[np.float32]:
+    """The action that the agent thinks best."""
+    inputs = agent.get_vec_normalize_env()
+    known = seen if inputs is None else inputs.normalize_obs(seen)
+    action: NDArray[np.float32] = agent.predict(known, deterministic=True)[0]
+    return action
+
+
+def save(agent: PPO, path: Path) -> None:
+    """Write network, and mean and variance of its inputs."""
+    inputs = agent.get_vec_normalize_env()
+    known = {} if inputs is None else vars(inputs.obs_rms["own"])
+    own = {name: torch.as_tensor(value) for name, value in known.items() if name != "epsilon"}
+    torch.save({"policy": agent.policy.state_dict(), "own": own}, path)
+
+
+def load(agent: PPO, path: Path) -> None:
+    """Put a file's network and inputs into an agent of the same kind."""
+    parts, inputs = torch.load(path, weights_only=True), agent.get_vec_normalize_env()
+    agent.policy.load_state_dict(parts["policy"])
+    for name, value in parts["own"].items():
+        setattr(inputs.obs_rms["own"], name, value.numpy() if value.ndim else float(value))

@@ -1,0 +1,48 @@
+"""Inputs of example 15's network: the car and its road as they are, and a summary of the others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from gymnasium import Space
+from gymnasium.spaces import Box, Dict
+from gymnasium.wrappers import TransformObservation
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+
+from carlaloc_env.envs.task.state_vector import NEIGHBOUR, NEIGHBOURS
+
+
+class OwnAndOthers(BaseFeaturesExtractor):  # type: ignore[misc]
+    """What the car sees of itself and its road, plain and through a layer of a network, and the others.
+
+    Another small network reads each of the others; of what it finds, the greatest of all counts.
+    """
+
+    def __init__(self, space: Dict, features: int = 32) -> None:
+        own, width = (space[name].shape[-1] for name in ("own", "others"))  # type: ignore[index]
+        super().__init__(space, own + 2 * features)
+        self.itself = torch.nn.Sequential(torch.nn.Linear(own, features), torch.nn.Tanh())
+        self.each = torch.nn.Sequential(
+            torch.nn.Linear(width, features), torch.nn.ReLU(), torch.nn.Linear(features, features)
+        )
+
+    def forward(self, seen: dict[str, torch.Tensor]) -> torch.Tensor:
+        """Numbers for the network, (..., own + 2 × features)."""
+        own, others = seen["own"], self.each(seen["others"]).amax(dim=-2)
+        return torch.cat([own, self.itself(own), others], dim=-1)
+
+
+def cut_apart(env: Any) -> Any:
+    """The environment with its vector cut into `own`, and `others`, one row each."""
+    width = len(NEIGHBOUR)
+    own = env.observation_space.shape[0] - NEIGHBOURS * width
+    parts: dict[str, Space[Any]] = {
+        "own": Box(-1.0, 1.0, (own,)),
+        "others": Box(-1.0, 1.0, (NEIGHBOURS, width)),
+    }
+
+    def cut(seen: Any) -> dict[str, Any]:
+        return {"own": seen[:own], "others": seen[own:].reshape(NEIGHBOURS, width)}
+
+    return TransformObservation(env, cut, Dict(parts))
