@@ -18,9 +18,6 @@ from learning.pupil import Pupil
 from learning.town01_route import make_env
 from learning.unseen import score
 
-RED_LIGHT = 100.0
-"""Cost of a red light: at the task's own 10, a driver that looks half a minute ahead would pass it."""
-
 
 def main(
     copy: Path,
@@ -32,7 +29,7 @@ def main(
 ) -> list[float]:
     """Learn for a number of actions, save the pupil, and return its scores before and after."""
     torch.set_num_threads(1)
-    pupil, env = Pupil.load(copy), make_env(time_limit_s, red_light=RED_LIGHT)
+    pupil, env = Pupil.load(copy), make_env(time_limit_s)
     found = [score(env, "before", pupil, scored)]
     told = Monitor(env, str(out.with_suffix("")), info_keywords=("route_completion", "ended_by"))
     ppo = ppo_of(pupil, TransformReward(told, lambda reward: 0.05 * float(reward)), rollout)

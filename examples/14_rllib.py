@@ -21,7 +21,7 @@ def main(runners: int = 2, iterations: int = 50, actions: int = 2000) -> tuple[s
     register_env("town01", lambda config: CarlaLocEnv(map="Town01", rig="state", frame_skip=4, **config))
     config = (
         PPOConfig()
-        .environment("town01", env_config={"task": {"red_light": 100.0}})
+        .environment("town01")
         .env_runners(num_env_runners=runners, rollout_fragment_length="auto")
         .training(
             train_batch_size_per_learner=actions, minibatch_size=min(actions, 256), gamma=0.995, lr=1e-4
