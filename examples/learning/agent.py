@@ -1,4 +1,4 @@
-"""The agent of example 15: Stable-Baselines3's PPO with normalised inputs, and its file."""
+"""The agent of example 19: Stable-Baselines3's PPO with normalised inputs, and its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Inputs of example 15's network: the car and its road as they are, and a summary of the others."""
+"""Inputs of example 19's network: the car and its road as they are, and a summary of the others."""
 
 from __future__ import annotations
 

@@ -261,7 +261,7 @@ def test_an_agent_learns_from_nothing_and_goes_on(
     torch = pytest.importorskip("torch", reason="learning needs the extra `learn`")
     pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
-    example = load("15_learn_from_nothing")
+    example = load("19_learn_from_nothing")
     few = {"towns": (straight_map,), "steps": 32, "n_steps": 32, "time_limit_s": 2.0, "scored": 1}
     assert 0.0 < example.main(tmp_path / "first", **few) < 0.5
     path = tmp_path / "first" / "agent.pt"
@@ -275,7 +275,7 @@ def test_an_agent_learns_from_nothing_and_goes_on(
     # The inputs' mean and variance go on where they were: 32 more are counted.
     assert after["own"]["count"] - before["own"]["count"] == pytest.approx(33, abs=2)
     # Beside the scripted driver, which is some 30 m on by then.
-    beside = load("16_drive_unseen_towns")
+    beside = load("20_drive_unseen_towns")
     agent, driver = beside.main(path, [straight_map], route="town", scored=1, time_limit_s=8.0)[straight_map]
     assert 0.0 < agent < 0.5
     assert 0.02 < driver < 0.3
@@ -286,7 +286,7 @@ def test_a_plain_vector_gets_the_library_s_defaults(
 ) -> None:
     pytest.importorskip("stable_baselines3", reason="learning needs the extra `learn`")
     monkeypatch.syspath_prepend(EXAMPLES)
-    load("15_learn_from_nothing").main(
+    load("19_learn_from_nothing").main(
         tmp_path,
         without=("starts", "gentle", "apart", "mild"),
         steps=32,

@@ -1,6 +1,6 @@
-"""Drive an agent of example 15 in towns that it never saw, beside the scripted driver.
+"""Drive an agent of example 19 in towns that it never saw, beside the scripted driver.
 
-`python examples/16_drive_unseen_towns.py out/agent.pt Town05 Town07`: the same random routes and traffic.
+`python examples/20_drive_unseen_towns.py out/agent.pt Town05 Town07`: the same random routes and traffic.
 """
 
 from __future__ import annotations
