@@ -6,6 +6,7 @@ carlaloc benchmark data --out scores --methods examples/07_own_slam_system.py,ki
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,13 +28,12 @@ SYSTEM = System(
 )
 
 
-def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
+def run(sequence: SlamSequence, clock: FrameClock) -> Iterator[StampedPose]:
     """Poses of the LiDAR; good until the first sweep is out of sight."""
     import small_gicp
 
     first = None
     T = np.eye(4)
-    poses: list[StampedPose] = []
     for scan in sequence.scans():
         with clock.frame():
             cloud, tree = small_gicp.preprocess_points(scan.points_xyz_m, downsampling_resolution=0.25)
@@ -42,8 +42,7 @@ def run(sequence: SlamSequence, clock: FrameClock) -> list[StampedPose]:
             else:
                 found = small_gicp.align(first[0], cloud, first[1], init_T_target_source=T)
                 T = np.array(found.T_target_source)
-        poses.append((scan.stamp_ns, T.copy()))
-    return poses
+        yield scan.stamp_ns, T.copy()
 
 
 def main(data: Path, out: Path) -> list[Score]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
@@ -51,6 +52,7 @@ class SlamSequence:
         manifest = DatasetManifest.read(dataset.path, EvaluationError)
         town = folder.resolve().parent.name
         self.rig, profile = manifest.rig(town), manifest.profile(town)
+        self._imu: deque[ImuSample] | None = None
         self._readings: Readings = readings or FolderReadings(
             self.files, rig=self.rig, profile=profile, streams=self.description.samples
         )
@@ -173,6 +175,19 @@ class SlamSequence:
             EvaluationError: there are none.
         """
         return self._readings.imu_samples()
+
+    def imu_until(self, stamp_ns: int) -> list[ImuSample]:
+        """Inertial samples up to a time [ns], each given once; of a live drive, those known by now.
+
+        Raises:
+            EvaluationError: there are none.
+        """
+        if self._imu is None:
+            self._imu = deque(self.imu_samples())
+        found = []
+        while self._imu and self._imu[0].stamp_ns <= stamp_ns:
+            found.append(self._imu.popleft())
+        return found
 
     def image_stamps(self) -> NDArray[np.int64]:
         """Times of the images of the left camera [ns], shape (N,)."""

@@ -115,7 +115,7 @@ def run_odometry(
         raise MissingDependencyError(system.missing)
     module, function = system.runner.split(":")
     source = BagScans(bag, topic, times or ScanTimes(), progress)
-    found = getattr(import_module(module), function)(source, FrameClock())
+    found = list(getattr(import_module(module), function)(source, FrameClock()))
     offset_ns = round((system.instant if source.has_times else MIDDLE) * source.sweep_s * 1e9)
     T_world_lidar = np.stack([T for _, T in found])
     return Trajectory(

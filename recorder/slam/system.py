@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -37,6 +37,9 @@ class FrameClock:
     """Frames that should have a pose; None: all of the sequence."""
     notes: list[str] = field(default_factory=list)
     """What a reader of the results must know, shown behind the version."""
+    covariances: dict[int, Array] = field(default_factory=dict)
+    """Covariance of the pose of each stamp [ns], if a system states it, (6, 6), in the pose's own axes:
+    x, y, z [m], then the rotation about them [rad] (`recorder.evaluation.covariance_files`)."""
 
     @contextmanager
     def frame(self, count: int = 1) -> Iterator[None]:
@@ -47,8 +50,8 @@ class FrameClock:
         self.cpu_s += [(time.process_time() - cpu) / count] * count
 
 
-Runner: TypeAlias = Callable[[SlamSequence, FrameClock], list[StampedPose]]
-"""Feeds a sequence to a system."""
+Runner: TypeAlias = Callable[[SlamSequence, FrameClock], Iterable[StampedPose]]
+"""Feeds a sequence to a system; a generator yields each pose before it takes the next frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,6 +20,7 @@ from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from carlaloc_env.core.geometry.transforms import matrix_to_quat
 from recorder.dataset.feed_readings import FeedReadings
 from recorder.dataset.sequence import SlamSequence
+from recorder.evaluation.covariance_files import SUFFIX, write_covariances
 from recorder.evaluation.trajectory import Trajectory
 from recorder.evaluation.trajectory_files import write_tum
 from recorder.slam.system import FrameClock, Runner, StampedPose, System
@@ -58,9 +59,15 @@ def run_job(job: dict[str, Any]) -> None:
     readings = None if job["feed"] is None else FeedReadings(Connection(job["feed"]))
     sequence = SlamSequence(Path(job["sequence"]), cloud=job["cloud"], readings=readings)
     clock, frames = FrameClock(), sequence.frames(system.sensor)
-    poses = _runner(system, job["method"])(sequence, clock)
+    poses = list(runner_of(system, job["method"])(sequence, clock))
     offset_ns = round(system.instant * sequence.lidar.sweep_ns) if system.sensor == "lidar" else 0
-    write_tum(out / ESTIMATE, _trajectory(poses, offset_ns, system))
+    estimate = _trajectory(poses, offset_ns, system)
+    write_tum(out / ESTIMATE, estimate)
+    stated = [clock.covariances.get(stamp - offset_ns) for stamp in estimate.stamp_ns.tolist()]
+    if clock.covariances and all(one is not None for one in stated):
+        write_covariances(out / ESTIMATE, estimate, np.array(stated))
+    else:
+        (out / ESTIMATE).with_suffix(SUFFIX).unlink(missing_ok=True)
     rows = [f"{w:.6f},{c:.6f}" for w, c in zip(clock.wall_s, clock.cpu_s, strict=True)]
     (out / FRAMES).write_text("\n".join(["wall [s],cpu [s]", *rows]) + "\n", encoding="utf-8")
     version = ", ".join([system.version, *clock.notes])
@@ -68,7 +75,8 @@ def run_job(job: dict[str, Any]) -> None:
     (out / FACTS).write_text(json.dumps(facts) + "\n", encoding="utf-8")
 
 
-def _runner(system: System, word: str) -> Runner:
+def runner_of(system: System, word: str) -> Runner:
+    """The function that feeds a system, by the word that named the system."""
     if is_system_file(word):
         return read_system_file(Path(word)).run
     module, name = system.runner.split(":")

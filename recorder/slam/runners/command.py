@@ -13,6 +13,7 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.geometry.transforms import transform
 from recorder.dataset.sequence import SlamSequence
 from recorder.dataset.trajectories import read_trajectory
+from recorder.evaluation.covariance_files import read_covariances
 from recorder.slam.system import FrameClock, StampedPose
 
 _PATHS: dict[str, Callable[[SlamSequence], Path]] = {
@@ -39,7 +40,8 @@ def run_command(
         sequence: What it reads.
         clock: Receives the run's time, shared out over the frames.
         command: Program and words; ``{bag}``, ``{euroc}`` and ``{calibration}`` in them become paths of
-            the sequence, ``{out}`` the TUM file that it has to write, ``{work}`` an empty folder.
+            the sequence, ``{out}`` the TUM file that it has to write, ``{work}`` an empty folder. Beside the
+            TUM file it may write its covariances, see `recorder.evaluation.covariance_files`.
         sensor: What makes a frame: ``lidar`` or ``stereo``.
         topic: Topic of the poses in ``{out_bag}``, a ROS 1 bag that it writes in place of ``{out}``.
 
@@ -57,6 +59,11 @@ def run_command(
             raise EvaluationError(
                 f"{words[0]} ended well, but wrote no {'{out}' if topic is None else '{out_bag}'}"
             )
+        if topic is None:
+            written = read_trajectory(out, quaternion="xyzw")
+            stated = read_covariances(out, written)
+            if stated is not None:
+                clock.covariances.update(zip(written.stamp_ns.tolist(), stated, strict=True))
         return poses_in(out, topic=topic)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from recorder.dataset.scans import ScanSource
@@ -11,7 +13,7 @@ RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
 """Returns outside are not used [m]; the voxels of its map are a hundredth of the larger."""
 
 
-def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
+def run(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
     """Poses of the LiDAR."""
     from kiss_icp.config import KISSConfig
     from kiss_icp.kiss_icp import KissICP
@@ -20,9 +22,7 @@ def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
     config.data.min_range, config.data.max_range, config.data.deskew = RANGE_MIN_M, RANGE_MAX_M, True
     config.mapping.voxel_size = RANGE_MAX_M / 100.0
     odometry = KissICP(config)
-    poses: list[StampedPose] = []
     for scan in sequence.scans():
         with clock.frame():
             odometry.register_frame(scan.points_xyz_m, scan.deskew_time_s)
-        poses.append((scan.stamp_ns, np.array(odometry.last_pose)))
-    return poses
+        yield scan.stamp_ns, np.array(odometry.last_pose)

@@ -1,10 +1,19 @@
-"""Scan-to-map GICP by small_gicp (Koide, JOSS 2024; MIT licence), without motion compensation."""
+"""Scan-to-map GICP by small_gicp (Koide, JOSS 2024; MIT licence), without motion compensation.
+
+It states a covariance: each fit is taken for an independent measurement of the motion since the last sweep,
+with the covariance of a least-squares fit: the inverse Hessian times the mean squared residual.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
+
 import numpy as np
 
+from carlaloc_env.core.array_types import Array
 from recorder.dataset.scans import ScanSource
+from recorder.evaluation.se3 import composed_covariance
 from recorder.slam.system import FrameClock, StampedPose
 
 RANGE_MIN_M, RANGE_MAX_M = 2.0, 100.0
@@ -13,24 +22,41 @@ POINT_SPACING_M, VOXEL_M = 0.25, 1.0
 """Spacing of a scan's points after thinning [m] and edge of the map's voxels [m]."""
 
 
-def run(sequence: ScanSource, clock: FrameClock) -> list[StampedPose]:
+def run(sequence: ScanSource, clock: FrameClock) -> Iterator[StampedPose]:
     """Poses of the LiDAR."""
     import small_gicp
 
     target = small_gicp.GaussianVoxelMap(VOXEL_M)
     target.set_lru(horizon=200, clear_cycle=10)
-    pose, step = np.eye(4), np.eye(4)
-    poses: list[StampedPose] = []
+    pose, step, covariance = np.eye(4), np.eye(4), np.zeros((6, 6))
+    is_first = True
     for scan in sequence.scans():
         distance = np.linalg.norm(scan.points_xyz_m, axis=1)
         kept = scan.points_xyz_m[(distance > RANGE_MIN_M) & (distance < RANGE_MAX_M)]
         with clock.frame():
             source, _ = small_gicp.preprocess_points(kept, downsampling_resolution=POINT_SPACING_M)
-            if poses:
+            if not is_first:
                 result = small_gicp.align(target, source, init_T_target_source=pose @ step)
                 fitted = np.array(result.T_target_source)
                 # A rigid inverse would feed the rounding of the fit back into the next guess.
                 step, pose = np.linalg.inv(pose) @ fitted, fitted
+                covariance = composed_covariance(covariance, step, fit_covariance(result))
             target.insert(source, pose)
-        poses.append((scan.stamp_ns, pose.copy()))
-    return poses
+        is_first = False
+        clock.covariances[scan.stamp_ns] = covariance
+        yield scan.stamp_ns, pose.copy()
+
+
+def fit_covariance(result: Any) -> Array:
+    """Covariance of a fit, (6, 6), translation first: H⁻¹ · 2 error / (3 pairs − 6), in the sweep's own axes.
+
+    small_gicp's Hessian is that of T · exp(rotation, translation); its error is half the sum of squares.
+
+    Args:
+        result: `small_gicp.RegistrationResult`.
+    """
+    order = np.array([3, 4, 5, 0, 1, 2])
+    H = np.array(result.H)[order[:, None], order]
+    variance = 2.0 * float(result.error) / max(3 * int(result.num_inliers) - 6, 1)
+    found: Array = np.linalg.inv(H) * variance
+    return found

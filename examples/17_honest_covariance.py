@@ -1,0 +1,35 @@
+"""Is a system's covariance honest? Many seeds of noise on one drive have the answer.
+
+python examples/17_honest_covariance.py drive.mcap scatter small_gicp 20
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from recorder.consistency.run import ConsistencyConfig, ConsistencyResult, run_consistency
+from recorder.replaying.plan import ReplayOptions
+from recorder.streaming.drive import DriveConfig
+
+
+def main(drive: Path, out: Path, method: str, seeds: int, duration_s: float = 20.0) -> ConsistencyResult:
+    """Run a system with every seed, and print by how much its variances are too small."""
+    options = ReplayOptions(rig="lidar", weathers=("ClearNoon",), traffic=("static",))
+    config = ConsistencyConfig(
+        drive=DriveConfig(episodes=(drive,), options=options, noise_seeds=seeds, duration_s=duration_s),
+        out=out,
+        methods=(method,),
+    )
+    result = run_consistency(config)
+    for row in result.rows():
+        print(f"{row['method']}, error {row['error']}: {row['runs']} runs")
+        for part in ("position", "rotation"):
+            if f"{part}_factor" in row:
+                total, noise = row[f"{part}_factor"], row[f"{part}_noise_factor"]
+                print(f"  variance of the {part} too small by {total:.3g}, of noise alone by {noise:.3g}")
+    return result
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3], int(sys.argv[4]))

@@ -1,0 +1,1 @@
+"""Whether an estimator's confidence is honest: stated covariances against true scatter over noise seeds."""
