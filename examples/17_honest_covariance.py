@@ -13,11 +13,15 @@ from recorder.replaying.plan import ReplayOptions
 from recorder.streaming.drive import DriveConfig
 
 
-def main(drive: Path, out: Path, method: str, seeds: int, duration_s: float = 20.0) -> ConsistencyResult:
+def main(
+    drive: Path, out: Path, method: str, seeds: int, *, duration_s: float = 20.0, map: Path | None = None
+) -> ConsistencyResult:
     """Run a system with every seed, and print by how much its variances are too small."""
     options = ReplayOptions(rig="lidar", weathers=("ClearNoon",), traffic=("static",))
     config = ConsistencyConfig(
-        drive=DriveConfig(episodes=(drive,), options=options, noise_seeds=seeds, duration_s=duration_s),
+        drive=DriveConfig(
+            episodes=(drive,), options=options, noise_seeds=seeds, duration_s=duration_s, map=map
+        ),
         out=out,
         methods=(method,),
     )

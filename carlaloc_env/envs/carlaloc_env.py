@@ -180,6 +180,11 @@ class CarlaLocEnv(BaseEnv):
             self._window.close()
             self._window = None
 
+    @property
+    def rig(self) -> SensorRig | str:
+        """The rig, or ``state`` or ``bev``."""
+        return self._rig
+
     def _enter(self, traffic: TrafficConfig) -> None:
         """A new world: where cars are parked, they are part of the town."""
         self.world = DrivingWorld(self._town, traffic)

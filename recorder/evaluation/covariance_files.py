@@ -2,7 +2,7 @@
 
 ``estimate.cov`` stands beside ``estimate.tum`` and has a row for each pose: the stamp [s] and the lower
 triangle of a 6×6 matrix, row by row. The matrix is that of ξ = (x, y, z [m], rotation about them [rad]) in
-T_true = T_estimate · exp(ξ), the axes being those of the frame whose pose it is (the right perturbation).
+T_estimate = T_true · exp(ξ), the axes being those of the frame whose pose it is (the right perturbation).
 """
 
 from __future__ import annotations
@@ -12,20 +12,14 @@ from pathlib import Path
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import EvaluationError, unknown_name
+from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.core.files.text_files import read_text
-from carlaloc_env.core.geometry.transforms import invert, transform
-from recorder.evaluation.se3 import moved_covariance
 from recorder.evaluation.trajectory import Trajectory
 
 SUFFIX = ".cov"
 """Suffix of the file, in place of the trajectory's own."""
-_CONVENTION, _ORDER = "#%TANGENT_CONVENTION", "#%TANGENT_ORDER"
-_KNOWN = {
-    _CONVENTION: ("right_perturbation", "left_perturbation"),
-    _ORDER: ("translation_rotation", "rotation_translation"),
-}
+_HEADER = {"#%TANGENT_CONVENTION": "right_perturbation", "#%TANGENT_ORDER": "translation_rotation"}
 _ROWS, _COLUMNS = np.tril_indices(6)
 _STAMP_NS = 1_000
 """Stamps of a pose and its covariance may differ so much, by rounding [ns]."""
@@ -47,7 +41,7 @@ def write_covariances(path: Path, trajectory: Trajectory, covariance: Array) -> 
         f"{stamp // 10**9}.{stamp % 10**9:09d} " + " ".join(repr(value) for value in values)
         for stamp, values in rows
     ]
-    head = [f"{key} {words[0]}" for key, words in _KNOWN.items()]
+    head = [f"{key} {word}" for key, word in _HEADER.items()]
     with atomic_write(path.with_suffix(SUFFIX), EvaluationError) as part:
         part.write_text("\n".join([*head, "# timestamp c11 c21 c22 c31 … c66", *lines]) + "\n", "utf-8")
     return path.with_suffix(SUFFIX)
@@ -56,29 +50,23 @@ def write_covariances(path: Path, trajectory: Trajectory, covariance: Array) -> 
 def read_covariances(path: Path, trajectory: Trajectory) -> Array | None:
     """Covariances of a trajectory's poses, shape (N, 6, 6); None: there is no such file.
 
-    The lines ``#%TANGENT_CONVENTION`` and ``#%TANGENT_ORDER`` may name the left perturbation (axes of the
-    world) and rotation first.
-
     Args:
         path: The trajectory's file, or the file itself.
         trajectory: The poses.
 
     Raises:
-        EvaluationError: the file is damaged, or its rows are not those of the poses.
+        EvaluationError: the file is damaged, has another convention, or its rows are not those of the poses.
     """
     path = path.with_suffix(SUFFIX)
     if not path.exists():
         return None
-    said = {key: words[0] for key, words in _KNOWN.items()}
     rows = []
     lines = read_text(path, "covariances", EvaluationError).splitlines()
     for number, line in enumerate(lines, start=1):
         words = line.split()
-        if words and words[0] in said:
-            if words[1:2] not in [[word] for word in _KNOWN[words[0]]]:
-                raise EvaluationError(f"{path}: {unknown_name(words[0][2:], line, _KNOWN[words[0]])}")
-            said[words[0]] = words[1]
-        elif words and not line.startswith("#"):
+        if words and words[0] in _HEADER and words[1:] != [_HEADER[words[0]]]:
+            raise EvaluationError(f"{path}: '{line}' is not read; write {_HEADER[words[0]]}")
+        if words and not line.startswith("#"):
             rows.append(_row(path, number, words))
     stamp_ns = np.array([stamp for stamp, _ in rows], np.int64)
     same = len(rows) == len(trajectory) and not np.any(np.abs(stamp_ns - trajectory.stamp_ns) > _STAMP_NS)
@@ -86,12 +74,6 @@ def read_covariances(path: Path, trajectory: Trajectory) -> Array | None:
         raise EvaluationError(f"{path} needs a row for each of {len(trajectory)} poses, with their stamps")
     covariance = np.zeros((len(rows), 6, 6))
     covariance[:, _ROWS, _COLUMNS] = covariance[:, _COLUMNS, _ROWS] = [values for _, values in rows]
-    if said[_ORDER] == _KNOWN[_ORDER][1]:
-        swapped = np.array([3, 4, 5, 0, 1, 2])
-        covariance = covariance[:, swapped[:, None], swapped]
-    if said[_CONVENTION] == _KNOWN[_CONVENTION][1]:
-        T = transform(trajectory.position_m, trajectory.quat_xyzw)
-        covariance = moved_covariance(invert(T), covariance)
     return covariance
 
 

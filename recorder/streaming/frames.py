@@ -6,7 +6,7 @@ what a system reads from a dataset of the same drive, bit by bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -101,15 +101,16 @@ def inertial_samples(job: FrameJob, timeline: Timeline, seed: int) -> list[ImuSa
         return []
     sensor = ImuSensor(job.imu, seed)
     stamps = [stamp for stamp in sensor.schedule.stamps_ns_in(*job.span_ns) if stamp <= timeline.end_ns]
-    return [
-        ImuSample(
-            stamp_ns=DEFAULT_EPOCH_NS + sample.stamp_ns,
-            acceleration_mps2=sample.specific_force_mps2,
-            angular_velocity_radps=sample.angular_rate_radps,
-        )
-        for sample in sensor.measure(timeline, stamps)
-        if isinstance(sample, Imu)
-    ]
+    return [inertial_of(sample) for sample in sensor.measure(timeline, stamps) if isinstance(sample, Imu)]
+
+
+def inertial_of(sample: Imu) -> ImuSample:
+    """A sample of an IMU as systems read it."""
+    return ImuSample(
+        stamp_ns=DEFAULT_EPOCH_NS + sample.stamp_ns,
+        acceleration_mps2=sample.specific_force_mps2,
+        angular_velocity_radps=sample.angular_rate_radps,
+    )
 
 
 class FrameMaker:
@@ -181,8 +182,11 @@ class FrameMaker:
 
 
 def _scan(measured: list[Measured]) -> Scan:
-    """A sweep as bags hold it: times in single precision, labels where there are some."""
-    clouds = [one.sample for one in measured if isinstance(one.sample, PointCloud)]
+    return scan_of([one.sample for one in measured if isinstance(one.sample, PointCloud)])
+
+
+def scan_of(clouds: Sequence[PointCloud]) -> Scan:
+    """The streams of a sweep as bags hold it: times in single precision, labels where there are some."""
     cloud = next((cloud for cloud in clouds if cloud.tag is not None), clouds[0])
     return Scan(
         stamp_ns=DEFAULT_EPOCH_NS + cloud.stamp_ns,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -71,11 +72,14 @@ def test_the_covariance_of_a_fit_shrinks_with_points_and_grows_with_noise() -> N
 def test_two_seeds_of_one_drive_share_its_truth_and_not_their_noise(
     straight_drive: StraightDrive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The car stands, so that there is no error over a distance."""
-    drive = [str(straight_drive.episode), "--map", str(straight_drive.town), "--rig", str(straight_drive.rig)]
-    words = ["consistency", *drive, "--methods", "small_gicp", "--duration", "0.5", "--out", str(tmp_path)]
-    assert main([*words, "--seeds", "2", "--json"]) == 0
-    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    """By the example, then by the command on the same runs. The car stands: no error over a distance."""
+    example = Path(__file__).parents[2] / "examples" / "17_honest_covariance.py"
+    town = straight_drive.town
+    result = runpy.run_path(str(example))["main"](
+        straight_drive.episode, tmp_path, "small_gicp", 2, duration_s=0.5, map=town
+    )
+    (row,) = result.rows()
+    assert "variance of the position too small by" in capsys.readouterr().out
     assert (row["error"], row["runs"], row["failed"]) == ("since the start", 2, 0)
     assert 0.0 < row["scatter_along"] < 0.02
     assert row["pose_anees"] > 0.0
@@ -83,5 +87,11 @@ def test_two_seeds_of_one_drive_share_its_truth_and_not_their_noise(
     assert first.read_bytes() == second.read_bytes()
     one, other = sorted(tmp_path.rglob("estimate.cov"))
     assert one.read_bytes() != other.read_bytes()
+    made_ns = one.stat().st_mtime_ns
+    words = ["consistency", str(straight_drive.episode), "--map", str(town), "--rig", "lidar"]
+    words += ["--methods", "small_gicp", "--duration", "0.5", "--out", str(tmp_path)]
+    assert main([*words, "--seeds", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"][0]["pose_anees"] == row["pose_anees"]
+    assert one.stat().st_mtime_ns == made_ns
     assert main([*words, "--seeds", "1"]) == 1
     assert "two seeds or more" in capsys.readouterr().err

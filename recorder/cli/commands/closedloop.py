@@ -1,0 +1,102 @@
+"""Let the scripted driver drive by the pose of SLAM systems, and score lane keeping beside APE.
+
+Examples:
+  carlaloc closedloop Town06 --methods small_gicp,kiss_icp --offset 0.1,0.3,0.5 --out wheel
+  carlaloc closedloop Town06 --methods my_system.py --traffic static,dynamic --seeds 0,1 --out wheel
+
+The world moves by the truth; lanes, lights and route are found by the estimated pose. A drive by the truth is
+always among them. A system that dies ends its drive, with the reason in the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from carlaloc_env.core.files.atomic_write import atomic_write
+from recorder.cli.arguments import OutputFolder, force_option, names, number, positive_seconds, seed
+from recorder.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from recorder.closed_loop.run import DriveScore
+
+TABLE = "closed_loop.csv"
+"""Name of the table in the folder."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc closedloop`."""
+    parser.add_argument("town", help="town, or an OpenDRIVE file")
+    parser.add_argument("--out", type=OutputFolder(TABLE), required=True, help="folder of the table")
+    parser.add_argument("--methods", type=names, default=(), metavar="A,B", help="systems, or .py files")
+    parser.add_argument(
+        "--offset", type=_numbers, default=(), metavar="M,M", help="known errors to the left [m]"
+    )
+    parser.add_argument(
+        "--traffic", type=names, default=("static",), metavar="A,B", help="levels (default: static)"
+    )
+    parser.add_argument("--seeds", type=_seeds, default=(0,), metavar="N,N", help="seeds (default: 0)")
+    parser.add_argument("--rig", default="lidar", help="sensors of the systems (default: lidar)")
+    parser.add_argument("--route", default="town", choices=("town", "random"), help="town or random")
+    parser.add_argument(
+        "--limit", type=positive_seconds, default=120.0, metavar="S", help="end of a drive [s] (default: 120)"
+    )
+    parser.add_argument(
+        "--silence", type=positive_seconds, default=2.0, metavar="S", help="longest time without a pose [s]"
+    )
+    force_option(parser, "an older table")
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Drive."""
+    from recorder.closed_loop.run import ClosedLoopConfig, run_closed_loop
+
+    config = ClosedLoopConfig(
+        town=arguments.town,
+        methods=arguments.methods,
+        offsets_m=arguments.offset,
+        traffic=arguments.traffic,
+        seeds=arguments.seeds,
+        rig=arguments.rig,
+        route=arguments.route,
+        time_limit_s=arguments.limit,
+        silence_s=arguments.silence,
+    )
+    table = arguments.out / TABLE
+
+    def keep(scores: Sequence[DriveScore]) -> None:
+        with atomic_write(table) as part, part.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(asdict(scores[0])))
+            writer.writeheader()
+            for row in map(asdict, scores):
+                writer.writerow({k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()})
+
+    with Progress("drives", unit="drives") as progress:
+        scores = run_closed_loop(config, progress.pieces, keep)
+    return {"drives": [asdict(score) for score in scores], "table": str(table)}
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print a line for each drive."""
+    for row in result["drives"]:
+        print(
+            f"{row['source']:<12} {row['traffic']:<8} seed {row['seed']}: {row['route_completion']:.0%} of "
+            f"the route, ended by {row['ended_by']}; in the lane {row['lateral_rms_m']:.2f} m RMS, "
+            f"{row['lateral_max_m']:.2f} m at most, {row['lane_invasions']} times out of it; "
+            f"pose {row['pose_error_rms_m']:.2f} m RMS, APE {row['ape_m']:.2f} m; "
+            f"{row['real_time']:.1f} x real time"
+        )
+        if row["reason"]:
+            print(f"  {row['reason']}")
+    print(result["table"])
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(number(word) for word in names(text))
+
+
+def _seeds(text: str) -> tuple[int, ...]:
+    return tuple(seed(word) for word in names(text))
