@@ -129,6 +129,11 @@ def names(text: str) -> tuple[str, ...]:
     return found
 
 
+def numbers(text: str) -> tuple[float, ...]:
+    """Finite numbers separated by commas."""
+    return tuple(number(word) for word in names(text))
+
+
 def seconds(text: str) -> float:
     """A time that is not negative [s]; an `s` may follow the number."""
     value = number(text.removesuffix("s"))

@@ -33,7 +33,7 @@ class EstimatedPoseEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         observe: ``state``, ``bev`` or None.
 
     Raises:
-        ConfigError: the environment is another one, or tells no samples to a SLAM system.
+        ConfigError: the environment is another one, or has no samples for a SLAM system.
     """
 
     def __init__(

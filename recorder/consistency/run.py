@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from carlaloc_env.core.array_types import Array
-from carlaloc_env.core.errors import EvaluationError
+from carlaloc_env.core.errors import ConfigError, EvaluationError
 from recorder.benchmark.plan import Job
 from recorder.benchmark.run import BenchmarkConfig, run_benchmark
 from recorder.consistency.pairs import AXES, PoseErrors, Run, pose_errors
@@ -36,7 +36,7 @@ class ConsistencyConfig:
     out: Path
     """Folder of the runs; those that lie there are not run again."""
     methods: tuple[str, ...] = ()
-    """Names or files of systems; empty: all that are installed."""
+    """Names or files of systems; empty: those that are installed."""
     over_m: float = 10.0
     """Distance of the relative errors [m]."""
     workers: int = 1
@@ -45,9 +45,9 @@ class ConsistencyConfig:
     def __post_init__(self) -> None:
         options = self.drive.options
         if len(self.drive.episodes) != 1 or len(options.weathers) != 1 or len(options.traffic) != 1:
-            raise EvaluationError("scatter is that of one drive under one condition; give one of each")
+            raise ConfigError("scatter is that of one drive under one condition; give one of each")
         if self.drive.noise_seeds < 2:
-            raise EvaluationError("scatter needs two seeds or more; give --seeds 20")
+            raise ConfigError("scatter needs two seeds or more; give --seeds 20")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -31,6 +31,7 @@ VALUES = (
     float,
     kinds.names,
     kinds.number,
+    kinds.numbers,
     kinds.seconds,
     kinds.positive_seconds,
     kinds.positive_int,

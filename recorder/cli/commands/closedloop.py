@@ -2,7 +2,7 @@
 
 Examples:
   carlaloc closedloop Town06 --methods small_gicp,kiss_icp --offset 0.1,0.3,0.5 --out wheel
-  carlaloc closedloop Town06 --methods my_system.py --traffic static,dynamic --seeds 0,1 --out wheel
+  carlaloc closedloop Town06 --methods my_system.py --traffic static,dynamic --seeds 2 --out wheel
 
 The world moves by the truth; lanes, lights and route are found by the estimated pose. A drive by the truth is
 always among them. A system that dies ends its drive, with the reason in the table.
@@ -17,7 +17,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from carlaloc_env.core.files.atomic_write import atomic_write
-from recorder.cli.arguments import OutputFolder, force_option, names, number, positive_seconds, seed
+from recorder.cli.arguments import OutputFolder, force_option, names, numbers, positive_int, positive_seconds
 from recorder.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -33,12 +33,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=OutputFolder(TABLE), required=True, help="folder of the table")
     parser.add_argument("--methods", type=names, default=(), metavar="A,B", help="systems, or .py files")
     parser.add_argument(
-        "--offset", type=_numbers, default=(), metavar="M,M", help="known errors to the left [m]"
+        "--offset", type=numbers, default=(), metavar="M,M", help="known errors to the left [m]"
     )
     parser.add_argument(
         "--traffic", type=names, default=("static",), metavar="A,B", help="levels (default: static)"
     )
-    parser.add_argument("--seeds", type=_seeds, default=(0,), metavar="N,N", help="seeds (default: 0)")
+    parser.add_argument(
+        "--seeds", type=positive_int, default=1, metavar="N", help="drives, with seeds from 0 on (default: 1)"
+    )
     parser.add_argument("--rig", default="lidar", help="sensors of the systems (default: lidar)")
     parser.add_argument("--route", default="town", choices=("town", "random"), help="town or random")
     parser.add_argument(
@@ -59,7 +61,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         methods=arguments.methods,
         offsets_m=arguments.offset,
         traffic=arguments.traffic,
-        seeds=arguments.seeds,
+        seeds=tuple(range(arguments.seeds)),
         rig=arguments.rig,
         route=arguments.route,
         time_limit_s=arguments.limit,
@@ -92,11 +94,3 @@ def show(result: dict[str, Any]) -> None:
         if row["reason"]:
             print(f"  {row['reason']}")
     print(result["table"])
-
-
-def _numbers(text: str) -> tuple[float, ...]:
-    return tuple(number(word) for word in names(text))
-
-
-def _seeds(text: str) -> tuple[int, ...]:
-    return tuple(seed(word) for word in names(text))
