@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from carlaloc_env.core.errors import ConfigError, unknown_name
 from carlaloc_env.core.files.config_mapping import from_mapping, to_mapping
 from carlaloc_env.core.files.text_files import read_text
 from carlaloc_env.core.names import check_name
+from carlaloc_env.faults.faults import Faults
 from carlaloc_env.samples import Sample
 from carlaloc_env.sensors.base import Sensor, SensorConfig, World
 from carlaloc_env.sensors.limits import SENSORS_MAX
@@ -31,6 +32,8 @@ class SensorRig:
     """Name of the rig."""
     sensors: tuple[SensorConfig, ...] = ()
     """Configurations in the order in which samples of the same stamp are given."""
+    faults: Faults = field(default_factory=Faults)
+    """Faults of the sensors in replays and benchmarks; an environment refuses them."""
 
     def __post_init__(self) -> None:
         check_name("name of a rig:", self.name)
@@ -42,6 +45,7 @@ class SensorRig:
         for kind, name in names:
             if names.count((kind, name)) > 1:
                 raise ConfigError(f"rig '{self.name}' has two {kind} sensors named '{name}'; rename one")
+        self.faults.check(self.sensors)
 
     def of_kind(self, kind: str) -> tuple[SensorConfig, ...]:
         """Configurations of one kind, e.g. ``"camera"``."""
@@ -51,6 +55,10 @@ class SensorRig:
     def frames(self) -> dict[str, NDArray[np.float64]]:
         """Maps each sensor frame's coordinates to `base_link`: (4, 4) by frame_id."""
         return {sensor.frame_id: sensor.mount.T_base_sensor for sensor in self.sensors}
+
+    def believed(self, faults: Faults) -> SensorRig:
+        """The rig as its calibration shows it: this one, unless the calibration has faults."""
+        return replace(self, sensors=tuple(faults.believed(one) for one in self.sensors))
 
     def build(self, world: World) -> Rig:
         """The sensors in a world.
@@ -63,7 +71,8 @@ class SensorRig:
     def to_mapping(self) -> dict[str, Any]:
         """The rig in plain data."""
         entries = [{"kind": sensor.kind, **to_mapping(sensor)} for sensor in self.sensors]
-        return {"name": self.name, "sensors": entries}
+        faults = {"faults": self.faults.to_mapping()} if self.faults else {}
+        return {"name": self.name, "sensors": entries, **faults}
 
     def to_yaml(self) -> str:
         """The rig as a YAML document."""
@@ -99,13 +108,14 @@ class SensorRig:
         if not isinstance(document, Mapping):
             raise ConfigError(f"{where}: expected the keys 'name' and 'sensors'")
         for key in document:
-            if key not in ("name", "sensors"):
-                raise ConfigError(f"{where}: {unknown_name('key', str(key), ('name', 'sensors'))}")
+            if key not in _KEYS:
+                raise ConfigError(f"{where}: {unknown_name('key', str(key), _KEYS)}")
         entries = document.get("sensors") or []
         if not isinstance(entries, list):
             raise ConfigError(f"{where}: 'sensors' must be a list")
         sensors = tuple(_sensor(entry, f"{where}: sensors[{i}]") for i, entry in enumerate(entries))
-        return cls(name=str(document.get("name", "rig")), sensors=sensors)
+        faults = Faults.from_mapping(document.get("faults") or {}, f"{where}: faults")
+        return cls(name=str(document.get("name", "rig")), sensors=sensors, faults=faults)
 
     @classmethod
     def load(cls, path: Path) -> SensorRig:
@@ -117,10 +127,17 @@ class SensorRig:
         return cls.from_yaml(read_text(path, "rig"), where=path.name)
 
 
+_KEYS = ("name", "sensors", "faults")
+"""Keys of a rig's file."""
+
+
 class Rig:
     """Built sensors. `measure` has no memory: any span may be asked for, in any order."""
 
     def __init__(self, config: SensorRig, world: World) -> None:
+        if config.faults:
+            what = f"rig '{config.name}' has faults, which act in replays and benchmarks alone"
+            raise ConfigError(f"{what}; remove the key 'faults'")
         self.config = config
         self.sensors: tuple[Sensor, ...] = tuple(sensor.build(world) for sensor in config.sensors)
         names: list[str] = []

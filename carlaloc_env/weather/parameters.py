@@ -35,7 +35,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "wind_intensity": (0.0, 100.0),
     "sun_azimuth_angle": (-360.0, 360.0),
     "sun_altitude_angle": (-90.0, 90.0),
-    "fog_density": (0.0, 100.0),
+    "fog_density": (0.0, 250.0),  # CARLA ends at 100, a sight of 57 m; 250 is one of 15 m
     "fog_distance": (0.0, 1e6),
     "fog_falloff": (0.0, 1e3),
     "wetness": (0.0, 100.0),

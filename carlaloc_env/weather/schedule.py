@@ -21,6 +21,7 @@ import yaml
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.files.text_files import read_text
+from carlaloc_env.weather.changed_weather import changed_weather
 from carlaloc_env.weather.parameters import WeatherParameters, weather_by_name
 
 STEP_NS = 1_000_000_000
@@ -113,7 +114,7 @@ Weather = WeatherParameters | WeatherSchedule
 
 
 def weather_of(what: str | Path | Weather | Mapping[str, Any]) -> Weather:
-    """Weather by a preset's name, by the path of a schedule (``.yaml``), or as ``to_mapping`` gives it.
+    """Weather by a preset's name with changes, the path of a schedule (``.yaml``), or a mapping of fields.
 
     Raises:
         ConfigError: there is no such preset or field, or the file is missing or wrong.
@@ -126,7 +127,7 @@ def weather_of(what: str | Path | Weather | Mapping[str, Any]) -> Weather:
         return WeatherParameters.from_mapping(what)
     path = Path(what)
     if path.suffix.lower() not in (".yaml", ".yml"):
-        return weather_by_name(str(what))
+        return changed_weather(str(what))
     return WeatherSchedule.from_yaml(read_text(path, "weather schedule"), where=path.name)
 
 

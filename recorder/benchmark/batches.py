@@ -18,7 +18,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import CarlaLocError, EvaluationError
 from recorder.benchmark.config import BenchmarkConfig, cores
 from recorder.benchmark.plan import Job
-from recorder.benchmark.results import keep, limit_s
+from recorder.benchmark.results import keep, keep_shared, limit_s
 from recorder.benchmark.score import Score
 from recorder.dataset.layout import DatasetFolder
 from recorder.dataset.sequence import SEGMENTED
@@ -70,7 +70,8 @@ def batches_of(jobs: Sequence[Job], together: int = TOGETHER) -> list[Batch]:
     for job in jobs:
         stream, sensor = stream_of(job), job.system.sensor
         seed = stream.seed if sensor == "stereo" else None
-        key = (stream.plan.recipe.episode, stream.condition.traffic, sensor, seed)
+        plan = stream.plan
+        key = (plan.recipe.episode, plan.span_ns, repr(plan.rig), stream.condition.traffic, sensor, seed)
         groups.setdefault(key, []).append(job)
     return [
         _batch(group[begin : begin + together])
@@ -162,7 +163,9 @@ def run_batch(work: BatchWork, report: Callable[[float], None]) -> None:
                 raise
         try:
             shares = feed.wait()
-            for stream in {stream_of(job).seed: stream_of(job) for job in batch.jobs}.values():
+            keep_shared(config, feed.shared, len(batch.jobs))
+            streams = [stream_of(job) for job in batch.jobs]
+            for stream in {stream.plan.config.out: stream for stream in streams}.values():
                 stream.tell_movers(shares)
         except EvaluationError as error:
             fault = str(error)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.dataset.layout import SequenceFolder, sequences_below
 from recorder.dataset.manifest import SequenceDescription
@@ -33,7 +34,7 @@ class BenchmarkSequence:
     town: str
     """Town."""
     weather: str
-    """Name of the weather."""
+    """Name of the weather, with the faults behind it where there are some."""
     traffic: str
     """Name of the traffic level."""
     digest: str
@@ -46,6 +47,8 @@ class BenchmarkSequence:
     """Whether images of two cameras have labels."""
     weather_matters_to_lidar: bool
     """Whether sweeps differ from weather to weather."""
+    faults: str = ""
+    """Faults of the sensors, in words."""
 
     @property
     def movers(self) -> float:
@@ -106,11 +109,13 @@ def find_sequences(folder: Path) -> list[BenchmarkSequence]:
 def _sequence(path: Path, root: Path) -> BenchmarkSequence:
     sequence = SlamSequence(path)
     described = sequence.description
+    faults = Faults.from_mapping(described.faults).label
     return BenchmarkSequence(
         path=path,
         dataset=Path(os.path.relpath(path.parent.parent, root)).as_posix(),
         town=path.parent.name,
-        weather=str(described.weather["name"]),
+        weather=_with_faults(str(described.weather["name"]), faults),
+        faults=faults,
         traffic=str(described.traffic["name"]),
         digest=hashlib.sha256(sequence.files.checksums.read_bytes()).hexdigest(),
         labelled=bool(sequence.rig.of_kind("lidar")) and sequence.has_labelled_scans,
@@ -134,7 +139,8 @@ def _of_stream(stream: DriveStream, root: Path) -> BenchmarkSequence:
         path=path,
         dataset=path.parent.parent.relative_to(root).as_posix(),
         town=path.parent.name,
-        weather=stream.condition.weather_name,
+        weather=_with_faults(stream.condition.weather_name, stream.condition.faults.label),
+        faults=stream.condition.faults.label,
         traffic=stream.condition.traffic.name,
         digest=stream.digest,
         stream=stream,
@@ -142,6 +148,10 @@ def _of_stream(stream: DriveStream, root: Path) -> BenchmarkSequence:
         masked=_labels(rig, "camera") >= 2,
         weather_matters_to_lidar=_weather_matters_to_lidar(rig),
     )
+
+
+def _with_faults(weather: str, faults: str) -> str:
+    return f"{weather} {faults}".rstrip()
 
 
 def _labels(rig: SensorRig, kind: str) -> int:
@@ -173,10 +183,10 @@ def plan_jobs(
         clouds: Which of `RAW` and `SEGMENTED` systems are run on.
     """
     jobs = []
-    seen: set[tuple[str, str, str, str]] = set()
+    seen: set[tuple[str, ...]] = set()
     for sequence in sequences:
         for word, system in systems:
-            alike = (sequence.dataset, sequence.town, sequence.traffic, word)
+            alike = (sequence.dataset, sequence.town, sequence.traffic, sequence.faults, word)
             if not system.is_visual and not sequence.weather_matters_to_lidar:
                 if alike in seen:
                     continue

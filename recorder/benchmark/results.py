@@ -17,6 +17,8 @@ from recorder.slam.supervisor import RunRecord
 
 RESULT = "result.json"
 """File of a run with its score."""
+SHARED = Path("runs", "shared.jsonl")
+"""File of what runs over drives have shared, a line for each pass over a drive."""
 _FORMAT = 4
 """Changes when older results would be read wrongly."""
 
@@ -43,6 +45,19 @@ def keep(job: Job, record: RunRecord, config: BenchmarkConfig, fingerprint: str)
     with atomic_write(folder / RESULT) as part:
         part.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     return score
+
+
+def keep_shared(config: BenchmarkConfig, shared: tuple[int, int], runs: int) -> None:
+    """Write down how many instants of a drive were measured for some runs, and frames made of them."""
+    line = json.dumps({"instants": shared[0], "frames": shared[1], "runs": runs})
+    with (config.out / SHARED).open("a", encoding="utf-8") as file:
+        file.write(line + "\n")
+
+
+def read_shared(out: Path) -> list[dict[str, int]]:
+    """All that `keep_shared` has written."""
+    file = out / SHARED
+    return [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
 
 
 def read_result(job: Job, config: BenchmarkConfig) -> tuple[Score, str] | None:

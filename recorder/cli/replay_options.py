@@ -5,7 +5,16 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from recorder.cli.arguments import OutputFolder, names, positive_int, positive_seconds, seconds, seed
+from carlaloc_env.core.errors import ConfigError, UsageError
+from recorder.cli.arguments import (
+    OutputFolder,
+    input_path,
+    names,
+    positive_int,
+    positive_seconds,
+    seconds,
+    seed,
+)
 
 
 def add_replay_options(
@@ -69,6 +78,21 @@ def add_condition_options(
         metavar="A,B",
         help=f"dynamic, static, empty, fractions (default: {','.join(traffic)})",
     )
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a fault of a sensor, e.g. lidar.time_offset_ms=30; may be repeated (docs/faults.md)",
+    )
+    parser.add_argument(
+        "--condition",
+        action=_ConditionAction,
+        type=input_path,
+        metavar="FILE",
+        help="weather, traffic, faults, stretch and seed of a .yaml file; options behind it go before it",
+    )
+    parser.add_argument("--lidar-weather", action="store_true", help="fog, rain and spray reach the LiDARs")
     parser.add_argument("--lens-drops", action="store_true", help="drops on the lenses while it rains")
     parser.add_argument(
         "--leaf-wind", type=seconds, default=0.0, metavar="M/S", help="wind that sways leaves [m/s]"
@@ -81,6 +105,25 @@ def add_condition_options(
     parser.add_argument("--quality", default="medium", help="low, medium or high")
 
 
+class _ConditionAction(argparse.Action):
+    """Sets the options of a condition to those of a file."""
+
+    def __call__(self, _: Any, namespace: argparse.Namespace, values: Any, __: str | None = None) -> None:
+        from recorder.replaying.condition_file import ConditionFile
+
+        try:
+            found = ConditionFile.read(values)
+        except ConfigError as error:
+            raise UsageError(str(error)) from error
+        namespace.condition = values
+        namespace.weather, namespace.traffic = (found.weather,), (found.traffic,)
+        namespace.lidar_weather = found.lidar_weather
+        namespace.fault = found.fault_words
+        for name, value in (("start", found.start_s), ("duration", found.duration_s), ("seed", found.seed)):
+            if value is not None and hasattr(namespace, name):
+                setattr(namespace, name, value)
+
+
 def add_stretch_options(parser: argparse._ActionsContainer) -> None:
     """Declare the stretch of a drive and the seed of its noise."""
     parser.add_argument("--start", type=seconds, default=0.0, metavar="S", help="begin here [s]")
@@ -90,12 +133,16 @@ def add_stretch_options(parser: argparse._ActionsContainer) -> None:
 
 def condition_options(arguments: argparse.Namespace) -> dict[str, Any]:
     """Fields of `ReplayOptions` that `add_condition_options` gives."""
+    from carlaloc_env.faults.faults import Faults
+
     return {
         "weathers": arguments.weather,
         "traffic": arguments.traffic,
         "rig": arguments.rig,
         "quality": arguments.quality,
         "lens_drops": arguments.lens_drops,
+        "lidar_weather": arguments.lidar_weather,
+        "faults": Faults.parse(arguments.fault),
         "leaf_wind_mps": arguments.leaf_wind,
     }
 

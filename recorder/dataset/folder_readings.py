@@ -85,10 +85,15 @@ class FolderReadings:
             )
 
     def image_stamps(self) -> NDArray[np.int64]:
-        """Times of the images of the left camera [ns], shape (N,)."""
-        text = read_text(self.euroc / "cam0" / "data.csv", "list of images", EvaluationError)
-        rows = [line.split(",")[0] for line in text.splitlines() if line and line[0] != "#"]
-        return np.array(rows, np.int64)
+        """Times of the images of the left camera that have a partner, if there are two [ns], shape (N,)."""
+        lists = [self.euroc / name / "data.csv" for name in ("cam0", "cam1")]
+        found = []
+        for file in [lists[0], *(file for file in lists[1:] if file.is_file())]:
+            text = read_text(file, "list of images", EvaluationError)
+            found.append([int(line.split(",")[0]) for line in text.splitlines() if line and line[0] != "#"])
+        # A fault of one camera may have lost an image, or given it another stamp.
+        partners = set(found[-1])
+        return np.array([stamp for stamp in found[0] if stamp in partners], np.int64)
 
     def stereo_pairs(self, *, without_movers: bool) -> Iterator[StereoPair]:
         """All pairs of grey images of ``mav0``; movers are painted over by the bag's labelled images."""

@@ -192,6 +192,8 @@ class SequenceDescription:
     """Number of samples by stream."""
     movers: Mapping[str, float]
     """Fraction of labelled points and pixels that lie on vehicles and walkers of the traffic, by stream."""
+    faults: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Faults of the sensors by sensor and name; the file of a sequence without faults has no such key."""
 
     @classmethod
     def read(cls, sequence: SequenceFolder, error: type[CarlaLocError] = ConfigError) -> SequenceDescription:
@@ -213,13 +215,15 @@ class SequenceDescription:
                 epoch_ns=int(found["epoch_ns"]),
                 samples={str(k): int(v) for k, v in found["samples"].items()},
                 movers={str(k): float(v) for k, v in found["movers"].items()},
+                faults=dict(found.get("faults") or {}),
             )
         except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError) as fault:
             raise error(f"cannot read {file}: {_reason(fault)}; replay it anew") from fault
 
     def to_yaml(self) -> str:
         """Text of the file."""
-        return as_yaml(asdict(self))
+        values = asdict(self)
+        return as_yaml(values if self.faults else {k: v for k, v in values.items() if k != "faults"})
 
 
 def _reason(fault: Exception) -> str:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.core.names import check_name
+from carlaloc_env.faults.faults import Faults
+from carlaloc_env.weather.changed_weather import weather_word
 from carlaloc_env.weather.schedule import Weather, weather_of
 from recorder.episode.traffic_level import TrafficLevel, traffic_level
 
@@ -22,6 +23,8 @@ class Condition:
     """Parameters of the weather, or a schedule."""
     traffic: TrafficLevel
     """Fraction of the traffic."""
+    faults: Faults = field(default_factory=Faults)
+    """Faults of the sensors; those of the calibration are the same in all conditions of a dataset."""
 
     def __post_init__(self) -> None:
         check_name("weather", self.weather_name)
@@ -30,11 +33,13 @@ class Condition:
     @property
     def name(self) -> str:
         """Folder of the sequence, e.g. ``ClearNoon_dynamic``."""
-        return f"{self.weather_name}_{self.traffic.name}"
+        return "_".join(filter(None, (self.weather_name, self.traffic.name, self.faults.slug)))
 
 
-def conditions_of(weathers: Sequence[str], levels: Sequence[str]) -> tuple[Condition, ...]:
-    """All combinations, weather by weather within each traffic level.
+def conditions_of(
+    weathers: Sequence[str], levels: Sequence[str], faults: Faults | None = None
+) -> tuple[Condition, ...]:
+    """All combinations, weather by weather within each traffic level, with the same faults in all.
 
     Raises:
         ConfigError: an unknown weather or level, or none at all.
@@ -42,7 +47,12 @@ def conditions_of(weathers: Sequence[str], levels: Sequence[str]) -> tuple[Condi
     if not weathers or not levels:
         raise ConfigError("a replay needs at least one weather and one traffic level")
     return tuple(
-        Condition(weather_name=Path(name).stem, weather=weather_of(name), traffic=level)
+        Condition(
+            weather_name=weather_word(name),
+            weather=weather_of(name),
+            traffic=level,
+            faults=faults or Faults(),
+        )
         for level in dict.fromkeys(traffic_level(text) for text in levels)
         for name in dict.fromkeys(weathers)
     )

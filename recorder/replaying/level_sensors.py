@@ -38,7 +38,7 @@ class Measured:
     order: Order
     """Its place among all samples."""
     weather: int | None
-    """Number of its weather; None: the same under all of them."""
+    """Number of its condition, weather and faults; None: the same under all of them."""
     sample: Sample
     """The sample."""
 
@@ -59,7 +59,11 @@ class LevelSensors:
 
     def __init__(self, recipe: Recipe, level: TrafficLevel, *, truth: bool = True) -> None:
         self.recipe, self.level, self._has_truth = recipe, level, truth
-        self._weathers = [condition.weather for condition in recipe.conditions_of(level)]
+        conditions = recipe.conditions_of(level)
+        self._faults = [condition.faults for condition in conditions]
+        # Conditions that differ in faults alone share all that is measured.
+        self._weathers = list(dict.fromkeys(condition.weather for condition in conditions))
+        self._weather_of = [self._weathers.index(condition.weather) for condition in conditions]
         episode = Episode.load(recipe.episode)
         self._timeline = level.select(episode.timeline())
         # Nobody else holds the town here, so that the stage can let its meshes go.
@@ -101,7 +105,7 @@ class LevelSensors:
 
     def measure(self, window_ns: tuple[int, int]) -> list[Measured]:
         """Samples with stamps in a window [ns], begin included, in their order."""
-        found = list(self._of_sensors(window_ns))
+        found = [one for measured in self._of_sensors(window_ns) for one in self._faulty(*measured)]
         if self._has_truth:
             found += self._truth(window_ns)
         return sorted(found, key=lambda one: one.order)
@@ -110,7 +114,8 @@ class LevelSensors:
         """Measure with the noise of another seed from now on."""
         self._stage.seed = seed
 
-    def _of_sensors(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
+    def _of_sensors(self, window_ns: tuple[int, int]) -> Iterator[tuple[Order, list[Sample]]]:
+        """Places of samples, and the samples under all weathers: one where they are the same."""
         timeline, weathers = self._timeline, self._weathers
         begin, end = self.recipe.camera_ns
         for place, sensor in enumerate(self._rig.sensors):
@@ -130,7 +135,23 @@ class LevelSensors:
                     yield from _by_weather(stamp, place, sensor.measure_conditions(timeline, stamp, now))
             else:
                 for number, sample in enumerate(sensor.measure(timeline, stamps)):
-                    yield Measured((sample.stamp_ns, place, number), None, sample)
+                    yield (sample.stamp_ns, place, number), [sample]
+
+    def _faulty(self, order: Order, versions: list[Sample]) -> Iterator[Measured]:
+        """A sample as the faults of all conditions leave it, once where it is the same in all of them."""
+        config = self.recipe.rig.sensors[order[1]]
+        made: dict[object, Sample | None] = {}
+        found: list[Sample | None] = []
+        for weather, faults in zip(self._weather_of, self._faults, strict=True):
+            key = (weather if len(versions) > 1 else 0, faults.of(config))
+            if key not in made:
+                made[key] = faults.apply(versions[key[0]], config, self._stage.seed)
+            found.append(made[key])
+        if len(made) == 1:
+            if found[0] is not None:
+                yield Measured(order, None, found[0])
+            return
+        yield from (Measured(order, k, one) for k, one in enumerate(found) if one is not None)
 
     def _truth(self, window_ns: tuple[int, int]) -> Iterator[Measured]:
         first, end = window_ns
@@ -141,15 +162,11 @@ class LevelSensors:
             yield Measured((truth.stamp_ns, -1, 1), None, truth)
 
 
-def _by_weather(stamp_ns: int, place: int, rows: list[list[Sample]]) -> Iterator[Measured]:
+def _by_weather(stamp_ns: int, place: int, rows: list[list[Sample]]) -> Iterator[tuple[Order, list[Sample]]]:
     """Samples of one sensor and instant; what all weathers have in common comes once."""
     for number, versions in enumerate(zip(*rows, strict=True)):
-        order = (stamp_ns, place, number)
-        if all(version is versions[0] for version in versions):
-            yield Measured(order, None, versions[0])
-        else:
-            for weather, version in enumerate(versions):
-                yield Measured(order, weather, version)
+        is_same = all(version is versions[0] for version in versions)
+        yield (stamp_ns, place, number), list(versions[:1] if is_same else versions)
 
 
 def _object_truth(config: SensorRig, stage: SensorStage) -> Callable[[Timeline, int], Sample]:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError, WriterError
 from carlaloc_env.core.files.output_paths import check_output_folder
+from carlaloc_env.faults.faults import Faults
 from carlaloc_env.render.qualities import check_quality
 from carlaloc_env.rigs.memory import check_memory
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Events
 from carlaloc_env.sensors.camera.config import CameraConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 from carlaloc_env.timeline.timeline import Timeline
 from carlaloc_env.town.sources import TownId
 from recorder.dataset.layout import FORMATS, DatasetFolder, DriveFolder, SequenceFolder, check_formats
@@ -59,11 +61,20 @@ class ReplayOptions:
     """Whether drops cling to the lenses of all cameras while it rains."""
     leaf_wind_mps: float = 0.0
     """Wind that sways leaves in all images [m/s]; 0: as in the rig."""
+    lidar_weather: bool = False
+    """Whether fog, rain and spray reach the LiDARs; False: as in the rig."""
+    faults: Faults = field(default_factory=Faults)
+    """Faults of the sensors, which take the place of the rig's."""
 
     def __post_init__(self) -> None:
         check_formats(self.formats)
         check_quality(self.quality)
         profile_by_name(self.topics)
+        made = sorted({"kitti", "dsec"} & set(self.formats))
+        if self.faults.calibration and made:
+            raise ConfigError(
+                f"{made[0]} computes with the calibration, which has faults here; take a rosbag"
+            )
         if self.workers is not None and self.workers < 1:
             raise ConfigError(f"{self.workers} workers; give at least 1")
         if self.unit_s < STEP_NS / 1e9:
@@ -183,8 +194,11 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         WriterError: `out` holds another dataset.
     """
     check_output_folder(config.out)
-    conditions = conditions_of(config.weathers, config.traffic)
     rig = rig_of(config)
+    faults = config.faults.over(rig.faults)
+    faults.check(rig.sensors)
+    rig = replace(rig, faults=Faults())
+    conditions = conditions_of(config.weathers, config.traffic, faults)
     episode = Episode.load(config.episode)
     timeline = episode.timeline()
     span, cameras = _spans(config, timeline)
@@ -209,7 +223,7 @@ def plan_replay(config: ReplayConfig) -> ReplayPlan:
         timeline=timeline,
         town=town,
         span_ns=span,
-        origin=drive_origin(episode, rig, seed=seed, span_ns=span, topics=config.topics),
+        origin=drive_origin(episode, rig.believed(faults), seed=seed, span_ns=span, topics=config.topics),
     )
     if config.cluster is None:
         weathers = len(conditions) // len(recipe.levels)
@@ -226,6 +240,9 @@ def rig_of(config: ReplayOptions) -> SensorRig:
         ConfigError: there is no such rig, or an option is out of range.
     """
     rig = rig_by_name(config.rig)
+    if config.lidar_weather:
+        lidars = {one: replace(one, weather=True) for one in rig.sensors if isinstance(one, LidarConfig)}
+        rig = replace(rig, sensors=tuple(lidars.get(one, one) for one in rig.sensors))  # type: ignore[call-overload]
     changes: dict[str, Any] = {}
     if config.lens_drops:
         changes["lens_drops"] = True

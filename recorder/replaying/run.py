@@ -85,8 +85,9 @@ class ReplayRun:
                 rmtree(folder, ignore_errors=True)
             recipe = self._recipe
             write_shared(
-                work.drive, plan.rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed
-            )
+                work.drive, plan.rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed,
+                faults=recipe.conditions[0].faults,
+            )  # fmt: skip
         self._tell_of_the_past()
         try:
             run_tasks(self._tasks(), self._workers(), done=self._after, look=self._look)

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from carlaloc_env.core.clock import TICK_NS
+from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
@@ -59,7 +60,7 @@ def outputs_of(recipe: Recipe, streams: Streams) -> list[Output]:
     Raises:
         WriterError: a format needs a sensor that the rig has not.
     """
-    calibration = RigCalibration.from_configs(recipe.rig.sensors)
+    calibration = RigCalibration.from_configs(recipe.believed.sensors)
     outputs: list[Output] = []
     for name in dict.fromkeys(recipe.formats):
         outputs += _OUTPUTS[name](name, recipe, calibration, streams)
@@ -199,6 +200,7 @@ class SequenceWriters:
             "topics": recipe.topics,
             "noise_seed": str(recipe.seed),
             "epoch_ns": str(DEFAULT_EPOCH_NS),
+            **({"faults": json.dumps(condition.faults.to_mapping())} if condition.faults else {}),
         }
         self._writers = [output.place(self._part, about) for output in outputs_of(recipe, streams)]
 
@@ -243,6 +245,7 @@ def describe(
         epoch_ns=DEFAULT_EPOCH_NS,
         samples=samples,
         movers=movers,
+        faults=condition.faults.to_mapping(),
     )
 
 
@@ -254,6 +257,7 @@ def write_shared(
     *,
     topics: str,
     seed: int,
+    faults: Faults,
 ) -> None:
     """Write calibration and ground truth of a drive, the same for all its sequences.
 
@@ -264,9 +268,11 @@ def write_shared(
         span_ns: First stamp and end (not included) of the ground truth [ns].
         topics: Topic profile that the calibration files name.
         seed: Seed of the noise; the table of states holds the IMU's true biases.
+        faults: Those of the calibration change its files; truth is that of the true rig.
     """
+    believed = RigCalibration.from_configs(rig.believed(faults).sensors)
+    write_calibration(drive.calibration, believed, profile=topics)
     calibration = RigCalibration.from_configs(rig.sensors)
-    write_calibration(drive.calibration, calibration, profile=topics)
     stamps = np.arange(span_ns[0], span_ns[1], TICK_NS)
     write_truth(drive.ground_truth, timeline, stamps, {"base_link": np.eye(4), **calibration.frames})
     imu = _imu_sensor(rig, seed)

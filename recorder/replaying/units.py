@@ -46,6 +46,11 @@ class Recipe:
         """Traffic levels, each once."""
         return tuple(dict.fromkeys(condition.traffic for condition in self.conditions))
 
+    @property
+    def believed(self) -> SensorRig:
+        """The rig as calibration shows it: the true one, unless the calibration has faults."""
+        return self.rig.believed(self.conditions[0].faults)
+
     def conditions_of(self, level: TrafficLevel) -> tuple[Condition, ...]:
         """Conditions of a traffic level: its weathers."""
         return tuple(condition for condition in self.conditions if condition.traffic == level)

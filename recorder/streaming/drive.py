@@ -14,6 +14,7 @@ from pathlib import Path
 from carlaloc_env.core.errors import ConfigError, EvaluationError, WriterError
 from carlaloc_env.core.files.atomic_write import atomic_write
 from carlaloc_env.rigs.rig import SensorRig
+from carlaloc_env.weather.changed_weather import weather_word
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import SequenceDescription, drive_origin, has_drive, list_drive
 from recorder.dataset.rig_parts import imu_of
@@ -80,7 +81,8 @@ class DriveStream:
             config,
             out=out,
             rig=str(file),
-            weathers=tuple(name for name in config.weathers if Path(name).stem == condition.weather_name),
+            faults=condition.faults.only((*imus, *rig.sensors)),
+            weathers=tuple(name for name in config.weathers if weather_word(name) == condition.weather_name),
             traffic=tuple(text for text in config.traffic if traffic_level(text) == condition.traffic)[:1],
             formats=("rosbag1",) if sensor == "lidar" else ("rosbag1", "euroc"),
             seed=self.seed,
@@ -161,15 +163,20 @@ def describe_drive(config: ReplayConfig) -> list[DriveStream]:
     asked = plan_replay(config)
     rig = _slam_rig(asked.rig)
     recipe = asked.recipe
+    faults = recipe.conditions[0].faults
     origin = drive_origin(
-        Episode.load(config.episode), rig, seed=recipe.seed, span_ns=asked.span_ns, topics=recipe.topics
-    )
+        Episode.load(config.episode), rig.believed(faults),
+        seed=recipe.seed, span_ns=asked.span_ns, topics=recipe.topics,
+    )  # fmt: skip
     plan = replace(asked, rig=rig, recipe=replace(recipe, rig=rig), origin=origin)
     streams = [DriveStream(plan=plan, condition=condition) for condition in recipe.conditions]
     if not has_drive(config.out, plan.town.name, origin):
         # What an ended command has left is not whole.
         shutil.rmtree(plan.drive.path, ignore_errors=True)
-        write_shared(plan.drive, rig, plan.timeline, plan.span_ns, topics=recipe.topics, seed=recipe.seed)
+        write_shared(
+            plan.drive, rig, plan.timeline, plan.span_ns,
+            topics=recipe.topics, seed=recipe.seed, faults=faults,
+        )  # fmt: skip
     missing = [stream for stream in streams if not stream.folder.description.exists()]
     for stream in missing:
         _describe(plan, stream.condition, stream.folder.description, {})

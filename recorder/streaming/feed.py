@@ -34,7 +34,7 @@ from recorder.streaming.frames import (
 AHEAD = 8
 """Frames that are made ahead."""
 SHARES = "movers.json"
-"""File with the share of movers of each labelled stream, written at the end."""
+"""File with the share of movers of each labelled stream and what was shared, written at the end."""
 _LOOK_S = 0.2
 """Time after which a maker looks again whether anybody still listens [s]."""
 
@@ -74,7 +74,9 @@ class Feed:
     def __init__(self, job: FrameJob, lanes: Sequence[Sequence[Listener]]) -> None:
         self._job, self._lock = job, threading.Lock()
         self._timeline = Episode.load(job.recipe.episode).timeline()
-        self._answers: dict[tuple[str, int], bytes] = {}
+        self._answers: dict[object, bytes] = {}
+        self.shared = (0, 0)
+        """Instants that were measured, and frames that were made of them."""
         self._lanes = [_Lane(listeners, self._answer) for listeners in lanes]
 
     def run(self, report: Callable[[float], None]) -> dict[str, float]:
@@ -89,28 +91,33 @@ class Feed:
         maker = FrameMaker(self._job)
         try:
             for done_s, versions in maker.frames():
-                packed = {key: bytes(ForkingPickler.dumps(frame)) for key, frame in versions.items()}
+                # A frame of several conditions is one object.
+                bytes_of = {id(frame): bytes(ForkingPickler.dumps(frame)) for frame in versions.values()}
+                packed = {key: bytes_of[id(frame)] for key, frame in versions.items()}
                 heard = [lane.put(packed) for lane in self._lanes]
                 if not any(heard):
                     return {}
                 report(done_s)
             for lane in self._lanes:
                 lane.finish()
+            self.shared = maker.shared
             return maker.mover_shares()
         finally:
             maker.close()
 
     def _answer(self, request: str, key: Key) -> bytes:
-        seed = key[1]
+        imu, faults = self._job.imu, self._job.faults_of(key)
+        # Inertial samples are the same in conditions whose IMU has the same faults.
+        known = (request, key[1], faults if request == STAMPS or imu is None else faults.of(imu))
         with self._lock:
-            if (request, seed) not in self._answers:
+            if known not in self._answers:
                 found = (
-                    frame_stamps_ns(self._job, self._timeline.end_ns)
+                    frame_stamps_ns(self._job, self._timeline.end_ns, key)
                     if request == STAMPS
-                    else inertial_samples(self._job, self._timeline, seed)
+                    else inertial_samples(self._job, self._timeline, key)
                 )
-                self._answers[request, seed] = bytes(ForkingPickler.dumps(found))
-            return self._answers[request, seed]
+                self._answers[known] = bytes(ForkingPickler.dumps(found))
+            return self._answers[known]
 
 
 class _Lane:
@@ -147,6 +154,8 @@ class _Lane:
     def _give(self, listener: Listener, versions: dict[Key, bytes] | None) -> bool:
         """Hand over a frame and wait until it has been worked on; False: the listener has ended."""
         connection = listener.connection
+        if versions is not None and listener.key not in versions:
+            return True  # a fault has lost this frame
         try:
             while (request := connection.recv()) != NEXT:
                 connection.send_bytes(self._answer(request, listener.key))
@@ -169,11 +178,13 @@ def main(job_file: str) -> int:
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     lanes = [[Listener(connection=Connection(fd), key=key) for fd, key in lane] for lane in job.lanes]
     try:
-        shares = Feed(job.frames, lanes).run(parent.send)
+        feed = Feed(job.frames, lanes)
+        shares = feed.run(parent.send)
     except CarlaLocError as error:
         print(error, file=sys.stderr)  # noqa: T201
         return 1
-    (job.out / SHARES).write_text(json.dumps(shares), encoding="utf-8")
+    found = {"movers": shares, "shared": feed.shared}
+    (job.out / SHARES).write_text(json.dumps(found), encoding="utf-8")
     return 0
 
 

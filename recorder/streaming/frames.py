@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from carlaloc_env.core.clock import STEP_NS, Schedule
+from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.samples import Image, Imu, PointCloud, SemanticImage
+from carlaloc_env.sensors.base import SensorConfig
 from carlaloc_env.sensors.inertial.imu import ImuConfig, ImuSensor
 from carlaloc_env.timeline.timeline import Timeline
 from recorder.dataset.mover_masks import mask_of
@@ -33,7 +35,7 @@ Masks: TypeAlias = tuple[NDArray[np.bool_], NDArray[np.bool_]]
 Frame: TypeAlias = "Scan | tuple[StereoPair, Masks | None]"
 """What a system takes at a time: a sweep, or a pair of images and where they show movers."""
 Key: TypeAlias = tuple[int, int]
-"""Which version of a frame: number of its weather, and seed."""
+"""Which version of a frame: number of its condition, and seed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +60,10 @@ class FrameJob:
         """Length of the stretch [s]."""
         return (self.span_ns[1] - self.span_ns[0]) / 1e9
 
+    def faults_of(self, key: Key) -> Faults:
+        """Faults of the sensors in a version of the frames."""
+        return self.recipe.conditions_of(self.level)[key[0]].faults
+
 
 def sensors_for(rig: SensorRig, sensor: str, *, masks: bool = True) -> SensorRig:
     """A rig with what frames need and nothing else.
@@ -80,28 +86,43 @@ def sensors_for(rig: SensorRig, sensor: str, *, masks: bool = True) -> SensorRig
     return replace(rig, sensors=cameras)
 
 
-def frame_stamps_ns(job: FrameJob, end_ns: int) -> NDArray[np.int64]:
-    """Unix times of all frames [ns], shape (N,).
+def frame_stamps_ns(job: FrameJob, end_ns: int, key: Key) -> NDArray[np.int64]:
+    """Unix times of all frames that come [ns], shape (N,).
 
     Args:
         job: What is made.
         end_ns: End of the drive, by which a sweep must be whole [ns].
+        key: Version of the frames.
     """
     rig, is_lidar = job.recipe.rig, job.sensor == "lidar"
-    rate_hz = lidar_of(rig).rate_hz if is_lidar else stereo_of(rig)[0].rate_hz
-    stamps = np.array(Schedule.from_hz(rate_hz).stamps_ns_in(*job.span_ns), np.int64)
+    sensors: tuple[SensorConfig, ...] = (lidar_of(rig),) if is_lidar else stereo_of(rig)
+    true = Schedule.from_hz(sensors[0].rate_hz).stamps_ns_in(*job.span_ns)
     if is_lidar:
-        stamps = stamps[stamps + lidar_of(rig).sweep_ns <= end_ns]
-    return DEFAULT_EPOCH_NS + stamps
+        true = [stamp for stamp in true if stamp + lidar_of(rig).sweep_ns <= end_ns]
+    faults = job.faults_of(key)
+    found = zip(*(faults.stamps_ns(true, sensor, key[1]) for sensor in sensors), strict=True)
+    stamps = [one[0] for one in found if one[0] is not None and len(set(one)) == 1]
+    return DEFAULT_EPOCH_NS + np.array(stamps, np.int64)
 
 
-def inertial_samples(job: FrameJob, timeline: Timeline, seed: int) -> list[ImuSample]:
-    """All inertial samples of the stretch; none without an IMU."""
+def inertial_samples(job: FrameJob, timeline: Timeline, key: Key) -> list[ImuSample]:
+    """All inertial samples of the stretch that come; none without an IMU.
+
+    Args:
+        job: What is made.
+        timeline: The drive.
+        key: Version of the frames.
+    """
     if job.imu is None:
         return []
+    seed, faults = key[1], job.faults_of(key)
     sensor = ImuSensor(job.imu, seed)
     stamps = [stamp for stamp in sensor.schedule.stamps_ns_in(*job.span_ns) if stamp <= timeline.end_ns]
-    return [inertial_of(sample) for sample in sensor.measure(timeline, stamps) if isinstance(sample, Imu)]
+    return [
+        inertial_of(sample)
+        for true in sensor.measure(timeline, stamps)
+        if isinstance(sample := faults.apply(true, job.imu, seed), Imu)
+    ]
 
 
 def inertial_of(sample: Imu) -> ImuSample:
@@ -128,8 +149,10 @@ class FrameMaker:
     def __init__(self, job: FrameJob) -> None:
         self._job = job
         self._sensors = LevelSensors(job.recipe, job.level, truth=False)
-        self._weathers = len(job.recipe.conditions_of(job.level))
+        self._conditions = job.recipe.conditions_of(job.level)
         self._counts = SampleCounts()
+        self.shared = (0, 0)
+        """Instants that were measured so far, and frames that were made of them."""
 
     def frames(self) -> Iterator[tuple[float, dict[Key, Frame]]]:
         """How much of the stretch has been made [s], and all versions of a frame, in the order of time."""
@@ -143,6 +166,8 @@ class FrameMaker:
                 measured = self._sensors.measure((begin, min(begin + STEP_NS, end)))
                 for stamp, weather, frame in self._frames(measured):
                     versions.setdefault(stamp, {})[weather, seed] = frame
+            # Rays and G-buffers of an instant serve all seeds, weathers and faults.
+            self.shared = self.shared[0] + len(versions), self.shared[1] + sum(map(len, versions.values()))
             for stamp in sorted(versions):
                 yield (stamp - first) / 1e9, versions[stamp]
 
@@ -155,25 +180,31 @@ class FrameMaker:
         return self._counts.shares()
 
     def _frames(self, measured: list[Measured]) -> Iterator[tuple[int, int, Frame]]:
-        """Stamp, weather and frame of all that was measured in a window."""
+        """True stamp, condition and frame of all that was measured in a window and is not lost."""
         by_stamp: dict[int, list[Measured]] = {}
         for one in measured:
-            self._counts.count(one.sample)
-            by_stamp.setdefault(one.sample.stamp_ns, []).append(one)
-        frame_of: Callable[[list[Measured]], Frame] = _scan if self._job.sensor == "lidar" else self._pair
+            # The share of movers is that of sound sensors, where some are.
+            if one.weather is None or not self._conditions[one.weather].faults:
+                self._counts.count(one.sample)
+            by_stamp.setdefault(one.order[0], []).append(one)
+        frame_of: Callable[[list[Measured]], Frame | None]
+        frame_of = _scan if self._job.sensor == "lidar" else self._pair
         for stamp, found in by_stamp.items():
-            shared = [one for one in found if one.weather is None]
-            frame = None
-            for weather in range(self._weathers):
-                own = [one for one in found if one.weather == weather]
-                if frame is None or own:
-                    frame = frame_of(shared + own)
-                yield stamp, weather, frame
+            made: dict[tuple[int, ...], Frame | None] = {}
+            for number in range(len(self._conditions)):
+                mine = [one for one in found if one.weather in (None, number)]
+                key = tuple(id(one.sample) for one in mine)
+                if key not in made:
+                    made[key] = frame_of(mine)
+                if (frame := made[key]) is not None:
+                    yield stamp, number, frame
 
-    def _pair(self, measured: list[Measured]) -> tuple[StereoPair, Masks | None]:
+    def _pair(self, measured: list[Measured]) -> tuple[StereoPair, Masks | None] | None:
         samples = {one.sample.sensor: one.sample for one in measured}
         left, right = (camera.name for camera in stereo_of(self._job.recipe.rig))
-        images = [samples[f"rgb_{name}"] for name in (left, right)]
+        images = [samples[f"rgb_{name}"] for name in (left, right) if f"rgb_{name}" in samples]
+        if len(images) < 2 or images[0].stamp_ns != images[1].stamp_ns:
+            return None
         labelled = [samples.get(f"semantic_{name}") for name in (left, right)]
         greys = [grey(image) for image in images if isinstance(image, Image)]
         pair = StereoPair(stamp_ns=DEFAULT_EPOCH_NS + images[0].stamp_ns, left=greys[0], right=greys[1])
@@ -181,12 +212,20 @@ class FrameMaker:
         return pair, (masks[0], masks[1]) if len(masks) == 2 else None
 
 
-def _scan(measured: list[Measured]) -> Scan:
-    return scan_of([one.sample for one in measured if isinstance(one.sample, PointCloud)])
+    return [
+        inertial_of(sample)
+        for true in sensor.measure(timeline, stamps)
+        if isinstance(sample := faults.apply(true, job.imu, seed), Imu)
+    ]
 
 
-def scan_of(clouds: Sequence[PointCloud]) -> Scan:
-    """The streams of a sweep as bags hold it: times in single precision, labels where there are some."""
+def inertial_of(sample: Imu) -> ImuSample:
+    """A sample of an IMU as systems read it."""
+    return ImuSample(
+        stamp_ns=DEFAULT_EPOCH_NS + sample.stamp_ns,
+        acceleration_mps2=sample.specific_force_mps2,
+        angular_velocity_radps=sample.angular_rate_radps,
+    )
     cloud = next((cloud for cloud in clouds if cloud.tag is not None), clouds[0])
     return Scan(
         stamp_ns=DEFAULT_EPOCH_NS + cloud.stamp_ns,

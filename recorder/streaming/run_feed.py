@@ -37,6 +37,8 @@ class RunningFeed:
         self, job: FrameJob, lanes: Sequence[Sequence[Key]], out: Path, cores: tuple[int, ...] = ()
     ) -> None:
         self._out, self._made_s = out, 0.0
+        self.shared = (0, 0)
+        """Instants that were measured, and frames that were made of them; known when it has ended."""
         out.mkdir(parents=True, exist_ok=True)
         pairs = [[Pipe() for _ in lane] for lane in lanes]
         self.connections: list[list[Connection]] = [[there for there, _ in lane] for lane in pairs]
@@ -94,5 +96,6 @@ class RunningFeed:
         if status:
             log = self._out / LOG
             raise EvaluationError(last_line(log) or f"the feed ended with {status}; see {log}")
-        shares: dict[str, float] = json.loads((self._out / SHARES).read_text(encoding="utf-8"))
-        return shares
+        found = json.loads((self._out / SHARES).read_text(encoding="utf-8"))
+        self.shared = (int(found["shared"][0]), int(found["shared"][1]))
+        return dict(found["movers"])

@@ -67,7 +67,7 @@ def text_of(name: str) -> str:
     return (ROOT / "docs" / name).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", ["make_environments", "make_sensors", "make_topics"])
+@pytest.mark.parametrize("name", ["make_environments", "make_faults", "make_sensors", "make_topics"])
 def test_generated_pages_are_up_to_date(name: str) -> None:
     """The page is what its script writes today."""
     module = generator(name)

@@ -1,0 +1,1 @@
+"""Faults of sensors: pure functions over samples, drawn by counter from seed, name and stamp."""

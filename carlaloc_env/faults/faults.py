@@ -1,0 +1,215 @@
+"""All faults of a rig: which sensor has which, read from words and files, applied to samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from typing import Any
+
+from carlaloc_env.core.clock import TICK_NS, Schedule
+from carlaloc_env.core.errors import ConfigError, unknown_name
+from carlaloc_env.core.files.config_mapping import from_mapping
+from carlaloc_env.core.names import is_name
+from carlaloc_env.faults.calibration import PREFIX, MountedFaults, believed
+from carlaloc_env.faults.camera import CameraFaults, faulty_image
+from carlaloc_env.faults.fields import active, quantities
+from carlaloc_env.faults.gnss import GnssFaults, faulty_fix
+from carlaloc_env.faults.inertial import ImuFaults, faulty_imu
+from carlaloc_env.faults.lidar import LidarFaults, faulty_cloud
+from carlaloc_env.faults.timing import Draws, TimingFaults, faulty_stamp_ns
+from carlaloc_env.faults.wheel import WheelFaults, faulty_ticks
+from carlaloc_env.samples import Events, GnssFix, Image, Imu, PointCloud, Sample, WheelTicks
+from carlaloc_env.sensors.base import SensorConfig
+
+KINDS: dict[str, type[TimingFaults]] = {
+    "lidar": LidarFaults,
+    "camera": CameraFaults,
+    "imu": ImuFaults,
+    "gnss": GnssFaults,
+    "wheels": WheelFaults,
+    "radar": MountedFaults,
+}
+"""Faults by kind of sensor."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Faults:
+    """Faults of sensors; equal to no faults where all values are neutral."""
+
+    sensors: tuple[tuple[str, TimingFaults], ...] = ()
+    """Faults by ``KIND`` or ``KIND.NAME``, sorted; the latter takes the place of the former."""
+    name: str = field(default="", compare=False)
+    """Name in folders; empty: made of the values."""
+
+    def __post_init__(self) -> None:
+        some = tuple(sorted((target, one) for target, one in self.sensors if active(one)))
+        object.__setattr__(self, "sensors", some)
+
+    def __bool__(self) -> bool:
+        return bool(self.sensors)
+
+    @classmethod
+    def from_mapping(cls, document: Any, where: str = "faults") -> Faults:
+        """Faults of a YAML section such as ``{lidar: {time_offset_ms: 30}}``.
+
+        Raises:
+            ConfigError: a sensor or key is unknown, or a value out of range.
+        """
+        if not isinstance(document, Mapping):
+            raise ConfigError(f"{where}: expected sensors, such as {{lidar: {{time_offset_ms: 30}}}}")
+        found = []
+        for target, values in document.items():
+            kind, _, name = str(target).partition(".")
+            if kind not in KINDS or (name and not is_name(name)):
+                raise ConfigError(f"{where}: {unknown_name('sensor with faults', str(target), KINDS)}")
+            found.append((str(target), from_mapping(KINDS[kind], values, f"{where}: {target}")))
+        return cls(sensors=tuple(found))
+
+    @classmethod
+    def parse(cls, words: Iterable[str]) -> Faults:
+        """Faults of words such as ``lidar.time_offset_ms=30`` or ``camera.left.dirt_share=0.2``.
+
+        Raises:
+            ConfigError: a sensor or name is unknown, or a value no number in its range.
+        """
+        document: dict[str, dict[str, float]] = {}
+        for word in words:
+            path, given, value = word.partition("=")
+            target, _, name = path.rpartition(".")
+            try:
+                number = float(value)
+            except ValueError:
+                number = float("nan")
+            if not given or number != number:
+                raise ConfigError(f"fault '{word}'; give SENSOR.NAME=NUMBER, e.g. lidar.time_offset_ms=30")
+            fault_quantity(path)
+            document.setdefault(target, {})[name] = number
+        return cls.from_mapping(document, "fault")
+
+    def to_mapping(self) -> dict[str, dict[str, float]]:
+        """Values that are not neutral or default, by sensor."""
+        return {
+            target: {name: value for name, known in quantities(type(one)).items()
+                     if (value := getattr(one, name)) != known.neutral}
+            for target, one in self.sensors
+        }  # fmt: skip
+
+    @property
+    def label(self) -> str:
+        """All values in words, as `parse` reads them; empty: none."""
+        pairs = [(f"{t}.{n}", v) for t, values in self.to_mapping().items() for n, v in values.items()]
+        return " ".join(f"{path}={value:g}" for path, value in pairs)
+
+    @property
+    def slug(self) -> str:
+        """A short name for folders; empty: no faults."""
+        if not self or self.name:
+            return self.name if self else ""
+        text = self.label.replace("=", "-").replace(" ", "_").replace("+", "")
+        return (
+            text if len(text) <= 40 else "faults-" + sha256(repr(self.to_mapping()).encode()).hexdigest()[:8]
+        )
+
+    def over(self, other: Faults) -> Faults:
+        """These faults, and of another set those of sensors that have none here."""
+        return Faults(sensors=tuple({**dict(other.sensors), **dict(self.sensors)}.items()), name=self.name)
+
+    def of(self, config: SensorConfig) -> tuple[str, TimingFaults] | None:
+        """What a sensor's faults were given for, and the faults; None: it has none."""
+        known = dict(self.sensors)
+        for target in (f"{config.kind}.{config.name}", config.kind):
+            if target in known:
+                return target, known[target]
+        return None
+
+    def only(self, configs: Iterable[SensorConfig]) -> Faults:
+        """The faults of some sensors alone."""
+        there = {target for one in configs for target in (one.kind, f"{one.kind}.{one.name}")}
+        return replace(self, sensors=tuple(pair for pair in self.sensors if pair[0] in there))
+
+    def check(self, configs: Iterable[SensorConfig]) -> None:
+        """Refuse faults of sensors that a rig has not.
+
+        Raises:
+            ConfigError: it has not.
+        """
+        there = {target for one in configs for target in (one.kind, f"{one.kind}.{one.name}")}
+        for target, _ in self.sensors:
+            if target not in there:
+                raise ConfigError(unknown_name("sensor with faults in this rig", target, there))
+
+    @property
+    def calibration(self) -> Faults:
+        """The faults of calibration alone."""
+        some = {target: {name: value for name, value in values.items() if name.startswith(PREFIX)}
+                for target, values in self.to_mapping().items()}  # fmt: skip
+        return Faults.from_mapping({target: values for target, values in some.items() if values})
+
+    def believed(self, config: SensorConfig) -> SensorConfig:
+        """The configuration that calibration shows of a sensor."""
+        found = self.calibration.of(config)
+        return believed(config, found[1]) if found and isinstance(found[1], MountedFaults) else config
+
+    def apply(self, sample: Sample, config: SensorConfig, seed: int) -> Sample | None:
+        """A sample of a sensor as its faults leave it: itself where they change nothing; None: lost.
+
+        Args:
+            sample: What a sound sensor measured.
+            config: The sensor.
+            seed: Seed of the noise.
+        """
+        found = self.of(config)
+        if found is None or isinstance(sample, Events) or not found[1].acts_at(sample.stamp_ns):
+            return sample
+        faults, draws = found[1], _draws(found[0], config, seed)
+        stamp_ns = faulty_stamp_ns(sample.stamp_ns, faults, draws)
+        if stamp_ns is None:
+            return None
+        if any(not name.startswith((PREFIX, "time_", "drop_share", "burst_")) for name in active(faults)):
+            sample = _of_data(sample, faults, draws)
+        return sample if stamp_ns == sample.stamp_ns else replace(sample, stamp_ns=stamp_ns)
+
+    def stamps_ns(self, stamps_ns: Iterable[int], config: SensorConfig, seed: int) -> list[int | None]:
+        """Stamps that the samples of a sensor get [ns]; None: the sample is lost."""
+        found = self.of(config)
+        if found is None:
+            return list(stamps_ns)
+        draws = _draws(found[0], config, seed)
+        return [faulty_stamp_ns(at, found[1], draws) if found[1].acts_at(at) else at for at in stamps_ns]
+
+
+def _draws(target: str, config: SensorConfig, seed: int) -> Draws:
+    period_ns = Schedule.from_hz(config.rate_hz).period_ticks * TICK_NS
+    return Draws(seed=seed, target=target, period_ns=period_ns)
+
+
+def _of_data(sample: Sample, faults: TimingFaults, draws: Draws) -> Sample:
+    stamp_ns = sample.stamp_ns
+    if isinstance(sample, PointCloud) and isinstance(faults, LidarFaults):
+        return faulty_cloud(sample, faults, draws, stamp_ns)
+    if isinstance(sample, Image) and isinstance(faults, CameraFaults):
+        return faulty_image(sample, faults, draws, stamp_ns)
+    if isinstance(sample, Imu) and isinstance(faults, ImuFaults):
+        return faulty_imu(sample, faults)
+    if isinstance(sample, GnssFix) and isinstance(faults, GnssFaults):
+        return faulty_fix(sample, faults, draws, stamp_ns)
+    if isinstance(sample, WheelTicks) and isinstance(faults, WheelFaults):
+        return faulty_ticks(sample, faults)
+    return sample
+
+
+def fault_quantity(path: str) -> Any:
+    """The `Quantity` of a fault such as ``lidar.time_offset_ms``.
+
+    Raises:
+        ConfigError: the sensor or the name is unknown.
+    """
+    target, _, name = path.rpartition(".")
+    kind = target.partition(".")[0]
+    if kind not in KINDS:
+        raise ConfigError(unknown_name("sensor with faults", target or path, KINDS))
+    known = quantities(KINDS[kind])
+    if name not in known:
+        raise ConfigError(unknown_name(f"fault of {kind}", name, known))
+    return known[name]

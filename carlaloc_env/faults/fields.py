@@ -1,0 +1,84 @@
+"""Fields of faults: each has a neutral value, a worst one, a unit, a definition and a source."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from math import isinf
+from typing import Any
+
+from carlaloc_env.core.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """What is known of a field besides its value."""
+
+    neutral: float
+    """Value at which the field has no effect."""
+    worst: float
+    """Far end of a search; inf: the field is a setting of another fault."""
+    unit: str
+    """Unit, ``1`` for shares."""
+    definition: str
+    """Exact meaning in a sentence."""
+    source: str
+    """Where the kind of fault is described; empty: it defines itself."""
+    low: float
+    """Least allowed value."""
+    high: float
+    """Largest allowed value."""
+
+
+def fault(
+    unit: str,
+    definition: str,
+    *,
+    worst: float,
+    neutral: float = 0.0,
+    source: str = "",
+    low: float = float("-inf"),
+    high: float = float("inf"),
+) -> Any:
+    """A field that is a fault of its own, off at its neutral value."""
+    known = Quantity(
+        neutral=neutral, worst=worst, unit=unit, definition=definition, source=source, low=low, high=high
+    )
+    return field(default=neutral, metadata={"quantity": known})
+
+
+def setting(unit: str, definition: str, *, default: float, low: float = float("-inf")) -> Any:
+    """A field that shapes other faults, and has no effect by itself."""
+    known = Quantity(
+        neutral=default, worst=float("inf"), unit=unit, definition=definition, source="", low=low,
+        high=float("inf"),
+    )  # fmt: skip
+    return field(default=default, metadata={"quantity": known, "setting": True})
+
+
+def quantities(cls: type) -> dict[str, Quantity]:
+    """Fields of a class of faults, settings included."""
+    return {one.name: one.metadata["quantity"] for one in fields(cls)}
+
+
+def active(faults: Any) -> tuple[str, ...]:
+    """Names of the faults that are on."""
+    return tuple(
+        one.name
+        for one in fields(faults)
+        if "setting" not in one.metadata and getattr(faults, one.name) != one.metadata["quantity"].neutral
+    )
+
+
+def check_fields(faults: Any, what: str) -> None:
+    """Refuse values out of range.
+
+    Raises:
+        ConfigError: a value is no number, or out of its range.
+    """
+    for name, known in quantities(type(faults)).items():
+        value = getattr(faults, name)
+        endless = isinf(value) and not isinf(known.neutral)
+        if endless or not known.low <= value <= known.high:
+            raise ConfigError(
+                f"{what}.{name} = {value:g}; give {known.low:g} to {known.high:g} [{known.unit}]"
+            )

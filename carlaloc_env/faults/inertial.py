@@ -1,0 +1,42 @@
+"""Faults of IMUs: saturation and steps of the bias; missing samples are faults of time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from carlaloc_env.faults.fields import fault
+from carlaloc_env.faults.timing import TimingFaults
+from carlaloc_env.samples import Imu
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImuFaults(TimingFaults):
+    """Faults of an IMU; its place is the origin of all calibration, and never wrong."""
+
+    accel_limit_mps2: float = fault(
+        "m/s²", "each axis of the specific force is cut at ± this", neutral=math.inf, worst=9.9, low=0.0
+    )
+    gyro_limit_radps: float = fault(
+        "rad/s", "each axis of the body rate is cut at ± this", neutral=math.inf, worst=0.05, low=0.0
+    )
+    accel_bias_mps2: float = fault(
+        "m/s²", "added to each axis from `begin_s` on, a step of the bias", worst=1.0
+    )
+    gyro_bias_radps: float = fault("rad/s", "added to each axis from `begin_s` on", worst=0.1)
+
+
+def faulty_imu(sample: Imu, faults: ImuFaults) -> Imu:
+    """What a faulty IMU reads: the biased value, cut at the limits."""
+    force, rate = sample.specific_force_mps2, sample.angular_rate_radps
+    return replace(
+        sample,
+        specific_force_mps2=np.clip(
+            force + faults.accel_bias_mps2, -faults.accel_limit_mps2, faults.accel_limit_mps2
+        ),
+        angular_rate_radps=np.clip(
+            rate + faults.gyro_bias_radps, -faults.gyro_limit_radps, faults.gyro_limit_radps
+        ),
+    )

@@ -1,0 +1,127 @@
+"""A replay with faults and its twin without: truth and every untouched stream have the same bytes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from shared_fixtures.drives.straight_drives import StraightDrive
+
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.faults.faults import Faults
+from carlaloc_env.rigs.rig import SensorRig
+from recorder.bags.opening import open_bag
+from recorder.cli.main import main
+from recorder.dataset.layout import SequenceFolder
+from recorder.dataset.manifest import DatasetManifest
+from recorder.replaying.condition_file import ConditionFile
+from recorder.replaying.replay import replay
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    }
+
+
+def messages(sequence: Path) -> dict[str, list[bytes]]:
+    with open_bag(SequenceFolder(sequence).bags[0]) as reader:
+        found: dict[str, list[bytes]] = {}
+        for connection, _, data in reader.messages():
+            found.setdefault(connection.topic, []).append(bytes(data))
+    return found
+
+
+def made(drive: StraightDrive, out: Path, *words: str) -> Path:
+    """The dataset of a replay."""
+    replay(drive.config(out, faults=Faults.parse(words), formats=("rosbag2",), preview=False))
+    return out
+
+
+@pytest.fixture(scope="module")
+def twins(straight_drive: StraightDrive, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Without faults, with neutral ones, and with a faulty IMU in the first one's folder."""
+    folder = tmp_path_factory.mktemp("twins")
+    clean, neutral = folder / "clean", folder / "neutral"
+    made(straight_drive, clean)
+    made(straight_drive, neutral, "imu.time_offset_ms=0", "gnss.drop_share=0")
+    before = files(clean / "straight" / "ground_truth")
+    made(straight_drive, clean, "imu.accel_bias_mps2=0.5", "imu.time_offset_ms=2")
+    assert files(clean / "straight" / "ground_truth") == before
+    return [clean, neutral]
+
+
+def test_neutral_faults_give_the_same_bytes(twins: list[Path]) -> None:
+    clean, neutral = (files(one / "straight" / "ClearNoon_dynamic") for one in twins)
+    assert clean == neutral
+
+
+def test_untouched_streams_are_the_same_and_the_description_names_the_faults(twins: list[Path]) -> None:
+    sound = twins[0] / "straight" / "ClearNoon_dynamic"
+    (faulty,) = (twins[0] / "straight").glob("ClearNoon_dynamic_*")
+    bags = [messages(folder) for folder in (sound, faulty)]
+    changed = {topic for topic in bags[0] if bags[0][topic] != bags[1][topic]}
+    assert changed == {"/imu/data"}
+    assert set(bags[0]) >= {"/imu/data", "/gnss/fix", "/ground_truth/odometry"}
+    description = yaml.safe_load((faulty / "sequence.yaml").read_text())
+    assert description["faults"] == {"imu": {"accel_bias_mps2": 0.5, "time_offset_ms": 2.0}}
+    assert "faults" not in yaml.safe_load((sound / "sequence.yaml").read_text())
+
+
+def test_a_wrong_calibration_changes_calibration_alone(
+    straight_drive: StraightDrive, twins: list[Path], tmp_path: Path
+) -> None:
+    out = made(straight_drive, tmp_path / "out", "gnss.calib_x_m=0.5")
+    clean = twins[0] / "straight"
+    assert files(out / "straight" / "ground_truth") == files(clean / "ground_truth")
+    (folder,) = (out / "straight").glob("ClearNoon_dynamic_*")
+    bags = [messages(one) for one in (clean / "ClearNoon_dynamic", folder)]
+    assert {topic for topic in bags[0] if bags[0][topic] != bags[1][topic]} == {"/tf_static"}
+    believed, true = (DatasetManifest.read(one).rig("straight").of_kind("gnss")[0] for one in (out, twins[0]))
+    moved = np.array(believed.mount.position_m) - np.array(true.mount.position_m)
+    assert moved.tolist() == [0.5, 0.0, 0.0]
+
+
+def test_a_rig_and_a_condition_hold_faults(straight_drive: StraightDrive, tmp_path: Path) -> None:
+    rig = SensorRig.from_yaml(straight_drive.state_rig.read_text() + "faults: {gnss: {drop_share: 1.0}}\n")
+    assert SensorRig.from_yaml(rig.to_yaml()) == rig
+    (tmp_path / "rig.yaml").write_text(rig.to_yaml())
+    condition = ConditionFile(faults={"imu": {"drop_share": 1.0}}, start_s=0.5, duration_s=0.5)
+    (tmp_path / "condition.yaml").write_text(condition.to_yaml())
+    assert ConditionFile.read(tmp_path / "condition.yaml") == condition
+    words = straight_drive.command(tmp_path / "out", rig=tmp_path / "rig.yaml")[3:]
+    assert main([*words, "--condition", str(tmp_path / "condition.yaml"), "--format", "rosbag2"]) == 0
+    (folder,) = (tmp_path / "out" / "straight").glob("ClearNoon_*")
+    samples = yaml.safe_load((folder / "sequence.yaml").read_text())["samples"]
+    assert "imu" not in samples
+    assert "gnss" not in samples
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--fault", "lidar.drop_share=0.1"], "sensor with faults in this rig"),
+        (["--fault", "imu.drop=0.1"], "did you mean 'drop_share'"),
+        (["--condition", "missing.yaml"], "missing.yaml"),
+    ],
+)
+def test_bad_faults_are_one_line(
+    straight_drive: StraightDrive,
+    tmp_path: Path,
+    words: list[str],
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    command = straight_drive.command(tmp_path / "out")[3:]
+    assert main([*command, *words, "--json"]) != 0
+    assert message in json.loads(capsys.readouterr().out)["error"]
+
+
+def test_formats_that_compute_with_the_calibration_refuse_its_faults(
+    straight_drive: StraightDrive, tmp_path: Path
+) -> None:
+    with pytest.raises(ConfigError, match="kitti computes with the calibration"):
+        straight_drive.config(tmp_path, formats=("kitti",), faults=Faults.parse(["lidar.calib_x_m=1"]))
