@@ -65,6 +65,12 @@ def write_page(result: BenchmarkResult) -> Path:
     return path
 
 
+def page_head(title: str) -> str:
+    """Beginning of a page in the same style."""
+    template = Path(__file__).with_name("page.html.jinja").read_text(encoding="utf-8")
+    return template.partition("</style>")[0].replace("<title>Benchmark", f"<title>{title}") + "</style>"
+
+
 def _boxes(
     result: BenchmarkResult, errors: Sequence[tuple[Job, PathErrors]], colour: dict[str, str]
 ) -> list[Box]:

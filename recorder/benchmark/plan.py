@@ -130,10 +130,11 @@ def sequences_of(drives: DriveConfig, out: Path) -> list[BenchmarkSequence]:
     Raises:
         CarlaLocError: a drive cannot be read, or an option does not fit it.
     """
-    return [_of_stream(stream, out / DRIVES) for stream in describe_drives(drives, out / DRIVES)]
+    return [sequence_of(stream, out / DRIVES) for stream in describe_drives(drives, out / DRIVES)]
 
 
-def _of_stream(stream: DriveStream, root: Path) -> BenchmarkSequence:
+def sequence_of(stream: DriveStream, root: Path) -> BenchmarkSequence:
+    """A drive under one condition, described below a folder."""
     rig, path = stream.plan.rig, stream.folder.path
     return BenchmarkSequence(
         path=path,

@@ -68,8 +68,18 @@ class BenchmarkResult:
         return [(job, PathErrors.load(self.out / job.folder / ERRORS)) for job, s in pairs if s.coverage > 0]
 
 
-def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> BenchmarkResult:
+def run_benchmark(
+    config: BenchmarkConfig,
+    progress: Progress | None = None,
+    *,
+    sequences: Sequence[BenchmarkSequence] | None = None,
+) -> BenchmarkResult:
     """Run every system over every sequence.
+
+    Args:
+        config: What to run and how.
+        progress: Called with the progress.
+        sequences: Where to run; None: what the configuration names.
 
     A system that is missing when asked for by name ends it at once; a run that fails is a row like any other.
 
@@ -78,7 +88,8 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
         MissingDependencyError: a system that was asked for is not installed.
     """
     data = config.data
-    sequences = find_sequences(data) if isinstance(data, Path) else sequences_of(data, config.out)
+    if sequences is None:
+        sequences = find_sequences(data) if isinstance(data, Path) else sequences_of(data, config.out)
     words = config.methods or tuple(name for name, system in SYSTEMS.items() if system.is_installed)
     systems = [(word, system_of(word)) for word in words]
     for _, system in systems:
@@ -111,7 +122,7 @@ def run_benchmark(config: BenchmarkConfig, progress: Progress | None = None) -> 
     # How much of a drive moves is known when it has been read.
     movers = {sequence.key: sequence.movers for sequence in sequences}
     scores = [replace(found[k], movers=movers[job.sequence.key]) for k, job in enumerate(jobs)]
-    return BenchmarkResult(sequences=sequences, jobs=jobs, scores=scores, reused=reused, out=config.out)
+    return BenchmarkResult(sequences=list(sequences), jobs=jobs, scores=scores, reused=reused, out=config.out)
 
 
 def _nobody(done: float, total: int, told: str | None) -> None:

@@ -40,6 +40,7 @@ def change_traffic(
     out: Path,
     seed: int,
     *,
+    factor: float = 1.0,
     map: str | Path | None = None,
     overwrite: bool = False,
     progress: Callable[[int, int], None] | None = None,
@@ -50,6 +51,7 @@ def change_traffic(
         source: The episode.
         out: New episode.
         seed: Seed of the new traffic.
+        factor: Numbers of vehicles and walkers, as a multiple of the recorded ones.
         map: Map of the drive, name or file; None: the town that the episode names.
         overwrite: Whether an older `out` is replaced.
         progress: Called now and then with the steps done and their total.
@@ -60,7 +62,9 @@ def change_traffic(
     episode = Episode.load(source)
     header = episode.header
     town = town_of(episode, map)
-    config = replace(from_mapping(TrafficConfig, header.traffic, f"{source}: traffic"), seed=seed)
+    old = from_mapping(TrafficConfig, header.traffic, f"{source}: traffic")
+    counts = {name: round(factor * getattr(old, name)) for name in ("vehicles", "walkers")}
+    config = replace(old, seed=seed, **counts)
     world = TrafficWorld(town.network, config, TrafficTables(town.network, town.route))
     contacts = _ContactCounter(world.catalog)
     count = len(episode.steps)

@@ -152,8 +152,14 @@ def describe_drives(config: DriveConfig, out: Path) -> list[DriveStream]:
     return streams
 
 
-def describe_drive(config: ReplayConfig) -> list[DriveStream]:
+def describe_drive(
+    config: ReplayConfig, conditions: tuple[Condition, ...] | None = None
+) -> list[DriveStream]:
     """Streams of a drive under all conditions of a replay, described in its folder `out`.
+
+    Args:
+        config: The replay; its faults of calibration are those of all conditions.
+        conditions: Conditions; None: those of the replay.
 
     Raises:
         ConfigError: an unknown rig, weather or level, or a stretch outside the drive.
@@ -162,7 +168,7 @@ def describe_drive(config: ReplayConfig) -> list[DriveStream]:
     """
     asked = plan_replay(config)
     rig = _slam_rig(asked.rig)
-    recipe = asked.recipe
+    recipe = asked.recipe if conditions is None else replace(asked.recipe, conditions=conditions)
     faults = recipe.conditions[0].faults
     origin = drive_origin(
         Episode.load(config.episode), rig.believed(faults),

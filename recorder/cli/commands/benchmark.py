@@ -74,7 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
     """Run the systems."""
-    _check_tools()
+    check_tools()
     from recorder.benchmark.page import write_page
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
     from recorder.benchmark.tables import frame_of, write_tables
@@ -168,7 +168,7 @@ def _data(arguments: argparse.Namespace, out: Path) -> Path | DriveConfig:
     )
 
 
-def _check_tools() -> None:
+def check_tools() -> None:
     """Refuse to begin what could not be reported at the end.
 
     Raises:

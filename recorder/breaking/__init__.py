@@ -1,0 +1,1 @@
+"""Search for the mildest condition in which a SLAM system fails."""

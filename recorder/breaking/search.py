@@ -1,0 +1,237 @@
+"""The search: tries by Optuna, then what is not needed is taken away, then the border is bisected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from carlaloc_env.core.errors import ConfigError, MissingDependencyError
+from carlaloc_env.core.files.output_paths import path_below
+from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.run import run_benchmark
+from recorder.benchmark.score import Score
+from recorder.breaking.space import STEP, Range, distance, setting_at
+from recorder.evaluation.failure import FailRule
+from recorder.sweep.plan import Point, SweepConfig, sequences_of_points
+from recorder.sweep.setting import Axis, Setting
+
+TRIES = "tries"
+"""Folder of all tries, below the search's folder."""
+BISECTIONS = 5
+"""Steps by which the border is narrowed, each halves its width."""
+_PASSED = 100.0
+"""Objective of a condition that passes, above all distances."""
+_STANDING = 0.144
+"""Half the error of an estimate that stands still on a straight way, by the length of the way: 0.5 / √12."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreakConfig:
+    """What is searched."""
+
+    method: str
+    """Name or file of the system."""
+    sweep: SweepConfig
+    """One drive, rig and base condition; its axes and stretch do not matter."""
+    ranges: tuple[Range, ...]
+    """Where is searched."""
+    starts_s: tuple[float, ...]
+    """Beginnings of stretches [s]."""
+    stretch_s: float = 10.0
+    """Length of a stretch [s]."""
+    tries: int = 60
+    """Tries of the search; narrowing the border takes some more."""
+    ape_max_m: float | None = None
+    """Position error above which a run fails, too [m]; None: the rule alone."""
+    rule: FailRule = field(default_factory=FailRule)
+    """When a run counts as failed."""
+
+    def __post_init__(self) -> None:
+        if not self.ranges or self.tries < 1 or not self.starts_s:
+            raise ConfigError("a search needs a quantity, a try and a stretch")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Try:
+    """One run of the system."""
+
+    shares: dict[str, float]
+    """Shares of the ranges, those above 0."""
+    start_s: float
+    """Beginning of its stretch [s]."""
+    setting: Setting
+    """The condition."""
+    score: Score
+    """Its score."""
+    failed: str | None
+    """Why it fails; None: it passes."""
+
+    @property
+    def distance(self) -> float:
+        """How far the condition lies from the neutral one."""
+        return distance(self.shares)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BreakResult:
+    """What a search has found."""
+
+    tries: list[Try]
+    """All tries, in their order."""
+    broken: Try | None
+    """The mildest one that fails; None: none does."""
+    passes: Try | None
+    """The nearest one that passes, on the way from there to the neutral condition."""
+
+
+class _Bench:
+    """Runs the system under a condition; what is known already is not run again."""
+
+    def __init__(self, config: BreakConfig, told: Callable[[Try], None]) -> None:
+        self._config, self._told = config, told
+        self.tries: list[Try] = []
+        self._known: dict[object, Try] = {}
+
+    def run(self, shares: dict[str, float], start_s: float) -> Try:
+        """The try at a place."""
+        shares = {name: round(share / STEP) * STEP for name, share in shares.items() if share >= STEP}
+        key = (tuple(sorted(shares.items())), start_s)
+        if key not in self._known:
+            self._known[key] = one = self._run(shares, start_s)
+            self.tries.append(one)
+            self._told(one)
+        return self._known[key]
+
+    def _run(self, shares: dict[str, float], start_s: float) -> Try:
+        config = self._config
+        setting = setting_at(config.sweep.base, config.ranges, shares)
+        drives = replace(config.sweep.drives, start_s=start_s, duration_s=config.stretch_s)
+        out = path_below(config.sweep.out / TRIES, f"{start_s:g}s")
+        sweep = replace(config.sweep, drives=drives, out=out, axes=(Axis(name="traffic", values=(1.0,)),))
+        point = Point(values=(), setting=setting, drive=drives.episodes[0], number=0)
+        benchmark = BenchmarkConfig(
+            data=drives, out=out, methods=(config.method,), clouds=("raw",), rule=config.rule
+        )
+        sequences = sequences_of_points(sweep, [point], lambda _: None)
+        score = run_benchmark(benchmark, sequences=sequences).scores[0]
+        failed = score.failed
+        if failed is None and config.ape_max_m is not None and score.ape_m > config.ape_max_m:
+            failed = f"APE {score.ape_m:.2f} m, above {config.ape_max_m:g} m"
+        return Try(shares=shares, start_s=start_s, setting=setting, score=score, failed=failed)
+
+
+def find_break(config: BreakConfig, told: Callable[[Try], None] = lambda _: None) -> BreakResult:
+    """Search the mildest condition in which a system fails.
+
+    Args:
+        config: What is searched.
+        told: Called with every try.
+
+    Raises:
+        MissingDependencyError: Optuna is not installed.
+        CarlaLocError: the drive cannot be read, or the system is missing.
+    """
+    try:
+        import optuna
+    except ImportError as error:
+        raise MissingDependencyError('Optuna is not installed; pip install "carlaloc-env[search]"') from error
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    bench = _Bench(config, told)
+    for start_s in config.starts_s:
+        # A system that fails without any cause is no case for a search.
+        if bench.run({}, start_s).failed is not None:
+            return BreakResult(tries=bench.tries, broken=bench.tries[-1], passes=None)
+
+    def objective(trial: Any) -> float:
+        start_s = config.starts_s[trial.suggest_int("start", 0, len(config.starts_s) - 1)]
+        # Below zero a quantity stays neutral: mild conditions have few causes.
+        shares = {one.name: trial.suggest_float(one.name, -1.0, 1.0) for one in config.ranges}
+        one = bench.run(shares, start_s)
+        return one.distance if one.failed is not None else _PASSED - _severity(one, config)
+
+    seed = config.sweep.drives.options.seed or 0
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(seed=seed, multivariate=True))
+    study.optimize(objective, n_trials=config.tries)
+    failed = [one for one in bench.tries if one.failed is not None]
+    if not failed:
+        return BreakResult(tries=bench.tries, broken=None, passes=None)
+    broken, passes = _narrowed(bench, min(failed, key=lambda one: one.distance))
+    return BreakResult(tries=bench.tries, broken=broken, passes=passes)
+
+
+def _severity(one: Try, config: BreakConfig) -> float:
+    """How near a run that passes is to failing, 0–1."""
+    most_m = config.ape_max_m or _STANDING * one.score.length_m
+    lost = (1.0 - one.score.coverage) / (1.0 - config.rule.coverage_min)
+    return min(max(one.score.ape_m / most_m, lost, 0.0), 1.0)
+
+
+def _narrowed(bench: _Bench, broken: Try) -> tuple[Try, Try]:
+    """The mildest failure near one, and the last that passes on the way to the neutral condition."""
+    for name in sorted(broken.shares, key=lambda name: broken.shares[name]):
+        fewer = {other: share for other, share in broken.shares.items() if other != name}
+        if (one := bench.run(fewer, broken.start_s)).failed is not None:
+            broken = one
+    whole, passes, low, high = broken.shares, bench.run({}, broken.start_s), 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        one = bench.run({name: middle * share for name, share in whole.items()}, broken.start_s)
+        if one.failed is None:
+            passes, low = one, middle
+        else:
+            broken, high = one, middle
+    return broken, passes
+
+
+def _values(one: Try, config: BreakConfig) -> dict[str, float]:
+    """Value of every quantity."""
+    return {known.name: known.value(one.shares.get(known.name, 0.0)) for known in config.ranges}
+
+
+def write_counter_example(result: BreakResult, config: BreakConfig, out: Path) -> list[Path]:
+    """Write the conditions as YAML, the counter-example as a bag with its film, and all tries as CSV.
+
+    Raises:
+        CarlaLocError: a file cannot be written.
+    """
+    import pandas as pd
+
+    from recorder.replaying.condition_file import ConditionFile
+    from recorder.replaying.replay import ReplayConfig, replay
+
+    rows = [
+        {"start_s": one.start_s, "distance": one.distance, "failed": one.failed, "ape_m": one.score.ape_m,
+         "coverage": one.score.coverage, **_values(one, config)}
+        for one in result.tries
+    ]  # fmt: skip
+    out.mkdir(parents=True, exist_ok=True)
+    written = [out / "tries.csv"]
+    pd.DataFrame(rows).to_csv(written[0], index=False)
+    for name, one in (("broken", result.broken), ("passes", result.passes)):
+        if one is None:
+            continue
+        condition = ConditionFile(
+            weather=one.setting.weather, traffic=one.setting.traffic,
+            lidar_weather=one.setting.lidar_weather, faults=one.setting.faults.to_mapping(),
+            start_s=one.start_s, duration_s=config.stretch_s, seed=config.sweep.drives.options.seed,
+        )  # fmt: skip
+        written.append(out / f"{name}.yaml")
+        written[-1].write_text(condition.to_yaml(), encoding="utf-8")
+    folder = out / "counter_example"
+    if result.broken is not None and not folder.exists():
+        one, drives = result.broken, config.sweep.drives
+        options = replace(
+            drives.options, weathers=(one.setting.weather,), traffic=(one.setting.traffic,),
+            lidar_weather=one.setting.lidar_weather, faults=one.setting.faults, formats=("rosbag1",),
+        )  # fmt: skip
+        fields = {name: getattr(options, name) for name in options.__dataclass_fields__}
+        replay(
+            ReplayConfig(
+                **fields, episode=drives.episodes[0], out=folder, start_s=one.start_s,
+                duration_s=config.stretch_s, map=drives.map,
+            )
+        )  # fmt: skip
+    found = [path for pattern in ("*.bag", "preview.mp4") for path in sorted(folder.rglob(pattern))]
+    return [*written, *found]

@@ -1,0 +1,124 @@
+"""Find where a SLAM system breaks: the mildest weather, traffic and faults in which it fails.
+
+Examples:
+  carlaloc break kiss_icp drive.mcap --rig lidar
+  carlaloc break rko_lio drive.mcap --rig lidar --ape-max 1 --over fault.lidar.time_offset_ms=0:200
+  carlaloc benchmark drive.mcap --rig lidar --methods kiss_icp --condition drive-break/broken.yaml
+
+It writes the counter-example as a bag and a film, its condition, the nearest one that passes, and all tries.
+Tries are kept: the same command goes on from there.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from carlaloc_env.core.errors import UsageError
+from recorder.cli.arguments import OutputFolder, input_path, number, positive_int, positive_seconds
+from recorder.cli.commands.benchmark import check_tools
+from recorder.cli.progress import Progress
+from recorder.cli.replay_options import add_condition_options, condition_options
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc break`."""
+    parser.add_argument("method", help="system, or a .py or .yaml file")
+    parser.add_argument("drive", type=input_path, help="drive (.mcap)")
+    parser.add_argument("--out", type=OutputFolder(), help="results; else DRIVE-break beside it")
+    parser.add_argument(
+        "--over",
+        action="append",
+        default=[],
+        metavar="NAME=NEUTRAL:WORST",
+        help="a quantity to search; else weather, traffic and all faults of the system's sensors",
+    )
+    parser.add_argument("--tries", type=positive_int, default=60, metavar="N", help="tries (default: 60)")
+    parser.add_argument(
+        "--stretch",
+        type=positive_seconds,
+        default=10.0,
+        metavar="S",
+        help="length of a try [s] (default: 10)",
+    )
+    parser.add_argument(
+        "--stretches", type=positive_int, default=3, metavar="N", help="stretches (default: 3)"
+    )
+    parser.add_argument("--ape-max", type=number, metavar="M", help="a larger APE is a failure, too [m]")
+    parser.add_argument("--seed", type=int, default=0, help="seed of sensor noise and of the search")
+    parser.add_argument("--map", help="map of the drive, where the episode names none that is known")
+    add_condition_options(parser, weathers=("ClearNoon",), traffic=("dynamic",))
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Search."""
+    check_tools()
+    import numpy as np
+
+    from recorder.breaking.search import BreakConfig, Try, find_break, write_counter_example
+    from recorder.breaking.space import Range, ranges_of
+    from recorder.episode.episode import Episode
+    from recorder.replaying.plan import ReplayOptions
+    from recorder.slam.systems import system_of
+    from recorder.streaming.drive import DriveConfig
+    from recorder.sweep.plan import SweepConfig
+    from recorder.sweep.setting import Axis
+
+    system, drive = system_of(arguments.method), arguments.drive.resolve()
+    last_s = Episode.load(drive).duration_s - arguments.stretch
+    if last_s < 0:
+        raise UsageError(
+            f"the drive is shorter than a try of {arguments.stretch:g} s; give a smaller --stretch"
+        )
+    starts = np.linspace(0.0, last_s, arguments.stretches + 2)[1:-1].round(1)
+    kinds = tuple("camera" if need == "stereo" else need for need in system.needs)
+    out = arguments.out or drive.with_name(f"{drive.stem}-break")
+    options = ReplayOptions(**condition_options(arguments), seed=arguments.seed)
+    drives = DriveConfig(episodes=(drive,), options=options, map=arguments.map)
+    config = BreakConfig(
+        method=arguments.method,
+        sweep=SweepConfig(drives=drives, out=out, axes=(Axis(name="traffic", values=(1.0,)),), seeds=1),
+        ranges=tuple(map(Range.parse, arguments.over)) or ranges_of(kinds, weather=True),
+        starts_s=tuple(starts.tolist()),
+        stretch_s=arguments.stretch,
+        tries=arguments.tries,
+        ape_max_m=arguments.ape_max,
+    )
+    done = 0
+    with Progress("tries", unit="tries") as progress:
+
+        def told(one: Try) -> None:
+            nonlocal done
+            done += 1
+            progress.pieces(done, config.tries, f"distance {one.distance:.3f}: {one.failed or 'passes'}")
+
+        result = find_break(config, told)
+    files = write_counter_example(result, config, out)
+
+    def about(one: Try | None) -> dict[str, Any] | None:
+        if one is None:
+            return None
+        values = {r.name: r.value(one.shares[r.name]) for r in config.ranges if r.name in one.shares}
+        return {"distance": one.distance, "start_s": one.start_s, "values": values, "failed": one.failed,
+                "ape_m": one.score.ape_m, "coverage": one.score.coverage}  # fmt: skip
+
+    return {
+        "out": str(out),
+        "files": [str(path) for path in files],
+        "tries": len(result.tries),
+        "broken": about(result.broken),
+        "passes": about(result.passes),
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print the counter-example, the nearest condition that passes, and the files."""
+    for name, word in (("broken", "mildest failure"), ("passes", "nearest pass")):
+        if (one := result[name]) is None:
+            print(f"{word}: none in {result['tries']} tries")
+            continue
+        values = ", ".join(f"{key} = {value:g}" for key, value in one["values"].items()) or "nothing changed"
+        print(f"{word} at distance {one['distance']:.3f}, from {one['start_s']:g} s: {values}")
+        print("  " + (one["failed"] or f"APE {one['ape_m']:.3f} m"))
+    for path in result["files"]:
+        print(path)

@@ -1,0 +1,111 @@
+"""Sweep physical quantities over drives: errors and failures of SLAM systems as curves with bands.
+
+Examples:
+  carlaloc sweep drive.mcap --methods kiss_icp,rko_lio --rig lidar --over fault.lidar.time_offset_ms=0:100:6
+  carlaloc sweep a.mcap b.mcap --rig lidar --over traffic=0:4:6 --over fog_visibility_m=20:500:log8 --seeds 5
+  carlaloc sweep drive.mcap --rig lidar --over traffic=0,1 --over fault.lidar.drop_share=0:0.8:5 --product
+
+Each --over is swept by itself from the base condition (--weather, --traffic, --fault). Results are kept, and
+the same command goes on from there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from recorder.cli.arguments import OutputFolder, input_path, names, positive_int
+from recorder.cli.commands.benchmark import check_tools
+from recorder.cli.progress import Progress
+from recorder.cli.replay_options import add_condition_options, add_stretch_options, condition_options
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Options of `carlaloc sweep`."""
+    parser.add_argument("drives", type=input_path, nargs="+", help="drives (.mcap)")
+    parser.add_argument("--out", type=OutputFolder(), help="results; else DRIVE-sweep beside the first")
+    parser.add_argument(
+        "--over",
+        action="append",
+        required=True,
+        metavar="NAME=FROM:TO:N",
+        help="traffic, a quantity of the weather or fault.SENSOR.NAME; logN spaces evenly in the logarithm",
+    )
+    parser.add_argument("--seeds", type=positive_int, default=5, metavar="N", help="seeds (default: 5)")
+    parser.add_argument("--product", action="store_true", help="run all combinations of the axes")
+    add_system_options(parser)
+    add_condition_options(parser, weathers=("ClearNoon",), traffic=("dynamic",))
+    add_stretch_options(parser)
+
+
+def add_system_options(parser: argparse.ArgumentParser) -> None:
+    """Declare systems and how they are run."""
+    parser.add_argument(
+        "--methods", type=names, default=(), metavar="A,B", help="systems; else all installed"
+    )
+    parser.add_argument("--workers", type=positive_int, default=1, metavar="N", help="systems at a time")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the work")
+    parser.add_argument(
+        "--clouds", type=names, default=("raw",), metavar="A,B", help="raw, seg (default: raw)"
+    )
+    parser.add_argument("--again", choices=("failed", "all"), help="run kept results again, too")
+    parser.add_argument("--map", help="map of the drives, where the episodes name none that is known")
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Run the sweep."""
+    check_tools()
+    from recorder.benchmark.config import BenchmarkConfig
+    from recorder.replaying.plan import ReplayOptions
+    from recorder.streaming.drive import DriveConfig
+    from recorder.sweep.plan import SweepConfig
+    from recorder.sweep.report import write_report
+    from recorder.sweep.run import run_sweep
+    from recorder.sweep.setting import Axis
+
+    axes = tuple(Axis.parse(word) for word in arguments.over)
+    first = arguments.drives[0].resolve()
+    out = arguments.out or first.with_name(f"{first.stem}-sweep")
+    drives = DriveConfig(
+        episodes=tuple(arguments.drives),
+        options=ReplayOptions(**condition_options(arguments), seed=arguments.seed),
+        start_s=arguments.start,
+        duration_s=arguments.duration,
+        map=arguments.map,
+    )
+    config = SweepConfig(
+        drives=drives, out=out, axes=axes, seeds=arguments.seeds, is_product=arguments.product
+    )
+    benchmark = BenchmarkConfig(
+        data=drives,
+        out=out,
+        methods=arguments.methods,
+        workers=arguments.workers,
+        clouds=arguments.clouds,
+        again=arguments.again,
+        cluster=arguments.cluster,
+    )
+    with Progress("runs", unit="runs") as progress:
+        result = run_sweep(config, benchmark, progress.pieces, lambda line: print(line, file=sys.stderr))
+    files = write_report(result)
+    return {
+        "out": str(out),
+        "files": [str(path) for path in files],
+        "points": len(result.runs),
+        "runs": len(result.benchmark.jobs),
+        "reused": result.benchmark.reused,
+        "instants": result.instants,
+        "frames": result.frames,
+        "failures": result.benchmark.failures,
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Print what was made, what was shared, and the files."""
+    print(f"{result['points']} points by {result['runs']} runs, {result['reused']} of them done before")
+    print(f"{result['frames']} sweeps or pairs made of {result['instants']} measured instants")
+    for path in result["files"]:
+        print(path)
+    if result["failures"]:
+        print(f"{len(result['failures'])} runs failed, the first: {result['failures'][0]}")

@@ -1,0 +1,1 @@
+"""Errors of SLAM systems against physical quantities: one swept at a time, with bands over seeds."""

@@ -1,0 +1,192 @@
+"""What a sweep runs: points of axes, the drives and conditions of each, shared where they are the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+from itertools import product
+from pathlib import Path
+
+from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.weather.changed_weather import weather_word
+from carlaloc_env.weather.schedule import weather_of
+from recorder.benchmark.plan import DRIVES, BenchmarkSequence, sequence_of
+from recorder.dataset.checksums import file_sha256
+from recorder.drive.resimulate_traffic import change_traffic
+from recorder.episode.episode import open_episode
+from recorder.episode.traffic_level import traffic_level
+from recorder.replaying.conditions import Condition
+from recorder.replaying.plan import ReplayConfig, ReplayOptions, rig_of
+from recorder.streaming.drive import DriveConfig, describe_drive
+from recorder.sweep.setting import TRAFFIC, Axis, Setting
+
+EPISODES = "episodes"
+"""Folder of drives among other traffic, below the sweep's folder."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepConfig:
+    """What is swept, over which drives."""
+
+    drives: DriveConfig
+    """Drives, stretch, rig and base condition: the first weather and traffic level, and the faults."""
+    out: Path
+    """Folder of the results."""
+    axes: tuple[Axis, ...]
+    """Each is swept by itself from the base condition."""
+    seeds: int = 5
+    """Seeds of noise; on the axis of traffic, of the traffic, too."""
+    is_product: bool = False
+    """Whether all combinations of the axes are run in place of each by itself."""
+
+    def __post_init__(self) -> None:
+        if not self.axes or self.seeds < 1:
+            raise ConfigError("a sweep needs a quantity, e.g. --over traffic=0:1:3, and a seed")
+        names = [axis.name for axis in self.axes]
+        for name in names:
+            if names.count(name) > 1:
+                raise ConfigError(f"{name} is swept twice; give its values in one --over")
+
+    @property
+    def base(self) -> Setting:
+        """The condition in which every axis but one stays."""
+        options = self.drives.options
+        return Setting(
+            weather=options.weathers[0],
+            traffic=options.traffic[0],
+            lidar_weather=options.lidar_weather,
+            faults=options.faults,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """A place on an axis, with one drive and seed."""
+
+    values: tuple[tuple[str, float], ...]
+    """Values of the quantities that were set."""
+    setting: Setting
+    """The condition."""
+    drive: Path
+    """The drive."""
+    number: int
+    """Number of the seed, from 0."""
+
+    @property
+    def traffic_seed(self) -> int:
+        """Number of the seed of the traffic; 0: as recorded."""
+        moves = self.setting.factor > 0 and any(name == TRAFFIC for name, _ in self.values)
+        return self.number if moves else 0
+
+
+def points_of(config: SweepConfig) -> list[Point]:
+    """All points, axis by axis."""
+    axes = [[(axis.name, value) for value in axis.values] for axis in config.axes]
+    places = list(product(*axes)) if config.is_product else [(place,) for axis in axes for place in axis]
+    found = []
+    for place in places:
+        setting = config.base
+        for name, value in place:
+            setting = setting.changed(name, value)
+        found += [
+            Point(values=place, setting=setting, drive=drive, number=number)
+            for drive in config.drives.episodes
+            for number in range(config.seeds)
+        ]
+    return found
+
+
+@dataclass(slots=True)
+class _Group:
+    """Points whose conditions one description of a drive holds."""
+
+    episode: Path
+    out: Path
+    seed: int
+    setting: Setting
+    settings: dict[Setting, None] = field(default_factory=dict)
+
+
+def sequences_of_points(
+    config: SweepConfig, points: Sequence[Point], told: Callable[[str], None]
+) -> list[BenchmarkSequence]:
+    """The sequence of each point; points of the same drive, seed and condition share one.
+
+    Args:
+        config: The sweep.
+        points: Its points.
+        told: Called with a line about every drive that is simulated among other traffic.
+
+    Raises:
+        CarlaLocError: a drive cannot be read, or an option does not fit it.
+    """
+    first = {
+        drive: seed if (seed := config.drives.options.seed) is not None else open_episode(drive).header.seed
+        for drive in config.drives.episodes
+    }
+    sensors = rig_of(config.drives.options).sensors
+    for setting in {point.setting: None for point in points}:
+        setting.faults.check(sensors)
+    groups: dict[Path, _Group] = {}
+    keys = []
+    for point in points:
+        episode = _episode(config, point, first[point.drive] + point.traffic_seed, told)
+        setting = point.setting
+        if setting.factor > 1.0:
+            setting = replace(setting, traffic="dynamic")
+        words = ("weather" * setting.lidar_weather, setting.faults.calibration.slug)
+        seed = first[point.drive] + point.number
+        out = config.out / DRIVES / episode.stem / "_".join(filter(None, (f"seed{seed}", *words)))
+        group = groups.setdefault(out, _Group(episode, out, seed, setting))
+        group.settings[setting] = None
+        keys.append((out, setting))
+    found = {out: _described(config, group) for out, group in groups.items()}
+    return [found[out][setting] for out, setting in keys]
+
+
+def _episode(config: SweepConfig, point: Point, seed: int, told: Callable[[str], None]) -> Path:
+    """The drive of a point: as recorded, or among traffic simulated anew."""
+    factor = max(point.setting.factor, 1.0)
+    if factor == 1.0 and point.traffic_seed == 0:
+        return point.drive
+    name = f"{point.drive.stem}_x{factor:g}_seed{seed}_{file_sha256(point.drive)[:8]}"
+    path = config.out / EPISODES / f"{name}.mcap"
+    if not path.exists():
+        told(f"{path.name}: traffic × {factor:g}, seed {seed}")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        change_traffic(point.drive, path, seed, factor=factor, map=config.drives.map)
+    return path
+
+
+def _described(config: SweepConfig, group: _Group) -> dict[Setting, BenchmarkSequence]:
+    drives, settings = config.drives, list(group.settings)
+    options = {one.name: getattr(drives.options, one.name) for one in fields(ReplayOptions)}
+    replayed = ReplayConfig(
+        **{
+            **options,
+            "weathers": tuple(dict.fromkeys(one.weather for one in settings)),
+            "traffic": tuple(dict.fromkeys(one.traffic for one in settings)),
+            "lidar_weather": group.setting.lidar_weather,
+            "faults": group.setting.faults.calibration,
+            "seed": group.seed,
+            "workers": 1,
+        },
+        episode=group.episode,
+        out=group.out,
+        start_s=drives.start_s,
+        duration_s=drives.duration_s,
+        map=drives.map,
+    )
+    conditions = tuple(
+        Condition(
+            weather_name=weather_word(one.weather),
+            weather=weather_of(one.weather),
+            traffic=traffic_level(one.traffic),
+            faults=one.faults,
+        )
+        for one in settings
+    )
+    streams = describe_drive(replayed, conditions)
+    return {
+        one: sequence_of(stream, config.out / DRIVES) for one, stream in zip(settings, streams, strict=True)
+    }

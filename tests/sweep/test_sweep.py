@@ -1,0 +1,137 @@
+"""A sweep over a real drive: its errors follow theory, and its neutral value is the benchmark."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from shared_fixtures.drives.straight_drives import RIG
+
+from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.run import run_benchmark
+from recorder.cli.main import main
+from recorder.drive.record import RecordConfig, record
+from recorder.evaluation.trajectory_files import read_tum
+from recorder.replaying.plan import ReplayOptions
+from recorder.slam.worker import ESTIMATE
+from recorder.streaming.drive import DriveConfig
+
+HEAD = """
+import numpy as np
+from recorder.evaluation.align import Alignment
+from recorder.evaluation.trajectory_files import read_tum
+from recorder.slam.system import System
+SYSTEM = System(name="{name}", title="{name}", what="a test", needs=("lidar", "imu"),
+                runner="x:run", frame="lidar", alignment=Alignment.NONE)
+"""
+PERFECT = """
+def run(sequence, clock):
+    # It knows where it is, and believes the stamps that it gets.
+    truth, poses = read_tum(sequence.truth_file("lidar")), []
+    for number, scan in enumerate(sequence.scans()):
+        T = np.eye(4)
+        T[:3, 3] = truth.position_m[10 * number]
+        poses.append((scan.stamp_ns, T))
+    return poses
+"""
+DIGEST = """
+def run(sequence, clock):
+    # Its poses are other ones where any number that it reads is.
+    imu = list(sequence.imu_samples())
+    inertial = np.concatenate([s.acceleration_mps2 + s.angular_velocity_radps for s in imu])
+    poses = []
+    for scan in sequence.scans():
+        T = np.eye(4)
+        T[:3, 3] = scan.points_xyz_m.sum(), scan.time_s.sum(), inertial @ np.arange(len(inertial))
+        poses.append((scan.stamp_ns, T))
+    return poses
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A rig without cameras, and two systems."""
+    folder = tmp_path_factory.mktemp("sweep")
+    (folder / "rig.yaml").write_text(RIG.partition("- {kind: gnss}")[0])
+    for name, body in (("perfect", PERFECT), ("digest", DIGEST)):
+        (folder / f"{name}.py").write_text(HEAD.format(name=name) + body)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def moving(straight_map: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven seconds without others, at the end of which the car goes fast."""
+    folder = tmp_path_factory.mktemp("moving")
+    town = folder / "straight.xodr"
+    town.write_bytes(straight_map.read_bytes())
+    record(
+        RecordConfig(
+            map=str(town),
+            out=folder / "drive.mcap",
+            duration_s=7.0,
+            seed=5,
+            traffic="dynamic,vehicles=0,walkers=0",
+        )
+    )
+    return folder / "drive.mcap"
+
+
+def command(moving: Path, place: Path, *words: str) -> list[str]:
+    return [
+        "sweep", str(moving), "--map", str(moving.with_name("straight.xodr")),
+        "--rig", str(place / "rig.yaml"), "--out", str(place / "out"),
+        "--methods", f"{place}/perfect.py,{place}/digest.py",
+        "--over", "fault.lidar.time_offset_ms=0,60", "--start", "5.5", "--duration", "1", "--json", *words,
+    ]  # fmt: skip
+
+
+def test_an_offset_of_stamps_is_an_error_of_speed_times_offset(
+    moving: Path, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rays are cast once, the neutral value gives the benchmark's bytes, a second call runs nothing."""
+    import pandas as pd
+
+    assert main(command(moving, place, "--seeds", "2")) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    out = place / "out"
+    assert (found["runs"], found["reused"], found["instants"], found["frames"]) == (8, 0, 20, 80)
+    runs = pd.read_csv(out / "runs.csv")
+    ape_m = runs[runs["title"] == "perfect"].groupby("fault.lidar.time_offset_ms")["ape_m"].max()
+    truth = read_tum(out / "drives" / "drive" / "seed5" / "straight" / "ground_truth" / "lidar.tum")
+    speed_mps = np.linalg.norm(np.diff(truth.position_m, axis=0), axis=1) / 0.005
+    assert speed_mps.mean() > 3.0
+    assert ape_m[0.0] < 1e-6
+    assert ape_m[60.0] == pytest.approx(0.06 * np.sqrt(np.mean(speed_mps**2)), rel=0.03)
+    assert {"curves.csv", "areas.csv", "sweep.html", "fault.lidar.time_offset_ms.png"} <= {
+        path.name for path in out.iterdir()
+    }
+    options = ReplayOptions(rig=str(place / "rig.yaml"))
+    data = DriveConfig(
+        episodes=(moving,),
+        options=options,
+        start_s=5.5,
+        duration_s=1.0,
+        map=moving.with_name("straight.xodr"),
+    )
+    plain = run_benchmark(
+        BenchmarkConfig(data=data, out=place / "plain", methods=(f"{place}/digest.py",), clouds=("raw",))
+    )
+    estimates = [root / plain.jobs[0].folder / ESTIMATE for root in (out, place / "plain")]
+    assert estimates[0].read_bytes() == estimates[1].read_bytes()
+    assert main(command(moving, place, "--seeds", "2")) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert (again["reused"], again["instants"]) == (8, 0)
+
+
+def test_bad_sweeps_are_one_line(moving: Path, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cases = {
+        ("--over", "trafic=0:1:2"): "did you mean 'traffic'",
+        ("--over", "fault.gnss.drop_share=0:1:2"): "sensor with faults in this rig",
+        ("--over", "fault.lidar.time_offset_ms=0,1"): "is swept twice",
+    }
+    for words, message in cases.items():
+        assert main(command(moving, place, *words)) != 0
+        assert message in json.loads(capsys.readouterr().out)["error"]
