@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
@@ -39,8 +39,6 @@ class Faults:
 
     sensors: tuple[tuple[str, TimingFaults], ...] = ()
     """Faults by ``KIND`` or ``KIND.NAME``, sorted; the latter takes the place of the former."""
-    name: str = field(default="", compare=False)
-    """Name in folders; empty: made of the values."""
 
     def __post_init__(self) -> None:
         some = tuple(sorted((target, one) for target, one in self.sensors if active(one)))
@@ -104,8 +102,6 @@ class Faults:
     @property
     def slug(self) -> str:
         """A short name for folders; empty: no faults."""
-        if not self or self.name:
-            return self.name if self else ""
         text = self.label.replace("=", "-").replace(" ", "_").replace("+", "")
         return (
             text if len(text) <= 40 else "faults-" + sha256(repr(self.to_mapping()).encode()).hexdigest()[:8]
@@ -113,7 +109,7 @@ class Faults:
 
     def over(self, other: Faults) -> Faults:
         """These faults, and of another set those of sensors that have none here."""
-        return Faults(sensors=tuple({**dict(other.sensors), **dict(self.sensors)}.items()), name=self.name)
+        return Faults(sensors=tuple({**dict(other.sensors), **dict(self.sensors)}.items()))
 
     def of(self, config: SensorConfig) -> tuple[str, TimingFaults] | None:
         """What a sensor's faults were given for, and the faults; None: it has none."""

@@ -22,7 +22,7 @@ PICTURES: tuple[tuple[str, str], ...] = (
     ("sound", ""),
     ("exposure_stops = 2.5", "camera.left.exposure_stops=2.5"),
     ("dirt_share = 0.3", "camera.left.dirt_share=0.3"),
-    ("drops_percent = 100, detail", "camera.left.drops_percent=100"),
+    ("drops_percent = 100", "camera.left.drops_percent=100"),
 )
 CLOUDS: tuple[tuple[str, str], ...] = (
     ("sound", ""),
@@ -83,7 +83,7 @@ def draw(path: Path) -> None:
         shown: Any = Faults.parse(filter(None, [word])).apply(image, configs["camera.left"], 3)
         place.imshow(shown.rgb)
         place.set(title=f"camera: {title}", xticks=(), yticks=())
-        if "detail" in title:
+        if "drops" in title:  # a detail
             height, width = shown.rgb.shape[:2]
             place.set(xlim=(0.3 * width, 0.7 * width), ylim=(0.7 * height, 0.3 * height))
     for place, (title, word) in zip(axes[1], CLOUDS, strict=True):

@@ -76,7 +76,7 @@ def test_the_search_finds_the_border(
     words = [
         "break", str(method), str(straight_drive.episode), "--map", str(straight_drive.town),
         "--rig", str(rig), "--out", str(tmp_path / "out"), "--stretch", "1", "--stretches", "1",
-        "--tries", "12", "--json",
+        "--tries", "6", "--json",
         "--over", "fault.lidar.point_drop_share=0:0.99", "--over", "fault.lidar.time_jitter_ms=0:5",
     ]  # fmt: skip
     assert main(words) == 0

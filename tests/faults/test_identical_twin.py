@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from shared_fixtures.drives.straight_drives import StraightDrive
+from shared_fixtures.drives.straight_drives import RIG, StraightDrive
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.faults.faults import Faults
 from carlaloc_env.rigs.rig import SensorRig
 from recorder.bags.opening import open_bag
+from recorder.benchmark.config import BenchmarkConfig
+from recorder.benchmark.run import run_benchmark
 from recorder.cli.main import main
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.manifest import DatasetManifest
 from recorder.replaying.condition_file import ConditionFile
+from recorder.replaying.plan import ReplayOptions
 from recorder.replaying.replay import replay
+from recorder.streaming.drive import DriveConfig
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -125,3 +130,46 @@ def test_formats_that_compute_with_the_calibration_refuse_its_faults(
 ) -> None:
     with pytest.raises(ConfigError, match="kitti computes with the calibration"):
         straight_drive.config(tmp_path, formats=("kitti",), faults=Faults.parse(["lidar.calib_x_m=1"]))
+
+
+DIGEST = """
+import numpy as np
+from recorder.slam.system import System
+SYSTEM = System(name="d", title="d", what="a test", needs=("lidar", "imu"), runner="x:run", frame="lidar")
+def run(sequence, clock):
+    imu = np.array([[s.stamp_ns % 1e9, *s.acceleration_mps2] for s in sequence.imu_samples()])
+    poses = []
+    for scan in sequence.scans():
+        T = np.eye(4)
+        T[:3, 3] = scan.points_xyz_m.sum(), len(scan.ring), np.arange(imu.size) @ imu.ravel()
+        poses.append((scan.stamp_ns, T))
+    return poses
+"""
+
+
+@pytest.mark.soak
+def test_a_system_reads_the_same_faults_from_a_drive_and_from_a_dataset(
+    straight_drive: StraightDrive, tmp_path: Path
+) -> None:
+    words = [
+        "lidar.drop_share=0.3",
+        "lidar.time_offset_ms=7",
+        "lidar.crosstalk_share=0.2",
+        "imu.burst_share=0.3",
+    ]
+    (tmp_path / "rig.yaml").write_text(RIG.partition("- {kind: gnss}")[0])
+    (tmp_path / "d.py").write_text(DIGEST)
+    shared: dict[str, Any] = {"rig": str(tmp_path / "rig.yaml"), "faults": Faults.parse(words)}
+    replay(straight_drive.config(tmp_path / "data", formats=("rosbag1",), preview=False, **shared))
+    drive = DriveConfig(
+        episodes=(straight_drive.episode,), options=ReplayOptions(**shared), map=straight_drive.town
+    )
+    found = []
+    for number, data in enumerate((tmp_path / "data", drive)):
+        config = BenchmarkConfig(
+            data=data, out=tmp_path / f"{number}", methods=(str(tmp_path / "d.py"),), clouds=("raw",)
+        )
+        result = run_benchmark(config)
+        found.append((result.out / result.jobs[0].folder / "estimate.tum").read_bytes())
+    assert found[0] == found[1]
+    assert 15 < found[0].count(b"\n") < 40  # of 40 sweeps
