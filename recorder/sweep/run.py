@@ -10,6 +10,7 @@ import pandas as pd
 from recorder.benchmark.config import BenchmarkConfig
 from recorder.benchmark.results import read_shared
 from recorder.benchmark.run import BenchmarkResult, Progress, run_benchmark
+from recorder.benchmark.score import Score
 from recorder.sweep.plan import Point, SweepConfig, points_of, sequences_of_points
 
 
@@ -64,7 +65,7 @@ def run_sweep(
         for title, run in titles:
             found = scores.get((sequence.path, title, run)) or scores.get((*_alike(sequence), title, run))
             if found is not None:
-                rows.append({**_about(point), **found[1].to_mapping(), "title": title})
+                rows.append(row_of(point, found[1], title))
     return SweepResult(
         config=config,
         runs=pd.DataFrame(rows),
@@ -78,5 +79,9 @@ def _alike(sequence: object) -> tuple[object, ...]:
     return tuple(getattr(sequence, name) for name in ("dataset", "town", "traffic", "faults"))
 
 
-def _about(point: Point) -> dict[str, object]:
-    return {**dict(point.values), "drive": point.drive.stem, "seed": point.number}
+def row_of(point: Point, score: Score, title: str) -> dict[str, object]:
+    """A row of `SweepResult.runs`."""
+    figures = score.to_mapping()
+    # The quantity swept may be called as the level is.
+    level = {"traffic_level": figures.pop("traffic"), "title": title}
+    return {**figures, **level, **dict(point.values), "drive": point.drive.stem, "seed": point.number}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,7 +12,10 @@ import pytest
 
 from carlaloc_env.core.errors import ConfigError
 from carlaloc_env.weather.changed_weather import changed_weather, weather_word
+from recorder.benchmark.score import Score
 from recorder.sweep.curves import areas_of, curves_of, mean_interval, wilson_interval
+from recorder.sweep.plan import Point
+from recorder.sweep.run import row_of
 from recorder.sweep.setting import Axis, Setting
 
 
@@ -67,16 +72,20 @@ def test_intervals_are_those_of_the_books() -> None:
     assert wilson_interval(10, 10) == pytest.approx((10 / (10 + z2), 1.0), rel=1e-6)
 
 
-def runs(axis: str, values: list[float]) -> pd.DataFrame:
+def runs(axis: str, values: list[float], **others: float) -> pd.DataFrame:
     """Errors that grow with the value; all fail at the last one."""
-    return pd.DataFrame(
-        {
-            "title": "A", axis: value, "drive": "d", "seed": seed, "ape_m": 2.0 * value, "rpe_m": 0.1,
-            "coverage": 1.0, "failed": "diverged" if value == values[-1] else None,
-        }
-        for value in values
-        for seed in range(3)
-    )  # fmt: skip
+    about: dict[str, Any] = {"town": "T", "weather": "W", "cloud": "raw", "run": 1, "version": "1"}
+    rows = []
+    for value in values:
+        score = Score(
+            **about, dataset="d", traffic="dynamic", method="a", title="A", ape_m=2.0 * value, rpe_m=0.1,
+            coverage=1.0, failed="diverged" if value == values[-1] else None,
+        )  # fmt: skip
+        for seed in range(3):
+            place = (*others.items(), (axis, value))
+            point = Point(values=place, setting=Setting(), drive=Path("d.mcap"), number=seed)
+            rows.append(row_of(point, score, "A"))
+    return pd.DataFrame(rows)
 
 
 def test_areas_under_straight_lines() -> None:
@@ -94,7 +103,15 @@ def test_areas_under_straight_lines() -> None:
 
 
 def test_a_product_has_a_curve_for_each_value_of_the_others() -> None:
-    one = runs("traffic", [0.0, 1.0])
-    both = pd.concat([one.assign(rain_mmph=0.0), one.assign(rain_mmph=9.0)])
+    both = pd.concat([runs("traffic", [0.0, 1.0], rain_mmph=rain) for rain in (0.0, 9.0)])
     curves = curves_of(both, [Axis.parse("traffic=0,1"), Axis.parse("rain_mmph=0,9")])
     assert set(curves["series"]) == {"A rain_mmph=0", "A rain_mmph=9", "A traffic=0", "A traffic=1"}
+
+
+def test_axes_swept_alone_do_not_mix() -> None:
+    """Rows of one axis have no value of the others."""
+    axes = [Axis.parse("traffic=0,1"), Axis.parse("rain_mmph=0,9")]
+    curves = curves_of(pd.concat([runs("traffic", [0.0, 1.0]), runs("rain_mmph", [0.0, 9.0])]), axes)
+    assert curves[["axis", "series", "runs"]].to_numpy().tolist() == [
+        ["traffic", "A", 3], ["traffic", "A", 3], ["rain_mmph", "A", 3], ["rain_mmph", "A", 3],
+    ]  # fmt: skip
