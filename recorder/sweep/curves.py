@@ -47,7 +47,7 @@ def curves_of(runs: pd.DataFrame, axes: Sequence[Axis]) -> pd.DataFrame:
     Returns:
         ``axis``, ``series`` (the system, with the values of other axes where all combinations were run),
         ``value``, ``runs``, ``failed``, ``fail_share`` with ``_low`` and ``_high``; mean of each of `FIGURES`
-        over the runs that did not fail, with ``_low`` and ``_high``.
+        over the runs that did not fail, of the coverage over all, with ``_low`` and ``_high``.
     """
     rows: list[dict[str, Any]] = []
     for axis in axes:
@@ -65,7 +65,8 @@ def curves_of(runs: pd.DataFrame, axes: Sequence[Axis]) -> pd.DataFrame:
                 "fail_share": failed / count, "fail_share_low": low, "fail_share_high": high,
             }  # fmt: skip
             for name in FIGURES:
-                row[name], row[f"{name}_low"], row[f"{name}_high"] = mean_interval(good[name].tolist())
+                some = group if name == "coverage" else good
+                row[name], row[f"{name}_low"], row[f"{name}_high"] = mean_interval(some[name].tolist())
             rows.append(row)
     return pd.DataFrame(rows)
 

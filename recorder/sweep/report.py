@@ -57,11 +57,14 @@ def draw_axis(curves: pd.DataFrame, axis: Axis, path: Path) -> None:
         for number, (series, curve) in enumerate(curves.groupby("series", sort=False)):
             colour = COLOURS[number % len(COLOURS)]
             place.plot(curve["value"], curve[name], "o-", color=colour, ms=4, lw=1.5, label=series)
-            place.fill_between(
-                curve["value"], curve[f"{name}_low"], curve[f"{name}_high"], color=colour, alpha=0.18, lw=0
-            )
+            low, high = curve[f"{name}_low"], curve[f"{name}_high"]
+            place.fill_between(curve["value"], low, high, color=colour, alpha=0.18, lw=0)
+            # Bands have no width where their neighbours failed.
+            place.vlines(curve["value"], low, high, color=colour, alpha=0.5, lw=1.0)
         if axis.is_log:
             place.set_xscale("log")
+            place.set_xticks(axis.values, [f"{value:g}" for value in axis.values])
+            place.minorticks_off()
         if name in ("coverage", "fail_share"):
             place.set_ylim(-0.04, 1.04)
         else:

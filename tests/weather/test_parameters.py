@@ -37,7 +37,7 @@ def test_names_ignore_case() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("fog_density", 101.0), ("sun_altitude_angle", -91.0), ("wetness", math.nan), ("fog_distance", -1.0)],
+    [("fog_density", 251.0), ("sun_altitude_angle", -91.0), ("wetness", math.nan), ("fog_distance", -1.0)],
 )
 def test_values_out_of_range_are_refused(field: str, value: float) -> None:
     with pytest.raises(ConfigError, match=field):
