@@ -98,13 +98,13 @@ def test_dropped_share_lies_within_binomial_bounds() -> None:
 @pytest.mark.parametrize(("share", "length"), [(0.2, 5.0), (0.6, 2.0)])
 def test_bursts_have_their_share_and_mean_length(share: float, length: float) -> None:
     """Both of Gilbert's and Elliott's chain: lengths are geometric, the share is the stationary one."""
-    lost = np.isnan(stamps(5_000, burst_share=share, burst_length=length))
+    lost = np.isnan(stamps(3_000, burst_share=share, burst_length=length))
     edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(int), [0]])))
     lengths = edges[1::2] - edges[::2]
     spread = math.sqrt(length * max(length - 1, 0.1) / len(lengths))
     assert abs(lengths.mean() - length) < 4 * spread
     correlated = length * (1 + (1 - share) / share)
-    assert abs(lost.mean() - share) < 4 * math.sqrt(share * (1 - share) * 2 * correlated / 5_000)
+    assert abs(lost.mean() - share) < 4 * math.sqrt(share * (1 - share) * 2 * correlated / 3_000)
 
 
 def test_any_stamp_can_be_asked_for_alone() -> None:
