@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +12,6 @@ from carlaloc_env.faults.calibration import MountedFaults
 from carlaloc_env.faults.fields import fault
 from carlaloc_env.faults.timing import Draws
 from carlaloc_env.samples import Image
-from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
 from carlaloc_env.weather.parameters import WeatherParameters
 
 DIRT_CELLS = (9, 16)
@@ -58,6 +56,9 @@ def faulty_image(image: Image, faults: CameraFaults, draws: Draws, stamp_ns: int
     """
     rgb = image.rgb
     if faults.drops_percent:
+        # Imported where it is needed: rigs know faults, and commands refuse mistakes before OpenCV is there.
+        from carlaloc_env.sensors.imaging.lens_drops import with_lens_drops
+
         rain = WeatherParameters(precipitation=faults.drops_percent)
         rgb = with_lens_drops(rgb, rain, stamp_ns=stamp_ns, seed=draws.seed, camera=f"{draws.target}/fault")
     if faults.dirt_share:
@@ -84,6 +85,8 @@ def exposed(stops: float) -> NDArray[np.uint8]:
 
 def dirt(shape: tuple[int, ...], share: float, draws: Draws) -> NDArray[np.float32]:
     """How far dirt hides each pixel, 0–1, shape (H, W); `share` of them are more than half hidden."""
+    import cv2
+
     height, width = shape
     noise = draws.at("dirt").random(DIRT_CELLS).astype(np.float32)
     hills = cv2.resize(noise, (width, height), interpolation=cv2.INTER_CUBIC)
