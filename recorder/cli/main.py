@@ -21,8 +21,8 @@ from recorder.cli.json_output import to_json
 
 COMMANDS = (
     "demo", "doctor", "maps", "record", "info", "edit", "replay", "dataset", "verify", "odometry", "evaluate",
-    "places", "minari", "benchmark", "sweep", "break", "consistency", "closedloop", "vocabulary", "view", "list",
-    "completion",
+    "places", "minari", "benchmark", "sweep", "break", "consistency", "closedloop", "vocabulary", "view",
+    "list", "completion",
 )  # fmt: skip
 """Sub-commands; each is a module of `commands` with `add_arguments` and `run`."""
 

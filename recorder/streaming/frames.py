@@ -212,20 +212,13 @@ class FrameMaker:
         return pair, (masks[0], masks[1]) if len(masks) == 2 else None
 
 
-    return [
-        inertial_of(sample)
-        for true in sensor.measure(timeline, stamps)
-        if isinstance(sample := faults.apply(true, job.imu, seed), Imu)
-    ]
+def _scan(measured: list[Measured]) -> Scan | None:
+    clouds = [one.sample for one in measured if isinstance(one.sample, PointCloud)]
+    return scan_of(clouds) if clouds else None
 
 
-def inertial_of(sample: Imu) -> ImuSample:
-    """A sample of an IMU as systems read it."""
-    return ImuSample(
-        stamp_ns=DEFAULT_EPOCH_NS + sample.stamp_ns,
-        acceleration_mps2=sample.specific_force_mps2,
-        angular_velocity_radps=sample.angular_rate_radps,
-    )
+def scan_of(clouds: Sequence[PointCloud]) -> Scan:
+    """The streams of a sweep as bags hold it: times in single precision, labels where there are some."""
     cloud = next((cloud for cloud in clouds if cloud.tag is not None), clouds[0])
     return Scan(
         stamp_ns=DEFAULT_EPOCH_NS + cloud.stamp_ns,
