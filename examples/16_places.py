@@ -29,18 +29,24 @@ def ring_key(sample: Sample) -> Array:
     return highest
 
 
-drive, weathers = Path(sys.argv[1]), ("ClearNoon", "FoggyNoon")
-config = PlacesConfig(
-    reference=drive, out=Path("out/places"), sensor="lidar", query_weathers=weathers, query_offset_m=1.0,
-    duration_s=30.0,
-)  # fmt: skip
-tables = compare_places(config)
-overlap = tables.pairs.matrix(len(tables.query), len(tables.reference))
-known = PlaceDrive(config, drive, (config.weather,), 0.0)
-asking = PlaceDrive(config, drive, weathers, config.query_offset_m)
-reference = np.array([ring_key(row[0]) for row in known.samples(0, lambda: None)])
-rows = [[ring_key(sample) for sample in row] for row in asking.samples(1, lambda: None)]
-for weather, queries in zip(weathers, zip(*rows, strict=True), strict=True):
-    score = score_places(similarity_of(reference, np.array(queries)), overlap, least=config.least_overlap)
-    print(weather, *(f"recall@{n} {value:.3f}" for n, value in score.recall.items()))
-    np.savez(config.out / f"ring_key_{weather}.npz", reference=reference, query=np.array(queries))
+def main(drive: Path) -> None:
+    """Print the recall of the descriptor in each weather."""
+    weathers = ("ClearNoon", "FoggyNoon")
+    config = PlacesConfig(
+        reference=drive, out=Path("out/places"), sensor="lidar", query_weathers=weathers, query_offset_m=1.0,
+        duration_s=30.0,
+    )  # fmt: skip
+    tables = compare_places(config)
+    overlap = tables.pairs.matrix(len(tables.query), len(tables.reference))
+    known = PlaceDrive(config, drive, (config.weather,), 0.0)
+    asking = PlaceDrive(config, drive, weathers, config.query_offset_m)
+    reference = np.array([ring_key(row[0]) for row in known.samples(0, lambda: None)])
+    rows = [[ring_key(sample) for sample in row] for row in asking.samples(1, lambda: None)]
+    for weather, queries in zip(weathers, zip(*rows, strict=True), strict=True):
+        score = score_places(similarity_of(reference, np.array(queries)), overlap, least=config.least_overlap)
+        print(weather, *(f"recall@{n} {value:.3f}" for n, value in score.recall.items()))
+        np.savez(config.out / f"ring_key_{weather}.npz", reference=reference, query=np.array(queries))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -22,7 +22,7 @@ PICTURES: tuple[tuple[str, str], ...] = (
     ("sound", ""),
     ("exposure_stops = 2.5", "camera.left.exposure_stops=2.5"),
     ("dirt_share = 0.3", "camera.left.dirt_share=0.3"),
-    ("drops_percent = 100", "camera.left.drops_percent=100"),
+    ("drops_percent = 100, detail", "camera.left.drops_percent=100"),
 )
 CLOUDS: tuple[tuple[str, str], ...] = (
     ("sound", ""),

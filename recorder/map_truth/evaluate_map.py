@@ -65,6 +65,8 @@ class MapTruthConfig:
     def __post_init__(self) -> None:
         if self.voxel_m < 0 or not self.look_every_m > 0:
             raise ConfigError("the voxels of a map must not be below 0 m, and looks must lie above 0 m apart")
+        if not self.distances_m or min(self.distances_m) <= 0:
+            raise ConfigError("distances of precision and recall must be above 0 m, such as 0.1,0.2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -49,7 +49,7 @@ class Recipe:
     @property
     def believed(self) -> SensorRig:
         """The rig as calibration shows it: the true one, unless the calibration has faults."""
-        return self.rig.believed(self.conditions[0].faults)
+        return self.rig.believed(self.conditions[0].faults) if self.conditions else self.rig
 
     def conditions_of(self, level: TrafficLevel) -> tuple[Condition, ...]:
         """Conditions of a traffic level: its weathers."""

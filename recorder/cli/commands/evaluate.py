@@ -18,9 +18,9 @@ from recorder.cli.arguments import (
     OutputFolder,
     force_option,
     input_path,
-    names,
     number,
     number_or_search,
+    numbers,
     positive_seconds,
 )
 
@@ -89,7 +89,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     maps.add_argument(
         "--distances",
-        type=_distances,
+        type=numbers,
         default=(0.1, 0.2, 0.5),
         metavar="A,B",
         help="d of precision and recall [m] (default: 0.1,0.2,0.5)",
@@ -196,11 +196,6 @@ def _judge_maps(
             plot_map(one.points_m, one.distance_m, one.ghost, picture, title=title, overwrite=arguments.force)
             pictures.append(str(picture))
     return [one.to_mapping() for one in found], pictures
-
-
-def _distances(text: str) -> tuple[float, ...]:
-    """Distances above zero [m], separated by commas."""
-    return tuple(positive_seconds(part) for part in names(text))
 
 
 def _nanoseconds(time_s: float) -> int:
