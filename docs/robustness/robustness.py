@@ -1,0 +1,186 @@
+"""What a repeatable drive answers: curves, breaking points, honest covariances, driving. Writes a page.
+
+python docs/robustness/robustness.py EPISODES WORK   runs what is not done yet, keeps its tables, then writes
+python docs/robustness/robustness.py                 only writes, from the tables beside this file
+
+EPISODES has the standard drives, WORK gets all that commands write. Every step that is done is left alone by
+the next start. Lines between the markers of docs/robustness.md are written here, people write the rest.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+from curve_picture import draw_curves
+
+from recorder.benchmark.tables import markdown_table
+
+HERE = Path(__file__).resolve().parent
+PAGE, PICTURE = HERE.parent / "robustness.md", HERE.parent / "pictures" / "robustness.png"
+BEGIN, END = "<!-- {0}: made by docs/robustness/robustness.py -->", "<!-- end of {0} -->"
+METHODS = "small_gicp,kiss_icp,genz_icp,rko_lio"
+STRETCHES = {"Town06": "5", "Town10": "20"}
+"""Towns, and where their stretch of ten seconds begins [s]."""
+QUANTITIES = ("fog_visibility_m=20:500:log5", "traffic=0:2:3", "fault.lidar.time_offset_ms=0:100:3")
+SHOWN = {
+    "consistency": (
+        "robustness/consistency_town06.csv",
+        {"method": "system", "error": "error", "pose_factor": "variances too small by",
+         "pose_coverage_95": "within 95 %"},
+    ),
+    "closed loop": (
+        "robustness/closed_loop_town06.csv",
+        {"source": "pose from", "traffic": "traffic", "lateral_rms_m": "lateral RMS [m]",
+         "outside_s": "out of the lane [s]", "pose_error_rms_m": "pose error [m]", "ape_m": "APE [m]"},
+    ),
+    "ghosts": (
+        "findings/map_ghosts/results.csv",
+        {"town": "town", "cloud": "drive", "poses": "poses", "ghost_rate": "ghost rate",
+         "accuracy_m": "accuracy [m]"},
+    ),
+    "places": (
+        "findings/places/results.csv",
+        {"method": "method", "query_weather": "query", "recall_at_1": "recall@1", "recall_at_5": "recall@5"},
+    ),
+}  # fmt: skip
+"""Kept tables that the page shows: file below docs, columns and their titles."""
+
+
+def commands(episodes: Path) -> dict[str, tuple[str, list[str]]]:
+    """For each table that is kept: the table that a command writes into its folder, and the command."""
+    over = [word for quantity in QUANTITIES for word in ("--over", quantity)]
+    lidar = ["--rig", "lidar"]
+    found = {
+        f"curves_{town}.csv": (
+            "curves.csv",
+            ["sweep", f"{episodes / town}.mcap", *lidar, "--start", start, "--duration", "10", "--seeds", "2",
+             "--methods", METHODS, *over],
+        )
+        for town, start in STRETCHES.items()
+    }  # fmt: skip
+    found |= {
+        f"break_{method}.csv": (
+            "tries.csv",
+            ["break", method, f"{episodes / 'Town06'}.mcap", *lidar, "--tries", "60", "--stretches", "2"],
+        )
+        for method in METHODS.split(",")
+    }
+    found["consistency_town06.csv"] = (
+        "consistency.csv",
+        ["consistency", f"{episodes / 'Town06'}.mcap", *lidar, "--methods", "small_gicp,rko_lio",
+         "--seeds", "20", "--duration", "30"],
+    )  # fmt: skip
+    found["closed_loop_town06.csv"] = (
+        "closed_loop.csv",
+        ["closedloop", "Town06", "--methods", "small_gicp,rko_lio,kiss_icp", "--offset", "0.3,1.0",
+         "--traffic", "static,dynamic"],
+    )  # fmt: skip
+    return found
+
+
+def run_missing(episodes: Path, work: Path) -> None:
+    """Run the commands whose tables are not kept yet, and keep their tables."""
+    for name, (table, words) in commands(episodes).items():
+        if not (HERE / name).exists():
+            out = work / Path(name).stem
+            print(f"{name}: carlaloc {' '.join(words)} --out {out}", flush=True)
+            done = subprocess.run(["carlaloc", *words, "--out", str(out)], check=False)
+            if done.returncode == 0:
+                shutil.copy(out / table, HERE / name)
+
+
+def curve_tables() -> str:
+    """APE of each system at the ends of each axis, and its success over the axis."""
+    rows = []
+    for town in STRETCHES:
+        file = HERE / f"curves_{town}.csv"
+        if file.exists():
+            for (axis, series), curve in pd.read_csv(file).groupby(["axis", "series"], sort=False):
+                curve = curve.sort_values("value")
+                cells = {f"{row.value:g}": _cell(row) for row in curve.itertuples()}
+                rows.append({"town": town, "quantity": axis, "system": series, "cells": cells})
+    parts = []
+    for axis in dict.fromkeys(row["quantity"] for row in rows):
+        table = pd.DataFrame(
+            [
+                {"town": row["town"], "system": row["system"], **row["cells"]}
+                for row in rows
+                if row["quantity"] == axis
+            ]
+        )
+        parts += [f"APE [m] over `{axis}`, means of the runs that did not fail:", ""]
+        parts += [_markdown(table), ""]
+    return "\n".join(parts).rstrip()
+
+
+def _cell(row: object) -> str:
+    failed, runs, ape_m = row.failed, row.runs, row.ape_m  # type: ignore[attr-defined]
+    word = "fails" if failed == runs else f"{ape_m:.2f}"
+    return word if failed in (0, runs) else f"{word} ({failed} of {runs} fail)"
+
+
+def break_table() -> str:
+    """The mildest failure of each system that was searched."""
+    rows = []
+    for file in sorted(HERE.glob("break_*.csv")):
+        tries = pd.read_csv(file)
+        failed = tries[tries["failed"].notna()].sort_values("distance")
+        row = {"system": file.stem.removeprefix("break_"), "tries": len(tries), "failed": len(failed)}
+        if len(failed):
+            first = failed.iloc[0]
+            causes = tries.columns[tries.columns.get_loc("coverage") + 1 :]  # type: ignore[operator]
+            neutral = tries[tries["distance"] == 0.0].iloc[0]
+            words = [f"{name} = {first[name]:.3g}" for name in causes if first[name] != neutral[name]]
+            row |= {"mildest": ", ".join(words) or "nothing", "distance": f"{first['distance']:.2f}"}
+        rows.append(row)
+    return _markdown(pd.DataFrame(rows)) if rows else "No system has been searched in a town yet."
+
+
+def kept_table(name: str) -> str:
+    """The columns of a kept table that the page shows."""
+    file, columns = SHOWN[name]
+    table = pd.read_csv(HERE.parent / file)
+    return _markdown(table[list(columns)].rename(columns=columns))
+
+
+def _markdown(table: pd.DataFrame) -> str:
+    words = table.map(lambda one: one if isinstance(one, str) else "–" if pd.isna(one) else f"{one:.3g}")
+    return markdown_table(words)
+
+
+def write_page() -> None:
+    """Write tables between the markers of the page, and its picture."""
+    files = {town: HERE / f"curves_{town}.csv" for town in STRETCHES}
+    draw_curves({town: pd.read_csv(file) for town, file in files.items() if file.exists()}, PICTURE)
+    text = PAGE.read_text(encoding="utf-8")
+    made_of = {"curves": curve_tables(), "breaking points": break_table()}
+    made_of |= {name: kept_table(name) for name in SHOWN}
+    for name, made in made_of.items():
+        begin, end = BEGIN.format(name), END.format(name)
+        before, _, rest = text.partition(begin)
+        after = rest.partition(end)[2]
+        text = f"{before}{begin}\n\n{made}\n{end}{after}"
+    PAGE.write_text(text, encoding="utf-8")
+
+
+def main(argv: list[str]) -> int:
+    """Run what is missing where folders are given, and write the page."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("episodes", nargs="?", type=Path, help="folder of the standard drives")
+    parser.add_argument("work", nargs="?", type=Path, help="folder for what commands write")
+    args = parser.parse_args(argv)
+    if args.episodes is not None and args.work is not None:
+        run_missing(args.episodes, args.work)
+    write_page()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
