@@ -1,4 +1,4 @@
-"""Write the table of docs/faults.md and its picture from the code: ``python docs/scripts/make_faults.py``."""
+"""Write table and picture of the page of faults from the code: ``python docs/scripts/make_faults.py``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from carlaloc_env.rigs.presets import flu_rig
 from carlaloc_env.samples import Image, Imu, PointCloud, Sample
 
 DOCS = Path(__file__).parents[1]
-PAGE = DOCS / "faults.md"
+PAGE = DOCS / "robustness" / "faults.md"
 AT_NS = 9_000_000_000
 PICTURES: tuple[tuple[str, str], ...] = (
     ("sound", ""),

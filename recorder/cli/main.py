@@ -11,6 +11,7 @@ from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
+from types import ModuleType
 from typing import NoReturn, cast
 
 from carlaloc_env import __version__
@@ -25,6 +26,8 @@ COMMANDS = (
     "list", "completion",
 )  # fmt: skip
 """Sub-commands; each is a module of `commands` with `add_arguments` and `run`."""
+ROBUSTNESS = ("places", "sweep", "break", "consistency", "closedloop")
+"""Those in the folder `robustness` of `commands`."""
 
 EXIT_DONE, EXIT_ERROR, EXIT_USAGE = 0, 1, 2
 EXIT_PIPE = 141
@@ -71,7 +74,7 @@ def _main(argv: Sequence[str] | None) -> int:
         format="%(levelname)s %(name)s: %(message)s",
         handlers=[shown],
     )
-    command = import_module(f"recorder.cli.commands.{arguments.command}")
+    command = _module(arguments.command)
     name = str(arguments.command)
     try:
         check_outputs(parser, arguments)
@@ -140,6 +143,11 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog.removeprefix('carlaloc').strip()}: {message}".removeprefix(": "))
 
 
+def _module(name: str) -> ModuleType:
+    """Module of a command."""
+    return import_module(f"recorder.cli.commands.{'robustness.' if name in ROBUSTNESS else ''}{name}")
+
+
 def make_parser() -> argparse.ArgumentParser:
     """Parser of all commands."""
     description = "Drive once; replay the drive under any weather and traffic; write bags; score SLAM."
@@ -148,7 +156,7 @@ def make_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     shared = shared_options()
     for name in COMMANDS:
-        module = import_module(f"recorder.cli.commands.{name}")
+        module = _module(name)
         summary = (module.__doc__ or "").strip().splitlines()[0]
         sub = commands.add_parser(
             name, parents=[shared], help=summary, description=module.__doc__,

@@ -83,7 +83,7 @@ def add_condition_options(
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="a fault of a sensor, e.g. lidar.time_offset_ms=30; may be repeated (docs/faults.md)",
+        help="a fault of a sensor, e.g. lidar.time_offset_ms=30; may be repeated (docs/robustness/faults.md)",
     )
     parser.add_argument(
         "--condition",

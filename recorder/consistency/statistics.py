@@ -9,23 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2, norm, t
+from scipy.stats import chi2
 
 from carlaloc_env.core.array_types import Array
+from recorder.evaluation.intervals import CONFIDENCE, Interval, mean_interval, wilson
 
 LEVELS = (0.5, 0.9, 0.95)
 """Probabilities of the ellipsoids whose coverage is counted."""
-CONFIDENCE = 0.95
-"""Of all bounds."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
-    """A figure and its bounds at `CONFIDENCE`."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,24 +76,6 @@ def anees_bounds(runs: int, dimensions: int) -> Array:
     """Bounds of the mean NEES of independent runs: runs × mean is χ² with runs × dimensions."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     return np.asarray(chi2.ppf([tail, 1.0 - tail], runs * dimensions)) / runs
-
-
-def mean_interval(values: Array) -> Interval:
-    """Mean of independent values with Student's bounds; NaN with fewer than two."""
-    count, mean = len(values), float(np.mean(values))
-    reach = float("nan")
-    if count > 1:
-        quantile = t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1)
-        reach = float(quantile * np.std(values, ddof=1) / np.sqrt(count))
-    return Interval(value=mean, low=mean - reach, high=mean + reach)
-
-
-def wilson(share: float, trials: int) -> Interval:
-    """Wilson's score interval of a share (JASA 22, 1927); the share need be no whole number of trials."""
-    z = float(norm.ppf(0.5 + 0.5 * CONFIDENCE))
-    centre = (share + z * z / (2 * trials)) / (1 + z * z / trials)
-    reach = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + (z / (2 * trials)) ** 2)
-    return Interval(value=share, low=float(centre - reach), high=float(centre + reach))
 
 
 def _whitened(errors: Array, covariances: Array) -> Array:

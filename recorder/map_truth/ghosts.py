@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from carlaloc_env.core.array_types import Array, Mask
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.errors import ConfigError
+from carlaloc_env.raycast.scene import into_actor_frame
 from carlaloc_env.timeline.timeline import Timeline
 
 
@@ -81,11 +82,8 @@ def find_ghosts(
 
 def _in_boxes(points_m: Array, pose: Array, size_m: Array, margin_m: float) -> Mask:
     """Whether points lie in boxes, row by row; poses are x, y, z on the ground, heading, pitch, roll."""
-    ch, sh, cp, sp, cr, sr = (f(pose[:, k]) for k in (3, 4, 5) for f in (np.cos, np.sin))
-    x, y, z = (points_m - pose[:, :3]).T
-    ahead, left = ch * x + sh * y, ch * y - sh * x
-    forward, up = cp * ahead + sp * z, cp * z - sp * ahead
-    left, up = cr * left + sr * up, cr * up - sr * left
+    offset_m = points_m - pose[:, :3]
+    forward, left, up = into_actor_frame(offset_m, offset_m, pose[:, 3], pose[:, 4], pose[:, 5])[:, :3].T
     half = 0.5 * size_m + margin_m
     inside: Mask = (
         (np.abs(forward) <= half[:, 0])

@@ -8,33 +8,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import norm, t
 
+from recorder.evaluation.intervals import mean_interval, wilson
 from recorder.sweep.setting import Axis
 
-CONFIDENCE = 0.95
 FIGURES = ("ape_m", "rpe_m", "coverage")
 """Figures of a run that have a curve."""
-
-
-def mean_interval(values: Sequence[float]) -> tuple[float, float, float]:
-    """Mean of a sample, and Student's interval of it; the interval is NaN for less than two values."""
-    some = np.asarray([value for value in values if math.isfinite(value)], np.float64)
-    if len(some) == 0:
-        return math.nan, math.nan, math.nan
-    mean = float(some.mean())
-    if len(some) == 1:
-        return mean, math.nan, math.nan
-    half = float(t.ppf(0.5 + CONFIDENCE / 2, len(some) - 1) * some.std(ddof=1) / math.sqrt(len(some)))
-    return mean, mean - half, mean + half
-
-
-def wilson_interval(failed: int, runs: int) -> tuple[float, float]:
-    """Interval of a probability of which so many of so many were seen (Wilson, JASA 1927)."""
-    z, share = float(norm.ppf(0.5 + CONFIDENCE / 2)), failed / runs
-    middle = (share + z * z / (2 * runs)) / (1 + z * z / runs)
-    half = z / (1 + z * z / runs) * math.sqrt(share * (1 - share) / runs + z * z / (4 * runs * runs))
-    return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
 def curves_of(runs: pd.DataFrame, axes: Sequence[Axis]) -> pd.DataFrame:
@@ -58,15 +37,16 @@ def curves_of(runs: pd.DataFrame, axes: Sequence[Axis]) -> pd.DataFrame:
             words = [f"{n}={v:g}" for n, v in zip(others, key[1:-1], strict=True) if not math.isnan(v)]
             good, count = group[group["failed"].isna()], len(group)
             failed = count - len(good)
-            low, high = wilson_interval(failed, count)
+            share = wilson(failed / count, count)
             row: dict[str, Any] = {
                 "axis": axis.name, "series": " ".join([key[0], *words]), "value": key[-1],
                 "runs": count, "failed": failed,
-                "fail_share": failed / count, "fail_share_low": low, "fail_share_high": high,
+                "fail_share": share.value, "fail_share_low": share.low, "fail_share_high": share.high,
             }  # fmt: skip
             for name in FIGURES:
-                some = group if name == "coverage" else good
-                row[name], row[f"{name}_low"], row[f"{name}_high"] = mean_interval(some[name].tolist())
+                some = np.asarray((group if name == "coverage" else good)[name], np.float64)
+                mean = mean_interval(some[np.isfinite(some)])
+                row |= {name: mean.value, f"{name}_low": mean.low, f"{name}_high": mean.high}
             rows.append(row)
     return pd.DataFrame(rows)
 

@@ -13,8 +13,9 @@ from carlaloc_env.core.errors import EvaluationError
 from carlaloc_env.core.files.atomic_write import atomic_write
 from recorder.benchmark.page import page_head
 from recorder.benchmark.tables import RULE
+from recorder.evaluation.intervals import CONFIDENCE
 from recorder.report.trajectory_plot import COLOURS, new_figure
-from recorder.sweep.curves import CONFIDENCE, areas_of, curves_of
+from recorder.sweep.curves import areas_of, curves_of
 from recorder.sweep.run import SweepResult
 from recorder.sweep.setting import Axis
 

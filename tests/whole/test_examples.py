@@ -54,7 +54,7 @@ def load(name: str) -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("path", sorted(PARTS.union(EXAMPLES.glob("*.py"))), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", sorted(PARTS.union(EXAMPLES.rglob("*.py"))), ids=lambda path: path.name)
 def test_examples_are_short_and_callable(path: Path) -> None:
     """Sixty lines at most, with a `main` to call."""
     text = path.read_text(encoding="utf-8")

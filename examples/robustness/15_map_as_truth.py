@@ -1,4 +1,4 @@
-"""Maps of 10 s of a drive and the ghosts in them: `python examples/15_map_as_truth.py town06.mcap 10`."""
+"""Maps of 10 s of a drive, and ghosts: `python examples/robustness/15_map_as_truth.py town06.mcap 10`."""
 
 from __future__ import annotations
 
@@ -46,7 +46,8 @@ def main(drive: Path, seconds: float, out: Path) -> None:
     print("town,seconds,cloud,poses,points,ghosts,ghost_rate,accuracy_m,precision_20cm,recall_20cm")
     for cloud, sweeps in found.items():
         for poses in (truth, by_small_gicp(sweeps)):
-            m = judge.judge(build_map(sweeps[1:-1], poses), transform_of_map(evaluate(truth, poses)))
+            fit = None if poses is truth else transform_of_map(evaluate(truth, poses))
+            m = judge.judge(build_map(sweeps[1:-1], poses), fit)
             file = out / f"{cloud}_{poses.name}.png"
             title = f"{drive.stem}, {cloud}, poses of {poses.name}: ghosts {m.ghost_rate:.2%}"
             plot_map(m.points_m, m.distance_m, m.ghost, file, title=title, overwrite=True)

@@ -1,6 +1,6 @@
 """Is a system's covariance honest? Many seeds of noise on one drive have the answer.
 
-python examples/17_honest_covariance.py drive.mcap scatter small_gicp 20
+python examples/robustness/17_honest_covariance.py drive.mcap scatter small_gicp 20
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Error of two LiDAR odometries against lost points: ``python examples/21_sweep.py drive.mcap``.
+"""Error of two LiDAR odometries against lost points: ``python examples/robustness/21_sweep.py drive.mcap``.
 
 Ten seconds of a drive, four shares of lost points, three seeds; needs the extras `slam` and `report`.
 """

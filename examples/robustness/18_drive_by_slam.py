@@ -1,6 +1,6 @@
 """A policy of your own at the wheel, and a SLAM system in place of the true pose.
 
-python examples/18_drive_by_slam.py Town06 small_gicp
+python examples/robustness/18_drive_by_slam.py Town06 small_gicp
 """
 
 from __future__ import annotations

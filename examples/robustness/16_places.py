@@ -1,6 +1,6 @@
 """A place descriptor of one's own, scored on twins of a drive: rings around a LiDAR, whatever its heading.
 
-python examples/16_places.py town10.mcap     prints recall at 1, 5 and 10 by day and in fog
+python examples/robustness/16_places.py town10.mcap     prints recall at 1, 5 and 10 by day and in fog
 """
 
 from __future__ import annotations
