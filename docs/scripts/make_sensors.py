@@ -54,7 +54,8 @@ def page() -> str:
     """Text of the page."""
     rigs = (f"| `{name}` | {_doc(maker)} |" for name, maker in RIGS.items())
     parts = [HEAD + "\n".join(rigs), REAL, "## Kinds of sensors\n"]
-    parts += [_sensor(kind, config) for kind, config in SENSOR_KINDS.items()]
+    own = {kind: cls for kind, cls in SENSOR_KINDS.items() if cls.__module__.startswith("carlaloc_env.")}
+    parts += [_sensor(kind, config) for kind, config in own.items()]
     parts.append("## Parts of configurations\n")
     parts += [f"### {name}\n\n{_doc(cls)}\n\n{_parameters(cls)}" for name, cls in PARTS.items()]
     parts.append(_limits())

@@ -73,7 +73,7 @@ def test_two_seeds_of_one_drive_share_its_truth_and_not_their_noise(
     straight_drive: StraightDrive, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """By the example, then by the command on the same runs. The car stands: no error over a distance."""
-    example = Path(__file__).parents[2] / "examples" / "17_honest_covariance.py"
+    example = Path(__file__).parents[2] / "examples" / "robustness" / "17_honest_covariance.py"
     town = straight_drive.town
     result = runpy.run_path(str(example))["main"](
         straight_drive.episode, tmp_path, "small_gicp", 2, duration_s=0.5, map=town
