@@ -15,6 +15,7 @@ from carlaloc_env.scene.materials import MATERIALS, Material
 from carlaloc_env.scene.semantic_tags import Tag
 from carlaloc_env.sensors.lidar.atmosphere import (
     BACKSCATTER_PER_MOR,
+    FOCUS_M,
     PULSE_S,
     Atmosphere,
     FogEcho,
@@ -93,8 +94,13 @@ def test_fog_echo_is_rasshofers_integral() -> None:
     def exact(at: float) -> float:
         def density(t: float) -> float:
             r = at - 0.5 * c * t
-            seen = min(max((r - 0.9) / 0.1, 0.0), 1.0) if r > 0 else 0.0
-            return math.sin(math.pi * t / (2 * PULSE_S)) ** 2 * seen * math.exp(-2 * alpha * r) / r**2
+            seen = 1.0 - math.exp(-((r / FOCUS_M) ** 2)) if r > 0 else 0.0
+            return (
+                math.sin(math.pi * t / (2 * PULSE_S)) ** 2
+                * seen
+                * math.exp(-2 * alpha * r)
+                / max(r, 1e-3) ** 2
+            )
 
         times = np.linspace(0, 2 * PULSE_S, 40_001)
         values = np.array([density(t) for t in times])
@@ -106,6 +112,35 @@ def test_fog_echo_is_rasshofers_integral() -> None:
     assert 2.0 < peak < 6.0
     thin = FogEcho(dataclasses.replace(air, backscatter_per_m_sr=0.5 * air.backscatter_per_m_sr))
     assert thin.power == pytest.approx(0.5 * echo.power)
+
+
+def sky(air: Atmosphere, rays: int = 20_000) -> Any:
+    """Echoes of beams into the sky."""
+    none = np.zeros(rays)
+    solid = SolidEchoes(
+        range_m=none + 120.0, power=none, intensity=none, reflectance=none, cos_incidence=none + 1.0
+    )
+    uniform = 1.0 - np.random.default_rng(0).random((rays, 6))
+    return strongest_echoes(
+        air, solid, beam_rad=3e-3, range_min_m=1.0, power_min=POWER_MIN, spray_m=None, uniform=uniform
+    )
+
+
+@pytest.mark.parametrize(
+    ("mor_m", "low", "high"), [(500, 0, 0), (300, 0, 1e-3), (100, 0.01, 0.2), (30, 0.5, 0.9)]
+)
+def test_thin_fog_sends_nothing_back(mor_m: float, low: float, high: float) -> None:
+    """A chamber's model of a real sensor (Bijelic et al. 2018) loses no target within 120 m at 300 m of visibility."""
+    share = np.mean(np.isfinite(sky(atmosphere_at(fog_of(math.log(20) / mor_m), 0.0))[0]))
+    assert low <= share <= high
+
+
+def test_fog_hides_bright_targets_where_it_was_measured() -> None:
+    """In fog of 50 m, the fog's mean echo is weaker than that of a 90 % target nearer than 26 m (Bijelic et al.)."""
+    alpha = math.log(20) / 50.0
+    echo = FogEcho(atmosphere_at(fog_of(alpha), 0.0))
+    reach = brentq(lambda r: 0.9 * math.exp(-2 * alpha * r) / r**2 - echo.power.max(), 1.0, 120.0)
+    assert reach == pytest.approx(26.0, abs=1.0)
 
 
 def test_fog_throws_far_points_near(scenery: Any) -> None:
