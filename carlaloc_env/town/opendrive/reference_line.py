@@ -13,8 +13,27 @@ from carlaloc_env.core.array_types import Array, Index
 from carlaloc_env.town.opendrive.cubic_tables import last_at_or_before
 from carlaloc_env.town.opendrive.records import GEOMETRY_KINDS, Geometry, Road
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
-_FEW_NODES, _FEW_WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+def _mirrored(*positive: tuple[float, float]) -> list[tuple[float, float]]:
+    return [*((-node, weight) for node, weight in reversed(positive)), *positive]
+
+
+# Written out: the last digit of NumPy's `leggauss` depends on its version and on the processor.
+_QUADRATURE = _mirrored(
+    (0.14887433898163122, 0.2955242247147528),
+    (0.4333953941292472, 0.2692667193099965),
+    (0.6794095682990244, 0.219086362515982),
+    (0.8650633666889845, 0.1494513491505804),
+    (0.9739065285171717, 0.06667134430868814),
+)
+"""Nodes in [−1, 1] and weights of Gauss and Legendre's rule of 10 points."""
+_FEW_QUADRATURE = _mirrored(
+    (0.18343464249564978, 0.36268378337836166),
+    (0.525532409916329, 0.3137066458778869),
+    (0.7966664774136267, 0.22238103445337443),
+    (0.9602898564975362, 0.10122853629037706),
+)
+"""The same of 8 points."""
 
 
 class LinePose(NamedTuple):
@@ -127,7 +146,7 @@ def clothoid(curvature_radpm: Array, rate: Array, length_m: Array) -> tuple[Arra
     for n in range(int(pieces.max(initial=0))):
         own = np.flatnonzero(pieces > n)
         k, c, h = curvature_radpm[own], rate[own], step[own]
-        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+        for node, weight in _QUADRATURE:
             at = (n + 0.5 * (node + 1.0)) * h
             theta = at * (k + 0.5 * c * at)
             u[own] += weight * elementary.cos(theta)
@@ -201,7 +220,7 @@ class PolynomialCurves:
 
     def _arc(self, slot: Index, low: Array, span: Array) -> Array:
         total = np.zeros(len(low))
-        for node, weight in zip(_FEW_NODES, _FEW_WEIGHTS, strict=True):
+        for node, weight in _FEW_QUADRATURE:
             total += weight * self._speed(slot, low + 0.5 * (node + 1.0) * span)
         return total * 0.5 * span
 
