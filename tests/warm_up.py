@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,11 +22,15 @@ from shared_fixtures.worlds.maps import VILLAGE
 from carlaloc_env.core.geometry.transforms import rpy_to_quat
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.sensor_stage import SensorStage
+from carlaloc_env.sensors.camera.config import CameraConfig
 from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.timeline import Timeline, empty_catalog, empty_frame
 from carlaloc_env.town.build import load_town
 from carlaloc_env.weather.parameters import weather_by_name
 from recorder.drive.record import RecordConfig, record
+
+EVERY = ("rgb", "depth", "semantic", "events")
+"""Outputs of cameras whose functions are compiled."""
 
 
 def drive() -> None:
@@ -44,7 +49,9 @@ def sense() -> None:
     for _ in range(5):
         timeline.append_step(empty_frame(), np.ones(int(town.outline.lenses.signal.max()) + 1, np.uint8))
     stage = SensorStage(town, seed=1, weather=weather_by_name("HardRainNight"), quality="low")
-    small_cameras(rig_by_name("paper")).build(stage).measure(timeline, -1, 100_000_000)
+    rig = small_cameras(rig_by_name("paper"))
+    sensors = tuple(replace(s, outputs=EVERY) if isinstance(s, CameraConfig) else s for s in rig.sensors)
+    replace(rig, sensors=sensors).build(stage).measure(timeline, -1, 100_000_000)
     stage.close()
 
 

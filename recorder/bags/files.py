@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import re
 import shutil
@@ -83,12 +84,18 @@ def metadata_of(path: Path) -> dict[str, Any]:
     """What ``metadata.yaml`` says of a folder, or of a file that it names beside it; else nothing."""
     file = (path if path.is_dir() else path.parent) / METADATA
     try:
-        found = yaml.safe_load(file.read_text("utf-8"))["rosbag2_bagfile_information"]
+        found = _information(file.read_text("utf-8"))
         names = [Path(name).name for name in found["relative_file_paths"]]
     # Whatever is wrong with it: the files are read without it.
     except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError):
         return {}
     return dict(found) if path.is_dir() or path.name in names else {}
+
+
+@functools.lru_cache(maxsize=4)
+def _information(metadata: str) -> Any:
+    """What a ``metadata.yaml`` says; a folder and each of its files ask for it, and parsing takes long."""
+    return yaml.safe_load(metadata)["rosbag2_bagfile_information"]
 
 
 def _of_folder(folder: Path, scratch: Callable[[], Path]) -> list[Path]:

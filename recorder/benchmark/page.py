@@ -20,7 +20,7 @@ from recorder.benchmark.cells import traffic_label
 from recorder.benchmark.figures import Box, Line, box_figure, curve_figure, map_figure, real_time_figure
 from recorder.benchmark.plan import BenchmarkSequence, Job
 from recorder.benchmark.run import BenchmarkResult
-from recorder.benchmark.tables import RULE, all_tables, frame_of, titles_of
+from recorder.benchmark.tables import RULE, Tables, all_tables, frame_of, titles_of
 from recorder.dataset.layout import SequenceFolder
 from recorder.dataset.sequence import RAW
 from recorder.evaluation.path_errors import PathErrors
@@ -33,8 +33,12 @@ STILLS, STILL_WIDTH_PX = 24, 480
 """Pictures of each sequence, and their width [px]."""
 
 
-def write_page(result: BenchmarkResult) -> Path:
+def write_page(result: BenchmarkResult, tables: Tables | None = None) -> Path:
     """Write ``report.html`` of a benchmark beside its results.
+
+    Args:
+        result: Result of the benchmark.
+        tables: Its tables, where they have been made already.
 
     Raises:
         EvaluationError: it cannot be written, or errors of a run are gone.
@@ -52,7 +56,7 @@ def write_page(result: BenchmarkResult) -> Path:
     page = Environment(autoescape=True, trim_blocks=True).from_string(template)
     text = page.render(
         rule=RULE,
-        tables=all_tables(runs),
+        tables=all_tables(runs) if tables is None else tables,
         boxes=box_figure(_boxes(result, errors, colour), "APE [m]; 5, 25, 50, 75, 95 %"),
         real_time=real_time_figure(bars) if bars else "",
         sections=sections,

@@ -27,6 +27,8 @@ _FIGURES = {
     "kitti_percent": "drift over KITTI's segments [%]",
 }
 """Figures of a run that have a table, with their titles."""
+Tables = Sequence[tuple[str, pd.DataFrame]]
+"""Tables of words, with their titles."""
 _TEX = {sign: f"\\{sign}" for sign in "&%$#_{}"} | {"\\": r"\textbackslash{}", "×": r"$\times$", "–": "--"}
 
 
@@ -36,13 +38,18 @@ def frame_of(scores: Sequence[Score]) -> pd.DataFrame:
     return pd.DataFrame([score.to_mapping() for score in scores], columns=columns)
 
 
-def write_tables(runs: pd.DataFrame, out: Path) -> list[Path]:
+def write_tables(runs: pd.DataFrame, tables: Tables, out: Path) -> list[Path]:
     """Write ``results.csv``, ``tables.md``, ``tables.tex``; with pyarrow ``results.parquet``, too.
+
+    Args:
+        runs: Runs.
+        tables: Their tables, by `all_tables`.
+        out: Folder that they are written to.
 
     Raises:
         EvaluationError: a file cannot be written.
     """
-    texts = {"results.csv": csv_text(runs), "tables.md": markdown(runs), "tables.tex": latex(runs)}
+    texts = {"results.csv": csv_text(runs), "tables.md": markdown(tables), "tables.tex": latex(tables)}
     written = [out / name for name in texts]
     try:
         for path, text in zip(written, texts.values(), strict=True):
@@ -61,10 +68,10 @@ def csv_text(runs: pd.DataFrame) -> str:
     return text
 
 
-def markdown(runs: pd.DataFrame) -> str:
-    """All tables as Markdown."""
+def markdown(tables: Tables) -> str:
+    """Tables as Markdown."""
     parts = ["# Benchmark", "", RULE, ""]
-    for title, table in all_tables(runs):
+    for title, table in tables:
         parts += [f"## {title}", "", markdown_table(table), ""]
     return "\n".join(parts)
 
@@ -76,10 +83,10 @@ def markdown_table(table: pd.DataFrame) -> str:
     return "\n".join([lines[0], f"|{' --- |' * len(table.columns)}", *lines[1:]])
 
 
-def latex(runs: pd.DataFrame) -> str:
-    """All tables as LaTeX with booktabs."""
+def latex(tables: Tables) -> str:
+    """Tables as LaTeX with booktabs."""
     parts = ["% \\usepackage{booktabs}", f"% {RULE}"]
-    for title, table in all_tables(runs):
+    for title, table in tables:
         words = table.rename(columns=_tex).map(_tex)
         parts.append(words.to_latex(index=False, caption=_tex(title), column_format="l" * len(table.columns)))
     return "\n".join(parts)
@@ -90,7 +97,7 @@ def _tex(word: str) -> str:
     return f"\\textbf{{{text.strip('*')}}}" if text.startswith("**") else text
 
 
-def all_tables(runs: pd.DataFrame) -> list[tuple[str, pd.DataFrame]]:
+def all_tables(runs: pd.DataFrame) -> Tables:
     """Titles and words: errors of visual and LiDAR systems as in Tables II and IV, ratios, and costs."""
     found = []
     for visual in sorted(runs["visual"].unique(), reverse=True):

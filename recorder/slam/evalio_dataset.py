@@ -7,6 +7,7 @@ Sequences are called by their place below the folder, such as ``town03_clearnoon
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,11 +28,18 @@ DATA = "CARLALOC_DATA"
 """Environment variable: folder with sequences."""
 
 
+@functools.cache
 def _folders() -> dict[str, Path]:
     """Folders of all sequences below `DATA`, by their names in evalio."""
     root = Path(os.environ.get(DATA, "."))
     found = [sequence.path for sequence in sequences_below(root)]
     return {"_".join(folder.relative_to(root).parts).lower(): folder for folder in found}
+
+
+@functools.cache
+def _sequence(folder: Path) -> SlamSequence:
+    """A sequence, whose descriptions are read once: evalio asks for it again and again."""
+    return SlamSequence(folder)
 
 
 class _Sequences(Dataset):
@@ -40,7 +48,7 @@ class _Sequences(Dataset):
     @property
     def sequence(self) -> SlamSequence:
         """The sequence, as our own systems read it."""
-        return SlamSequence(_folders()[self.value])
+        return _sequence(_folders()[self.value])
 
     def data_iter(self) -> RawDataIter:
         """Sweeps with a cell for every ray, and inertial samples."""

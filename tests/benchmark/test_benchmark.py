@@ -14,7 +14,7 @@ from carlaloc_env.core.errors import ConfigError
 from recorder.benchmark.plan import find_sequences, plan_jobs
 from recorder.benchmark.results import RESULT
 from recorder.benchmark.run import BenchmarkConfig, BenchmarkResult, run_benchmark
-from recorder.benchmark.tables import csv_text, frame_of, latex, markdown
+from recorder.benchmark.tables import all_tables, csv_text, frame_of, latex, markdown
 from recorder.cli.main import main
 from recorder.slam.systems import SYSTEMS
 
@@ -112,10 +112,11 @@ def test_results_are_kept_until_what_they_depend_on_changes(
 
 def test_tables_hold_all_rows(result: BenchmarkResult) -> None:
     runs = frame_of(result.scores)
-    text = markdown(runs)
+    tables = all_tables(runs)
+    text = markdown(tables)
     assert "| Box | d | " in text
     assert "| fail | fail | fail |" in text
-    assert re.search(r"\\textbf\{0\.\d+\} & fail", latex(runs))
+    assert re.search(r"\\textbf\{0\.\d+\} & fail", latex(tables))
     rows = list(csv.DictReader(csv_text(runs).splitlines()))
     assert len(rows) == len(result.scores)
     assert float(rows[0]["ape_m"]) == result.scores[0].ape_m
@@ -177,10 +178,14 @@ def test_failures_name_their_log_and_run_again_when_asked(
     assert main(words) == 0
     assert line in capfd.readouterr().out.splitlines()
     program.write_text(works)
-    for again, failures, reused in (([], 0, 1), (["--again", "failed"], 0, 2), (["--again", "all"], 0, 0)):
-        assert main([*words, *again, "--json"]) == 0
-        found = json.loads(capfd.readouterr().out)
-        assert (len(found["failures"]), found["reused"]) == (failures, reused)
+    for again, reused in ((None, 1), ("failed", 2)):
+        found = run_benchmark(
+            BenchmarkConfig(data=data, out=out, methods=(str(system),), clouds=("raw",), again=again)
+        )
+        assert (found.failures, found.reused) == ([], reused)
+    assert main([*words, "--again", "all", "--json"]) == 0
+    last = json.loads(capfd.readouterr().out)
+    assert (last["failures"], last["reused"]) == ([], 0)
 
 
 @pytest.mark.parametrize(

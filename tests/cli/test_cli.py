@@ -199,21 +199,22 @@ def test_usage_errors_exit_with_2(capfd: Capture) -> None:
 
 
 @pytest.mark.parametrize("blocked", ["moderngl", "open3d"])
-def test_what_needs_no_graphics_works_without(blocked: str, tmp_path: Path) -> None:
+def test_what_needs_no_graphics_works_without(blocked: str, straight_map: Path, tmp_path: Path) -> None:
     """Without OpenGL or Open3D all the rest works; what needs them says so in one line."""
     code = (
         "import sys\n"
         f"sys.modules[{blocked!r}] = None\n"
         "from recorder.cli.main import main\n"
         f"out = {str(tmp_path)!r}\n"
-        "assert main(['record', '--out', out + '/d.mcap', '--duration', '1']) == 0\n"
-        "assert main(['replay', out + '/d.mcap', '--out', out + '/s', '--rig', 'state']) == 0\n"
+        f"town = ['--map', {str(straight_map)!r}]\n"
+        "assert main(['record', *town, '--out', out + '/d.mcap', '--duration', '1']) == 0\n"
+        "assert main(['replay', out + '/d.mcap', *town, '--out', out + '/s', '--rig', 'state']) == 0\n"
         "paper = ['--out', out + '/p', '--rig', 'paper', '--workers', '1']\n"
-        "assert main(['replay', out + '/d.mcap', *paper]) == 1\n"
+        "assert main(['replay', out + '/d.mcap', *town, *paper]) == 1\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     errors = [line for line in done.stderr.splitlines() if line.startswith("carlaloc replay")]
     assert len(errors) == 1
     assert "apt-get install" in errors[0] or "pip install" in errors[0]
-    assert not (tmp_path / "p" / "Town03").exists()
+    assert not (tmp_path / "p" / "straight").exists()

@@ -29,7 +29,7 @@ def test_a_closed_pipe_ends_every_command_quietly(straight_drive: StraightDrive,
     ]
     helps = [[*words, "--help"] for words, _ in all_commands()]
     script = "import sys; from recorder.cli.main import main; sys.exit(main())"
-    for words in [*printing, *helps[::8]]:
+    for words in [*printing, *helps[::16]]:
         command = [sys.executable, "-c", script, *words]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None

@@ -177,7 +177,9 @@ def test_the_command_scores_drives(
 
 
 def test_the_example_drives_by_its_policy(straight_map: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    example = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "robustness" / "18_drive_by_slam.py"))
+    example = runpy.run_path(
+        str(Path(__file__).parents[2] / "examples" / "robustness" / "18_drive_by_slam.py")
+    )
     info = example["main"](straight_map, KnownError(-0.4), rig="state", seconds=4.0)
     assert info["route_s_m"] > 3.0
     assert "pose 0.40 m off" in capsys.readouterr().out

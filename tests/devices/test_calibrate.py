@@ -20,6 +20,12 @@ pytest.importorskip("pygame")
 Plug = Callable[..., Any]
 
 
+@pytest.fixture(autouse=True)
+def _quick_hands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who moves a stick in software need not hold it for long."""
+    monkeypatch.setattr("recorder.devices.calibrate._HOLD_S", 0.1)
+
+
 def test_calibration_as_a_person_does_it(inputs: Inputs, tmp_path: Path, plug: Plug) -> None:
     """A person follows the lines shown; this wheel has its pedals swapped and the throttle upside down."""
     stick = plug()

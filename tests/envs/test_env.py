@@ -23,10 +23,12 @@ from carlaloc_env.envs.task.referee import TERMS
 from carlaloc_env.rigs.presets import rig_by_name
 from carlaloc_env.rigs.rig import SensorRig
 from carlaloc_env.sensors.inertial.imu import ImuConfig
+from carlaloc_env.sensors.lidar.config import LidarConfig
 
 GO = np.array([0.0, 0.4], np.float32)
 FEW = "dynamic,vehicles=3,walkers=0"
 IMU = SensorRig(name="imu", sensors=(ImuConfig(),))
+LIDAR = SensorRig(name="lidar", sensors=(LidarConfig(columns=200), ImuConfig()))
 
 
 @pytest.fixture
@@ -70,8 +72,8 @@ def _drive(env: gymnasium.Env[Any, Any], seed: int, steps: int = 30) -> list[Any
     return told
 
 
-@pytest.mark.parametrize("rig", ["bev", "lidar"])
-def test_the_same_seed_is_the_same_drive(straight_map: Path, rig: str) -> None:
+@pytest.mark.parametrize("rig", ["bev", LIDAR], ids=["bev", "lidar"])
+def test_the_same_seed_is_the_same_drive(straight_map: Path, rig: str | SensorRig) -> None:
     """In another environment, after other episodes, and in a copy."""
     settings: dict[str, Any] = {"map": straight_map, "rig": rig, "traffic": FEW, "route": "random"}
     first, second = CarlaLocEnv(**settings), CarlaLocEnv(**settings)

@@ -243,4 +243,4 @@ def test_renewed_egos_are_let_go() -> None:
     """PyBullet keeps a removed body's shape, 4 kB of it, so that all egos of a world share theirs."""
     with PhysicsWorld(*SQUARE) as world:
         car = EgoCar(world)
-        assert growth(lambda _: car.reset(np.zeros(3), 0.0), 300, 50).memory_mb < 0.5
+        assert growth(lambda _: car.reset(np.zeros(3), 0.0), 200, 30).memory_mb < 0.5

@@ -91,7 +91,7 @@ def finish(drive: StraightDrive, out: Path, whole: dict[str, str]) -> str:
         *(pytest.param(*case, marks=pytest.mark.soak) for case in ((15, 1), (15, 2), (2, 1))),
     ],
 )
-def test_asked_to_end_it_says_how_to_go_on(
+def test_asked_to_end_it_says_how_to_go_on_and_killed_it_goes_on(
     number: int,
     workers: int,
     straight_drive: StraightDrive,
@@ -112,17 +112,14 @@ def test_asked_to_end_it_says_how_to_go_on(
     assert [path.name for path in out.iterdir()] == [FOLDER]
     assert not list(out.rglob("*.part"))
     assert not processes_in(out)
+    assert whole_units(out)
     if os.getloadavg()[0] < (os.cpu_count() or 1):
         # Where others have taken all cores, seconds say nothing.
         assert took_s < 2.0
-    assert "units that are whole already" in finish(straight_drive, out, whole)
-
-
-def test_killed_it_goes_on(straight_drive: StraightDrive, whole: dict[str, str], tmp_path: Path) -> None:
-    out = tmp_path / "data"
+    # Gone on with, it is killed.
     child = start(command(straight_drive, out), out, 2)
     child.kill()
-    child.communicate(timeout=600)
+    assert "units that are whole already" in child.communicate(timeout=600)[1]
     end = time.monotonic() + 20.0
     while processes_in(out):
         assert time.monotonic() < end, "workers outlive the killed replay"

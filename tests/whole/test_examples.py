@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import yaml
 from rosbags.highlevel import AnyReader
+from shared_fixtures.drives.straight_drives import StraightDrive
 
 from carlaloc_env.core.errors import RaycastError, RenderError
 from carlaloc_env.rigs.presets import rig_by_name
@@ -23,7 +24,7 @@ from carlaloc_env.sensors.registry import SENSOR_KINDS
 from recorder.episode.episode import Episode
 from recorder.evaluation.metrics import Metric
 from recorder.evaluation.trajectory_files import read_tum
-from recorder.replaying.replay import ReplayConfig, replay
+from recorder.replaying.replay import replay
 from recorder.writers.ros.messages import ENCODERS
 from recorder.writers.topics import PROFILES
 
@@ -54,6 +55,14 @@ def load(name: str) -> ModuleType:
     return module
 
 
+@pytest.fixture
+def _small_town03(straight_map: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A straight road instead of the town that examples name."""
+    (tmp_path / "maps" / "Town03").mkdir(parents=True)
+    shutil.copy(straight_map, tmp_path / "maps" / "Town03" / "town.xodr")
+    monkeypatch.setenv("CARLALOC_MAPS", str(tmp_path / "maps"))
+
+
 @pytest.mark.parametrize("path", sorted(PARTS.union(EXAMPLES.rglob("*.py"))), ids=lambda path: path.name)
 def test_examples_are_short_and_callable(path: Path) -> None:
     """Sixty lines at most, with a `main` to call."""
@@ -69,6 +78,7 @@ def test_the_env_is_driven_along_its_route() -> None:
     assert 2.0 < distance_m < 30.0
 
 
+@pytest.mark.usefixtures("_small_town03")
 def test_a_rig_of_yaml_is_used(tmp_path: Path) -> None:
     """The file's four sensors are built, the LiDAR with changed columns, and the picture is not blank."""
     out = tmp_path / "rear.png"
@@ -93,6 +103,7 @@ def test_a_rig_of_yaml_is_used(tmp_path: Path) -> None:
     assert picture.std() > 5.0
 
 
+@pytest.mark.usefixtures("_small_town03")
 def test_a_device_of_ones_own_drives_and_its_drive_is_replayed(tmp_path: Path) -> None:
     """Counts are rate × time, and the device's name stands in the episode."""
     counts = load("03_drive_and_replay").main(out=tmp_path / "cruise", duration_s=3.0, rig="state")
@@ -166,14 +177,13 @@ def test_a_map_of_ones_own_is_driven_on(tmp_path: Path) -> None:
     assert 2.0 < load("09_opendrive_map").main(tmp_path / "one_road.xodr") < 30.0
 
 
-def test_sequences_in_the_layout_of_vslam_lab(short_drive: Path, tmp_path: Path) -> None:
+def test_sequences_in_the_layout_of_vslam_lab(straight_drive: StraightDrive, tmp_path: Path) -> None:
     """Its own requirements are met: images, their list, calibration; the truth is the left camera's."""
     rig = SensorRig.from_yaml(VSLAM_RIG, where="here")
     (tmp_path / "rig.yaml").write_text(rig.to_yaml())
-    config = ReplayConfig(
-        episode=short_drive, out=tmp_path / "data", rig=str(tmp_path / "rig.yaml"), duration_s=0.5,
-        formats=("rosbag1", "euroc"), workers=1, quality="low", preview=False,
-    )  # fmt: skip
+    config = straight_drive.config(
+        tmp_path / "data", rig=str(tmp_path / "rig.yaml"), duration_s=0.5, preview=False
+    )
     try:
         replay(config)
     except RenderError as error:

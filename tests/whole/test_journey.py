@@ -24,7 +24,7 @@ PARTS = (("README.md", "## A dataset\n"), ("docs/commands.md", "## On with a dat
 """Sections whose commands make up the journey."""
 TOWNS = {"Town01": "East", "Town07": "West"}
 """Towns of README, and the small ones that stand for them."""
-SHORTER = ["--rig", "rig.yaml", "--sample", "1", "--quality", "low", "--workers", "1"]
+SHORTER = ["--rig", "rig.yaml", "--sample", "0.5", "--quality", "low", "--workers", "1"]
 """Documented options that make README's dataset small."""
 RIG = (
     straight_drives.RIG.partition("- kind: camera\n  name: right")[0]

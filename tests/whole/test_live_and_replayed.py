@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from shared_fixtures.drives.drives import CALM, small_cameras
+from shared_fixtures.drives.drives import small_cameras
 
 from carlaloc_env.core.clock import STEP_NS
 from carlaloc_env.core.controls import Controls
@@ -21,13 +21,13 @@ from recorder.drive.record import RecordConfig, record
 from recorder.episode.episode import Episode
 
 
-def test_live_samples_equal_replayed_samples(tmp_path: Path) -> None:
+def test_live_samples_equal_replayed_samples(straight_map: Path, tmp_path: Path) -> None:
     """The samples of a live drive are, byte for byte, those of its episode's replay."""
-    town = load_town("Town03")
+    town, traffic = load_town(straight_map), "dynamic,vehicles=5,walkers=0"
     rig = small_cameras(flu_rig())
     stage = SensorStage(town, seed=7, weather=weather_by_name("ClearNoon"))
     built = rig.build(stage)
-    world = DrivingWorld(town, traffic_of_town(town, CALM, 7))
+    world = DrivingWorld(town, traffic_of_town(town, traffic, 7))
     world.reset(7)
     live: list[Sample] = []
     try:
@@ -50,7 +50,10 @@ def test_live_samples_equal_replayed_samples(tmp_path: Path) -> None:
         def close(self) -> None:
             pass
 
-    record(RecordConfig(out=path, duration_s=0.6, seed=7, traffic=CALM), device=Driver())
+    record(
+        RecordConfig(map=str(straight_map), out=path, duration_s=0.6, seed=7, traffic=traffic),
+        device=Driver(),
+    )
     replayed = built.measure(Episode.load(path).timeline(), -1, world.now_ns)
 
     def by_stamp(samples: list[Sample]) -> dict[tuple[int, str], Sample]:

@@ -20,7 +20,7 @@ STEERING_RATIO = 12.0
 def lap(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     """The whole route, until it is closed."""
     path = tmp_path_factory.mktemp("lap") / "lap.mcap"
-    record(RecordConfig(out=path, seed=3, traffic="dynamic,vehicles=50,walkers=10"))
+    record(RecordConfig(out=path, seed=3, traffic="dynamic,vehicles=20,walkers=5"))
     return Episode.load(path)
 
 

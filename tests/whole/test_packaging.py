@@ -41,7 +41,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         check=False,
     )
     assert made.returncode == 0, made.stderr
-    done = run_pip("wheel", "--no-deps", "--wheel-dir", str(folder), str(folder / made.stdout.split()[-1]))
+    words = ("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder))
+    tools = {"PYTHONPATH": str(folder / "tools")}
+    done = run_pip(*words, str(folder / made.stdout.split()[-1]), environment=tools)
     assert done.returncode == 0, done.stderr
     (built,) = folder.glob("carlaloc_env-*.whl")
     return built

@@ -6,6 +6,7 @@ Preetham, Shirley and Smits (1999) in Perez' form, the overcast one the CIE's.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -17,6 +18,8 @@ from carlaloc_env.weather.parameters import WeatherParameters
 
 SKY_SIZE_PX = 512
 """Edge length of the hemi-octahedral sky map [px]."""
+KEPT_SKIES = 4
+"""Weathers whose light is kept, those used last: renderers of one process often share them. 6 MB each."""
 GROUND_ALBEDO = 0.18
 """Mean reflectance of the ground, which lights surfaces from below."""
 
@@ -54,8 +57,9 @@ class SkyLight:
     """Picture value per luminance [m²/cd]."""
 
 
+@functools.lru_cache(maxsize=KEPT_SKIES)
 def sky_light(weather: WeatherParameters) -> SkyLight:
-    """The light of a weather."""
+    """The light of a weather; its arrays are shared by all who ask, who must not write to them."""
     directions, solid_angle_sr = hemisphere()
     sun = weather.sun_direction
     night = weather.is_night

@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     check_tools()
     from recorder.benchmark.page import write_page
     from recorder.benchmark.run import BenchmarkConfig, run_benchmark
-    from recorder.benchmark.tables import frame_of, write_tables
+    from recorder.benchmark.tables import all_tables, frame_of, write_tables
 
     out = _out(arguments)
     data = _data(arguments, out)
@@ -97,7 +97,9 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         import_rerun()  # missing, it is told now and not after hours
     with Progress("runs", unit="runs") as progress:
         result = run_benchmark(config, progress.pieces)
-    files = [*write_tables(frame_of(result.scores), out), write_page(result)]
+    runs = frame_of(result.scores)
+    tables = all_tables(runs)
+    files = [*write_tables(runs, tables, out), write_page(result, tables)]
     if arguments.rerun:
         from recorder.benchmark.recordings import write_recordings
 

@@ -19,7 +19,6 @@ from carlaloc_env.timeline.ego_spline import EgoTrack
 from carlaloc_env.timeline.motion import Motion
 
 SPEED_MPS = 50.0 / 3.6
-DRIVE_S = 200.0
 MESH_STEP_M = 2.5
 PARAMS = VehicleParams()
 
@@ -37,16 +36,16 @@ def road(relief: Relief, length_m: float) -> tuple[Array, NDArray[np.int64]]:
 
 
 @cache
-def motion_on(road_class: str) -> EgoTrack:
+def motion_on(road_class: str, drive_s: float = 200.0) -> EgoTrack:
     """The car at a steady 50 km/h on a road of a class."""
     level = LevelGrid.uniform(class_level(road_class))
     track, total = EgoTrack(), 0.0
     with PhysicsWorld(
-        *road(Relief(3, level), SPEED_MPS * (DRIVE_S + 30.0)), roughness=Roughness(3, level)
+        *road(Relief(3, level), SPEED_MPS * (drive_s + 30.0)), roughness=Roughness(3, level)
     ) as world:
         car = EgoCar(world)
         car.reset((0.0, 0.0, 0.0), 0.0)
-        for tick in range(round((DRIVE_S + 20.0) / TICK_S)):
+        for tick in range(round((drive_s + 20.0) / TICK_S)):
             state = car.state()
             error = SPEED_MPS - state.speed_mps
             total += error * TICK_S if abs(error) < 2.0 else 0.0

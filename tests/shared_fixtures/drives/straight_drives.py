@@ -46,7 +46,7 @@ class StraightDrive:
         """A replay by the rig without cameras, in four units of one traffic level."""
         settings: dict[str, Any] = {
             "episode": self.episode, "map": self.town, "rig": str(self.state_rig), "out": out,
-            "formats": ("rosbag1", "euroc"), "unit_s": 0.5, "workers": 1,
+            "formats": ("rosbag1", "euroc"), "unit_s": 0.5, "workers": 1, "quality": "low",
         }  # fmt: skip
         return ReplayConfig(**{**settings, **changes})
 
@@ -54,7 +54,8 @@ class StraightDrive:
         """The command for the same."""
         return [
             sys.executable, "-m", "recorder.cli.main", "replay", str(self.episode), "--out", str(out),
-            "--map", str(self.town), "--rig", str(rig or self.state_rig), "--unit", "0.5", *words,
+            "--map", str(self.town), "--rig", str(rig or self.state_rig), "--unit", "0.5",
+            "--quality", "low", *words,
         ]  # fmt: skip
 
 

@@ -38,7 +38,11 @@ def shown(
     )
     p = (corners_m - view.position_m) @ view.R_camera_world.T
     out = np.zeros(len(p), bool)
-    for k, (a, b, c) in enumerate(p):
+    # A triangle all of which lies beyond one side of the picture, or behind it, has no point in it.
+    left_top, right_bottom = (rays[k, k, :2] * p[..., 2:] for k in (0, -1))
+    beyond = (p[..., :2] < left_top).all(axis=1) | (p[..., :2] > right_bottom).all(axis=1)
+    for k in np.flatnonzero(~beyond.any(axis=1) & (p[..., 2] > NEAR_M).any(axis=1)):
+        a, b, c = p[k]
         normal = np.cross(b - a, c - a)
         if solid and normal @ a > 0.0:
             continue
