@@ -25,7 +25,7 @@ REWARD = 0.05
 MILD = {"collision": 20.0, "off_road": 10.0, "red_light": 30.0}
 """Costs in training: with the task's own, a car that knows nothing earns most by standing still."""
 URGE, ROLLING_MPS, FREE_M = 0.6, 2.0, 8.0
-"""Cost in training of an action that leaves the car standing before so much room; less the faster it rolls."""
+"""Cost in training of an action that leaves the car standing before so much room; rolling costs less."""
 STEER, PEDAL = 0.6, 0.25
 """Steering of a full action, and the pedal of action 0: a network that knows nothing rolls along its lane."""
 
@@ -60,7 +60,7 @@ def logged(file: Path, towns: Sequence[str], *, urge: bool = True, **kind: Any) 
 
 
 class Urged(Wrapper[Any, Any, Any, Any]):
-    """Standing without a reason costs `URGE`: noise sets no braked car in motion, so that it learns nothing."""
+    """Standing without a reason costs `URGE`: noise sets no braked car in motion, so it learns nothing."""
 
     def step(self, action: Any) -> Any:
         """One action, whose reward is less if the car stands though the road ahead is free."""
