@@ -34,7 +34,10 @@ def main(
     kind: dict[str, Any] = {name: name not in without for name in ("gentle", "apart")} | {"route": route}
     kind["start"] = 0.0 if "starts" in without else "anywhere"
     task = {"time_limit_s": time_limit_s, **({} if "mild" in without else MILD)}
-    makers = [partial(logged, out / f"rides_{n}", towns, task=task, **kind) for n in range(workers)]
+    urge = "urge" not in without
+    makers = [
+        partial(logged, out / f"rides_{n}", towns, urge=urge, task=task, **kind) for n in range(workers)
+    ]
     envs = SubprocVecEnv(makers) if workers > 1 else DummyVecEnv(makers)
     envs.seed(1000 * seed)
     agent = new_agent(envs, seed, verbose=1, **parameters)
@@ -56,5 +59,5 @@ if __name__ == "__main__":
     parser.add_argument("--begin-with", type=Path)
     parser.add_argument("--route")
     parser.add_argument("--towns", nargs="+")
-    parser.add_argument("--without", nargs="+", choices=("starts", "gentle", "apart", "mild"))
+    parser.add_argument("--without", nargs="+", choices=("starts", "gentle", "apart", "mild", "urge"))
     main(**vars(parser.parse_args()))
