@@ -34,10 +34,8 @@ def main(
     kind: dict[str, Any] = {name: name not in without for name in ("gentle", "apart")} | {"route": route}
     kind["start"] = 0.0 if "starts" in without else "anywhere"
     task = {"time_limit_s": time_limit_s, **({} if "mild" in without else MILD)}
-    urge = "urge" not in without
-    makers = [
-        partial(logged, out / f"rides_{n}", towns, urge=urge, task=task, **kind) for n in range(workers)
-    ]
+    drives = partial(logged, towns=towns, urge="urge" not in without, task=task, **kind)
+    makers = [partial(drives, out / f"rides_{n}") for n in range(workers)]
     envs = SubprocVecEnv(makers) if workers > 1 else DummyVecEnv(makers)
     envs.seed(1000 * seed)
     agent = new_agent(envs, seed, verbose=1, **parameters)
@@ -46,8 +44,7 @@ def main(
     for done in range(0, steps, KEPT):
         agent.learn(min(KEPT, steps - done), reset_num_timesteps=False)
         save(agent, out / "agent.pt")
-    kind |= {"start": 0.0, "task": {"time_limit_s": 6.0 * time_limit_s}}
-    scoring = drive_env(towns[:1], **kind)
+    scoring = drive_env(towns[:1], **kind | {"start": 0.0, "task": {"time_limit_s": 6.0 * time_limit_s}})
     return report(towns[0], [by_agent(scoring, partial(act, agent), one) for one in UNSEEN[:scored]])
 
 

@@ -66,7 +66,18 @@ def commands(episodes: Path) -> dict[str, tuple[str, list[str]]]:
     found |= {
         f"break_{method}.csv": (
             "tries.csv",
-            ["break", method, f"{episodes / 'Town06'}.mcap", *lidar, "--tries", "60", "--stretches", "2"],
+            [
+                "break",
+                method,
+                f"{episodes / 'Town06'}.mcap",
+                *lidar,
+                "--tries",
+                "25",
+                "--stretches",
+                "2",
+                "--stretch",
+                "5",
+            ],
         )
         for method in METHODS.split(",")
     }

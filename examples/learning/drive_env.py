@@ -7,16 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gymnasium import Wrapper
 from gymnasium.wrappers import TransformAction, TransformReward
 from stable_baselines3.common.monitor import Monitor
 
 from carlaloc_env.envs.any_town_env import AnyTownEnv
 from carlaloc_env.envs.carlaloc_env import CarlaLocEnv
-from carlaloc_env.envs.task.state_vector import state_names
 from learning.others import cut_apart
-
-NAMES = state_names()
+from learning.urged import Urged
 
 SKIP = 4
 """Steps of 50 ms per action: five actions a second."""
@@ -24,8 +21,6 @@ REWARD = 0.05
 """Factor on rewards, so that the values of states are of order 1."""
 MILD = {"collision": 20.0, "off_road": 10.0, "red_light": 30.0}
 """Costs in training: with the task's own, a car that knows nothing earns most by standing still."""
-URGE, ROLLING_MPS, FREE_M = 0.6, 2.0, 8.0
-"""Cost in training of an action that leaves the car standing before so much room; rolling costs less."""
 STEER, PEDAL = 0.6, 0.25
 """Steering of a full action, and the pedal of action 0: a network that knows nothing rolls along its lane."""
 
@@ -57,20 +52,6 @@ def logged(file: Path, towns: Sequence[str], *, urge: bool = True, **kind: Any) 
     """The same with a log of rides, `<file>.monitor.csv`, and with rewards times `REWARD`, `Urged` or not."""
     env: Any = Monitor(drive_env(towns, **kind), str(file), info_keywords=("route_completion", "ended_by"))
     return TransformReward(Urged(env) if urge else env, lambda reward: REWARD * float(reward))
-
-
-class Urged(Wrapper[Any, Any, Any, Any]):
-    """Standing without a reason costs `URGE`: noise sets no braked car in motion, so it learns nothing."""
-
-    def step(self, action: Any) -> Any:
-        """One action, whose reward is less if the car stands though the road ahead is free."""
-        seen, reward, *rest = self.env.step(action)
-        own = seen["own"] if isinstance(seen, dict) else seen
-        speed_mps, room_m = (
-            own[NAMES.index(name)] * over for name, over in (("speed", 40.0), ("room", 20.0))
-        )
-        cost = URGE * max(0.0, 1.0 - abs(speed_mps) / ROLLING_MPS) if room_m > FREE_M else 0.0
-        return seen, float(reward) - cost, *rest
 
 
 def _controls(action: Any) -> Any:
