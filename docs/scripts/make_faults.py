@@ -82,7 +82,7 @@ def draw(path: Path) -> None:
     for place, (title, word) in zip(axes[0], PICTURES, strict=True):
         shown: Any = Faults.parse(filter(None, [word])).apply(image, configs["camera.left"], 3)
         place.imshow(shown.rgb)
-        place.set(title=f"camera: {title}", xticks=(), yticks=())
+        place.set(title=title, xticks=(), yticks=())
         if "drops" in title:  # a detail
             height, width = shown.rgb.shape[:2]
             place.set(xlim=(0.3 * width, 0.7 * width), ylim=(0.7 * height, 0.3 * height))
